@@ -1,0 +1,111 @@
+"""`Affine`: bias and matrix, the calibration that most magnetometers need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.base import Validity, read_only
+from agonic.kernels import affine as kernel
+from agonic.provenance import Provenance
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+
+PARAMETERS = (
+    "bias_x", "bias_y", "bias_z",
+    "matrix_xx", "matrix_yy", "matrix_zz", "matrix_xy", "matrix_xz", "matrix_yz",
+)  # fmt: skip
+"""The order of `covariance`: nT (or raw units) for the bias, nT per raw unit for the matrix."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Affine:
+    """The correction field = matrix @ (raw − bias).
+
+    Parameters
+    ----------
+    bias : (3,) in the unit of the readings: hard iron and the sensor's own zero.
+    matrix : (3, 3), nT per unit of the readings: gains, non-orthogonality and soft iron.
+    covariance : (9, 9) of `PARAMETERS`, or `None` where it is not known.
+    unit_in, unit_out : "nT" or "raw".
+    gauge : "symmetric", "triangular" or "free": how the rotation that magnitude alone leaves
+        open was fixed.
+    model : "sphere", "diagonal" or "full".
+    magnitude : the field magnitude it was scaled to, in `unit_out`.
+    noise : standard deviation of one reading on one axis, in `unit_in`.
+    sensor, frame_in, frame_out : whose readings, in which axes.
+
+    Examples
+    --------
+    >>> Affine(bias=[10.0, 0.0, 0.0], matrix=np.eye(3) * 2).correct([[11.0, 1.0, 0.0]])
+    array([[2., 2., 0.]])
+    """
+
+    kind: ClassVar[str] = "affine"
+
+    bias: Array
+    matrix: Array
+    covariance: Array | None = None
+    unit_in: str = "nT"
+    unit_out: str = "nT"
+    gauge: str = "symmetric"
+    model: str = "full"
+    magnitude: float | None = None
+    noise: float | None = None
+    sensor: str = "mag"
+    frame_in: str = "m"
+    frame_out: str = "m"
+    validity: Validity = field(default_factory=Validity)
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        for name, shape in (("bias", (3,)), ("matrix", (3, 3)), ("covariance", (9, 9))):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, read_only(name, value, shape))
+
+    def correct(self, raw: ArrayLike) -> Array:
+        """The calibrated field of readings (…, 3): matrix @ (raw − bias)."""
+        return kernel.correct(np.asarray(raw, dtype=np.float64), self.bias, self.matrix)
+
+    def uncertainty(self, raw: ArrayLike) -> Array:
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
+        if self.covariance is None:
+            raise ValueError("this calibration carries no covariance; fit it again with agonic")
+        rows = np.asarray(raw, dtype=np.float64)
+        jacobian = kernel.correction_jacobian(rows, self.bias, self.matrix)
+        reduced = jacobian @ kernel.model_basis("full", self.gauge)
+        return np.asarray(reduced @ self.covariance @ np.swapaxes(reduced, 1, 2))
+
+    @property
+    def sd(self) -> Array | None:
+        """Standard deviations of `PARAMETERS`, (9,)."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+
+    @property
+    def scale_factors(self) -> Array:
+        """Sensitivity of each sensor axis, raw units per nT: row lengths of A = matrix⁻¹."""
+        return np.asarray(np.linalg.norm(np.linalg.inv(self.matrix), axis=1))
+
+    @property
+    def nonorthogonality_deg(self) -> Array:
+        """How far the sensor axes are from square, degrees: xy, xz, yz; 0 is square."""
+        axes = np.linalg.inv(self.matrix)
+        axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+        cosines = np.array([axes[0] @ axes[1], axes[0] @ axes[2], axes[1] @ axes[2]])
+        return np.asarray(np.degrees(np.arcsin(cosines)))
+
+    @property
+    def multiplied_out(self) -> tuple[Array, Array]:
+        """MR (3, 3) and MR0 (3,) of the twelve-number form, field = MR raw + MR0."""
+        return self.matrix, -self.matrix @ self.bias
+
+    @property
+    def equation(self) -> str:
+        """The correction in words that hold for this calibration."""
+        unit = "counts" if self.unit_in == RAW else self.unit_in
+        return f"field [{self.unit_out}] = matrix @ (raw [{unit}] - bias)"

@@ -1,0 +1,48 @@
+"""`Alignment`: the rotation from one set of axes to another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.provenance import Provenance
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Alignment:
+    """The mounting of a sensor, field_out = rotation.apply(field_in).
+
+    `covariance` (3, 3) is that of the rotation vector, rad²; frames are letters.
+
+    >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True), frame_out="b")
+    >>> turn.correct([[1.0, 0.0, 0.0]]).round(12)
+    array([[0., 1., 0.]])
+    """
+
+    kind: ClassVar[str] = "alignment"
+
+    rotation: Rotation
+    covariance: NDArray[np.float64] | None = None
+    unit_in: str = "nT"
+    frame_in: str = "m"
+    frame_out: str = "b"
+    sensor: str = "mag"
+    provenance: Provenance = field(default_factory=Provenance)
+
+    @property
+    def unit_out(self) -> str:
+        """A rotation keeps the unit."""
+        return self.unit_in
+
+    def correct(self, raw: ArrayLike) -> NDArray[np.float64]:
+        """The field (…, 3) in the axes of `frame_out`."""
+        return np.asarray(np.asarray(raw, dtype=np.float64) @ self.rotation.as_matrix().T)
+
+    @property
+    def equation(self) -> str:
+        """The correction in words."""
+        return f"field_{self.frame_out} = rotation.apply(field_{self.frame_in})"

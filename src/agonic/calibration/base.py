@@ -1,0 +1,83 @@
+"""What every calibration has in common, and applying one to samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.provenance import Provenance
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validity:
+    """Where a calibration may be used: largest reading seen (per axis) and temperatures, °C."""
+
+    largest_reading: float | None = None
+    temperature_C: tuple[float, float] | None = None
+
+
+class Calibration(Protocol):
+    """A correction that can be saved: readings in, field out."""
+
+    kind: ClassVar[str]
+
+    @property
+    def unit_in(self) -> str: ...
+    @property
+    def unit_out(self) -> str: ...
+    @property
+    def frame_in(self) -> str: ...
+    @property
+    def frame_out(self) -> str: ...
+    @property
+    def sensor(self) -> str: ...
+    @property
+    def provenance(self) -> Provenance: ...
+    @property
+    def equation(self) -> str: ...
+
+    def correct(self, raw: ArrayLike) -> Array: ...
+
+
+def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """`values` as an unwriteable float64 array of the given shape, finite throughout."""
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise AgonicError(f"{name} must be finite numbers of shape {shape}, not {array.shape}")
+    array.flags.writeable = False
+    return array
+
+
+def apply(calibration: Calibration, samples: Samples) -> Samples:
+    """The samples with their field corrected, in the unit and frame that the calibration gives.
+
+    Raises `UnitError` and `FrameError` where calibration and samples do not meet.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> apply(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]])).field
+    array([[2., 0., 4.]])
+    """
+    if samples.unit != calibration.unit_in:
+        raise UnitError(
+            f"the calibration corrects readings in {calibration.unit_in} and these are in "
+            f"{samples.unit}; read the log with the unit the calibration was made in"
+        )
+    if samples.frame != calibration.frame_in:
+        raise FrameError(
+            "the calibration was made in other axes",
+            left=samples.frame,
+            right=calibration.frame_in,
+        )
+    return samples.with_columns(
+        field=calibration.correct(samples.field),
+        unit=calibration.unit_out,
+        frame=calibration.frame_out,
+        logged=None,
+    )

@@ -1,0 +1,102 @@
+"""`Fit`: a calibration with its evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.health import Finding
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelTest:
+    """One step of the nested tests: is the larger model needed?"""
+
+    smaller: str
+    larger: str
+    statistic: float
+    p_value: float
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Coverage:
+    """Which directions the field was seen from, and what that leaves open.
+
+    `cells` (80,) readings per cell of the icosphere; `filled` its share of cells that were
+    visited; `field_sd` (80,) standard error of the calibrated field at the centre of each cell,
+    and `field_sd_max` its largest, nT; `heading_sd_deg` the standard error of a level heading, rms
+    over all headings, at the dip `inclination_deg`; `undetermined` and `turns` in words.
+    """
+
+    cells: NDArray[np.int64]
+    filled: float
+    field_sd: Array
+    field_sd_max: float
+    heading_sd_deg: float
+    inclination_deg: float
+    undetermined: str = ""
+    turns: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """A calibration and what it rests on.
+
+    `residuals` (n,) are distances from the model in the unit of the readings, a row a sample;
+    `weights` (n,) are what the robust loss left of each reading, 0…1; `noise` is the standard
+    deviation of one reading on one axis; `correlation` is how many successive readings count as
+    one (1 for white noise), already inside `covariance`; `condition` is that of the scaled
+    information matrix; `findings` are all observations, by name; `tests` the choice of model.
+    """
+
+    calibration: Affine
+    residuals: Array
+    weights: Array
+    noise: float
+    correlation: float
+    condition: float
+    iterations: int
+    converged: bool
+    coverage: Coverage
+    findings: tuple[Finding, ...] = ()
+    tests: tuple[ModelTest, ...] = field(default_factory=tuple)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (9, 9) of bias x y z, then matrix xx yy zz xy xz yz."""
+        covariance = self.calibration.covariance
+        assert covariance is not None, "a fit always carries a covariance"
+        return covariance
+
+    @property
+    def sd(self) -> Array:
+        """Standard errors (9,) of the same."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def verdict(self) -> str:
+        """`good`, `check` or `refused`."""
+        severities = {finding.severity for finding in self.findings}
+        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+
+    @property
+    def ok(self) -> bool:
+        """Nothing to object."""
+        return self.verdict == "good"
+
+    @property
+    def status(self) -> str:
+        """The result in words: what stands in the way, or how good it is."""
+        said = [finding.sentence for finding in self.findings]
+        return ". ".join(_capital(text) for text in (*said, *self.remarks)) + "."
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

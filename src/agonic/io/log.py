@@ -1,0 +1,37 @@
+"""`Log`: what a reader found in a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from agonic.provenance import Input
+from agonic.samples import Samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stream:
+    """Something else that the file holds: its name, rows, and rate in Hz where it has times."""
+
+    name: str
+    rows: int
+    rate_Hz: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Log:
+    """A file that was read: a `Samples` for each magnetometer, and what else is there.
+
+    `format` names the kind of file ("ArduPilot dataflash"); `stack` is where
+    exports go ("ardupilot",
+    "px4" or ""); `notes` are sentences on oddities of the file itself (truncated, gaps in the
+    clock, times that were restored).
+    """
+
+    path: Path
+    format: str
+    source: Input
+    sensors: tuple[Samples, ...]
+    stack: str = ""
+    streams: tuple[Stream, ...] = field(default_factory=tuple)
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,51 @@
+"""Where a result came from: inputs by hash, settings, software, method, parents."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agonic.version import __version__
+
+
+@dataclass(frozen=True, kw_only=True)
+class Input:
+    """One thing that went in: its name, the SHA-256 of its bytes, and how many rows were used."""
+
+    name: str
+    sha256: str
+    count: int
+
+    @classmethod
+    def of_array(cls, name: str, array: np.ndarray[Any, Any]) -> Input:
+        """The input that an array is, hashed as little-endian float64."""
+        data = np.ascontiguousarray(array, dtype="<f8")
+        return cls(name=name, sha256=hashlib.sha256(data.tobytes()).hexdigest(), count=len(data))
+
+
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file, read in pieces."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Inputs, settings, software, method citations (keys of `agonic cite`) and parent hashes."""
+
+    inputs: tuple[Input, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    method: tuple[str, ...] = ()
+    parents: tuple[str, ...] = ()
+    software: str = f"agonic {__version__}"
+    created: str = field(default_factory=_now)

@@ -1,0 +1,192 @@
+"""`Samples`: one sensor's time-aligned columns, validated once, read-only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from dataclasses import field as dataclass_field
+from datetime import datetime
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.errors import LogError
+from agonic.provenance import Input
+from agonic.units import RAW, canonical, nanotesla_per
+
+FloatArray = NDArray[np.float64]
+
+VECTORS = ("field", "acceleration", "rotation_rate")
+COLUMNS = (
+    "time", "field", "temperature", "roll_deg", "pitch_deg", "heading_deg", "acceleration",
+    "rotation_rate", "current_A", "throttle", "latitude_deg", "longitude_deg", "altitude_m",
+    "station",
+)  # fmt: skip
+"""Every per-row column, in the order they are written."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Logged:
+    """The correction that a log says was already applied: field = matrix @ (raw − bias).
+
+    `bias` in the unit of the samples, `matrix` (3, 3); `source` names where it was found.
+    """
+
+    bias: FloatArray
+    matrix: FloatArray
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """Readings of one magnetometer and what was recorded beside them, a row a sample.
+
+    Rows that hold a NaN or infinity in any column, or whose time does not increase, are left out
+    and counted in `rejected`. A column that was not recorded is `None`.
+
+    Parameters
+    ----------
+    field : (n, 3) readings, in `unit`; kept in nT, or as they are when the unit is "raw".
+    unit : "nT", "uT", "mT", "T", "G", "mG" or "raw".
+    time : (n,) seconds since `epoch`, strictly increasing.
+    epoch : UTC moment of time zero, if known.
+    temperature : (n,) °C, the magnetometer's own.
+    roll_deg, pitch_deg, heading_deg : (n,) aerospace attitude (yaw-pitch-roll) of the body;
+        heading clockwise from true north.
+    acceleration : (n, 3) specific force, m/s², in the frame of the magnetometer.
+    rotation_rate : (n, 3) rad/s, in the frame of the magnetometer.
+    current_A, throttle : (n,) on-board current, throttle 0…1.
+    latitude_deg, longitude_deg, altitude_m : (n,) geodetic position, height above WGS-84.
+    station : (n,) number of the static position.
+    name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
+    logged : the correction already found in the log and taken out of `field`.
+    notes : sentences of the reader on how these rows came about.
+    source : the file they came from.
+
+    Examples
+    --------
+    >>> s = Samples(field=[[20.0, 0.0, 43.0], [float("nan"), 1.0, 2.0]], unit="uT")
+    >>> s.field.tolist(), len(s), dict(s.rejected)
+    ([[20000.0, 0.0, 43000.0]], 1, {'NaN or infinite field': 1})
+    """
+
+    field: FloatArray
+    unit: str = "nT"
+    time: FloatArray | None = None
+    epoch: datetime | None = None
+    temperature: FloatArray | None = None
+    roll_deg: FloatArray | None = None
+    pitch_deg: FloatArray | None = None
+    heading_deg: FloatArray | None = None
+    acceleration: FloatArray | None = None
+    rotation_rate: FloatArray | None = None
+    current_A: FloatArray | None = None
+    throttle: FloatArray | None = None
+    latitude_deg: FloatArray | None = None
+    longitude_deg: FloatArray | None = None
+    altitude_m: FloatArray | None = None
+    station: FloatArray | None = None
+    name: str = "mag"
+    frame: str = "m"
+    logged: Logged | None = None
+    notes: tuple[str, ...] = ()
+    source: Input | None = None
+    rejected: Mapping[str, int] = dataclass_field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        columns = {name: _column(name, getattr(self, name)) for name in COLUMNS}
+        lengths = {name: len(c) for name, c in columns.items() if c is not None}
+        if len(set(lengths.values())) > 1:
+            raise LogError(f"columns differ in length: {lengths}; give one value a row in each")
+        keep, rejected = _usable(columns)
+        for name, values in columns.items():
+            self._put(
+                name, None if values is None else _frozen(values if keep.all() else values[keep])
+            )
+        self._put("rejected", MappingProxyType(_added(self.rejected, rejected)))
+        if not keep.any():
+            reasons = ", ".join(f"{n} rows: {why}" for why, n in self.rejected.items())
+            raise LogError(f"no usable readings ({reasons or 'no rows at all'})")
+        factor = nanotesla_per(self.unit)
+        if factor != 1.0:
+            self._put("field", _frozen(self.field * factor))
+        self._put("unit", RAW if canonical(self.unit) == RAW else "nT")
+
+    def _put(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.field)
+
+    @property
+    def duration_s(self) -> float | None:
+        """Seconds from the first row to the last; `None` without times."""
+        return None if self.time is None else float(self.time[-1] - self.time[0])
+
+    def columns(self) -> dict[str, FloatArray]:
+        """The columns that are there, by name, in writing order."""
+        return {name: c for name in COLUMNS if (c := getattr(self, name)) is not None}
+
+    def select(self, rows: ArrayLike) -> Samples:
+        """The rows that a boolean mask or a list of indices names, in their order."""
+        chosen = np.asarray(rows)
+        return replace(self, **{name: c[chosen] for name, c in self.columns().items()})
+
+    def with_columns(self, **changed: Any) -> Samples:
+        """The same samples with some columns or facts replaced.
+
+        >>> Samples(field=[[1.0, 2.0, 3.0]]).with_columns(name="MAG2").name
+        'MAG2'
+        """
+        unknown = set(changed) - {f.name for f in fields(self)}
+        if unknown:
+            raise LogError(f"no such column: {', '.join(sorted(unknown))}")
+        return replace(self, **changed)
+
+
+def _column(name: str, values: ArrayLike | None) -> FloatArray | None:
+    """A column as float64 of the right shape, or a clear error."""
+    if values is None:
+        return None
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise LogError(f"{name} does not hold numbers ({error})") from None
+    wanted = "(n, 3)" if name in VECTORS else "(n,)"
+    fits = array.ndim == 2 and array.shape[1] == 3 if name in VECTORS else array.ndim == 1
+    if not fits:
+        raise LogError(f"{name} has shape {array.shape}; it needs {wanted}, a row a sample")
+    return array
+
+
+def _usable(columns: Mapping[str, FloatArray | None]) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """The rows without a NaN and with increasing time, and why the others are not."""
+    present = {name: c for name, c in columns.items() if c is not None}
+    keep = np.ones(len(present["field"]), dtype=bool)
+    rejected: dict[str, int] = {}
+    for name, values in present.items():
+        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        if not finite.all():
+            rejected[f"NaN or infinite {name}"] = int((keep & ~finite).sum())
+            keep &= finite
+    time = present.get("time")
+    if time is not None and keep.any():
+        latest = np.maximum.accumulate(np.where(keep, time, -np.inf))
+        increasing = np.ones(len(time), dtype=bool)
+        increasing[1:] = time[1:] > latest[:-1]
+        late = keep & ~increasing
+        if late.any():
+            rejected["time does not increase"] = int(late.sum())
+            keep &= increasing
+    return keep, rejected
+
+
+def _added(left: Mapping[str, int], right: Mapping[str, int]) -> dict[str, int]:
+    return {why: left.get(why, 0) + right.get(why, 0) for why in (*left, *right)}
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    array.flags.writeable = False
+    return array
