@@ -75,27 +75,31 @@ def magnitude_residual(
     Parameters: raw (n, 3), bias (3,), matrix (3, 3), magnitude (n,) or scalar, noise_sd in raw
     units. Returns r (n,) in raw units and its Jacobian (n, 12).
     """
-    d = raw - bias
-    u = d @ matrix.T
-    size = np.maximum(np.sqrt(np.einsum("ij,ij->i", u, u)), np.finfo(float).tiny)
-    unit = u / size[:, None]
-    s = unit @ matrix
-    gradient = np.sqrt(np.einsum("ij,ij->i", s, s))
-    normal = s / gradient[:, None]
-    across = normal @ matrix.T
-    across -= unit * np.einsum("ij,ij->i", unit, across)[:, None]
+    d = (raw - bias).T.copy()  # component by component: long inner loops
+    u = matrix @ d
+    size = np.maximum(np.sqrt(_dot(u, u)), np.finfo(float).tiny)
+    unit = u / size
+    s = matrix.T @ unit
+    gradient = np.sqrt(_dot(s, s))
+    normal = s / gradient
+    across = matrix @ normal
+    across -= unit * _dot(unit, across)
     r = (size - magnitude) / gradient
-    a = (unit - across * (r / size)[:, None]) / gradient[:, None]
-    jacobian = np.empty((len(raw), 12))
-    jacobian[:, :3] = a @ -matrix
-    tilt = unit * (r / gradient)[:, None]
-    for i in range(3):
-        jacobian[:, 3 + 3 * i : 6 + 3 * i] = a[:, i, None] * d - tilt[:, i, None] * normal
+    a = (unit - across * (r / size)) / gradient
+    jacobian = np.empty((12, len(raw)))
+    np.matmul(-matrix.T, a, out=jacobian[:3])
+    tilt = unit * (r / gradient)
+    entries = jacobian[3:].reshape(3, 3, -1)
+    np.multiply(a[:, None], d[None], out=entries)
+    entries -= tilt[:, None] * normal[None]
     if noise_sd:
-        along = np.einsum("ij,ij->i", across, across)
         trace = np.sum(matrix**2) - gradient**2
-        r = r - noise_sd**2 * 0.5 * (trace - 4.0 * along) / (size * gradient)
-    return r, jacobian
+        r = r - noise_sd**2 * 0.5 * (trace - 4.0 * _dot(across, across)) / (size * gradient)
+    return r, jacobian.T
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 def with_covariates(jacobian: Array, covariates: Array) -> Array:

@@ -1,0 +1,123 @@
+"""Which directions were visited, and how well a calibration is known where they were not."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels.affine import correction_jacobian, model_basis
+
+Array = NDArray[np.float64]
+
+
+@lru_cache(maxsize=1)
+def icosphere() -> tuple[Array, Array]:
+    """Centres (80, 3) and triangles (80, 3, 3) of an icosahedron with each face cut in four."""
+    golden = (1 + np.sqrt(5)) / 2
+    corners = np.array(
+        [p for a in (-1, 1) for b in (-golden, golden)
+         for p in ((0, a, b), (a, b, 0), (b, 0, a))]
+    ) / np.hypot(1, golden)  # fmt: skip
+    close = corners @ corners.T > 0.4
+    faces = [
+        (i, j, k)
+        for i in range(12) for j in range(i + 1, 12) for k in range(j + 1, 12)
+        if close[i, j] and close[j, k] and close[i, k]
+    ]  # fmt: skip
+    triangles = []
+    for a, b, c in corners[np.array(faces)]:
+        ab, bc, ca = (_unit(p + q) for p, q in ((a, b), (b, c), (c, a)))
+        triangles += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    cells = np.array(triangles)
+    return _unit(cells.mean(axis=1)), cells
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
+def cells_of(directions: Array) -> NDArray[np.intp]:
+    """The cell, 0…79, whose centre is nearest to each direction (n, 3); lengths do not matter."""
+    centres = icosphere()[0].astype(np.float32).T
+    return np.concatenate([
+        np.argmax(directions[start : start + 8192].astype(np.float32) @ centres, axis=1)
+        for start in range(0, len(directions), 8192)
+    ])  # fmt: skip
+
+
+def visits(directions: Array) -> NDArray[np.int64]:
+    """How many directions (n, 3) fall into each of the 80 cells, (80,)."""
+    return np.bincount(cells_of(directions), minlength=80)
+
+
+def field_covariance(
+    directions: Array, magnitude: float, bias: Array, matrix: Array, covariance: Array, gauge: str
+) -> Array:
+    """Covariance (n, 3, 3) of the calibrated field along unit directions (n, 3)."""
+    raw = magnitude * directions @ np.linalg.inv(matrix).T + bias
+    jacobian = correction_jacobian(raw, bias, matrix) @ model_basis("full", gauge)
+    return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
+
+
+def level_directions(inclination_deg: float, headings: int = 36) -> tuple[Array, Array]:
+    """The field's directions (n, 3) in a level vehicle at even headings, and across them (n, 3).
+
+    The second is the unit horizontal vector whose component of the error turns the heading.
+    """
+    psi = np.linspace(0, 2 * np.pi, headings, endpoint=False)
+    dip = np.radians(inclination_deg)
+    along = np.stack([np.cos(psi), -np.sin(psi), np.zeros_like(psi)], axis=1)
+    across = np.stack([np.sin(psi), np.cos(psi), np.zeros_like(psi)], axis=1)
+    return np.cos(dip) * along + np.sin(dip) * np.array([0.0, 0.0, 1.0]), across
+
+
+def heading_sd_deg(
+    inclination_deg: float,
+    magnitude: float,
+    bias: Array,
+    matrix: Array,
+    covariance: Array,
+    gauge: str,
+) -> float:
+    """Standard error of the heading of a level vehicle, rms over all headings, degrees.
+
+    σ_ψ = √(eᵀ C e)/(F cos I), e horizontal and across the field.
+    """
+    directions, across = level_directions(inclination_deg)
+    spread = field_covariance(directions, magnitude, bias, matrix, covariance, gauge)
+    variance = np.einsum("ni,nij,nj->n", across, spread, across).mean()
+    return float(np.degrees(np.sqrt(variance) / (magnitude * np.cos(np.radians(inclination_deg)))))
+
+
+def thickness(points: Array) -> tuple[float, Array]:
+    """Half the range across the flattest direction over that along the widest, and the former.
+
+    0 for a plane, 1 for a full sphere; ranges between the 1st and 99th percentile so that a few
+    strays do not count.
+    """
+    centred = points - np.median(points, axis=0)
+    axes = np.linalg.eigh(centred.T @ centred)[1]
+    low, high = np.percentile(centred @ axes, (1, 99), axis=0)
+    spans = high - low
+    flattest = int(np.argmin(spans))
+    return float(spans[flattest] / max(spans.max(), np.finfo(float).tiny)), axes[:, flattest]
+
+
+def missing_axes(counts: NDArray[np.int64], reach_deg: float = 40.0) -> list[str]:
+    """The axes, "+x" … "−z", near which the field was never seen."""
+    centres = icosphere()[0]
+    visited = centres[counts > 0]
+    missing = []
+    for i, letter in enumerate("xyz"):
+        for sign, mark in ((1.0, "+"), (-1.0, "−")):
+            axis = sign * np.eye(3)[i]
+            if len(visited) == 0 or (visited @ axis).max() < np.cos(np.radians(reach_deg)):
+                missing.append(mark + letter)
+    return missing
+
+
+def nearest_axis(direction: Array) -> str:
+    """The letter of the axis that a direction is closest to."""
+    return "xyz"[int(np.argmax(np.abs(direction)))]

@@ -1,0 +1,219 @@
+"""Maximum-likelihood ellipsoid from magnitudes: start, relax, refine.
+
+Everything here works on points that are centred and scaled to about one, and on magnitudes scaled
+to mean one; `fitting.ellipsoid` puts the units back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import leastsq, moments, quadric
+from agonic.kernels.affine import magnitude_residual, model_basis, split
+from agonic.kernels.consensus import least_median_sphere
+from agonic.kernels.coverage import cells_of
+
+Array = NDArray[np.float64]
+
+_ROWS = 4096  # a block whose temporaries stay in the cache
+_ENOUGH = 3000  # readings for the search; the refinement uses all
+
+
+class Problem(NamedTuple):
+    """Points (n, 3), magnitudes (1,) or (n,), the model, and the prior on soft iron (or None)."""
+
+    points: Array
+    magnitude: Array
+    model: str
+    soft_iron_sd: float | None
+
+    def subset(self, rows: NDArray[np.intp]) -> Problem:
+        """The same problem on some of the readings."""
+        magnitude = self.magnitude if len(self.magnitude) == 1 else self.magnitude[rows]
+        return self._replace(points=self.points[rows], magnitude=magnitude)
+
+
+def pieces(problem: Problem, noise_sd: float = 0.0) -> leastsq.Pieces:
+    """The magnitude residuals of a problem, block by block, for the solver."""
+    basis = model_basis(problem.model)
+
+    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
+        bias, matrix = split(basis @ params)
+        for start in range(0, len(problem.points), _ROWS):
+            rows = slice(start, start + _ROWS)
+            f = problem.magnitude if len(problem.magnitude) == 1 else problem.magnitude[rows]
+            r, jacobian = magnitude_residual(problem.points[rows], bias, matrix, f, noise_sd)
+            yield r, jacobian @ basis
+
+    return blocks
+
+
+def soft_iron_prior(model: str, sd: float | None) -> leastsq.Prior | None:
+    """Gaussian prior on what makes the matrix differ from a multiple of the identity.
+
+    Residuals (W_ij/g − δ_ij)/sd over the six entries of the symmetric W, g = tr W / 3.
+    """
+    if sd is None or model == "sphere":
+        return None
+    count = {"diagonal": 3, "full": 6}[model]
+    delta = np.array([1.0, 1, 1, 0, 0, 0])[:count]
+
+    def prior(params: Array) -> tuple[Array, Array]:
+        entries = params[3:]
+        gain = entries[:3].mean()
+        jacobian = np.zeros((count, len(params)))
+        jacobian[:, 3:] = np.eye(count) / gain
+        jacobian[:, 3:6] -= (entries / gain**2 / 3)[:, None]
+        return (entries / gain - delta) / sd, jacobian / sd
+
+    return prior
+
+
+def parameters(bias: Array, matrix: Array, model: str) -> Array:
+    """The parameters of a model nearest to a bias and matrix (least squares)."""
+    local = np.concatenate([bias, matrix.ravel()])
+    return np.asarray(np.linalg.lstsq(model_basis(model), local)[0])
+
+
+class Noise(NamedTuple):
+    """What the residuals say of the noise: its loss, standard deviation, and correlation length."""
+
+    loss: leastsq.Loss
+    sd: float
+    correlation: float
+
+
+class Estimate(NamedTuple):
+    """The solution on the readings that were believed, and residuals and weights of all."""
+
+    solution: leastsq.Solution
+    noise: Noise
+    residuals: Array
+    weights: Array
+
+
+def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimate:
+    """The most probable bias and matrix, how sure they are, and the noise.
+
+    Robust: search on a few thousand readings from a start that outliers cannot reach, with the
+    prior on soft iron relaxed step by step, then refine on all readings with Tukey's loss where
+    any reading stands out. The refinement takes the noise's own effect on the curved surface out
+    (`magnitude_residual`).
+    """
+    n = len(problem.points)
+    few = problem
+    if n > _ENOUGH:
+        few = problem.subset(np.random.default_rng(seed).choice(n, _ENOUGH, replace=False))
+    return _refine(problem, _search(few, robust, seed), robust)
+
+
+def noise_of(residuals: Array, robust: bool, parameters: int) -> Noise:
+    """The noise of residuals in time order.
+
+    Least squares unless a reading stands out: the largest of n Gaussian readings is expected below
+    √(2 ln 2n) standard deviations; one beyond that brings in Tukey's loss.
+    """
+    scale = max(leastsq.robust_scale(residuals, parameters), 1e-9)
+    largest = float(np.abs(residuals).max())
+    stands_out = largest > scale * (np.sqrt(2 * np.log(2 * len(residuals))) + 1)
+    loss = leastsq.tukey() if robust and stands_out else leastsq.squares()
+    sd = max(leastsq.noise_scale(residuals, loss, scale, parameters), 1e-9)
+    weights = loss.weight((residuals / sd) ** 2)
+    return Noise(loss, sd, leastsq.correlation_length(residuals, weights))
+
+
+def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -> NDArray[np.bool_]:
+    """Which readings other readings speak for, (n,).
+
+    A stray reading can fall near the ellipsoid by chance, in a direction that was never visited;
+    nothing there contradicts it, and it or a handful of them decide the result. So where some
+    readings are strays (weight zero), none is believed in a cell of directions where strays are
+    the majority, and none whose own leverage J C Jᵀ/σ² is near 1 and far beyond the usual.
+    """
+    stray = weights == 0.0
+    if not stray.any():
+        return np.ones(len(weights), dtype=bool)
+    bias, matrix = split(model_basis(problem.model) @ solution.params)
+    cells = cells_of((problem.points - bias) @ matrix.T)
+    readings, strays = np.bincount(cells, minlength=80), np.bincount(cells[stray], minlength=80)
+    leverage = np.concatenate([
+        np.einsum("ij,jk,ik->i", jacobian, solution.covariance / solution.scale**2, jacobian)
+        for _, jacobian in pieces(problem)(solution.params)
+    ])  # fmt: skip
+    bearable = max(1 / 3, 25 * float(np.median(leverage[~stray])))
+    return np.asarray((2 * strays < readings)[cells] & (leverage < bearable))
+
+
+def _residuals(problem: Problem, params: Array) -> Array:
+    return np.concatenate([r for r, _ in pieces(problem)(params)])
+
+
+def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
+    """The minimum on all believed readings, with noise level and correlation taken from them."""
+    prior = soft_iron_prior(problem.model, problem.soft_iron_sd)
+    noise = noise_of(_residuals(problem, params), robust, len(params))
+    believed = np.ones(len(problem.points), dtype=bool)
+    for _ in range(8):
+        part = problem if believed.all() else problem.subset(np.flatnonzero(believed))
+        solution = leastsq.solve(
+            pieces(part, noise.sd), params, scale=noise.sd, loss=noise.loss, prior=prior,
+            correlation=noise.correlation, tolerance=1e-2,
+        )  # fmt: skip
+        params, assumed = solution.params, noise
+        residuals = solution.residuals if part is problem else _residuals(problem, params)
+        weights = assumed.loss.weight((residuals / assumed.sd) ** 2)
+        noise = noise_of(solution.residuals, robust, len(params))
+        used, believed = believed, believed & corroborated(problem, solution, weights)
+        if _settled(noise, assumed) and np.array_equal(used, believed):
+            break
+    return Estimate(solution, noise, residuals, weights * used)
+
+
+def _settled(noise: Noise, assumed: Noise) -> bool:
+    """Noise and correlation are what the solution assumed, to one and five per cent."""
+    lengths = noise.correlation / assumed.correlation
+    return abs(noise.sd / assumed.sd - 1) < 0.01 and abs(lengths - 1) < 0.05
+
+
+def _search(few: Problem, robust: bool, seed: int) -> Array:
+    """Parameters from which the refinement converges, found on a few thousand readings."""
+    candidates = [(*_sphere(few, seed), 0.02), *_quadrics(few)]
+    starts = [_relax(few, bias, matrix, sd, robust) for bias, matrix, sd in candidates]
+    found = [_refine(few, start, robust) for start in starts]
+    return min(found, key=lambda e: leastsq.robust_scale(e.residuals)).solution.params
+
+
+def _sphere(few: Problem, seed: int) -> tuple[Array, Array]:
+    bias, gain = least_median_sphere(few.points, few.magnitude, seed=seed)
+    return bias, gain * np.eye(3)
+
+
+def _quadrics(few: Problem) -> list[tuple[Array, Array, float]]:
+    """The adjusted fit as a start, where the magnitude is constant and it is an ellipsoid."""
+    if len(few.magnitude) > 1:
+        return []
+    psi = moments.denoised_gram(moments.accumulate(few.points, np.zeros(3), 1.0))
+    v, _ = quadric.adjusted(psi, few.model)
+    if not quadric.is_ellipsoid(v):
+        return []
+    bias, matrix = quadric.to_affine(v, float(few.magnitude[0]))
+    return [(bias, matrix, 0.1)]
+
+
+def _relax(few: Problem, bias: Array, matrix: Array, first_sd: float, robust: bool) -> Array:
+    """From a start to the minimum with the prior on soft iron loosened step by step."""
+    params = parameters(bias, matrix, few.model)
+    loss = leastsq.cauchy() if robust else leastsq.squares()
+    final = few.soft_iron_sd or np.inf
+    steps = [sd for sd in (0.02, 0.05, 0.1) if first_sd <= sd < final]
+    for sd in (*steps, few.soft_iron_sd, few.soft_iron_sd):
+        scale = max(leastsq.robust_scale(_residuals(few, params), len(params)), 1e-9)
+        params = leastsq.solve(
+            pieces(few), params, scale=scale, loss=loss,
+            prior=soft_iron_prior(few.model, sd), tolerance=0.1, max_iterations=25,
+        ).params  # fmt: skip
+    return params

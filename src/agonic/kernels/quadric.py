@@ -1,0 +1,143 @@
+"""Ellipsoids as quadrics: Li & Griffiths' fit, adjusted least squares, and the way to bias, matrix.
+
+A quadric is v = (a b c f g h p q r d) of
+a x² + b y² + c z² + 2f yz + 2g xz + 2h xy + 2p x + 2q y + 2r z + d = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, solve
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+
+MULTIPLICITY = np.array([1.0, 1, 1, 2, 2, 2, 2, 2, 2, 1])
+"""What each element of v is multiplied by in the polynomial."""
+
+
+def model_monomials(model: str) -> Array:
+    """The map (10, m) from a model's polynomial coefficients to the ten monomials."""
+    if model == "full":
+        return np.eye(10)
+    quadratic = np.zeros((10, 3))
+    quadratic[:3] = np.eye(3)
+    if model == "sphere":
+        quadratic = quadratic.sum(axis=1, keepdims=True)
+    return np.hstack([quadratic, np.eye(10)[:, 6:]])
+
+
+def smallest(gram: Array, model: str = "full") -> Array:
+    """The v that minimises the algebraic residual |Dᵀv| with |v| = 1: "linear", the textbook way.
+
+    gram (10, 10) is the scatter of the ten monomials; centre and scale the data first.
+    """
+    basis = model_monomials(model)
+    coefficients = eigh(basis.T @ gram @ basis)[1][:, 0]
+    return np.asarray(basis @ coefficients / MULTIPLICITY)
+
+
+def li_griffiths(gram: Array) -> Array:
+    """The quadric of least algebraic residual under kJ − I² = 1, an ellipsoid for k = 4.
+
+    With I = a+b+c, J = ab+bc+ac−f²−g²−h², the condition 4J − I² > 0 guarantees an ellipsoid but
+    holds only while the shortest semi-axis is at least half the longest; for longer ones k is
+    searched upwards for as long as the result stays an ellipsoid, and the least residual is kept.
+    (Li & Griffiths, "Least squares ellipsoid specific fitting", GMP 2004.)
+    """
+    ks = (4.0, *np.geomspace(4.5, 256.0, 24))
+    found = [v for k in ks if (v := _constrained(gram, k)) is not None and is_ellipsoid(v)]
+    if not found:
+        raise ValueError("no ellipsoid fits these readings")
+    scatter = gram * np.outer(MULTIPLICITY, MULTIPLICITY)
+    return min(found, key=lambda v: _tangential_residual(scatter, v))
+
+
+def _constrained(gram: Array, k: float) -> Array | None:
+    """The minimiser for one k: C₁⁻¹(S₁₁ − S₁₂S₂₂⁻¹S₁₂ᵀ)v₁ = λv₁, the one positive eigenvalue."""
+    s = gram * np.outer(MULTIPLICITY, MULTIPLICITY)
+    constraint = np.diag([-1.0, -1, -1, -k, -k, -k])
+    constraint[:3, :3] += (k / 2.0) * (1.0 - np.eye(3)) - (1.0 - np.eye(3))
+    s22_inverse_s21 = solve(s[6:, 6:], s[6:, :6], assume_a="sym")
+    reduced = s[:6, :6] - s[:6, 6:] @ s22_inverse_s21
+    values, vectors = np.linalg.eig(np.linalg.solve(constraint, reduced))
+    best = int(np.argmax(values.real))
+    if values[best].real <= 0:
+        return None
+    v1 = vectors[:, best].real
+    return np.concatenate([v1, -s22_inverse_s21 @ v1])
+
+
+def _tangential_residual(scatter: Array, v: Array) -> float:
+    """Algebraic residual in units that do not depend on the scaling of v: over |nᵀM⁻¹n − d|."""
+    m, n, d = parts(v)
+    return float(v @ scatter @ v) / (float(n @ np.linalg.solve(m, n)) - d) ** 2
+
+
+def adjusted(
+    psi: tuple[Array, Array, Array], model: str = "full", noise_variance: float | None = None
+) -> tuple[Array, float]:
+    """Adjusted least squares: the quadric that stays right however noisy the readings are.
+
+    σ² is the smallest root of λ_min(Ψ(σ²)) = 0 and v the eigenvector there, with Ψ from
+    `moments.denoised_gram`; a known `noise_variance` replaces the search. Returns v and σ².
+    (Markovsky, Kukush & Van Huffel, "Consistent least squares fitting of ellipsoids",
+    Numer. Math. 98, 2004.)
+    """
+    basis = model_monomials(model)
+    reduced = [basis.T @ part @ basis for part in psi]
+
+    def at(variance: float) -> Array:
+        return np.asarray(reduced[0] - variance * reduced[1] + variance**2 * reduced[2])
+
+    def lowest(variance: float) -> float:
+        return float(eigh(at(variance), eigvals_only=True, subset_by_index=[0, 0])[0])
+
+    if noise_variance is None:
+        noise_variance = _smallest_root(lowest, float(psi[0][6:9, 6:9].trace() / psi[0][9, 9]))
+    coefficients = eigh(at(noise_variance))[1][:, 0]
+    return np.asarray(basis @ coefficients / MULTIPLICITY), noise_variance
+
+
+def _smallest_root(lowest: Callable[[float], float], largest: float) -> float:
+    """The first zero of λ_min, which falls from ≥ 0 as σ² grows; 0 for noiseless readings."""
+    if lowest(0.0) <= 0.0:
+        return 0.0
+    upper = largest * 1e-12
+    while lowest(upper) > 0.0 and upper < largest:
+        upper *= 4.0
+    lower = upper / 4.0 if upper > largest * 1e-12 else 0.0
+    return float(brentq(lowest, lower, upper, xtol=upper * 1e-12, rtol=1e-12))
+
+
+def parts(v: Array) -> tuple[Array, Array, float]:
+    """M (3, 3), n (3,) and d of the quadric xᵀMx + 2nᵀx + d = 0."""
+    a, b, c, f, g, h, p, q, r, d = v
+    return np.array([[a, h, g], [h, b, f], [g, f, c]]), np.array([p, q, r]), float(d)
+
+
+def is_ellipsoid(v: Array) -> bool:
+    """All semi-axes real and finite."""
+    m, n, d = parts(v)
+    values = np.linalg.eigvalsh(m)
+    if not (np.all(values > 0) or np.all(values < 0)):
+        return False
+    size = float(n @ np.linalg.solve(m, n)) - d
+    return bool(size * values[0] > 0)
+
+
+def to_affine(v: Array, magnitude: float = 1.0) -> tuple[Array, Array]:
+    """Bias = −M⁻¹n and W = F · M^½ / √(nᵀM⁻¹n − d) of an ellipsoid (Li & Griffiths).
+
+    Raises ValueError where the quadric is not an ellipsoid.
+    """
+    if not is_ellipsoid(v):
+        raise ValueError("the quadric is not an ellipsoid")
+    m, n, d = parts(v)
+    bias = -np.linalg.solve(m, n)
+    size = float(n @ np.linalg.solve(m, n)) - d
+    values, vectors = np.linalg.eigh(m / size)
+    return np.asarray(bias), np.asarray(magnitude * (vectors * np.sqrt(values)) @ vectors.T)
