@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
+from agonic.coverage import Coverage
 from agonic.health import Finding
 
 Array = NDArray[np.float64]
@@ -25,39 +26,21 @@ class ModelTest:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Coverage:
-    """Which directions the field was seen from, and what that leaves open.
-
-    `cells` (80,) readings per cell of the icosphere; `filled` its share of cells that were
-    visited; `field_sd` (80,) standard error of the calibrated field at the centre of each cell,
-    and `field_sd_max` its largest, nT; `heading_sd_deg` the standard error of a level heading, rms
-    over all headings, at the dip `inclination_deg`; `undetermined` and `turns` in words.
-    """
-
-    cells: NDArray[np.int64]
-    filled: float
-    field_sd: Array
-    field_sd_max: float
-    heading_sd_deg: float
-    inclination_deg: float
-    undetermined: str = ""
-    turns: str = ""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
     """A calibration and what it rests on.
 
-    `residuals` (n,) are distances from the model in the unit of the readings, a row a sample;
-    `weights` (n,) are what the robust loss left of each reading, 0…1; `noise` is the standard
+    `residuals` (n,) are distances from the model in the unit of the readings, a row a sample, and
+    `weights` (n,) what the robust loss left of each reading, 0…1 (both `None` after a fit from
+    moments, which keeps no readings); `noise` is the standard
     deviation of one reading on one axis; `correlation` is how many successive readings count as
     one (1 for white noise), already inside `covariance`; `condition` is that of the scaled
     information matrix; `findings` are all observations, by name; `tests` the choice of model.
     """
 
     calibration: Affine
-    residuals: Array
-    weights: Array
+    n: int
+    residuals: Array | None
+    weights: Array | None
     noise: float
     correlation: float
     condition: float

@@ -188,7 +188,7 @@ def solve(
     data = normal.information * (normal.curvature / normal.weight / correlation)
     return Solution(
         params, _sandwich(normal, data, held), normal.residuals, scale, cost,
-        data, _condition(data), iterations, converged,
+        data, condition(data), iterations, converged,
     )  # fmt: skip
 
 
@@ -219,12 +219,12 @@ def _sandwich(normal: Normal, data: Array, held: Array) -> Array:
     """A⁻¹BA⁻¹ in the units of the parameters, A and B with the prior's information `held`."""
     n, m = len(normal.residuals), len(data)
     freedom = n / max(n - m, 1)
-    bread = _inverse(data + held)
+    bread = inverse(data + held)
     filling = data * (normal.scatter / normal.curvature * freedom) + held
     return np.asarray(bread @ filling @ bread)
 
 
-def _inverse(information: Array) -> Array:
+def inverse(information: Array) -> Array:
     """The inverse of an information matrix; directions without information get a huge variance."""
     size = np.sqrt(np.maximum(np.abs(np.diag(information)), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
@@ -232,7 +232,7 @@ def _inverse(information: Array) -> Array:
     return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))
 
 
-def _condition(information: Array) -> float:
+def condition(information: Array) -> float:
     """Condition number of an information matrix scaled to a unit diagonal."""
     size = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(information / np.outer(size, size))

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, solve
 from scipy.optimize import brentq
 
+from agonic.kernels import leastsq
+
 Array = NDArray[np.float64]
 
 MULTIPLICITY = np.array([1.0, 1, 1, 2, 2, 2, 2, 2, 2, 1])
@@ -141,3 +143,38 @@ def to_affine(v: Array, magnitude: float = 1.0) -> tuple[Array, Array]:
     size = float(n @ np.linalg.solve(m, n)) - d
     values, vectors = np.linalg.eigh(m / size)
     return np.asarray(bias), np.asarray(magnitude * (vectors * np.sqrt(values)) @ vectors.T)
+
+
+def algebraic_covariance(
+    psi: Array, bias: Array, matrix: Array, basis: Array, noise_variance: float
+) -> tuple[Array, float]:
+    """Covariance of an algebraic fit's parameters and its condition, from denoised Ψ alone.
+
+    The algebraic residual q = |W(x − b)|² − F² has ∂q/∂b = −2WᵀW d, ∂q/∂W = 2 u dᵀ, both
+    polynomials of degree two, so Σ JᵀJ follows exactly from Ψ; its variance 4σ²|Wᵀu|² is replaced
+    by the mean over the readings, which holds to the anisotropy of W squared.
+    `basis` (12, m) is the model's map to the local numbers; psi (10, 10).
+    """
+    x = np.zeros((3, 10))  # coordinates as polynomials in the ten monomials
+    x[[0, 1, 2], [6, 7, 8]] = 1.0
+    one = np.eye(10)[9]
+    d = x - bias[:, None] * one
+    u = matrix @ d
+    jacobian = [-2 * row for row in matrix.T @ u]
+    jacobian += [2 * _product(u[i], d[j]) for i in range(3) for j in range(3)]
+    reduced = basis.T @ np.array(jacobian)
+    information = reduced @ psi @ reduced.T
+    shape = matrix.T @ matrix
+    moment = d @ psi @ d.T / psi[9, 9]
+    variance = 4 * noise_variance * float(np.trace(shape @ shape @ moment))
+    return leastsq.inverse(information) * variance, leastsq.condition(information)
+
+
+def _product(a: Array, b: Array) -> Array:
+    """The product of two polynomials of degree one, by the ten monomials."""
+    outer = np.outer(a[6:], b[6:])
+    outer = outer + outer.T
+    return np.array([
+        outer[0, 0] / 2, outer[1, 1] / 2, outer[2, 2] / 2, outer[1, 2], outer[0, 2], outer[0, 1],
+        outer[0, 3], outer[1, 3], outer[2, 3], outer[3, 3] / 2,
+    ])  # fmt: skip

@@ -1,0 +1,73 @@
+"""`Coverage`: which directions the field was seen from, and what that leaves open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import coverage as kernel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Coverage:
+    """Directions visited and standard errors over the sphere.
+
+    `cells` (80,) readings per cell of the icosphere; `filled` its share of cells that were
+    visited; `field_sd` (80,) standard error of the calibrated field at the centre of each cell,
+    and `field_sd_max` its largest; `heading_sd_deg` the standard error of a level heading, rms
+    over all headings, at the dip `inclination_deg`; `turns` says in words what to add.
+    """
+
+    cells: NDArray[np.int64]
+    filled: float
+    field_sd: Array
+    field_sd_max: float
+    heading_sd_deg: float
+    inclination_deg: float
+    turns: str = ""
+
+
+def cover(
+    cells: NDArray[np.int64],
+    magnitude: float,
+    bias: Array,
+    matrix: Array,
+    covariance: Array,
+    *,
+    gauge: str = "symmetric",
+    inclination_deg: float = 60.0,
+) -> Coverage:
+    """The coverage of a calibration whose readings fell into `cells`, (80,) counts."""
+    centres = kernel.icosphere()[0]
+    spread = kernel.field_covariance(centres, magnitude, bias, matrix, covariance, gauge)
+    field_sd = np.sqrt(np.linalg.eigvalsh(spread)[:, -1])
+    return Coverage(
+        cells=cells,
+        filled=float((cells > 0).mean()),
+        field_sd=field_sd,
+        field_sd_max=float(field_sd.max()),
+        heading_sd_deg=kernel.heading_sd_deg(
+            inclination_deg, magnitude, bias, matrix, covariance, gauge
+        ),
+        inclination_deg=inclination_deg,
+        turns=turns(kernel.missing_axes(cells)),
+    )
+
+
+def turns(missing: list[str]) -> str:
+    """The turns that would bring the field along the axes it was never seen near.
+
+    >>> turns(["−z"])
+    'turn the sensor until the field points along −z (field never within 40° of it)'
+    >>> turns([])
+    ''
+    """
+    if not missing:
+        return ""
+    axes = missing[0] if len(missing) == 1 else ", ".join(missing[:-1]) + f" and {missing[-1]}"
+    them = "it" if len(missing) == 1 else "them"
+    return f"turn the sensor until the field points along {axes} (field never within 40° of {them})"

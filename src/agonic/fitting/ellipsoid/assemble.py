@@ -1,0 +1,121 @@
+"""From a fit in normalised coordinates to a `Fit` in the units of the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.coverage import Coverage
+from agonic.fit import Fit, ModelTest
+from agonic.fitting.ellipsoid.solve import Found
+from agonic.health import Finding
+from agonic.kernels import gauge as gauges
+from agonic.reference import Reference
+
+Array = NDArray[np.float64]
+Gauge = Literal["symmetric", "triangular"]
+
+CITATIONS = {
+    "likelihood": ("huber-1981", "beaton-tukey-1974"),
+    "adjusted": ("markovsky-kukush-vanhuffel-2004", "kukush-markovsky-vanhuffel-2004"),
+    "li-griffiths": ("li-griffiths-2004", "nikolaev-2023"),
+    "linear": ("li-griffiths-2004",),
+}
+
+
+class Scale(NamedTuple):
+    """From normalised points back to readings: reading = centre + size · point.
+
+    `magnitude` is the known magnitude that one stands for, or None; `sd` its uncertainty.
+    """
+
+    centre: Array
+    size: float
+    magnitude: float | None
+    sd: float = 0.0
+
+
+def calibration(found: Found, scale: Scale, unit: str, gauge: Gauge) -> Affine:
+    """The calibration in the units of the readings, scale and gauge made explicit."""
+    matrix, covariance = found.matrix, found.covariance
+    if scale.magnitude is None:
+        matrix, covariance, gain = gauges.mean_gain_one(matrix, covariance)
+        factor, magnitude, unit_out = 1.0, scale.size / gain, unit
+    else:
+        factor, magnitude, unit_out = scale.magnitude / scale.size, scale.magnitude, "nT"
+    matrix = matrix * factor
+    covariance = gauges.scaled(covariance, scale.size, factor)
+    if scale.magnitude is not None:
+        stretch = np.concatenate([np.zeros(3), gauges.entries(matrix)]) * scale.sd / magnitude
+        covariance = covariance + np.outer(stretch, stretch)
+    if gauge == "triangular":
+        matrix, covariance = gauges.triangular(matrix, covariance)
+    return Affine(
+        bias=scale.centre + scale.size * found.bias,
+        matrix=matrix,
+        covariance=covariance,
+        unit_in=unit,
+        unit_out=unit_out,
+        gauge=gauge,
+        model=found.model,
+        magnitude=magnitude,
+        noise=found.noise * scale.size,
+    )
+
+
+def settings(
+    model: str, method: str, gauge: str, reference: Reference | None, **more: Any
+) -> Mapping[str, Any]:
+    """What the user chose, for the provenance."""
+    if reference is None:
+        words = "none: mean gain set to 1"
+    else:
+        f = reference.magnitudes(len(reference.values))
+        size = f"{f[0]:g} nT" if len(f) == 1 else f"{f.min():g} to {f.max():g} nT per sample"
+        words = f"{size} ({reference.source})"
+    return {"model": model, "method": method, "gauge": gauge, "reference": words, **more}
+
+
+def scale_finding(affine: Affine) -> Finding | None:
+    """A mean gain far from one where both sides are in nT: a wrong unit or a wrong reference."""
+    gain = float(np.trace(affine.matrix) / 3)
+    if affine.unit_in != "nT" or 0.5 < gain < 2.0:
+        return None
+    return Finding(
+        "scale",
+        "check",
+        f"readings had to be multiplied by {gain:.3g} to reach the stated field",
+        "check the unit of the log and the reference magnitude",
+    )
+
+
+def remarks(
+    affine: Affine, coverage: Coverage, tests: tuple[ModelTest, ...], reference_known: bool
+) -> tuple[str, ...]:
+    """How good the result is, in words."""
+    assert affine.sd is not None
+    unit = affine.unit_in
+    said = [
+        f"bias known to {affine.sd[:3].max():.2g} {unit}, a level heading to "
+        f"{coverage.heading_sd_deg:.2g}° at {coverage.inclination_deg:.0f}° dip",
+        *(test.sentence for test in tests[:1]),
+    ]
+    if not reference_known:
+        said.append(
+            f"no reference magnitude was given, so the mean gain is set to 1 "
+            f"(magnitude {affine.magnitude:.5g} {unit})"
+        )
+    return tuple(said)
+
+
+def finished(fit: Fit, more: tuple[Finding | None, ...]) -> Fit:
+    """The fit with further findings, refusals first; a refused fit boasts of no accuracy."""
+    order = ("refuse", "check", "note")
+    found = [f for f in (*fit.findings, *more) if f is not None]
+    fit = replace(fit, findings=tuple(sorted(found, key=lambda f: order.index(f.severity))))
+    return replace(fit, remarks=()) if fit.verdict == "refused" else fit

@@ -1,0 +1,91 @@
+"""`fit_moments`: the adjusted fit from 35 numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.coverage import cover
+from agonic.errors import AgonicError, CoverageError
+from agonic.fit import Fit
+from agonic.fitting.ellipsoid.assemble import (
+    CITATIONS,
+    Gauge,
+    Scale,
+    calibration,
+    finished,
+    remarks,
+    scale_finding,
+    settings,
+)  # fmt: skip
+from agonic.fitting.ellipsoid.solve import Model, algebraic, choose
+from agonic.health import undetermined
+from agonic.kernels import moments as kernel
+from agonic.moments import Moments
+from agonic.provenance import Provenance
+from agonic.reference import Reference
+
+Array = NDArray[np.float64]
+
+
+def fit_moments(
+    sums: Moments,
+    reference: Reference | None = None,
+    *,
+    model: Model = "auto",
+    gauge: Gauge = "symmetric",
+    inclination_deg: float = 60.0,
+) -> Fit:
+    """The adjusted least-squares fit from moments alone, whatever amount of data they sum up.
+
+    The magnitude must be constant; residuals and what needs them (outliers, changes) are not
+    available. Parameters, returns and sources as in `fit_ellipsoid`.
+
+    >>> u = np.random.default_rng(0).normal(size=(500, 3))
+    >>> field = 50_000 * u / np.linalg.norm(u, axis=1, keepdims=True)
+    >>> fit = fit_moments(Moments.of(field + [100.0, 0, 0]), Reference.constant(50_000))
+    >>> fit.calibration.bias.round(3) + 0.0
+    array([100.,   0.,   0.])
+    """
+    if reference is not None and len(reference.values) > 1:
+        raise AgonicError("moments hold no rows, so they need one constant reference magnitude")
+    if sums.count < 4:
+        raise CoverageError(f"{sums.count} readings cannot hold a sphere; four are the least")
+    centre, size = _middle(sums)
+    known = None if reference is None else float(reference.magnitudes(1)[0])
+    scale = Scale(centre, size, known, reference.sd if reference else 0.0)
+    normalised = sums.rebase(centre, size).sums
+    found, tests = choose(
+        lambda chosen: algebraic(normalised, chosen, "adjusted"), model, sums.count, "adjusted"
+    )
+    chosen = settings(model, "adjusted from moments", gauge, reference)
+    affine = replace(
+        calibration(found, scale, sums.unit, gauge),
+        provenance=Provenance(settings=chosen, method=CITATIONS["adjusted"]),
+    )
+    assert affine.magnitude is not None
+    assert affine.covariance is not None
+    coverage = cover(
+        np.zeros(80, dtype=np.int64), affine.magnitude, affine.bias, affine.matrix,
+        affine.covariance, gauge=gauge, inclination_deg=inclination_deg,
+    )  # fmt: skip
+    fit = Fit(
+        calibration=affine, n=sums.count, residuals=None, weights=None, noise=affine.noise or 0.0,
+        correlation=1.0, condition=found.condition, iterations=1, converged=True,
+        coverage=coverage, tests=tests, 
+        remarks=remarks(affine, coverage, tests, reference is not None),
+    )  # fmt: skip
+    return finished(fit, (scale_finding(affine), undetermined(coverage)))
+
+
+def _middle(sums: Moments) -> tuple[Array, float]:
+    """Mean and rms distance from it of the readings that went in."""
+    plain = sums.rebase(sums.centre, 1.0).sums / sums.count
+    at = {exponents: k for k, exponents in enumerate(kernel.EXPONENTS)}
+    mean = np.array([plain[at[e]] for e in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
+    square = sum(plain[at[e]] for e in ((2, 0, 0), (0, 2, 0), (0, 0, 2))) - mean @ mean
+    if not square > 0.0:
+        raise CoverageError("the readings never change", turns="turn the sensor about all axes")
+    return sums.centre + mean, float(np.sqrt(square))

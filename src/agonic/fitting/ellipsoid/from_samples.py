@@ -1,0 +1,190 @@
+"""`fit_ellipsoid`: from samples, with everything that rows can tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity
+from agonic.coverage import cover
+from agonic.errors import AgonicError, CoverageError
+from agonic.fit import Fit, ModelTest
+from agonic.fitting.ellipsoid.assemble import (
+    CITATIONS,
+    Gauge,
+    Scale,
+    calibration,
+    finished,
+    remarks,
+    scale_finding,
+    settings,
+)  # fmt: skip
+from agonic.fitting.ellipsoid.solve import Found, Method, Model, algebraic, choose, likelihood
+from agonic.health import Evidence, clipped_rows, examine, inspect
+from agonic.kernels import ellipsoid, moments
+from agonic.kernels.affine import correct, magnitude_residual
+from agonic.kernels.coverage import visits
+from agonic.provenance import Input, Provenance
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+def fit_ellipsoid(
+    samples: Samples,
+    reference: Reference | None = None,
+    *,
+    model: Model = "auto",
+    method: Method = "likelihood",
+    robust: bool = True,
+    soft_iron_sd: float | None = 0.1,
+    gauge: Gauge = "symmetric",
+    inclination_deg: float = 60.0,
+    seed: int = 0,
+) -> Fit:
+    """Bias and matrix that put every calibrated reading at the field's magnitude.
+
+    Minimises Σ ρ(r_i/σ) + |prior|²/2, r = (|W(raw − bias)| − F)/|Wᵀû| the distance from the
+    ellipsoid in raw space.
+
+    Parameters
+    ----------
+    samples : readings of one sensor; times are used to find correlation and changes.
+    reference : magnitude F, constant or per sample, nT. Without one the mean gain is set to 1 and
+        the result keeps the unit of the readings; `fit.remarks` says so.
+    model : "sphere" (bias, one gain), "diagonal" (three gains), "full" (symmetric matrix), or
+        "auto": the smallest that nested tests do not reject.
+    method : "likelihood", "adjusted" (one pass, consistent), and the published "li-griffiths" and
+        "linear" for comparison (both biased by noise; robust and prior do not apply).
+    robust : meet outliers with Tukey's loss when a reading stands out.
+    soft_iron_sd : standard deviation of the Gaussian prior on W/gain − identity; None for none.
+    gauge : "symmetric", or "triangular" which keeps the z axis.
+    inclination_deg : dip at which the heading's standard error is stated.
+
+    Returns a `Fit`; `fit.ok` and `fit.status` say whether to use it. Raises `CoverageError` where
+    nothing can be fitted at all.
+
+    Source: maximum likelihood with Huber's sandwich covariance (Huber 1981); adjusted least
+    squares (Markovsky, Kukush & Van Huffel 2004); Li & Griffiths (2004).
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> u = rng.normal(size=(2000, 3))
+    >>> field = 50_000 * u / np.linalg.norm(u, axis=1, keepdims=True)
+    >>> samples = Samples(field=field + [3000.0, -500.0, 100.0] + rng.normal(size=(2000, 3)) * 100)
+    >>> fit = fit_ellipsoid(samples, Reference.constant(50_000))
+    >>> bool(np.all(np.abs(fit.calibration.bias - [3000, -500, 100]) < 4 * fit.sd[:3]))
+    True
+    """
+    usable = ~clipped_rows(samples.field)
+    scale, magnitude = _normalised(samples, reference, usable, method)
+    points = (samples.field[usable] - scale.centre) / scale.size
+
+    def attempt(chosen: str) -> Found:
+        if method != "likelihood":
+            return algebraic(moments.accumulate(points, np.zeros(3), 1.0), chosen, method)
+        return likelihood(ellipsoid.Problem(points, magnitude, chosen, soft_iron_sd), robust, seed)
+
+    found, tests = choose(attempt, model, len(points), method)
+    chosen = settings(
+        model, method, gauge, reference, robust=robust, soft_iron_sd=soft_iron_sd, seed=seed
+    )
+    affine = _labelled(calibration(found, scale, samples.unit, gauge), samples, chosen, method)
+    return _with_evidence(
+        found, affine, samples, usable, magnitude, tests, reference is not None, inclination_deg
+    )
+
+
+def _normalised(
+    samples: Samples, reference: Reference | None, usable: NDArray[np.bool_], method: str
+) -> tuple[Scale, Array]:
+    """Centre and size of the readings, and magnitudes scaled to mean one, (1,) or (n,)."""
+    readings = samples.field[usable]
+    centre = readings.mean(axis=0)
+    size = float(np.sqrt(((readings - centre) ** 2).sum(axis=1).mean()))
+    if size == 0.0:
+        raise CoverageError(
+            "the readings never change: the sensor did not turn, or it is stuck",
+            turns="turn it about all three axes while recording",
+        )
+    if reference is None:
+        return Scale(centre, size, None), np.ones(1)
+    magnitudes = reference.magnitudes(len(samples))
+    if len(magnitudes) > 1:
+        if method != "likelihood":
+            raise AgonicError(
+                f"method {method!r} needs a constant magnitude; use method='likelihood'"
+            )
+        magnitudes = magnitudes[usable]
+    mean = float(magnitudes.mean())
+    return Scale(centre, size, mean, reference.sd), magnitudes / mean
+
+
+def _labelled(affine: Affine, samples: Samples, chosen: Mapping[str, Any], method: str) -> Affine:
+    """The calibration with its sensor, frame, range and provenance."""
+    source = samples.source or Input.of_array(samples.name, samples.field)
+    warm = samples.temperature
+    return replace(
+        affine,
+        sensor=samples.name,
+        frame_in=samples.frame,
+        frame_out=samples.frame,
+        validity=Validity(
+            largest_reading=float(np.abs(samples.field).max()),
+            temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
+        ),
+        provenance=Provenance(inputs=(source,), settings=chosen, method=CITATIONS[method]),
+    )
+
+
+def _with_evidence(
+    found: Found, affine: Affine, samples: Samples, usable: NDArray[np.bool_], magnitude: Array,
+    tests: tuple[ModelTest, ...], known: bool, inclination_deg: float,
+) -> Fit:  # fmt: skip
+    """The fit: residuals of every row, coverage, findings and remarks."""
+    assert affine.magnitude is not None
+    assert affine.covariance is not None
+    assert affine.noise is not None
+    every = np.ones(1) if len(magnitude) == 1 else np.ones(len(samples))
+    if len(magnitude) > 1:
+        every[usable] = magnitude
+    residuals, jacobian = magnitude_residual(
+        samples.field, affine.bias, affine.matrix, every * affine.magnitude
+    )
+    weights = np.zeros(len(samples))
+    weights[usable] = 1.0 if found.weights is None else found.weights
+    field = correct(samples.field, affine.bias, affine.matrix)
+    coverage = cover(
+        visits(field[weights > 0]), affine.magnitude, affine.bias, affine.matrix,
+        affine.covariance, gauge=affine.gauge, inclination_deg=inclination_deg,
+    )  # fmt: skip
+    fit = Fit(
+        calibration=affine, n=int(usable.sum()), residuals=residuals, weights=weights,
+        noise=affine.noise, correlation=found.correlation, condition=found.condition,
+        iterations=found.iterations, converged=found.converged, coverage=coverage, tests=tests,
+        findings=inspect(samples), 
+        remarks=remarks(affine, coverage, tests, known),
+    )  # fmt: skip
+    gain = float(np.trace(affine.matrix) / 3)
+    evidence = Evidence(
+        readings=samples.field[usable],
+        time=None if samples.time is None else samples.time[usable],
+        residuals=residuals[usable],
+        weights=weights[usable],
+        normals=-jacobian[usable, :3],
+        radius=affine.magnitude / gain,
+        noise=affine.noise,
+        correlation=found.correlation,
+        coverage=coverage,
+        known_radius=affine.magnitude if known and affine.unit_in == "nT" else None,
+    )
+    found_wrong = examine(evidence)
+    refused = any(finding.severity == "refuse" for finding in found_wrong)
+    return finished(fit, (*found_wrong, None if refused else scale_finding(affine)))

@@ -1,0 +1,123 @@
+"""One model's fit in normalised coordinates, and the choice between models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError, CoverageError
+from agonic.fit import ModelTest
+from agonic.health import FEWEST
+from agonic.kernels import ellipsoid, gauge, moments, quadric
+from agonic.kernels.affine import model_basis, split
+
+Array = NDArray[np.float64]
+Model = Literal["auto", "sphere", "diagonal", "full"]
+Method = Literal["likelihood", "adjusted", "li-griffiths", "linear"]
+
+SIGNIFICANT = 0.01
+"""A larger model is kept when the smaller one would be this improbable."""
+
+UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
+
+
+class Found(NamedTuple):
+    """One model's fit to points that are centred and scaled to about one, magnitude one."""
+
+    model: str
+    bias: Array
+    matrix: Array
+    covariance: Array
+    noise: float
+    correlation: float = 1.0
+    residuals: Array | None = None
+    weights: Array | None = None
+    condition: float = 1.0
+    iterations: int = 1
+    converged: bool = True
+
+
+def likelihood(problem: ellipsoid.Problem, robust: bool, seed: int) -> Found:
+    """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model."""
+    estimate = ellipsoid.estimate(problem, robust=robust, seed=seed)
+    solution = estimate.solution
+    bias, matrix = split(model_basis(problem.model) @ solution.params)
+    return Found(
+        problem.model, bias, matrix, gauge.spread_model(problem.model, solution.covariance),
+        estimate.noise.sd, estimate.noise.correlation, estimate.residuals, estimate.weights,
+        solution.condition, solution.iterations, solution.converged,
+    )  # fmt: skip
+
+
+def algebraic(sums: Array, model: str, method: Method) -> Found:
+    """An algebraic fit from the 35 moments of normalised points."""
+    psi = moments.denoised_gram(sums)
+    variance = 0.0
+    if method == "adjusted":
+        v, variance = quadric.adjusted(psi, model)
+    elif method == "li-griffiths":
+        if model != "full":
+            raise AgonicError(f"Li & Griffiths fit a full ellipsoid, not a {model}")
+        v = quadric.li_griffiths(psi[0])
+    else:
+        v = quadric.smallest(psi[0], model)
+    if not quadric.is_ellipsoid(v):
+        raise CoverageError(
+            "the readings do not determine an ellipsoid",
+            undetermined="shape",
+            turns="turn the sensor about all three axes, or fit with method='likelihood'",
+        )
+    bias, matrix = quadric.to_affine(v)
+    if method != "adjusted":  # their noise: what the algebraic residual leaves per reading
+        gradient = 4 * float(np.trace(matrix.T @ matrix)) / 3
+        q = v * quadric.MULTIPLICITY
+        m, n, d = quadric.parts(v)
+        size = float(n @ np.linalg.solve(m, n)) - d
+        variance = float(q @ psi[0] @ q) / size**2 / gradient / sums[0]
+    cleaned = psi[0] - variance * psi[1] + variance**2 * psi[2]
+    covariance, condition = quadric.algebraic_covariance(
+        cleaned, bias, matrix, model_basis(model), variance
+    )
+    return Found(
+        model, bias, matrix, gauge.spread_model(model, covariance), float(np.sqrt(variance)),
+        condition=condition,
+    )  # fmt: skip
+
+
+def choose(
+    attempt: Callable[[str], Found], model: Model, n: int, method: Method
+) -> tuple[Found, tuple[ModelTest, ...]]:
+    """The fit of the model asked for, or of the smallest that nested tests do not reject."""
+    if n < UNKNOWNS.get(model, 4):
+        raise CoverageError(
+            f"{n} readings cannot determine the {UNKNOWNS.get(model, 4)} unknowns of a "
+            f"{'sphere' if model == 'auto' else model} model",
+            turns="record a few hundred readings while turning the sensor about all axes",
+        )
+    if model != "auto":
+        return attempt(model), ()
+    if n < FEWEST:
+        return attempt("sphere"), ()
+    full = attempt("full")
+    tests = tuple(
+        ModelTest(smaller=small, larger=large, statistic=x, p_value=p, sentence=_words(small, p))
+        for small, large, x, p in gauge.soft_iron_tests(full.matrix, full.covariance)
+    )
+    enough = next((t.smaller for t in tests if t.p_value > SIGNIFICANT), "full")
+    if enough == "full" or method == "li-griffiths":
+        return full, tests
+    return attempt(enough), tests
+
+
+def _words(smaller: str, p: float) -> str:
+    """What a test says, in a sentence."""
+    chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
+    present = p <= SIGNIFICANT
+    if smaller == "sphere":
+        what = "soft iron or unequal gains are present" if present else "no sign of soft iron"
+    else:
+        what = "cross-axis terms are present" if present else "no sign of cross-axis terms"
+    return f"{what} ({chance})"

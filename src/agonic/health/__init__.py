@@ -1,0 +1,16 @@
+"""Findings: what is wrong or worth knowing about readings and fits, each by name."""
+
+from agonic.health.evidence import Evidence, examine, undetermined
+from agonic.health.finding import Finding, Severity
+from agonic.health.readings import FEWEST, clipped_rows, inspect
+
+__all__ = [
+    "FEWEST",
+    "Evidence",
+    "Finding",
+    "Severity",
+    "clipped_rows",
+    "examine",
+    "inspect",
+    "undetermined",
+]

@@ -1,0 +1,161 @@
+"""What can be said of readings before any fit: frozen, clipped, stale, too few."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.health.finding import Finding
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+FEWEST = 12
+"""Fewer readings than this cannot be judged: nine unknowns leave nothing to check them by."""
+
+
+def inspect(samples: Samples) -> tuple[Finding, ...]:
+    """Everything that the readings alone give away.
+
+    >>> flat = Samples(field=np.random.default_rng(0).normal(size=(50, 3)) * [1, 0, 1])
+    >>> [finding.name for finding in inspect(flat)]
+    ['frozen axis']
+    """
+    found = [
+        *_rejected(samples),
+        _few(samples),
+        *(_frozen(samples, axis) for axis in range(3)),
+        _clipped(samples),
+        _stale(samples.field),
+        _gaps(samples),
+    ]
+    return tuple(finding for finding in found if finding is not None)
+
+
+def _rejected(samples: Samples) -> list[Finding]:
+    total = len(samples) + sum(samples.rejected.values())
+    return [
+        Finding(
+            "NaN" if "NaN" in why else "clock",
+            "check" if count > 0.01 * total else "note",
+            f"{count} of {total} rows were left out ({why})",
+            "look at the logger" if count > 0.01 * total else "",
+        )
+        for why, count in samples.rejected.items()
+    ]
+
+
+def _few(samples: Samples) -> Finding | None:
+    if len(samples) >= FEWEST:
+        return None
+    return Finding(
+        "too few readings",
+        "refuse",
+        f"only {len(samples)} readings: nine unknowns leave nothing to check them by",
+        "record at least a few hundred while turning the sensor about all axes",
+    )
+
+
+def _frozen(samples: Samples, axis: int) -> Finding | None:
+    """An axis that stands still, throughout or in one long stretch, while the others move."""
+    values = samples.field[:, axis]
+    others = np.delete(samples.field, axis, axis=1)
+    if len(values) < FEWEST or np.ptp(others, axis=0).max() == 0:
+        return None
+    letter = "xyz"[axis]
+    if np.ptp(values) == 0:
+        return Finding(
+            "frozen axis",
+            "refuse",
+            f"axis {letter} never changes while the others do",
+            "check the sensor and its wiring; one axis short, only a compass held level is left",
+        )
+    start, length = _longest_run(values)
+    usual = float((np.diff(values) == 0).mean())
+    run = slice(start, start + length)
+    turned = (np.ptp(others[run], axis=0) > 0.2 * np.ptp(others, axis=0)).any()
+    if length < max(50, 0.02 * len(values)) or not turned or usual > 0.5 + length / len(values):
+        return None
+    return Finding(
+        "frozen axis",
+        "check",
+        f"axis {letter} stands still in rows {start} to {start + length} while the others move",
+        "leave that stretch out and check the sensor",
+    )
+
+
+def _longest_run(values: Array) -> tuple[int, int]:
+    """Where the longest stretch of equal values starts, and its length."""
+    edges = np.flatnonzero(np.diff(values) != 0) + 1
+    starts = np.concatenate([[0], edges])
+    lengths = np.diff(np.concatenate([starts, [len(values)]]))
+    longest = int(np.argmax(lengths))
+    return int(starts[longest]), int(lengths[longest])
+
+
+def clipped_rows(field: Array) -> NDArray[np.bool_]:
+    """Rows (n,) in which an axis sits at the end of its range.
+
+    A clipped axis piles up at one value while the other axes still move. At an honest extreme the
+    pile is low (a sensor passes it quickly) and the others are near their middle, within
+    √(2 R q) for a sphere of radius R in steps of q.
+    """
+    rows = np.zeros(len(field), dtype=bool)
+    for axis in range(3):
+        for values in (field[:, axis], -field[:, axis]):
+            at_end = values == values.max()
+            if at_end.sum() >= 5 and _piles_up(values, np.delete(field, axis, axis=1), at_end):
+                rows |= at_end
+    return rows
+
+
+def _piles_up(values: Array, others: Array, at_end: NDArray[np.bool_]) -> bool:
+    """Whether the readings at the end of an axis are many and spread over the other axes."""
+    levels, counts = np.unique(values, return_counts=True)
+    if len(levels) < 8 or counts[-1] < 5 * counts[-4:-1].mean():
+        return False
+    radius = (levels[-1] - levels[0]) / 2
+    step = (levels[-1] - levels[-4]) / 3
+    spread = np.diff(np.percentile(others[at_end], (5, 95), axis=0), axis=0).max()
+    return bool(spread > 3 * np.sqrt(2 * radius * step))
+
+
+def _clipped(samples: Samples) -> Finding | None:
+    clipped = clipped_rows(samples.field)
+    if not clipped.any():
+        return None
+    share = 100 * clipped.mean()
+    return Finding(
+        "clipping",
+        "check",
+        f"{int(clipped.sum())} readings ({share:.1f} %) sit at the end of the sensor's range and "
+        "were left out",
+        "choose a larger range, or move the sensor away from magnets and iron",
+    )
+
+
+def _stale(field: Array) -> Finding | None:
+    repeated = (np.diff(field, axis=0) == 0).all(axis=1) if len(field) > 1 else np.zeros(1)
+    share = float(repeated.mean())
+    if share < 0.05:
+        return None
+    return Finding(
+        "repeated readings",
+        "note",
+        f"{100 * share:.0f} % of the readings repeat the one before: the log runs faster than the "
+        "sensor",
+    )
+
+
+def _gaps(samples: Samples) -> Finding | None:
+    if samples.time is None or len(samples) < FEWEST:
+        return None
+    steps = np.diff(samples.time)
+    gaps = steps > max(20 * float(np.median(steps)), 1.0)
+    if not gaps.any():
+        return None
+    return Finding(
+        "gaps",
+        "note",
+        f"{int(gaps.sum())} gaps in time, the longest {steps.max():.1f} s",
+    )

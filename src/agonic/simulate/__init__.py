@@ -1,0 +1,39 @@
+"""Simulated magnetometers whose calibration is known, and the defects that real logs have."""
+
+from agonic.simulate.defects import (
+    Defect,
+    clipped,
+    delayed,
+    drifting,
+    duplicated,
+    frozen,
+    magnet_attached,
+    mixed,
+    quantised,
+    with_correlated_noise,
+    with_gap,
+    with_nan,
+    with_outliers,
+)
+from agonic.simulate.draws import random_calibration
+from agonic.simulate.sensor import Simulated, kinds, simulate
+
+__all__ = [
+    "Defect",
+    "Simulated",
+    "clipped",
+    "delayed",
+    "drifting",
+    "duplicated",
+    "frozen",
+    "kinds",
+    "magnet_attached",
+    "mixed",
+    "quantised",
+    "random_calibration",
+    "simulate",
+    "with_correlated_noise",
+    "with_gap",
+    "with_nan",
+    "with_outliers",
+]

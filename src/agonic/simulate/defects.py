@@ -1,0 +1,242 @@
+"""What goes wrong in real logs, as functions from samples to samples.
+
+Each name makes a `Defect`, so that `clipped(40_000)(samples)` applies one and
+`simulate(…, defects=[quantised(10), clipped(40_000)])` several in order. Fields and offsets are
+in the unit of the samples, times in their seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import lfilter
+
+from agonic.errors import AgonicError
+from agonic.samples import Samples
+from agonic.simulate.draws import directions
+
+Array = NDArray[np.float64]
+Defect = Callable[[Samples], Samples]
+"""A pure function from samples to samples."""
+
+_ROUNDING_S = 1e-6  # differences of times below this are rounding
+
+
+def quantised(step: float) -> Defect:
+    """Readings rounded to multiples of `step`, as a coarse converter gives them.
+
+    >>> quantised(10.0)(Samples(field=[[14.0, 16.0, -4.0]])).field.tolist()
+    [[10.0, 20.0, -0.0]]
+    """
+    return lambda samples: samples.with_columns(field=np.round(samples.field / step) * step)
+
+
+def clipped(limit: float) -> Defect:
+    """Readings held within ±`limit`, the sensor's range.
+
+    >>> clipped(50.0)(Samples(field=[[14.0, 60.0, -70.0]])).field.tolist()
+    [[14.0, 50.0, -50.0]]
+    """
+    return lambda samples: samples.with_columns(field=np.clip(samples.field, -limit, limit))
+
+
+def with_outliers(
+    share: float = 0.05, *, smallest: float = 10_000.0, largest: float = 50_000.0, seed: int = 0
+) -> Defect:
+    """A vector of random direction and of length `smallest`…`largest` added to a share of rows.
+
+    >>> hit = with_outliers(0.5, smallest=3.0, largest=3.0)(Samples(field=np.zeros((4, 3))))
+    >>> sorted(np.linalg.norm(hit.field, axis=1).round(9).tolist())
+    [0.0, 0.0, 3.0, 3.0]
+    """
+
+    def defect(samples: Samples) -> Samples:
+        rng = np.random.default_rng(seed)
+        rows = _some_rows(rng, samples, share)
+        field = samples.field.copy()
+        lengths = rng.uniform(smallest, largest, len(rows))
+        field[rows] += directions(rng, len(rows)) * lengths[:, None]
+        return samples.with_columns(field=field)
+
+    return defect
+
+
+def with_nan(share: float = 0.01, *, seed: int = 0) -> Defect:
+    """A share of rows lost to NaN, which the samples reject and count.
+
+    >>> lost = with_nan(0.5)(Samples(field=np.zeros((4, 3))))
+    >>> len(lost), dict(lost.rejected)
+    (2, {'NaN or infinite field': 2})
+    """
+
+    def defect(samples: Samples) -> Samples:
+        rng = np.random.default_rng(seed)
+        field = samples.field.copy()
+        field[_some_rows(rng, samples, share)] = np.nan
+        return samples.with_columns(field=field)
+
+    return defect
+
+
+def with_gap(start: float, stop: float) -> Defect:
+    """No rows from `start` up to, not including, `stop` seconds.
+
+    >>> with_gap(1, 3)(Samples(time=[0, 1, 2, 3], field=np.zeros((4, 3)))).time.tolist()
+    [0.0, 3.0]
+    """
+    return lambda samples: samples.select(~_between(samples, start, stop))
+
+
+def frozen(axis: int, *, start: float = -np.inf) -> Defect:
+    """One axis (0, 1, 2) that repeats, from `start` seconds on, its reading of that moment.
+
+    >>> stuck = frozen(0, start=1.0)(Samples(time=[0, 1, 2], field=np.arange(9).reshape(3, 3)))
+    >>> stuck.field[:, 0].tolist()
+    [0.0, 3.0, 3.0]
+    """
+    if axis not in (0, 1, 2):
+        raise AgonicError(f"axis is {axis}; it needs 0, 1 or 2 for x, y or z")
+
+    def defect(samples: Samples) -> Samples:
+        rows = np.flatnonzero(_between(samples, start, np.inf))
+        field = samples.field.copy()
+        field[rows, axis] = field[rows[:1], axis]
+        return samples.with_columns(field=field)
+
+    return defect
+
+
+def magnet_attached(at: float, offset: ArrayLike, *, until: float = np.inf) -> Defect:
+    """A vector `offset` (3,) added from `at` up to `until` seconds.
+
+    >>> s = magnet_attached(1, [5, 0, 0], until=2)(Samples(time=[0, 1, 2], field=np.zeros((3, 3))))
+    >>> s.field[:, 0].tolist()
+    [0.0, 5.0, 0.0]
+    """
+
+    def defect(samples: Samples) -> Samples:
+        present = _between(samples, at, until)[:, None]
+        return samples.with_columns(field=samples.field + present * np.asarray(offset, float))
+
+    return defect
+
+
+def drifting(offset: ArrayLike) -> Defect:
+    """A bias that moves steadily by `offset` (3,) from the first row to the last.
+
+    >>> drifting([4.0, 0, 0])(Samples(time=[0, 1, 4], field=np.zeros((3, 3)))).field[:, 0].tolist()
+    [0.0, 1.0, 4.0]
+    """
+
+    def defect(samples: Samples) -> Samples:
+        time = _time(samples)
+        elapsed = (time - time[0]) / (time[-1] - time[0])
+        return samples.with_columns(
+            field=samples.field + elapsed[:, None] * np.asarray(offset, float)
+        )
+
+    return defect
+
+
+def with_correlated_noise(sd: float, correlation_s: float, *, seed: int = 0) -> Defect:
+    """Gauss–Markov noise on each axis, e(t + Δ) = e(t) exp(−Δ/`correlation_s`) + white noise.
+
+    `sd` is that of one reading; rows are taken to be evenly spaced.
+
+    >>> still = Samples(time=np.arange(5000.0), field=np.zeros((5000, 3)))
+    >>> noise = with_correlated_noise(3.0, 10.0)(still).field[:, 0]
+    >>> bool(2.5 < noise.std() < 3.5), bool(np.corrcoef(noise[1:], noise[:-1])[0, 1] > 0.85)
+    (True, True)
+    """
+
+    def defect(samples: Samples) -> Samples:
+        kept = np.exp(-np.median(np.diff(_time(samples))) / correlation_s)
+        white = np.random.default_rng(seed).standard_normal((len(samples), 3))
+        white[1:] *= np.sqrt(1 - kept**2)  # so that the noise is stationary from the first row
+        noise = sd * lfilter([1.0], [1.0, -kept], white, axis=0)
+        return samples.with_columns(field=samples.field + noise)
+
+    return defect
+
+
+def delayed(seconds: float) -> Defect:
+    """A field that arrives late beside the other columns: field(t) becomes field(t − `seconds`).
+
+    Rows between two readings are interpolated, those without a reading on both sides left out.
+
+    >>> s = Samples(time=[0, 1, 2], field=np.outer([0, 1, 2], [1.0, 2, 3]), heading_deg=[7, 8, 9])
+    >>> delayed(0.5)(s).field[:, 0].tolist(), delayed(0.5)(s).heading_deg.tolist()
+    ([0.5, 1.5], [8.0, 9.0])
+    """
+
+    def defect(samples: Samples) -> Samples:
+        time = _time(samples)
+        seen = time - seconds
+        late = [np.interp(seen, time, axis) for axis in samples.field.T]
+        arrived = (seen > time[0] - _ROUNDING_S) & (seen < time[-1] + _ROUNDING_S)
+        return samples.with_columns(field=np.stack(late, axis=1)).select(arrived)
+
+    return defect
+
+
+def duplicated(times: int = 2) -> Defect:
+    """Each reading held for `times` rows, as when a log is written faster than the sensor reads.
+
+    >>> duplicated()(Samples(field=np.arange(12).reshape(4, 3))).field[:, 0].tolist()
+    [0.0, 0.0, 6.0, 6.0]
+    """
+
+    def defect(samples: Samples) -> Samples:
+        rows = np.arange(len(samples))
+        return samples.with_columns(field=samples.field[rows - rows % times])
+
+    return defect
+
+
+def mixed(other: Samples) -> Defect:
+    """The rows of two sensors in turn under one name, in the columns that both have.
+
+    Rows of `other` come half an interval after their partners where the times are the same.
+
+    >>> a = Samples(time=[0, 1], field=np.zeros((2, 3)))
+    >>> both = mixed(a.with_columns(field=np.ones((2, 3))))(a)
+    >>> both.time.tolist(), both.field[:, 0].tolist()
+    ([0.0, 0.5, 1.0, 1.5], [0.0, 1.0, 0.0, 1.0])
+    """
+
+    def defect(samples: Samples) -> Samples:
+        time, second = _time(samples), _time(other)
+        if np.isin(second, time).any():
+            second = second + np.median(np.diff(time)) / 2
+        order = np.argsort(np.concatenate([time, second]), kind="stable")
+        right = other.with_columns(time=second).columns()
+        joined = {
+            name: np.concatenate([left, right[name]])[order] if name in right else None
+            for name, left in samples.columns().items()
+        }
+        return samples.with_columns(**joined)
+
+    return defect
+
+
+def _some_rows(rng: np.random.Generator, samples: Samples, share: float) -> NDArray[np.intp]:
+    """A share of the row numbers, each at most once."""
+    if not 0 <= share <= 1:
+        raise AgonicError(f"share is {share}; it needs a number from 0 to 1")
+    return rng.choice(len(samples), size=round(share * len(samples)), replace=False)
+
+
+def _time(samples: Samples) -> Array:
+    if samples.time is None:
+        raise AgonicError("this defect happens at a time and the samples have none; give them one")
+    return samples.time
+
+
+def _between(samples: Samples, start: float, stop: float) -> NDArray[np.bool_]:
+    """The rows from `start` up to, not including, `stop` seconds."""
+    if start == -np.inf and stop == np.inf:
+        return np.ones(len(samples), dtype=bool)
+    time = _time(samples)
+    return np.asarray((time >= start) & (time < stop))

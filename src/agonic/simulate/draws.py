@@ -1,0 +1,70 @@
+"""What simulations draw at random."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from agonic.calibration.affine import Affine
+
+Array = NDArray[np.float64]
+
+
+def random_calibration(
+    rng: np.random.Generator,
+    *,
+    soft_iron: float = 0.1,
+    cross: float = 0.05,
+    bias: float = 55_000.0,
+    model: str = "full",
+) -> Affine:
+    """A calibration to find: a symmetric matrix near identity, a bias in a random direction.
+
+    Parameters
+    ----------
+    rng : where the numbers come from.
+    soft_iron : the diagonal lies within 1 ± soft_iron.
+    cross : the other entries lie within ± cross; they are 0 but for the model "full".
+    bias : length of the bias, nT.
+    model : "sphere" (one gain), "diagonal" (three gains) or "full".
+
+    Returns
+    -------
+    Affine
+        From nT to nT, in the symmetric gauge.
+
+    Examples
+    --------
+    >>> truth = random_calibration(np.random.default_rng(1), bias=3e4, model="diagonal")
+    >>> bool(np.isclose(np.linalg.norm(truth.bias), 3e4)), int(np.count_nonzero(truth.matrix))
+    (True, 3)
+    """
+    gains = rng.uniform(1 - soft_iron, 1 + soft_iron, 1 if model == "sphere" else 3)
+    matrix = np.diag(np.broadcast_to(gains, 3))
+    if model == "full":
+        upper = np.zeros((3, 3))
+        upper[np.triu_indices(3, 1)] = rng.uniform(-cross, cross, 3)
+        matrix = matrix + upper + upper.T
+    return Affine(bias=bias * directions(rng, 1)[0], matrix=matrix, model=model)
+
+
+def directions(rng: np.random.Generator, n: int, dimensions: int = 3) -> Array:
+    """Unit vectors (n, dimensions) uniform over the sphere; with 4, attitudes as quaternions."""
+    vectors = rng.standard_normal((n, dimensions))
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+def wander(
+    rng: np.random.Generator, duration_s: float, *, sd: float, pace_s: float
+) -> Callable[[Array], Array]:
+    """A smooth random function of time about zero, independent after some `pace_s` seconds."""
+    knots = knot_times(duration_s, pace_s)
+    return CubicSpline(knots, sd * rng.standard_normal(len(knots)))
+
+
+def knot_times(duration_s: float, pace_s: float) -> Array:
+    """Times `pace_s` apart from before 0 to after `duration_s`, at least four."""
+    return np.arange(-1, np.ceil(duration_s / pace_s) + 3) * pace_s

@@ -1,0 +1,119 @@
+"""Flights: legs and banked turns, with the current that climbing and turning draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import Rotation
+
+from agonic.errors import AgonicError
+from agonic.simulate.draws import wander
+from agonic.simulate.motions import (
+    GRAVITY_M_S2,
+    Motion,
+    rate_of_change,
+    rotation_rate,
+    yaw_pitch_roll,
+)
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+
+EARTH_RADIUS_M = 6_371_008.8  # IUGG mean radius; a sphere is enough for the columns of a flight
+
+_SPEED_AND_LEAN = {"plane": (18.0, 3.0), "copter": (8.0, -12.0)}  # m/s, degrees nose up
+_TURN_DEG_S = 15.0
+
+
+def flight(
+    time: Array,
+    rng: np.random.Generator,
+    field_n: Array,
+    *,
+    vehicle: Literal["plane", "copter"] = "plane",
+    leg_s: float = 12.0,
+    stray_nT_A: tuple[float, float, float] = (60.0, -35.0, 90.0),
+    full_current_A: float = 25.0,
+    latitude_deg: float = 47.0,
+    longitude_deg: float = 8.0,
+    altitude_m: float = 500.0,
+) -> Motion:
+    """Legs of `leg_s` joined by coordinated turns to either side, in gentle climbs and descents.
+
+    The bank of a turn is tan φ = V·χ̇/g. Climbing and turning cost throttle, throttle costs
+    current, and the current adds the field `stray_nT_A`·I in sensor axes.
+    """
+    if vehicle not in _SPEED_AND_LEAN:
+        raise AgonicError(f"no vehicle {vehicle!r}; choose from {', '.join(_SPEED_AND_LEAN)}")
+    speed, lean_deg = _SPEED_AND_LEAN[vehicle]
+    course_deg = _course(rng, time[-1], leg_s)
+    climb_deg = wander(rng, time[-1], sd=3.0, pace_s=15.0)
+    gusts = [wander(rng, time[-1], sd=sd, pace_s=0.7) for sd in (1.0, 1.5, 2.0)]
+
+    def bank_deg(at: Array) -> Array:
+        turn = np.radians(rate_of_change(course_deg, at))
+        return np.degrees(np.arctan(speed * turn / GRAVITY_M_S2))
+
+    def attitude(at: Array) -> Rotation:
+        return yaw_pitch_roll(
+            course_deg(at) + gusts[0](at),
+            climb_deg(at) + lean_deg + gusts[1](at),
+            bank_deg(at) + gusts[2](at),
+        )
+
+    def velocity_n(at: Array) -> Array:
+        climb, course = np.radians(climb_deg(at)), np.radians(course_deg(at))
+        north, east = np.cos(climb) * np.cos(course), np.cos(climb) * np.sin(course)
+        return speed * np.stack([north, east, -np.sin(climb)], axis=1)
+
+    throttle = _throttle(rng, time, climb_deg(time), bank_deg(time))
+    current = full_current_A * (0.05 + 0.95 * throttle**1.5)  # P ∝ thrust^1.5, momentum theory
+    position = _position(time, velocity_n(time), (latitude_deg, longitude_deg, altitude_m))
+    return Motion(
+        rot_nb=attitude(time),
+        rotation_rate=rotation_rate(attitude, time),
+        acceleration_n=rate_of_change(velocity_n, time),
+        stray_b=np.outer(current, stray_nT_A),
+        columns={"current_A": current, "throttle": throttle, **position},
+    )
+
+
+def _course(rng: np.random.Generator, duration_s: float, leg_s: float) -> Function:
+    """The course in degrees: constant on legs, turning smoothly between them."""
+    n = int(np.ceil(duration_s / leg_s)) + 1
+    turns = rng.uniform(60.0, 210.0, n) * rng.choice([-1.0, 1.0], n)
+    lasting = np.abs(turns) / _TURN_DEG_S
+    starts = leg_s + np.concatenate([[0.0], np.cumsum(lasting + leg_s)[:-1]])
+    headings = rng.uniform(0, 360) + np.concatenate([[0.0], np.cumsum(turns)[:-1]])
+
+    def course_deg(at: Array) -> Array:
+        k = np.maximum(np.searchsorted(starts, at) - 1, 0)
+        u = np.clip((at - starts[k]) / lasting[k], 0.0, 1.0)
+        # the quintic step has zero first and second derivatives at both ends: no jump in bank rate
+        return np.asarray(headings[k] + turns[k] * u**3 * (10 + u * (6 * u - 15)))
+
+    return course_deg
+
+
+def _throttle(rng: np.random.Generator, time: Array, climb_deg: Array, bank_deg: Array) -> Array:
+    """The throttle, 0.05…1, that climbing, the load factor 1/cos φ and gusts ask for."""
+    load = 1 / np.cos(np.radians(bank_deg)) - 1
+    gust = wander(rng, time[-1], sd=0.05, pace_s=3.0)(time)
+    return np.clip(0.45 + 0.05 * climb_deg + 0.4 * load + gust, 0.05, 1.0)
+
+
+def _position(
+    time: Array, velocity_n: Array, start: tuple[float, float, float]
+) -> dict[str, Array]:
+    """Latitude, longitude and altitude along a velocity (n, 3) in north, east, down."""
+    north, east, down = cumulative_trapezoid(velocity_n, time, axis=0, initial=0).T
+    parallel = EARTH_RADIUS_M * np.cos(np.radians(start[0]))
+    return {
+        "latitude_deg": start[0] + np.degrees(north / EARTH_RADIUS_M),
+        "longitude_deg": start[1] + np.degrees(east / parallel),
+        "altitude_m": start[2] - down,
+    }

@@ -1,0 +1,223 @@
+"""`simulate`: readings of a magnetometer whose calibration is known."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.affine import Affine
+from agonic.errors import AgonicError
+from agonic.samples import Samples
+from agonic.simulate import motions
+from agonic.simulate.defects import Defect
+from agonic.simulate.draws import random_calibration
+from agonic.simulate.flight import flight
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+
+_MOTIONS: Mapping[str, Callable[..., motions.Motion]] = MappingProxyType(
+    {
+        "tumble": motions.tumble,
+        "sphere": motions.sphere,
+        "belt": motions.belt,
+        "hand": motions.hand,
+        "circle": motions.circle,
+        "flight": flight,
+        "static": motions.static,
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Simulated:
+    """Readings and the truth behind them.
+
+    `samples` what the sensor recorded, defects included; `truth` the calibration that undoes it;
+    `field_n` (3,) Earth's field, north-east-down, nT; `field_b` (n, 3) the same in sensor axes at
+    the attitude of each row; `facts` the settings that made it.
+    """
+
+    samples: Samples
+    truth: Affine
+    field_n: Array
+    field_b: Array
+    facts: Mapping[str, Any]
+
+
+def kinds() -> tuple[str, ...]:
+    """The motions that `simulate` knows.
+
+    >>> kinds()
+    ('tumble', 'sphere', 'belt', 'hand', 'circle', 'flight', 'static')
+    """
+    return tuple(_MOTIONS)
+
+
+def simulate(
+    kind: str,
+    *,
+    n: int = 3000,
+    rate_Hz: float = 50.0,
+    magnitude: float = 50_000.0,
+    inclination_deg: float = 60.0,
+    declination_deg: float = 0.0,
+    noise: float = 200.0,
+    calibration: Affine | None = None,
+    counts_per_nT: float | None = None,
+    defects: Iterable[Defect] = (),
+    seed: int = 0,
+    **settings: Any,
+) -> Simulated:
+    """Readings of a known magnetometer in a known field: raw = matrix⁻¹ @ field_b + bias + noise.
+
+    Parameters
+    ----------
+    kind : the motion, with settings of its own by keyword: "tumble" (pace_s), "sphere", "belt"
+        (tilt_deg, axis), "hand", "circle" (tilt_deg, smooth, period_s), "flight" (vehicle, leg_s,
+        stray_nT_A, full_current_A, latitude_deg, longitude_deg, altitude_m) and "static"
+        (heading_deg, pitch_deg, roll_deg); `simulate.motions` and `.flight` describe them.
+    n, rate_Hz : number of rows and rows a second.
+    magnitude, inclination_deg, declination_deg : Earth's field, nT and degrees.
+    noise : standard deviation of one reading on one axis, in the unit the calibration takes in.
+    calibration : the truth; drawn by `random_calibration` from the seed when not given.
+    counts_per_nT : readings become raw counts of this sensitivity, and the truth with them.
+    defects : applied to the samples in this order.
+    seed : the same seed gives the same readings; motion, noise and calibration draw separately.
+
+    Returns
+    -------
+    Simulated
+        Samples with attitude and specific force, and for smooth motions rotation rate.
+
+    Raises
+    ------
+    AgonicError
+        For a kind or setting that does not exist.
+
+    Examples
+    --------
+    >>> s = simulate("tumble", n=500, noise=0.0)
+    >>> bool(np.allclose(s.truth.correct(s.samples.field), s.field_b))
+    True
+    """
+    settings = _settings(kind, settings)
+    facts = {
+        "kind": kind,
+        "n": n,
+        "rate_Hz": rate_Hz,
+        "magnitude": magnitude,
+        "inclination_deg": inclination_deg,
+        "declination_deg": declination_deg,
+        "noise": noise,
+        "seed": seed,
+        **settings,
+    }
+    _check_positive(facts)
+    motion_rng, noise_rng, truth_rng = np.random.default_rng(seed).spawn(3)
+    truth = random_calibration(truth_rng) if calibration is None else calibration
+    truth = replace(truth, noise=noise, magnitude=magnitude)
+    time = np.arange(n) / rate_Hz
+    field_n = _earth_field(magnitude, inclination_deg, declination_deg)
+    motion = _MOTIONS[kind](time, motion_rng, field_n, **settings)
+    field_b = motion.rot_nb.apply(field_n, inverse=True) + motion.stray_b
+    raw = field_b @ np.linalg.inv(truth.matrix).T + truth.bias
+    raw += noise * noise_rng.standard_normal((n, 3))
+    if counts_per_nT is not None:
+        raw, truth = raw * counts_per_nT, _in_counts(truth, counts_per_nT)
+    samples = _recorded(time, raw, truth, motion)
+    for defect in defects:
+        samples = defect(samples)
+    return Simulated(
+        samples=samples,
+        truth=truth,
+        field_n=field_n,
+        field_b=_rot_nb(samples).apply(field_n, inverse=True),
+        facts=MappingProxyType(facts),
+    )
+
+
+def _settings(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """All settings of a kind: its defaults, and over them those that were given."""
+    if kind not in _MOTIONS:
+        raise AgonicError(f"no kind {kind!r} to simulate; choose from {', '.join(kinds())}")
+    parameters = inspect.signature(_MOTIONS[kind]).parameters.values()
+    defaults = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    unknown = sorted(set(given) - set(defaults))
+    if unknown:
+        offer = ", ".join(defaults) or "none of its own"
+        raise AgonicError(f"{kind!r} has no setting {', '.join(unknown)}; it takes {offer}")
+    return defaults | dict(given)
+
+
+def _check_positive(settings: Mapping[str, Any]) -> None:
+    """Numbers, rates, magnitudes and durations must be above zero."""
+    for name, value in settings.items():
+        if (name in ("n", "rate_Hz", "magnitude") or name.endswith("_s")) and not value > 0:
+            raise AgonicError(f"{name} is {value}; a simulation needs it above zero")
+
+
+def _earth_field(magnitude: float, inclination_deg: float, declination_deg: float) -> Array:
+    """North, east and down components of F, I and D."""
+    dip, east = np.radians(inclination_deg), np.radians(declination_deg)
+    level = np.cos(dip)
+    return magnitude * np.array([level * np.cos(east), level * np.sin(east), np.sin(dip)])
+
+
+def _in_counts(truth: Affine, counts_per_nT: float) -> Affine:
+    """The same calibration for readings in counts."""
+    if truth.unit_in == RAW:
+        raise AgonicError("counts_per_nT needs a calibration in nT; this one takes counts already")
+    return replace(
+        truth,
+        bias=truth.bias * counts_per_nT,
+        matrix=truth.matrix / counts_per_nT,
+        noise=None if truth.noise is None else truth.noise * counts_per_nT,
+        unit_in=RAW,
+    )
+
+
+def _recorded(time: Array, raw: Array, truth: Affine, motion: motions.Motion) -> Samples:
+    """The columns that a logger would have written."""
+    roll, pitch, heading = _angles_deg(motion.rot_nb)
+    specific_force_n = motion.acceleration_n - np.array([0.0, 0.0, motions.GRAVITY_M_S2])
+    return Samples(
+        time=time,
+        field=raw,
+        unit=truth.unit_in,
+        roll_deg=roll,
+        pitch_deg=pitch,
+        heading_deg=heading,
+        acceleration=motion.rot_nb.apply(specific_force_n, inverse=True),
+        rotation_rate=motion.rotation_rate,
+        name=truth.sensor,
+        frame=truth.frame_in,
+        notes=("simulated",),
+    ).with_columns(**motion.columns)
+
+
+def _angles_deg(rot_nb: Rotation) -> tuple[Array, Array, Array]:
+    """Roll, pitch and heading (0…360) of aerospace attitudes; roll is 0 with the nose on end."""
+    m = rot_nb.as_matrix()
+    level = np.hypot(m[:, 0, 0], m[:, 1, 0])
+    on_end = level < 1e-9  # roll and heading turn about the same line there
+    roll = np.where(on_end, 0.0, np.arctan2(m[:, 2, 1], m[:, 2, 2]))
+    pitch = np.arctan2(-m[:, 2, 0], level)
+    side = np.arctan2(-m[:, 0, 1], m[:, 1, 1])
+    heading = np.where(on_end, side, np.arctan2(m[:, 1, 0], m[:, 0, 0]))
+    return np.degrees(roll), np.degrees(pitch), np.degrees(heading) % 360.0
+
+
+def _rot_nb(samples: Samples) -> Rotation:
+    """The attitude of each row, as recorded."""
+    heading, pitch, roll = samples.heading_deg, samples.pitch_deg, samples.roll_deg
+    if heading is None or pitch is None or roll is None:
+        raise AgonicError("a defect took the attitude away; take it from the finished samples")
+    return motions.yaw_pitch_roll(heading, pitch, roll)
