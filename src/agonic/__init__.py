@@ -30,10 +30,10 @@ samples, reference            what was measured, and what it should have been
 fitting                       `fit_*(samples, reference, *, settings) -> Fit`
 calibration                   what gets saved: `Affine`, `Alignment`, `Chain`
 health, coverage, fit         what a result rests on, and what is wrong with it
-verify                        named checks on data the fit has not seen
+verification, calibrated      named checks on data the fit has not seen
 io                            readers by content, the calibration file, exports
 field                         the world model: IGRF and WMM
-simulate                      readings with known truth
+simulation                    readings with known truth
 report                        HTML and text
 kernels                       the mathematics, on plain arrays
 """
@@ -46,7 +46,7 @@ from typing import TYPE_CHECKING, Any
 from agonic.version import __version__
 
 if TYPE_CHECKING:
-    from agonic.calibrate import Calibrated, calibrate
+    from agonic.calibrated import Calibrated, calibrate
     from agonic.calibration.affine import Affine
     from agonic.calibration.alignment import Alignment
     from agonic.calibration.base import apply
@@ -83,11 +83,11 @@ if TYPE_CHECKING:
     from agonic.reference import Reference
     from agonic.report.html import render
     from agonic.samples import Samples
-    from agonic.simulate import simulate
-    from agonic.verify import Verification, verify
+    from agonic.simulation import simulate
+    from agonic.verification import Verification, verify
 
 _HOMES = {
-    "calibrate": ("Calibrated", "calibrate"),
+    "calibrated": ("Calibrated", "calibrate"),
     "calibration.affine": ("Affine",),
     "calibration.alignment": ("Alignment",),
     "calibration.base": ("apply",),
@@ -117,12 +117,12 @@ _HOMES = {
     "reference": ("Reference",),
     "report.html": ("render",),
     "samples": ("Samples",),
-    "simulate": ("simulate",),
-    "verify": ("Verification", "verify"),
+    "simulation": ("simulate",),
+    "verification": ("Verification", "verify"),
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
-__all__ = ["__version__", *sorted(_HOME_OF)]  # noqa: PLE0604
+__all__ = ["__version__", *sorted(_HOME_OF)]
 
 
 def __getattr__(name: str) -> Any:

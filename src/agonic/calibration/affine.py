@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from agonic.provenance import Provenance
 from agonic.units import RAW
 
 Array = NDArray[np.float64]
+Model = Literal["sphere", "diagonal", "full"]
 
 PARAMETERS = (
     "bias_x", "bias_y", "bias_z",
@@ -53,7 +54,7 @@ class Affine:
     unit_in: str = "nT"
     unit_out: str = "nT"
     gauge: str = "symmetric"
-    model: str = "full"
+    model: Model = "full"
     magnitude: float | None = None
     noise: float | None = None
     sensor: str = "mag"

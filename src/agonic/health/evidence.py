@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from agonic.coverage import Coverage
 from agonic.health.finding import Finding
 from agonic.kernels.changes import Break, find_break
-from agonic.kernels.consensus import least_median_sphere
+from agonic.kernels.consensus import two_spheres
 from agonic.kernels.coverage import nearest_axis, thickness
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     shape = _static(evidence) or _flat(evidence)
     if shape is not None:
         return (shape,)
-    mixture = _second_population(evidence) or _changed(evidence)
+    mixture = _changed(evidence) or _second_population(evidence)
     if mixture is not None:
         return (mixture,)
     found = (undetermined(evidence.coverage), _noisy(evidence), _strays(evidence))
@@ -54,12 +54,11 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
 
 
 def _static(e: Evidence) -> Finding | None:
-    """Readings that hardly move: a ball of noise, or far less than the field would move them."""
-    low, high = np.percentile(e.readings, (2, 98), axis=0)
+    """Readings that hardly move: far less than the field would move them, or a ball of noise."""
+    low, high = np.percentile(_some(e.readings), (2, 98), axis=0)
     spread = float((high - low).max() / 2)
-    ball = e.noise > 0.2 * e.radius
     small = spread < 0.1 * (e.known_radius or e.radius)
-    if not (ball or small):
+    if not (small or (e.noise > 0.15 * e.radius and _gaussian(_some(e.readings)))):
         return None
     return Finding(
         "static",
@@ -69,9 +68,27 @@ def _static(e: Evidence) -> Finding | None:
     )
 
 
+def _some(rows: Array) -> Array:
+    """At most some twenty thousand rows, evenly taken: enough for a percentile."""
+    return rows[:: max(1, len(rows) // 20_000)]
+
+
+def _gaussian(readings: Array) -> bool:
+    """Whether readings look like noise: they jump as far as they range, and pile up in the middle.
+
+    Kurtosis is near 3 for noise, where a turning sensor has 1.8; or they flicker between a few
+    levels.
+    """
+    sd = np.maximum(readings.std(axis=0), 1e-300)
+    jumps = np.diff(readings, axis=0).std(axis=0) / (np.sqrt(2) * sd)
+    few_levels = max(len(np.unique(column)) for column in readings.T) < 8
+    kurtosis = (((readings - readings.mean(axis=0)) / sd) ** 4).mean()
+    return bool(jumps.max() > 0.5 and (few_levels or kurtosis > 2.5))
+
+
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
-    thick, normal = thickness(e.readings[e.weights > 0])
+    thick, normal = thickness(_some(e.readings[e.weights > 0]))
     if thick > 0.1:
         return None
     axis = nearest_axis(normal)
@@ -90,39 +107,29 @@ def _flat(e: Evidence) -> Finding | None:
 
 
 def _second_population(e: Evidence) -> Finding | None:
-    """Two sensors in one log, or a field that changed for good: the strays fit a sphere too."""
-    stray = e.weights == 0.0
-    if stray.mean() < 0.12 or stray.sum() < 30:
+    """Two sensors in one log, or a field that changed: the readings lie on two spheres."""
+    if e.noise < 0.03 * e.radius and (e.weights == 0.0).mean() < 0.12:
         return None
-    points = e.readings[stray] / e.radius
-    centre = points.mean(axis=0)
-    bias, gain = least_median_sphere(points - centre, np.ones(1))
-    away = np.abs(np.linalg.norm(points - centre - bias, axis=1) - 1 / gain)
-    if float(np.median(away)) > 0.06 or not 0.4 < 1 / gain < 2.5:
+    rows = np.arange(0, len(e.readings), max(1, len(e.readings) // 20_000))
+    middle = np.median(e.readings[rows], axis=0)
+    found = two_spheres((e.readings[rows] - middle) / e.radius)
+    if found is None:
         return None
-    shift = float(np.linalg.norm((centre + bias) * e.radius - _centre(e, ~stray)))
-    changes = int(np.count_nonzero(np.diff(_smoothed(stray))))
-    if changes > 0.02 * min(stray.sum(), (~stray).sum()) + 8:
+    second, shift = found
+    # a population that comes or goes bends the running count; one mixed in row by row does not
+    count = np.cumsum(second - second.mean())
+    if np.ptp(count) < max(0.03 * len(count), np.sqrt(len(count))):
+        share = 100 * min(second.mean(), 1 - second.mean())
         return Finding(
             "two sensors mixed",
             "refuse",
-            f"{100 * stray.mean():.0f} % of the readings lie on a second sphere, row by row among "
-            "the others: two sensors are mixed in one log",
+            f"{share:.0f} % of the readings lie on a second sphere, row by row among the others: "
+            "two sensors are mixed in one log",
             "separate them (a sensor column, --sensor) and calibrate each by itself",
         )
-    edge = int(np.flatnonzero(np.diff(_smoothed(stray)))[0])
-    return _change_finding(e, edge, shift)
-
-
-def _smoothed(stray: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Majority of each 9 neighbouring rows, so that single strays do not count as changes."""
-    return np.asarray(np.convolve(stray, np.ones(9), mode="same") > 4.5)
-
-
-def _centre(e: Evidence, rows: NDArray[np.bool_]) -> Array:
-    """Centre of the ellipsoid as the believed rows and their residuals place it."""
-    surface = e.readings[rows] - e.residuals[rows, None] * e.normals[rows]
-    return np.asarray((surface - e.radius * e.normals[rows]).mean(axis=0))
+    edge = min(int(np.argmax(count)), int(np.argmin(count)))
+    edge = edge if edge > 0.02 * len(count) else max(int(np.argmax(count)), int(np.argmin(count)))
+    return _change_finding(e, int(rows[edge]), shift * e.radius)
 
 
 def _changed(e: Evidence) -> Finding | None:

@@ -21,11 +21,12 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     >>> [finding.name for finding in inspect(flat)]
     ['frozen axis']
     """
+    clipped = clipped_rows(samples.field)
     found = [
         *_rejected(samples),
         _few(samples),
-        *(_frozen(samples, axis) for axis in range(3)),
-        _clipped(samples),
+        *(_frozen(samples.field[~clipped], axis) for axis in range(3)),
+        _clipped(clipped),
         _stale(samples.field),
         _gaps(samples),
     ]
@@ -56,11 +57,12 @@ def _few(samples: Samples) -> Finding | None:
     )
 
 
-def _frozen(samples: Samples, axis: int) -> Finding | None:
+def _frozen(field: Array, axis: int) -> Finding | None:
     """An axis that stands still, throughout or in one long stretch, while the others move."""
-    values = samples.field[:, axis]
-    others = np.delete(samples.field, axis, axis=1)
-    if len(values) < FEWEST or np.ptp(others, axis=0).max() == 0:
+    values = field[:, axis]
+    others = [field[:, other] for other in range(3) if other != axis]
+    spans = [float(np.ptp(other)) if len(field) else 0.0 for other in others]
+    if len(values) < FEWEST or max(spans) == 0.0:
         return None
     letter = "xyz"[axis]
     if np.ptp(values) == 0:
@@ -70,11 +72,13 @@ def _frozen(samples: Samples, axis: int) -> Finding | None:
             f"axis {letter} never changes while the others do",
             "check the sensor and its wiring; one axis short, only a compass held level is left",
         )
-    start, length = _longest_run(values)
-    usual = float((np.diff(values) == 0).mean())
+    still = values[1:] == values[:-1]
+    start, length = _longest_run(still)
+    usual = float(still.mean())
+    if length < max(50, 0.02 * len(values)) or usual > 0.5 + length / len(values):
+        return None
     run = slice(start, start + length)
-    turned = (np.ptp(others[run], axis=0) > 0.2 * np.ptp(others, axis=0)).any()
-    if length < max(50, 0.02 * len(values)) or not turned or usual > 0.5 + length / len(values):
+    if not any(np.ptp(o[run]) > 0.2 * span for o, span in zip(others, spans, strict=True)):
         return None
     return Finding(
         "frozen axis",
@@ -84,13 +88,16 @@ def _frozen(samples: Samples, axis: int) -> Finding | None:
     )
 
 
-def _longest_run(values: Array) -> tuple[int, int]:
-    """Where the longest stretch of equal values starts, and its length."""
-    edges = np.flatnonzero(np.diff(values) != 0) + 1
+def _longest_run(still: NDArray[np.bool_]) -> tuple[int, int]:
+    """First row and number of rows of the longest stretch in which nothing changed."""
+    if not still.any():
+        return 0, 1
+    edges = np.flatnonzero(still[1:] != still[:-1]) + 1
     starts = np.concatenate([[0], edges])
-    lengths = np.diff(np.concatenate([starts, [len(values)]]))
+    lengths = np.diff(np.concatenate([starts, [len(still)]]))
+    lengths[~still[starts]] = 0
     longest = int(np.argmax(lengths))
-    return int(starts[longest]), int(lengths[longest])
+    return int(starts[longest]), int(lengths[longest]) + 1
 
 
 def clipped_rows(field: Array) -> NDArray[np.bool_]:
@@ -104,7 +111,9 @@ def clipped_rows(field: Array) -> NDArray[np.bool_]:
     for axis in range(3):
         for values in (field[:, axis], -field[:, axis]):
             at_end = values == values.max()
-            if at_end.sum() >= 5 and _piles_up(values, np.delete(field, axis, axis=1), at_end):
+            if np.count_nonzero(at_end) >= 5 and _piles_up(
+                values, np.delete(field, axis, axis=1), at_end
+            ):
                 rows |= at_end
     return rows
 
@@ -120,8 +129,7 @@ def _piles_up(values: Array, others: Array, at_end: NDArray[np.bool_]) -> bool:
     return bool(spread > 3 * np.sqrt(2 * radius * step))
 
 
-def _clipped(samples: Samples) -> Finding | None:
-    clipped = clipped_rows(samples.field)
+def _clipped(clipped: NDArray[np.bool_]) -> Finding | None:
     if not clipped.any():
         return None
     share = 100 * clipped.mean()
@@ -135,8 +143,8 @@ def _clipped(samples: Samples) -> Finding | None:
 
 
 def _stale(field: Array) -> Finding | None:
-    repeated = (np.diff(field, axis=0) == 0).all(axis=1) if len(field) > 1 else np.zeros(1)
-    share = float(repeated.mean())
+    x, y, z = (column[1:] == column[:-1] for column in field.T)
+    share = float((x & y & z).mean()) if len(field) > 1 else 0.0
     if share < 0.05:
         return None
     return Finding(
@@ -157,5 +165,6 @@ def _gaps(samples: Samples) -> Finding | None:
     return Finding(
         "gaps",
         "note",
-        f"{int(gaps.sum())} gaps in time, the longest {steps.max():.1f} s",
+        f"{int(gaps.sum())} gap{'s' if gaps.sum() > 1 else ''} in time, "
+        f"the longest {steps.max():.1f} s",
     )

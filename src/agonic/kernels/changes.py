@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -32,9 +33,10 @@ def find_break(residuals: Array, normals: Array, blocks: int = 64) -> Break | No
     """
     if len(residuals) < 4 * blocks:
         return None
-    edges = np.linspace(0, len(residuals), blocks + 1).astype(int)[:-1]
-    outer = np.add.reduceat(normals[:, :, None] * normals[:, None, :], edges, axis=0)
-    score = np.add.reduceat(normals * residuals[:, None], edges, axis=0)
+    edges = np.linspace(0, len(residuals), blocks + 1).astype(int)
+    spans = [slice(i, j) for i, j in pairwise(edges)]
+    outer = np.array([normals[span].T @ normals[span] for span in spans])
+    score = np.array([residuals[span] @ normals[span] for span in spans])
     before_g, before_s = np.cumsum(outer, axis=0)[2:-3], np.cumsum(score, axis=0)[2:-3]
     after_g, after_s = outer.sum(axis=0) - before_g, score.sum(axis=0) - before_s
     ridge = 1e-2 * len(residuals) / blocks * np.eye(3)

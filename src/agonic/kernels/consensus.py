@@ -9,12 +9,19 @@ Array = NDArray[np.float64]
 
 
 def least_median_sphere(
-    points: Array, magnitude: Array, *, subsets: int = 300, size: int = 6, seed: int = 0
+    points: Array,
+    magnitude: Array,
+    *,
+    quantile: float = 0.5,
+    subsets: int = 300,
+    size: int = 6,
+    seed: int = 0,
 ) -> tuple[Array, float]:
     """Bias and gain of the sphere with the least median distance (Rousseeuw 1984).
 
     Spheres |p|² = 2 c·p + t are put through random subsets of `size` readings; with half the
-    readings spoilt a few subsets are still clean. `magnitude` is (1,) or, where the field changes
+    readings spoilt a few subsets are still clean; a `quantile` below the median finds the larger
+    of two populations that are nearly equal. `magnitude` is (1,) or, where the field changes
     from reading to reading, (n,): then |p|² = 2 c·p + t + q F² with gain 1/√q.
 
     Parameters: points (n, 3) centred and scaled to about one. Returns bias (3,) and gain.
@@ -37,7 +44,32 @@ def least_median_sphere(
     judged = rng.permutation(len(points))[:500]
     wanted = (magnitude[judged] if varies else magnitude[:1])[None, :] / gains[:, None]
     distance = np.linalg.norm(points[judged][None] - centres[:, None], axis=2) - wanted
-    medians = np.median(np.abs(distance), axis=1)
-    medians[~np.isfinite(medians)] = np.inf
-    best = int(np.argmin(medians))
+    typical = np.quantile(np.abs(distance), quantile, axis=1)
+    typical[~np.isfinite(typical)] = np.inf
+    best = int(np.argmin(typical))
     return centres[best], float(gains[best])
+
+
+def two_spheres(points: Array, *, seed: int = 0) -> tuple[NDArray[np.bool_], float] | None:
+    """Which points lie on a second sphere, and how far its centre is from the first; or None.
+
+    Two populations are believed when, after the first sphere took all within 8 % of its radius,
+    one eighth of the points at least is left and half of those lie within 6 % of a sphere of
+    similar size. Points (n, 3); the distance is in their unit.
+    """
+    one = np.ones(1)
+    first, gain = least_median_sphere(points, one, quantile=0.3, subsets=600, seed=seed)
+    radius = 1 / gain
+    away = np.abs(np.linalg.norm(points - first, axis=1) - radius)
+    rest = away > 0.08 * radius
+    if rest.mean() < 0.125 or rest.sum() < 30:
+        return None
+    middle = points[rest].mean(axis=0)
+    second, other_gain = least_median_sphere(points[rest] - middle, one, seed=seed)
+    second = second + middle
+    other = np.abs(np.linalg.norm(points - second, axis=1) - 1 / other_gain)
+    shift = float(np.linalg.norm(second - first))
+    alike = 0.4 < 1 / (other_gain * radius) < 2.5
+    if not alike or np.median(other[rest]) > 0.06 / other_gain or shift < 0.1 * radius:
+        return None
+    return other < away, shift

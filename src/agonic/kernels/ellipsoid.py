@@ -52,6 +52,17 @@ def pieces(problem: Problem, noise_sd: float = 0.0) -> leastsq.Pieces:
     return blocks
 
 
+def distances(raw: Array, bias: Array, matrix: Array, magnitude: Array) -> tuple[Array, Array]:
+    """Distance of each reading from the ellipsoid and the unit normal there, (n,) and (n, 3)."""
+    residuals, normals = np.empty(len(raw)), np.empty((len(raw), 3))
+    for start in range(0, len(raw), _ROWS):
+        rows = slice(start, start + _ROWS)
+        f = magnitude if len(magnitude) == 1 else magnitude[rows]
+        residuals[rows], jacobian = magnitude_residual(raw[rows], bias, matrix, f)
+        np.negative(jacobian[:, :3], out=normals[rows])
+    return residuals, normals
+
+
 def soft_iron_prior(model: str, sd: float | None) -> leastsq.Prior | None:
     """Gaussian prior on what makes the matrix differ from a multiple of the identity.
 

@@ -41,7 +41,10 @@ def mean_gain_one(matrix: Array, covariance: Array) -> tuple[Array, Array, float
     toward = np.array([1.0, 1, 1, 0, 0, 0]) / 3
     change = np.eye(9)
     change[3:, 3:] = (np.eye(6) - np.outer(entries(matrix) / gain, toward)) / gain
-    return matrix / gain, change @ covariance @ change.T, gain
+    spread = change @ covariance @ change.T
+    exact = np.diag(spread)[3:] < 1e-24  # a sphere's entries are exactly 1 now, but for rounding
+    spread[3:][exact], spread[:, 3:][:, exact] = 0.0, 0.0
+    return matrix / gain, spread, gain
 
 
 def triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:

@@ -5,11 +5,13 @@ the gradient of a solid harmonic of degree n is a sum of three of degree n + 1 (
 doi 10.1007/BF01229505). So the coefficients are turned into those of the Cartesian components of
 −∇V once, and what remains for each point is a recursion in x, y, z without angle or singularity.
 
-With (x, y, z) the position over r², s = 1/r², r in units of a, the harmonics V + iW are scaled so
-that each has the leading coefficient 1 in z:
+With (x, y, z) the position over r², s = 1/r², and r in units of a, each harmonic is
 
-    T₀⁰ = √s,    Tₙⁿ = (x + iy) Tₙ₋₁ⁿ⁻¹,    Tₙᵐ = z Tₙ₋₁ᵐ − γ s Tₙ₋₂ᵐ,
-    γ = ((n−1)² − m²) / ((2n−1)(2n−3)).
+    Tₙᵐ = √s (x + iy)ᵐ Λₙᵐ,    Λₘᵐ = 1,  Λₘ₊₁ᵐ = z,    Λₙᵐ = z Λₙ₋₁ᵐ − γ s Λₙ₋₂ᵐ,
+    γ = ((n−1)² − m²) / ((2n−1)(2n−3)),
+
+scaled to leading coefficient 1 in z. The sum over n is a matrix product for each m; only its result
+is turned by (x + iy)ᵐ.
 """
 
 from __future__ import annotations
@@ -25,25 +27,23 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 BLOCK_PRODUCTS = 2**18
-"""Multiplications in one matrix product: the working rows fit the L2 cache (1 MB), and BLAS libraries
-do not yet start threads, so that a point costs the same on a busy machine."""
-COMPILE_FROM = 20_000
-"""Points from which the compiled loop is used; below, importing the compiler costs more."""
+"""Multiplications in one matrix product: below this BLAS libraries do not start threads, so that a
+point costs the same on a busy machine, and the working rows stay in the cache."""
 
 
 def field_coefficients(g: Array, h: Array) -> Array:
     """Coefficients of the field B = −∇V in Earth-fixed axes, of Gauss coefficients.
 
     Parameters: g, h (N+1, N+1), Schmidt semi-normalised, by degree and order, nT (or nT/year).
-    Returns (K, 3), K = (N+2)(N+3): row n(n+1) + 2m holds the x, y, z parts that multiply Re Tₙᵐ, and
-    the next row those that multiply Im Tₙᵐ.
+    Returns (k, 2, 3), k = (N+2)(N+3)/2: order by order, and degree by degree within, what the x, y
+    and z components take of Re Tₙᵐ and of Im Tₙᵐ.
 
     Source: Cunningham (1970); as written, Montenbruck and Gill (2000), Satellite Orbits, eq. 3.33,
     with the factors of the normalisation.
 
     >>> g = np.array([[0.0, 0.0], [-30000.0, 0.0]])  # an axial dipole, field at its north pole
     >>> synthesise(np.array([[0.0], [0.0], [1.0]]), field_coefficients(g, 0 * g)).ravel()
-    array([    0.,     0., -60000.])
+    array([     0.,      0., -60000.])
     """
     top = len(g)
     n, m = np.arange(top)[:, None], np.arange(top)
@@ -63,27 +63,26 @@ def field_coefficients(g: Array, h: Array) -> Array:
     real[:, :-1, 2] = level * g
     imaginary[:, :-1, 2] = level * h
     table *= _leading_coefficients(top)[:, :, None, None]
-    return np.asarray(table[np.tril_indices(top + 1)].reshape(-1, 3))
+    return np.asarray(table.swapaxes(0, 1)[np.triu_indices(top + 1)])
 
 
-def synthesise(position: Array, coefficients: Array) -> Array:
+def synthesise(position: Array, coefficients: Array, *, compiled: bool = False) -> Array:
     """The sums Σ coefficients · T over all harmonics, at points.
 
-    Parameters: position (3, n), Earth-fixed, in units of the reference radius; coefficients (K, j),
-    columns of `field_coefficients`, as many as wanted (field and secular variation: six).
-    Returns (j, n). Compiled when numba is there and the points are many.
+    Parameters: position (3, n), Earth-fixed, in units of the reference radius; coefficients
+    (k, 2, j) as of `field_coefficients`, with as many columns as wanted (field and secular
+    variation: six); compiled asks for numba, used where it is installed, a second to start.
+    Returns (j, n).
     """
-    points = position.shape[1]
-    width = (isqrt(4 * len(coefficients) + 1) - 1) // 2  # K = width (width + 1)
-    block = max(1, BLOCK_PRODUCTS // (2 * width * coefficients.shape[1]))
-    accumulate = (_compiled() if points >= COMPILE_FROM else None) or _accumulate
-    sums = np.zeros((coefficients.shape[1], points))
-    rows = np.zeros((0,))
+    points, columns = position.shape[1], coefficients.shape[2]
+    width = (isqrt(8 * len(coefficients) + 1) - 1) // 2  # k = width (width + 1) / 2
+    block = max(1, BLOCK_PRODUCTS // (2 * columns * width))
+    accumulate = (_compiled() if compiled else None) or _accumulate
+    sums = np.empty((columns, points))
+    table = coefficients.reshape(len(coefficients), 2 * columns)
     for start in range(0, points, block):
         part = np.ascontiguousarray(position[:, start : start + block])
-        if rows.shape[-1] != 2 * part.shape[1]:
-            rows = np.zeros((3, width, 2 * part.shape[1]))
-        sums[:, start : start + block] = accumulate(part, coefficients, rows)
+        sums[:, start : start + block] = accumulate(part, table, width)
     return sums
 
 
@@ -98,34 +97,38 @@ def _leading_coefficients(top: int) -> Array:
     return leading
 
 
-def _accumulate(position: Array, coefficients: Array, rows: Array) -> Array:
-    """One block of `synthesise`; `rows` (3, width, 2n) holds three degrees, Re T beside Im T.
+def _accumulate(position: Array, table: Array, width: int) -> Array:
+    """One block of `synthesise`; `table` (k, 2j) has the parts of Re T, then those of Im T.
 
     The same source is run by NumPy and compiled by numba, so it keeps to what both understand.
     """
-    points = position.shape[1]
+    points, columns = position.shape[1], table.shape[1] // 2
     s = 1.0 / (position[0] ** 2 + position[1] ** 2 + position[2] ** 2)
-    x, y = position[0] * s, position[1] * s
-    z = np.concatenate((position[2] * s, position[2] * s))
-    rows[0, 0, :points] = np.sqrt(s)
-    rows[0, 0, points:] = 0.0
-    s = np.concatenate((s, s))
-    sums = np.zeros((coefficients.shape[1], points))
-    for n in range(1, rows.shape[1]):
-        now, before, earlier = rows[n % 3], rows[(n - 1) % 3], rows[(n - 2) % 3]
-        for m in range(n):
+    x, y, z = position[0] * s, position[1] * s, position[2] * s
+    ladder = np.ones((width, points))
+    ladder[1] = z
+    turn = np.zeros((2, 2, points))
+    turn[0, 0] = np.sqrt(s)
+    turned, sums = np.empty((columns, points)), np.zeros((columns, points))
+    first = 0
+    for m in range(width):
+        for n in range(m + 2, width):
             gamma = ((n - 1) ** 2 - m**2) / ((2 * n - 1) * (2 * n - 3))
-            _step(before[m], z, earlier[m], s, gamma, now[m])
-        real, imaginary = before[n - 1, :points], before[n - 1, points:]
-        _step(real, x, imaginary, y, 1.0, now[n, :points])
-        _step(imaginary, x, real, y, -1.0, now[n, points:])
-        degree = coefficients[n * (n + 1) : (n + 1) * (n + 2)]
-        sums += np.dot(degree.T, now[: n + 1].reshape(2 * n + 2, points))
+            _step(ladder[n - m - 1], z, ladder[n - m - 2], s, gamma, ladder[n - m])
+        last = first + width - m
+        parts = np.dot(table[first:last].T, ladder[: width - m])
+        real, imaginary = turn[m % 2, 0], turn[m % 2, 1]
+        for j in range(columns):
+            _step(parts[j], real, parts[columns + j], imaginary, -1.0, turned[j])
+        sums += turned
+        _step(real, x, imaginary, y, 1.0, turn[(m + 1) % 2, 0])
+        _step(imaginary, x, real, y, -1.0, turn[(m + 1) % 2, 1])
+        first = last
     return sums
 
 
 def _step(u: Array, x: Array, v: Array, y: Array, gamma: float, out: Array) -> None:
-    """out = u x − γ v y, all (n,): the one formula of the recursion."""
+    """out = u x − γ v y, all (n,); the whole recursion is made of it."""
     second = v * y
     second *= gamma
     np.multiply(u, x, out=out)
@@ -139,7 +142,7 @@ def _step_by_element(u: Array, x: Array, v: Array, y: Array, gamma: float, out: 
 
 
 @functools.cache
-def _compiled() -> Callable[[Array, Array, Array], Array] | None:
+def _compiled() -> Callable[[Array, Array, int], Array] | None:
     """`_accumulate` compiled by numba, or `None` without it."""
     try:
         numba = importlib.import_module("numba")
@@ -147,5 +150,5 @@ def _compiled() -> Callable[[Array, Array, Array], Array] | None:
     except ImportError:
         return None
     extending.overload(_step, strict=False)(lambda *arguments: _step_by_element)
-    compiled: Callable[[Array, Array, Array], Array] = numba.njit(cache=True)(_accumulate)
+    compiled: Callable[[Array, Array, int], Array] = numba.njit(cache=True)(_accumulate)
     return compiled

@@ -185,9 +185,11 @@ def solve(
         else:
             damping = max(damping * 10, 1e-4)
             converged = damping > 1e10
-    data = normal.information * (normal.curvature / normal.weight / correlation)
+    # where nearly all readings are strays the curvature says nothing; it must stay positive
+    curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
+    data = normal.information * (curved / correlation)
     return Solution(
-        params, _sandwich(normal, data, held), normal.residuals, scale, cost,
+        params, _sandwich(normal, data, held, curved), normal.residuals, scale, cost,
         data, condition(data), iterations, converged,
     )  # fmt: skip
 
@@ -215,12 +217,13 @@ def _step(information: Array, gradient: Array, damping: float) -> Array:
     return np.asarray(step / size)
 
 
-def _sandwich(normal: Normal, data: Array, held: Array) -> Array:
+def _sandwich(normal: Normal, data: Array, held: Array, curved: float) -> Array:
     """A⁻¹BA⁻¹ in the units of the parameters, A and B with the prior's information `held`."""
     n, m = len(normal.residuals), len(data)
     freedom = n / max(n - m, 1)
     bread = inverse(data + held)
-    filling = data * (normal.scatter / normal.curvature * freedom) + held
+    scattered = normal.scatter / max(normal.weight, 1e-300) / curved
+    filling = data * (scattered * freedom) + held
     return np.asarray(bread @ filling @ bread)
 
 

@@ -74,7 +74,7 @@ def fit_moments(
     fit = Fit(
         calibration=affine, n=sums.count, residuals=None, weights=None, noise=affine.noise or 0.0,
         correlation=1.0, condition=found.condition, iterations=1, converged=True,
-        coverage=coverage, tests=tests, 
+        coverage=coverage, tests=tests,
         remarks=remarks(affine, coverage, tests, reference is not None),
     )  # fmt: skip
     return finished(fit, (scale_finding(affine), undetermined(coverage)))

@@ -24,10 +24,18 @@ from agonic.fitting.ellipsoid.assemble import (
     scale_finding,
     settings,
 )  # fmt: skip
-from agonic.fitting.ellipsoid.solve import Found, Method, Model, algebraic, choose, likelihood
+from agonic.fitting.ellipsoid.solve import (
+    Fixed,
+    Found,
+    Method,
+    Model,
+    algebraic,
+    choose,
+    likelihood,
+)
 from agonic.health import Evidence, clipped_rows, examine, inspect
 from agonic.kernels import ellipsoid, moments
-from agonic.kernels.affine import correct, magnitude_residual
+from agonic.kernels.affine import correct
 from agonic.kernels.coverage import visits
 from agonic.provenance import Input, Provenance
 from agonic.reference import Reference
@@ -87,16 +95,17 @@ def fit_ellipsoid(
     scale, magnitude = _normalised(samples, reference, usable, method)
     points = (samples.field[usable] - scale.centre) / scale.size
 
-    def attempt(chosen: str) -> Found:
+    def attempt(chosen: Fixed) -> Found:
         if method != "likelihood":
             return algebraic(moments.accumulate(points, np.zeros(3), 1.0), chosen, method)
-        return likelihood(ellipsoid.Problem(points, magnitude, chosen, soft_iron_sd), robust, seed)
+        problem = ellipsoid.Problem(points, magnitude, chosen, soft_iron_sd)
+        return likelihood(problem, chosen, robust, seed)
 
     found, tests = choose(attempt, model, len(points), method)
-    chosen = settings(
+    asked = settings(
         model, method, gauge, reference, robust=robust, soft_iron_sd=soft_iron_sd, seed=seed
     )
-    affine = _labelled(calibration(found, scale, samples.unit, gauge), samples, chosen, method)
+    affine = _labelled(calibration(found, scale, samples.unit, gauge), samples, asked, method)
     return _with_evidence(
         found, affine, samples, usable, magnitude, tests, reference is not None, inclination_deg
     )
@@ -155,7 +164,7 @@ def _with_evidence(
     every = np.ones(1) if len(magnitude) == 1 else np.ones(len(samples))
     if len(magnitude) > 1:
         every[usable] = magnitude
-    residuals, jacobian = magnitude_residual(
+    residuals, normals = ellipsoid.distances(
         samples.field, affine.bias, affine.matrix, every * affine.magnitude
     )
     weights = np.zeros(len(samples))
@@ -169,7 +178,7 @@ def _with_evidence(
         calibration=affine, n=int(usable.sum()), residuals=residuals, weights=weights,
         noise=affine.noise, correlation=found.correlation, condition=found.condition,
         iterations=found.iterations, converged=found.converged, coverage=coverage, tests=tests,
-        findings=inspect(samples), 
+        findings=inspect(samples),
         remarks=remarks(affine, coverage, tests, known),
     )  # fmt: skip
     gain = float(np.trace(affine.matrix) / 3)
@@ -178,13 +187,15 @@ def _with_evidence(
         time=None if samples.time is None else samples.time[usable],
         residuals=residuals[usable],
         weights=weights[usable],
-        normals=-jacobian[usable, :3],
+        normals=normals[usable],
         radius=affine.magnitude / gain,
         noise=affine.noise,
         correlation=found.correlation,
         coverage=coverage,
         known_radius=affine.magnitude if known and affine.unit_in == "nT" else None,
     )
-    found_wrong = examine(evidence)
-    refused = any(finding.severity == "refuse" for finding in found_wrong)
-    return finished(fit, (*found_wrong, None if refused else scale_finding(affine)))
+    if fit.verdict == "refused":
+        return finished(fit, ())
+    wrong = examine(evidence)
+    refused = any(finding.severity == "refuse" for finding in wrong)
+    return finished(fit, (*wrong, None if refused else scale_finding(affine)))

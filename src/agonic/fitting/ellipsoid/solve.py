@@ -16,18 +16,20 @@ from agonic.kernels.affine import model_basis, split
 
 Array = NDArray[np.float64]
 Model = Literal["auto", "sphere", "diagonal", "full"]
+Fixed = Literal["sphere", "diagonal", "full"]
 Method = Literal["likelihood", "adjusted", "li-griffiths", "linear"]
 
 SIGNIFICANT = 0.01
 """A larger model is kept when the smaller one would be this improbable."""
 
+SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
 UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
 
 
 class Found(NamedTuple):
     """One model's fit to points that are centred and scaled to about one, magnitude one."""
 
-    model: str
+    model: Fixed
     bias: Array
     matrix: Array
     covariance: Array
@@ -40,19 +42,19 @@ class Found(NamedTuple):
     converged: bool = True
 
 
-def likelihood(problem: ellipsoid.Problem, robust: bool, seed: int) -> Found:
+def likelihood(problem: ellipsoid.Problem, model: Fixed, robust: bool, seed: int) -> Found:
     """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model."""
     estimate = ellipsoid.estimate(problem, robust=robust, seed=seed)
     solution = estimate.solution
-    bias, matrix = split(model_basis(problem.model) @ solution.params)
+    bias, matrix = split(model_basis(model) @ solution.params)
     return Found(
-        problem.model, bias, matrix, gauge.spread_model(problem.model, solution.covariance),
+        model, bias, matrix, gauge.spread_model(model, solution.covariance),
         estimate.noise.sd, estimate.noise.correlation, estimate.residuals, estimate.weights,
         solution.condition, solution.iterations, solution.converged,
     )  # fmt: skip
 
 
-def algebraic(sums: Array, model: str, method: Method) -> Found:
+def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
     """An algebraic fit from the 35 moments of normalised points."""
     psi = moments.denoised_gram(sums)
     variance = 0.0
@@ -77,6 +79,7 @@ def algebraic(sums: Array, model: str, method: Method) -> Found:
         m, n, d = quadric.parts(v)
         size = float(n @ np.linalg.solve(m, n)) - d
         variance = float(q @ psi[0] @ q) / size**2 / gradient / sums[0]
+    variance = max(variance, 1e-18)  # noiseless readings still get a covariance to test with
     cleaned = psi[0] - variance * psi[1] + variance**2 * psi[2]
     covariance, condition = quadric.algebraic_covariance(
         cleaned, bias, matrix, model_basis(model), variance
@@ -88,7 +91,7 @@ def algebraic(sums: Array, model: str, method: Method) -> Found:
 
 
 def choose(
-    attempt: Callable[[str], Found], model: Model, n: int, method: Method
+    attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
 ) -> tuple[Found, tuple[ModelTest, ...]]:
     """The fit of the model asked for, or of the smallest that nested tests do not reject."""
     if n < UNKNOWNS.get(model, 4):
@@ -106,10 +109,11 @@ def choose(
         ModelTest(smaller=small, larger=large, statistic=x, p_value=p, sentence=_words(small, p))
         for small, large, x, p in gauge.soft_iron_tests(full.matrix, full.covariance)
     )
-    enough = next((t.smaller for t in tests if t.p_value > SIGNIFICANT), "full")
-    if enough == "full" or method == "li-griffiths":
-        return full, tests
-    return attempt(enough), tests
+    if method != "li-griffiths":
+        for fixed, test in zip(SMALLER, tests, strict=True):
+            if test.p_value > SIGNIFICANT:
+                return attempt(fixed), tests
+    return full, tests
 
 
 def _words(smaller: str, p: float) -> str:

@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
-from agonic.simulate.draws import wander
-from agonic.simulate.motions import (
+from agonic.simulation.draws import wander
+from agonic.simulation.motions import (
     GRAVITY_M_S2,
     Motion,
     rate_of_change,

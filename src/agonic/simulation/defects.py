@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from agonic.errors import AgonicError
 from agonic.samples import Samples
-from agonic.simulate.draws import directions
+from agonic.simulation.draws import directions
 
 Array = NDArray[np.float64]
 Defect = Callable[[Samples], Samples]

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.samples import Samples
-from agonic.simulate import motions
-from agonic.simulate.defects import Defect
-from agonic.simulate.draws import random_calibration
-from agonic.simulate.flight import flight
+from agonic.simulation import motions
+from agonic.simulation.defects import Defect
+from agonic.simulation.draws import random_calibration
+from agonic.simulation.flight import flight
 from agonic.units import RAW
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Simulated magnetometers whose calibration is known, and the defects that real logs have."""
 
-from agonic.simulate.defects import (
+from agonic.simulation.defects import (
     Defect,
     clipped,
     delayed,
@@ -15,8 +15,8 @@ from agonic.simulate.defects import (
     with_nan,
     with_outliers,
 )
-from agonic.simulate.draws import random_calibration
-from agonic.simulate.sensor import Simulated, kinds, simulate
+from agonic.simulation.draws import random_calibration
+from agonic.simulation.sensor import Simulated, kinds, simulate
 
 __all__ = [
     "Defect",

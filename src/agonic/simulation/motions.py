@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from agonic.simulate.draws import directions, knot_times, wander
+from agonic.simulation.draws import directions, knot_times, wander
 
 Array = NDArray[np.float64]
 Attitude = Callable[[Array], Rotation]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from agonic.calibration.affine import Affine
+from agonic.calibration.affine import Affine, Model
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def random_calibration(
     soft_iron: float = 0.1,
     cross: float = 0.05,
     bias: float = 55_000.0,
-    model: str = "full",
+    model: Model = "full",
 ) -> Affine:
     """A calibration to find: a symmetric matrix near identity, a bias in a random direction.
 

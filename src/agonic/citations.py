@@ -1,0 +1,49 @@
+"""The bibliography: the published sources of every method, by key."""
+
+from __future__ import annotations
+
+from agonic.errors import AgonicError
+
+CITATIONS: dict[str, str] = {
+    "beaton-tukey-1974": (
+        "A. E. Beaton, J. W. Tukey: The fitting of power series, meaning polynomials, illustrated "
+        "on band-spectroscopic data. Technometrics 16(2), 147–185, 1974. "
+        "doi:10.1080/00401706.1974.10489171"
+    ),
+    "huber-1981": "P. J. Huber: Robust Statistics. Wiley, New York, 1981. doi:10.1002/0471725250",
+    "kukush-markovsky-vanhuffel-2004": (
+        "A. Kukush, I. Markovsky, S. Van Huffel: Consistent estimation in an implicit quadratic "
+        "measurement error model. Computational Statistics & Data Analysis 47(1), 123–147, 2004. "
+        "doi:10.1016/j.csda.2003.10.022"
+    ),
+    "li-griffiths-2004": (
+        "Q. Li, J. G. Griffiths: Least squares ellipsoid specific fitting. Proceedings of "
+        "Geometric Modeling and Processing 2004, IEEE, 335–340, 2004. "
+        "doi:10.1109/GMAP.2004.1290055"
+    ),
+    "markovsky-kukush-vanhuffel-2004": (
+        "I. Markovsky, A. Kukush, S. Van Huffel: Consistent least squares fitting of ellipsoids. "
+        "Numerische Mathematik 98(1), 177–194, 2004. doi:10.1007/s00211-004-0526-9"
+    ),
+    "nikolaev-2023": (
+        "П. Н. Николаев, А. С. Эспиноза Валлес, М. С. Щербаков, Д. Д. Соболев: Гироскопия и "
+        "навигация, том 31, № 3 (122), 2023. In English: P. N. Nikolaev, A. S. Espinoza V., "
+        "M. S. Shcherbakov, D. D. Sobolev: Calibration of onboard magnetometers of the attitude "
+        "control system of the SamSat-ION university nanosatellite. Gyroscopy and Navigation "
+        "14(3), 259–266, 2023. doi:10.1134/S2075108723030069"
+    ),
+}
+"""Full references by the key that `Provenance.method` holds."""
+
+
+def citation(key: str) -> str:
+    """The full reference of a method key.
+
+    Raises `AgonicError` for a key that is not in the bibliography.
+
+    >>> citation("huber-1981")
+    'P. J. Huber: Robust Statistics. Wiley, New York, 1981. doi:10.1002/0471725250'
+    """
+    if key not in CITATIONS:
+        raise AgonicError(f"no citation {key!r}; known keys are {', '.join(CITATIONS)}")
+    return CITATIONS[key]

@@ -1,0 +1,291 @@
+"""The calibration file: JSON that holds a calibration exactly, and its JSON Schema.
+
+The version in `schema` changes when the meaning of a reading changes. Fields that only add
+information may come without a new version, so unknown fields are passed over when loading.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta, Struct
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.affine import PARAMETERS, Affine
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration, Validity
+from agonic.calibration.chain import Chain
+from agonic.errors import AgonicError, LogError
+from agonic.fit import Fit
+from agonic.io.atomic import write_atomically
+from agonic.provenance import Provenance
+
+SCHEMA = "agonic/calibration"
+VERSION = 1
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+Row9 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
+Matrix9 = Annotated[tuple[Row9, ...], Meta(min_length=9, max_length=9)]
+Unit = Annotated[Literal["nT", "raw"], Meta(description="nT, or raw where the scale is unknown.")]
+Frame = Annotated[
+    str,
+    Meta(
+        pattern="^[a-z]$",
+        description="Axes, one letter: m magnetometer, b body (forward, right, down).",
+    ),
+]
+Sensor = Annotated[str, Meta(description="Whose readings the calibration corrects.")]
+NotNegative = Annotated[float, Meta(ge=0)]
+
+
+class InputRecord(Struct, frozen=True):
+    """One thing that went in: its name, the SHA-256 of its bytes, and how many rows were used."""
+
+    name: str
+    sha256: str
+    count: int
+
+
+class ProvenanceRecord(Struct, frozen=True):
+    """Where the calibration came from."""
+
+    inputs: Annotated[tuple[InputRecord, ...], Meta(description="The data it was made from.")]
+    settings: Annotated[dict[str, Any], Meta(description="What the user or the program chose.")]
+    method: Annotated[tuple[str, ...], Meta(description="Citation keys, see `agonic cite`.")]
+    parents: Annotated[tuple[str, ...], Meta(description="SHA-256 of calibrations it rests on.")]
+    software: Annotated[str, Meta(description="Program and version that made it.")]
+    created: Annotated[str, Meta(description="UTC, ISO 8601.")]
+
+
+class ValidityRecord(Struct, frozen=True):
+    """Where the calibration may be used."""
+
+    largest_reading: Annotated[
+        float | None, Meta(description="Largest reading seen on an axis, in unit_in.")
+    ] = None
+    temperature_C: Annotated[
+        tuple[float, float] | None, Meta(description="Lowest and highest temperature seen, °C.")
+    ] = None
+
+
+class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="affine"):
+    """field = matrix @ (raw − bias)."""
+
+    sensor: Sensor
+    unit_in: Unit
+    unit_out: Unit
+    frame_in: Frame
+    frame_out: Frame
+    model: Literal["sphere", "diagonal", "full"]
+    gauge: Annotated[
+        Literal["symmetric", "triangular", "free"],
+        Meta(description="How the rotation that magnitude alone leaves open was fixed."),
+    ]
+    bias: Annotated[Vector, Meta(description="Subtracted from the readings, in unit_in.")]
+    matrix: Annotated[Matrix, Meta(description="Row by row, unit_out per unit_in.")]
+    covariance: Annotated[
+        Matrix9 | None,
+        Meta(description=f"Of {', '.join(PARAMETERS)}; bias in unit_in, matrix unit_out/unit_in."),
+    ] = None
+    magnitude: Annotated[
+        NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
+    ] = None
+    noise: Annotated[
+        NotNegative | None,
+        Meta(description="Standard deviation of one reading on one axis, in unit_in."),
+    ] = None
+    validity: ValidityRecord = ValidityRecord()
+    provenance: ProvenanceRecord
+
+
+class RotationRecord(Struct, frozen=True):
+    """A rotation as a unit quaternion, Hamilton, scalar first."""
+
+    quat_wxyz: tuple[float, float, float, float]
+
+
+class AlignmentRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="alignment"):
+    """field_out = rotation.apply(field_in)."""
+
+    sensor: Sensor
+    unit_in: Unit
+    frame_in: Frame
+    frame_out: Frame
+    rotation: Annotated[RotationRecord, Meta(description="Turns frame_in into frame_out.")]
+    covariance: Annotated[
+        Matrix | None, Meta(description="Of the rotation vector, rad², row by row.")
+    ] = None
+    provenance: ProvenanceRecord
+
+
+class ChainRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="chain"):
+    """Calibrations applied one after the other, in this order."""
+
+    steps: Annotated[tuple[AffineRecord | AlignmentRecord, ...], Meta(min_length=1)]
+    provenance: ProvenanceRecord
+
+
+class CalibrationFile(Struct, frozen=True):
+    """A calibration of a magnetometer, made with agonic."""
+
+    schema: Literal["agonic/calibration@1"]
+    equation: Annotated[str, Meta(description="The correction in words, for the reader.")]
+    calibration: AffineRecord | AlignmentRecord | ChainRecord
+
+
+class _Heading(Struct):
+    schema: str = ""
+
+
+def save(calibration: Calibration, path: Path | str) -> Path:
+    """Write a calibration to a JSON file that `load` gives back float for float.
+
+    Raises `AgonicError` where it is no calibration, holds a NaN, or the file cannot be written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = save(Affine(bias=[10, 0, 0.1], matrix=np.eye(3)), folder + "/mag.json")
+    ...     load(path).bias.tolist()
+    [10.0, 0.0, 0.1]
+    """
+    return write_atomically(path, encode(calibration))
+
+
+def encode(calibration: Calibration) -> bytes:
+    """The bytes of the calibration file: the same for the same calibration, always."""
+    known = require_calibration(calibration)
+    plain = {
+        "schema": f"{SCHEMA}@{VERSION}",
+        "equation": known.equation,
+        "calibration": _plain(known),
+    }
+    try:
+        record = msgspec.convert(plain, CalibrationFile)
+    except msgspec.ValidationError as error:
+        raise AgonicError(f"this calibration cannot be saved: {error}") from None
+    return _rows_on_one_line(msgspec.json.format(msgspec.json.encode(record), indent=2)) + b"\n"
+
+
+def load(path: Path | str) -> Affine | Alignment | Chain:
+    """Read a calibration file.
+
+    Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
+    """
+    data = read_bytes(path)
+    try:
+        _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
+        return _restored(msgspec.json.decode(data, type=CalibrationFile).calibration)
+    except (AgonicError, ValueError, RecursionError) as error:
+        raise LogError(f"not a usable calibration file: {error}", path=path) from None
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of the calibration file.
+
+    >>> schema()["$defs"]["AffineRecord"]["properties"]["bias"]["description"]
+    'Subtracted from the readings, in unit_in.'
+    """
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **msgspec.json.schema(CalibrationFile),
+    }
+
+
+def require_calibration(value: object) -> Affine | Alignment | Chain:
+    """The value itself, or an error that says what to give instead."""
+    if isinstance(value, Affine | Alignment | Chain):
+        return value
+    if isinstance(value, Fit):
+        raise AgonicError("a Fit was given and a calibration is needed: give fit.calibration")
+    raise AgonicError(
+        f"a {type(value).__name__} was given and a calibration is needed: "
+        "an Affine, an Alignment or a Chain of them"
+    )
+
+
+def read_bytes(path: Path | str) -> bytes:
+    """The bytes of a file, or a `LogError` that says why there are none."""
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise LogError(f"cannot be read ({error.strerror or error})", path=path) from None
+
+
+def _plain(value: Any) -> Any:
+    """The value in what JSON has, every float as it is."""
+    if is_dataclass(value):
+        plain = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        return {"kind": value.kind, **plain} if hasattr(value, "kind") else plain
+    if isinstance(value, Rotation):
+        return {"quat_wxyz": np.roll(value.as_quat(), 1).tolist()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not isfinite(value):
+        raise AgonicError(f"a calibration with {value} in it cannot be saved; fit it again")
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise AgonicError(
+        f"a {type(value).__name__} in the provenance cannot be saved; "
+        "settings are numbers, text, or lists of them"
+    )
+
+
+def _rows_on_one_line(text: bytes) -> bytes:
+    """Indented JSON with each row of numbers on a line; strings never hold a raw line break."""
+    return re.sub(
+        rb'\[\n\s*([^][{}"]*?)\s*\n\s*\]',
+        lambda row: b"[" + re.sub(rb"\s*\n\s*", b" ", row[1]) + b"]",
+        text,
+    )
+
+
+def _require_known_version(text: str) -> None:
+    name, _, version = text.partition("@")
+    if name != SCHEMA or not version.isdecimal():
+        raise LogError(f'it needs "schema": "{SCHEMA}@{VERSION}" and has {text!r}')
+    if int(version) > VERSION:
+        raise LogError(
+            f"it was made by a newer agonic (version {version} of the format, this one knows "
+            f"up to {VERSION}); update agonic"
+        )
+
+
+def _restored(record: AffineRecord | AlignmentRecord | ChainRecord) -> Affine | Alignment | Chain:
+    if isinstance(record, ChainRecord):
+        steps = tuple(_restored_step(step) for step in record.steps)
+        return Chain(steps=steps, provenance=_provenance(record.provenance))
+    return _restored_step(record)
+
+
+def _restored_step(record: AffineRecord | AlignmentRecord) -> Affine | Alignment:
+    values = msgspec.structs.asdict(record)
+    values["provenance"] = _provenance(record.provenance)
+    if isinstance(record, AffineRecord):
+        values["validity"] = msgspec.convert(record.validity, Validity, from_attributes=True)
+        return Affine(**values)
+    values["rotation"] = _rotation(record.rotation.quat_wxyz)
+    if record.covariance is not None:
+        values["covariance"] = np.array(record.covariance)
+    return Alignment(**values)
+
+
+def _provenance(record: ProvenanceRecord) -> Provenance:
+    return msgspec.convert(record, Provenance, from_attributes=True)
+
+
+def _rotation(quat_wxyz: tuple[float, ...]) -> Rotation:
+    """The rotation; a quaternion of length 1 keeps its bits, which normalising would not."""
+    quat = np.roll(np.array(quat_wxyz), -1)
+    return Rotation(quat, normalize=bool(abs(np.linalg.norm(quat) - 1.0) > 1e-12))

@@ -1,0 +1,204 @@
+"""`Export`: a calibration written for another program, and what all such writers share.
+
+A target fixes its unit and often its axes, and most hold a symmetric matrix only. The functions
+here bring a calibration to that form and say in warnings what could not be kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import polar
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain
+from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.io.calfile import encode, require_calibration
+
+Array = NDArray[np.float64]
+
+NEGLIGIBLE_DEG = 0.01
+"""A rotation below this is not worth a warning."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """A file that was written: where, for which target, and what it does not hold or do."""
+
+    path: Path
+    target: str
+    warnings: tuple[str, ...] = ()
+
+
+def reduced(calibration: Calibration) -> tuple[Array, Array]:
+    """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias).
+
+    >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
+    >>> chain = Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3) * 2), turn))
+    >>> reduced(chain)[0].round(9).tolist(), reduced(chain)[1].round(9).tolist()
+    ([1.0, 2.0, 3.0], [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
+    """
+    bias, matrix = np.zeros(3), np.eye(3)
+    for step in _steps(calibration):
+        if isinstance(step, Alignment):
+            matrix = step.rotation.as_matrix() @ matrix
+        else:
+            bias = bias + np.linalg.solve(matrix, step.bias)
+            matrix = step.matrix @ matrix
+        if np.linalg.matrix_rank(matrix) < 3:
+            raise AgonicError("the matrix of this calibration is singular; it cannot be exported")
+    return bias, matrix
+
+
+def physical(calibration: Calibration, unit: str) -> tuple[Array, Array]:
+    """`reduced`, for a target whose numbers are in `unit`: bias in nT, matrix without unit.
+
+    Raises `UnitError` where the calibration is for readings or a field of unknown scale.
+    """
+    bias, matrix = reduced(calibration)
+    if {calibration.unit_in, calibration.unit_out} != {"nT"}:
+        raise UnitError(
+            f"the target needs {unit} and this calibration turns {calibration.unit_in} into "
+            f"{calibration.unit_out}; read the log with its unit, give the field magnitude, and "
+            "fit again"
+        )
+    return bias, matrix
+
+
+def in_frame(
+    calibration: Calibration, frame: str, *, unit: str, rotation_bm: Rotation | None = None
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """`physical`, for a target whose readings and field are both in the axes of `frame`.
+
+        bias_f = R_in bias,   matrix_f = R_out matrix R_inᵀ
+
+    with R_in, R_out from the calibration's own axes to those of the target, made of `rotation_bm`
+    (m components into b components). Without it the mounting inside a chain is taken, or none.
+    Returns bias (3,) nT, matrix (3, 3) and warnings.
+    """
+    bias, matrix = physical(calibration, unit)
+    ends = (calibration.frame_in, calibration.frame_out)
+    if set(ends) == {frame}:
+        return bias, matrix, ()
+    if not {*ends, frame} <= {"m", "b"}:
+        raise FrameError(
+            "the target takes a calibration between sensor and body axes",
+            left=" to ".join(ends),
+            right=frame,
+        )
+    warnings: tuple[str, ...] = ()
+    if rotation_bm is None:
+        rotation_bm, warnings = _mounting(calibration)
+    turn = {"m": rotation_bm.as_matrix(), "b": np.eye(3)}
+    into, out = (turn[frame].T @ turn[end] for end in ends)
+    return into @ bias, out @ matrix @ into.T, warnings
+
+
+def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
+    """The rotation from m to b that the calibration itself holds, and what was assumed."""
+    if calibration.frame_in == calibration.frame_out:
+        return Rotation.identity(), (
+            "the mounting of the sensor is not known: its axes were taken for those of the body; "
+            "give rotation_bm where they differ",
+        )
+    turn = Rotation.identity()
+    for step in _steps(calibration):
+        if isinstance(step, Alignment):
+            turn = step.rotation * turn
+        elif step.frame_in != step.frame_out:
+            turn = symmetric_part(step.matrix)[1] * turn
+    warning = (
+        f"the mounting of {np.degrees(turn.magnitude()):.2f} deg inside the calibration is left "
+        "to the target: set its sensor orientation to the same turn, or give rotation_bm",
+    )
+    return turn if calibration.frame_in == "m" else turn.inv(), warning
+
+
+def _steps(calibration: Calibration) -> tuple[Affine | Alignment, ...]:
+    known = require_calibration(calibration)
+    return known.steps if isinstance(known, Chain) else (known,)
+
+
+def symmetric_part(matrix: ArrayLike) -> tuple[Array, Rotation]:
+    """The polar decomposition matrix = rotation @ symmetric, as (symmetric, rotation).
+
+    The symmetric factor gives the same magnitudes and the rotation is what it leaves out: a target
+    that holds a symmetric matrix only shows the field turned by the inverse of that rotation.
+    Source: Higham, Functions of Matrices (2008), chapter 8.
+
+    >>> symmetric, left_out = symmetric_part([[0, -2, 0], [2, 0, 0], [0, 0, 2]])
+    >>> symmetric.round(9).tolist(), left_out.as_rotvec(degrees=True).round(9).tolist()
+    ([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], [0.0, 0.0, 90.0])
+    """
+    rotation, symmetric = polar(np.asarray(matrix, dtype=np.float64))
+    if np.linalg.det(rotation) < 0:
+        raise AgonicError(
+            "this calibration mirrors the axes and the target cannot; reverse one axis of the "
+            "readings, and fit again"
+        )
+    return (symmetric + symmetric.T) / 2, Rotation.from_matrix(rotation)
+
+
+def six_numbers(
+    calibration: Calibration, frame: str, *, unit: str, rotation_bm: Rotation | None = None
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """`in_frame`, for a target that holds a symmetric matrix: bias, xx yy zz xy xz yz, warnings."""
+    bias, matrix, warnings = in_frame(calibration, frame, unit=unit, rotation_bm=rotation_bm)
+    symmetric, left_out = symmetric_part(matrix)
+    angle = np.degrees(left_out.magnitude())
+    if angle > NEGLIGIBLE_DEG:
+        warnings += (
+            f"the target holds a symmetric matrix only: a rotation of {angle:.2f} deg is left "
+            "out, and its field is turned by as much",
+        )
+    return bias, np.append(np.diag(symmetric), symmetric[[0, 0, 1], [1, 2, 2]]), warnings
+
+
+def symmetric_of(six: Iterable[float]) -> Array:
+    """The symmetric matrix (3, 3) of its entries xx yy zz xy xz yz."""
+    xx, yy, zz, xy, xz, yz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
+
+
+def banner(calibration: Calibration, formula: str, warnings: Iterable[str] = ()) -> tuple[str, ...]:
+    """Comment lines, plain ASCII: what the file is, its equation, origin and warnings."""
+    origins = [calibration.provenance, *(step.provenance for step in _steps(calibration))]
+    inputs = dict.fromkeys(i for origin in origins for i in origin.inputs)
+    methods = dict.fromkeys(key for origin in origins for key in origin.method)
+    software, created = origins[0].software, origins[0].created
+    lines = (
+        f"Calibration of magnetometer {calibration.sensor}, {software}, {created}",
+        f"Calibration: {calibration.equation}, "
+        f"axes {calibration.frame_in} to {calibration.frame_out}",
+        f"This file: {formula}",
+        *(f"Input: {i.name}, {i.count} rows, SHA-256 {i.sha256}" for i in inputs),
+        *(f"Method: {key}" for key in methods),
+        f"SHA-256 of the calibration file: {hashlib.sha256(encode(calibration)).hexdigest()}",
+        *(f"Warning: {warning}" for warning in warnings),
+    )
+    return tuple(
+        " ".join(line.split()).encode("ascii", "backslashreplace").decode() for line in lines
+    )
+
+
+def float32_text(value: float) -> str:
+    """The shortest decimal that reads back as the same float32.
+
+    >>> float32_text(0.1), float32_text(-300.0), float32_text(1e-5)
+    ('0.1', '-300.0', '0.00001')
+    """
+    return np.format_float_positional(np.float32(value + 0.0), unique=True, trim="0")
+
+
+def scaled_to(calibration: Calibration) -> float | None:
+    """The field magnitude that the last affine step was scaled to, in `unit_out`, if known."""
+    magnitudes = [step.magnitude for step in _steps(calibration) if isinstance(step, Affine)]
+    return magnitudes[-1] if magnitudes else None

@@ -1,0 +1,149 @@
+"""ArduPilot: a `.param` file with the COMPASS_* parameters of one compass.
+
+    field = M (SCALE (raw + OFS)) + MOT x,   milligauss, body axes,   M of DIA and ODI
+
+Source: ArduPilot/ardupilot, libraries/AP_Compass/AP_Compass_Backend.cpp (`correct_field`) and
+AP_Compass.cpp (`have_scale_factor`). OFS is added, so it is minus the bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.base import Calibration
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import read_bytes
+from agonic.io.export import Export, banner, float32_text, six_numbers, symmetric_of
+from agonic.units import NANOTESLA_PER
+
+LARGEST_SCALE = 1.5  # COMPASS_MAX_SCALE_FACTOR: outside 1/1.5…1.5 the firmware takes 1
+LARGEST_OFFSET = 1800.0  # COMPASS_OFFS_MAX as delivered, mG, of the vector's length
+DIAGONAL = (0.2, 5.0)  # CompassCalibrator.cpp: what the on-board calibration accepts
+OFF_DIAGONAL = 1.0
+
+
+def write_ardupilot(
+    calibration: Calibration,
+    path: Path | str,
+    *,
+    compass: int = 1,
+    rotation_bm: Rotation | None = None,
+) -> Export:
+    """Write the COMPASS_* parameters that make ArduPilot apply a calibration.
+
+    Parameters
+    ----------
+    compass : 1, 2 or 3, the number in the parameter names (order of COMPASS_PRIO, not of the bus).
+    rotation_bm : turns sensor axes into body axes, as the compass orientation of the vehicle does;
+        only needed for a calibration in sensor axes.
+
+    Raises `UnitError` for a calibration in raw units. Motor compensation is not written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3), frame_in="b", frame_out="b")
+    >>> with TemporaryDirectory() as folder:
+    ...     export = write_ardupilot(mag, folder + "/mag.param")
+    ...     parse_ardupilot(export.path)["COMPASS_OFS_X"]
+    -30.0
+    """
+    parameters, warnings = ardupilot_parameters(
+        calibration, compass=compass, rotation_bm=rotation_bm
+    )
+    formula = "field = M (SCALE (raw + OFS)), milligauss, body axes, M of DIA and ODI"
+    notes = (
+        *banner(calibration, formula, warnings),
+        "Set COMPASS_LEARN 0, else the vehicle replaces these offsets by its own.",
+        "The numbers hold for the present compass orientation only.",
+    )
+    lines = [f"# {note}" for note in notes]
+    lines += [f"{name},{float32_text(value)}" for name, value in parameters.items()]
+    written = write_atomically(path, "\n".join(lines) + "\n")
+    return Export(path=written, target="ardupilot", warnings=warnings)
+
+
+def ardupilot_parameters(
+    calibration: Calibration, *, compass: int = 1, rotation_bm: Rotation | None = None
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """The parameters by name, and warnings; SCALE = trace(matrix)/3, DIA and ODI the rest.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1, frame_in="b", frame_out="b")
+    >>> parameters, _ = ardupilot_parameters(mag)
+    >>> parameters["COMPASS_OFS_X"], round(parameters["COMPASS_SCALE"], 9)
+    (-30.0, 1.1)
+    """
+    bias, six, warnings = six_numbers(calibration, "b", unit="milligauss", rotation_bm=rotation_bm)
+    offset = 0.0 - bias / NANOTESLA_PER["mG"]
+    scale = float(six[:3].mean())
+    if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
+        warnings += (
+            f"a scale of {scale:.3f} is outside the {1 / LARGEST_SCALE:.2f} to {LARGEST_SCALE} "
+            "that COMPASS_SCALE can hold: it was put into DIA and ODI; check the sensor's unit",
+        )
+        scale = 1.0
+    values = [*offset, *(six / scale), scale]
+    return dict(zip(_names(compass), map(float, values), strict=True)), (
+        *warnings,
+        *_remarks(offset, six / scale),
+    )
+
+
+def apply_ardupilot(
+    parameters: Mapping[str, float], raw: ArrayLike, *, compass: int = 1
+) -> NDArray[np.float64]:
+    """The field (…, 3) that ArduPilot makes of readings, both in mG and body axes."""
+    values = np.array([parameters[name] for name in _names(compass)])
+    offset, six, scale = values[:3], values[3:9], values[9]
+    if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
+        scale = 1.0
+    matrix = symmetric_of(six) if six[:3].any() else symmetric_of([1, 1, 1, *six[3:]])
+    return np.asarray((scale * (np.asarray(raw) + offset)) @ matrix.T)
+
+
+def parse_ardupilot(path: Path | str) -> dict[str, float]:
+    """The parameters of a `.param` file, by name."""
+    parameters = {}
+    text = read_bytes(path).decode(errors="replace")
+    for row, line in enumerate(text.splitlines(), start=1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if words:
+            try:
+                name, value = words
+                parameters[name] = float(value)
+            except ValueError:
+                raise LogError("a row needs a name and a number", path=path, row=row) from None
+    return parameters
+
+
+def _names(compass: int) -> list[str]:
+    """OFS x y z, DIA x y z, ODI x y z (= xy, xz, yz), SCALE; the first compass has no number."""
+    if compass not in (1, 2, 3):
+        raise AgonicError(f"compass is 1, 2 or 3 in ArduPilot, not {compass}")
+    number = "" if compass == 1 else str(compass)
+    vectors = [f"COMPASS_{kind}{number}_{axis}" for kind in ("OFS", "DIA", "ODI") for axis in "XYZ"]
+    return [*vectors, f"COMPASS_SCALE{number}"]
+
+
+def _remarks(offset: NDArray[np.float64], six: NDArray[np.float64]) -> list[str]:
+    """What the vehicle may object to."""
+    remarks = []
+    length = float(np.linalg.norm(offset))
+    if length > LARGEST_OFFSET:
+        remarks.append(
+            f"offsets of {length:.0f} mG exceed COMPASS_OFFS_MAX ({LARGEST_OFFSET:.0f}): the "
+            "vehicle will not arm; move the sensor away from metal or raise that limit"
+        )
+    smallest, largest = DIAGONAL
+    if six[:3].min() < smallest or six[:3].max() > largest or np.abs(six[3:]).max() >= OFF_DIAGONAL:
+        remarks.append(
+            f"DIA outside {smallest} to {largest} or ODI beyond {OFF_DIAGONAL:.0f}: ArduPilot's "
+            "own calibration would refuse such a sensor; check it"
+        )
+    return remarks

@@ -1,0 +1,150 @@
+"""C: a header with the numbers, the correction as nine multiplications, and a self-test.
+
+    field = A (raw − b),   float32
+
+in the units and axes of the calibration, with a mounting in a chain inside the matrix.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.base import Calibration
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import read_bytes
+from agonic.io.export import Export, banner, float32_text, reduced, scaled_to
+
+Float32 = NDArray[np.float32]
+
+TEMPLATE = """\
+/*
+{about}
+ */
+#ifndef AGONIC_{guard}_H
+#define AGONIC_{guard}_H
+
+/* Bias, {unit_in}, axes {frame_in}. */
+static const float {name}_b[3] = {b};
+
+/* Matrix, {unit_out} per {unit_in}, row by row. */
+static const float {name}_A[3][3] = {{
+    {A[0]},
+    {A[1]},
+    {A[2]},
+}};
+
+/* field = A (raw - b); raw and field may be the same array. */
+static inline void {name}_correct(const float raw[3], float field[3])
+{{
+    const float x = raw[0] - {name}_b[0];
+    const float y = raw[1] - {name}_b[1];
+    const float z = raw[2] - {name}_b[2];
+    int i;
+    for (i = 0; i < 3; i++) {{
+        field[i] = {name}_A[i][0] * x + {name}_A[i][1] * y + {name}_A[i][2] * z;
+    }}
+}}
+
+/* 1 where this processor corrects a known reading to within {tolerance} {unit_out}, else 0. */
+static inline int {name}_self_test(void)
+{{
+    static const float raw[3] = {raw};
+    static const float expected[3] = {expected};
+    float field[3];
+    int i;
+    {name}_correct(raw, field);
+    for (i = 0; i < 3; i++) {{
+        const float error = field[i] - expected[i];
+        if (!(error >= -{tolerance}f && error <= {tolerance}f)) {{
+            return 0;
+        }}
+    }}
+    return 1;
+}}
+
+#endif
+"""
+
+
+def write_c(calibration: Calibration, path: Path | str, *, name: str = "mag") -> Export:
+    """Write a C header (C99 and C++) with `{name}_b`, `_A`, `_correct` and `_self_test`.
+
+    Raises `AgonicError` where `name` is not a C identifier.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3))
+    >>> with TemporaryDirectory() as folder:
+    ...     export = write_c(mag, folder + "/mag.h")
+    ...     parse_c(export.path)["b"].tolist()
+    [3000.0, 0.0, 0.0]
+    """
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
+        raise AgonicError(f"name is a C identifier such as mag, not {name!r}")
+    bias, matrix = reduced(calibration)
+    raw, expected, tolerance = _example(calibration, bias, matrix)
+    formula = "field = A (raw - b), float32"
+    notes = (
+        line.replace("/*", "/ *").replace("*/", "* /") for line in banner(calibration, formula)
+    )
+    text = TEMPLATE.format(
+        name=name,
+        guard=name.upper(),
+        about="\n".join(f" * {note}" for note in notes),
+        unit_in=calibration.unit_in,
+        unit_out=calibration.unit_out,
+        frame_in=calibration.frame_in,
+        b=_braced(bias),
+        A=[_braced(row) for row in matrix],
+        raw=_braced(raw),
+        expected=_braced(expected),
+        tolerance=float32_text(tolerance),
+    )
+    return Export(path=write_atomically(path, text), target="c")
+
+
+def parse_c(path: Path | str, *, name: str = "mag") -> dict[str, Float32]:
+    """`b` (3,) and `A` (3, 3) of a header."""
+    text = read_bytes(path).decode(errors="replace")
+    arrays = {}
+    for key, shape in (("b", (3,)), ("A", (3, 3))):
+        found = re.search(rf"\b{name}_{key}(?:\[3\])+ = ([^;]*);", text)
+        numbers = re.findall(r"[-+.\d]+(?=f)", found[1]) if found else []
+        if len(numbers) != np.prod(shape):
+            raise LogError(f"no {name}_{key} with {np.prod(shape)} numbers", path=path)
+        arrays[key] = np.array(numbers, dtype=np.float32).reshape(shape)
+    return arrays
+
+
+def apply_c(arrays: Mapping[str, Float32], raw: ArrayLike) -> Float32:
+    """The field (…, 3) that the header makes of readings, in its own float32."""
+    x, y, z = np.moveaxis(np.asarray(raw, dtype=np.float32) - arrays["b"], -1, 0)
+    rows = [row[0] * x + row[1] * y + row[2] * z for row in arrays["A"]]
+    return np.asarray(np.stack(rows, axis=-1), dtype=np.float32)
+
+
+def _example(
+    calibration: Calibration, bias: NDArray[np.float64], matrix: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """A reading, its field, and how far float32 may be off.
+
+    Seven roundings lie on the way (bias, matrix, difference, product, two sums, expected value),
+    each of half a unit in the last place of numbers no larger than |matrix| (|raw| + |bias|); a
+    little over twice that is allowed.
+    """
+    size = scaled_to(calibration) or float(np.linalg.norm(matrix @ bias)) or 1.0
+    field = size * np.array([0.48, -0.6, 0.64])
+    raw = (np.linalg.solve(matrix, field) + bias).astype(np.float32).astype(np.float64)
+    largest = (np.abs(matrix) @ (np.abs(raw) + np.abs(bias))).max()
+    tolerance = 8 * np.finfo(np.float32).eps * largest
+    return raw, matrix @ (raw - bias), float(f"{tolerance:.1g}")
+
+
+def _braced(values: ArrayLike) -> str:
+    return "{" + ", ".join(f"{float32_text(v)}f" for v in np.asarray(values)) + "}"

@@ -1,0 +1,112 @@
+"""MotionCal, Adafruit and NXPMotionSense: the 68-byte calibration packet.
+
+    field = invW (raw − V),   microtesla, sensor axes
+
+    75 54 | 16 float32: accelerometer 3, gyroscope 3, V 3, B, invW xx yy zz xy xz yz | CRC-16
+
+all little-endian; the CRC (polynomial A001 reflected, start FFFF) over the 68 bytes is zero.
+Source: PaulStoffregen/MotionCal, rawdata.c (`send_calibration`), visualize.c
+(`apply_calibration`).
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.base import Calibration
+from agonic.errors import LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import read_bytes
+from agonic.io.export import Export, scaled_to, six_numbers, symmetric_of
+from agonic.units import NANOTESLA_PER
+
+SIGNATURE = b"\x75\x54"
+LENGTH = 68
+USUAL_FIELD = 50.0  # µT, MotionCal's own default for B
+
+
+@dataclass(frozen=True, kw_only=True)
+class Packet:
+    """The magnetometer's part of a packet: V (3) µT, B µT, and invW xx yy zz xy xz yz (6)."""
+
+    offset: tuple[float, ...]
+    field: float
+    matrix: tuple[float, ...]
+
+
+def write_motioncal(calibration: Calibration, path: Path | str) -> Export:
+    """Write the packet that makes a MotionCal device apply a calibration.
+
+    Send the bytes to the device's serial port. Accelerometer and gyroscope offsets are zero, as
+    MotionCal sends them. Raises `UnitError` for a calibration in raw units.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3), magnitude=48000.0)
+    >>> with TemporaryDirectory() as folder:
+    ...     export = write_motioncal(mag, folder + "/mag.bin")
+    ...     parse_motioncal(export.path)
+    Packet(offset=(3.0, 0.0, 0.0), field=48.0, matrix=(1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    """
+    packet, warnings = motioncal_packet(calibration)
+    written = write_atomically(path, encode_motioncal(packet))
+    return Export(path=written, target="motioncal", warnings=warnings)
+
+
+def motioncal_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
+    """The numbers of the packet, and warnings."""
+    bias, six, warnings = six_numbers(calibration, calibration.frame_in, unit="microtesla")
+    magnitude = scaled_to(calibration)
+    if magnitude is None:
+        warnings += (
+            f"the field magnitude is not known: {USUAL_FIELD:.0f} uT was written for B, which only "
+            "serves the device to notice disturbed readings",
+        )
+        field = USUAL_FIELD
+    else:
+        field = magnitude / NANOTESLA_PER["uT"]
+    offset = tuple((bias / NANOTESLA_PER["uT"]).tolist())
+    return Packet(offset=offset, field=field, matrix=tuple(six.tolist())), warnings
+
+
+def encode_motioncal(packet: Packet) -> bytes:
+    """The 68 bytes of a packet."""
+    values = (0.0,) * 6 + packet.offset + (packet.field,) + packet.matrix
+    body = SIGNATURE + struct.pack("<16f", *values)
+    return body + struct.pack("<H", crc16(body))
+
+
+def parse_motioncal(path: Path | str) -> Packet:
+    """The packet in a file; `LogError` where signature, length or CRC are wrong."""
+    data = read_bytes(path)
+    if len(data) != LENGTH or not data.startswith(SIGNATURE) or crc16(data):
+        raise LogError(
+            "not a MotionCal packet: 68 bytes that start with 75 54 and end with their CRC",
+            path=path,
+        )
+    values = struct.unpack("<16f", data[2:-2])
+    return Packet(offset=values[6:9], field=values[9], matrix=values[10:])
+
+
+def apply_motioncal(packet: Packet, raw: ArrayLike) -> NDArray[np.float64]:
+    """The field (…, 3) that the device makes of readings, both in µT and sensor axes."""
+    return np.asarray((np.asarray(raw) - packet.offset) @ symmetric_of(packet.matrix).T)
+
+
+def crc16(data: bytes) -> int:
+    """CRC-16/MODBUS: polynomial A001 (reflected), start FFFF.
+
+    >>> hex(crc16(b"123456789"))
+    '0x4b37'
+    """
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
+    return crc

@@ -1,0 +1,171 @@
+"""PX4: a `.params` file with the CAL_MAGn_* parameters of one magnetometer.
+
+    field_body = R S (raw − OFF),   gauss, raw in sensor axes,   S of SCALE and ODIAG
+
+Source: PX4/PX4-Autopilot, src/lib/sensor_calibration/Magnetometer.hpp (`Correct`) and
+Magnetometer.cpp (`set_offset`, `set_scale`, `set_offdiagonal`). OFF is subtracted: it is the bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.base import Calibration
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import read_bytes
+from agonic.io.export import Export, banner, float32_text, six_numbers, symmetric_of
+from agonic.units import NANOTESLA_PER
+
+DEAD_BAND = 0.01
+"""A change (length of the vector) that PX4 does not take over: gauss for OFF, else a number."""
+
+SCALE = (0.1, 3.0)  # limits of CAL_MAGn_*SCALE in src/modules/sensors/module.yaml
+INT32, FLOAT = 6, 9  # MAV_PARAM_TYPE
+
+
+def write_px4(
+    calibration: Calibration,
+    path: Path | str,
+    *,
+    slot: int = 0,
+    device_id: int | None = None,
+    rotation: int | None = None,
+    rotation_bm: Rotation | None = None,
+) -> Export:
+    """Write the CAL_MAGn_* parameters that make PX4 apply a calibration.
+
+    Parameters
+    ----------
+    slot : n, 0 to 3.
+    device_id : CAL_MAGn_ID, `sensor_mag.device_id` of the log; PX4 ignores a slot without it.
+    rotation : CAL_MAGn_ROT, written where it is given: −1 for an internal sensor.
+    rotation_bm : turns sensor axes into body axes, as PX4 does after the correction; only needed
+        for a calibration in body axes.
+
+    Raises `UnitError` for a calibration in raw units. Power compensation is not written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1)
+    >>> with TemporaryDirectory() as folder:
+    ...     export = write_px4(mag, folder + "/mag.params", device_id=396809)
+    ...     parse_px4(export.path)["CAL_MAG0_XOFF"]
+    0.03
+    """
+    parameters, warnings = px4_parameters(
+        calibration, slot=slot, device_id=device_id, rotation=rotation, rotation_bm=rotation_bm
+    )
+    formula = "field = S (raw - OFF), gauss, sensor axes, S of SCALE and ODIAG; then CAL_MAG_ROT"
+    notes = (*banner(calibration, formula, warnings), "Vehicle-Id Component-Id Name Value Type")
+    lines = [f"# {note}" for note in notes]
+    lines += [_row(name, value) for name, value in parameters.items()]
+    written = write_atomically(path, "\n".join(lines) + "\n")
+    return Export(path=written, target="px4", warnings=warnings)
+
+
+def px4_parameters(
+    calibration: Calibration,
+    *,
+    slot: int = 0,
+    device_id: int | None = None,
+    rotation: int | None = None,
+    rotation_bm: Rotation | None = None,
+) -> tuple[dict[str, float | int], tuple[str, ...]]:
+    """The parameters by name, and warnings.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1)
+    >>> parameters, _ = px4_parameters(mag, device_id=396809)
+    >>> parameters["CAL_MAG0_XOFF"], parameters["CAL_MAG0_YSCALE"]
+    (0.03, 1.1)
+    """
+    bias, six, warnings = six_numbers(calibration, "m", unit="gauss", rotation_bm=rotation_bm)
+    offset = bias / NANOTESLA_PER["G"]
+    parameters: dict[str, float | int] = {}
+    if device_id is not None:
+        parameters[f"CAL_MAG{slot}_ID"] = _as_int32(int(device_id))
+    if rotation is not None:
+        parameters[f"CAL_MAG{slot}_ROT"] = int(rotation)
+    parameters |= dict(zip(_names(slot), map(float, (*offset, *six)), strict=True))
+    if device_id is None:
+        warnings += (
+            f"PX4 ignores slot {slot} unless CAL_MAG{slot}_ID is the sensor's device id: give "
+            "device_id (sensor_mag.device_id in the log)",
+        )
+    advice = (
+        "set SENS_MAG_AUTOCAL 0, else PX4 changes these offsets after each flight by its own "
+        "estimate",
+    )
+    return parameters, (*warnings, *_remarks(offset, six), *advice)
+
+
+def apply_px4(
+    parameters: Mapping[str, float], raw: ArrayLike, *, slot: int = 0
+) -> NDArray[np.float64]:
+    """The field (…, 3) that PX4 makes of readings, both in gauss and sensor axes."""
+    values = np.array([parameters[name] for name in _names(slot)])
+    return np.asarray((np.asarray(raw) - values[:3]) @ symmetric_of(values[3:]).T)
+
+
+def parse_px4(path: Path | str) -> dict[str, float | int]:
+    """The parameters of a `.params` file, by name."""
+    parameters: dict[str, float | int] = {}
+    text = read_bytes(path).decode(errors="replace")
+    for row, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.startswith("#"):
+            try:
+                _, _, name, value, kind = line.split()
+                parameters[name] = int(value) if int(kind) <= INT32 else float(value)
+            except ValueError:
+                raise LogError(
+                    "a row needs vehicle, component, name, number and type", path=path, row=row
+                ) from None
+    return parameters
+
+
+def _names(slot: int) -> list[str]:
+    """OFF x y z, SCALE x y z, ODIAG x y z (= xy, xz, yz)."""
+    if slot not in range(4):
+        raise AgonicError(f"slot is 0 to 3 in PX4, not {slot}")
+    kinds = ("OFF", "SCALE", "ODIAG")
+    return [f"CAL_MAG{slot}_{axis}{kind}" for kind in kinds for axis in "XYZ"]
+
+
+def _row(name: str, value: float | int) -> str:
+    if isinstance(value, int):
+        return f"1\t1\t{name}\t{value}\t{INT32}"
+    return f"1\t1\t{name}\t{float32_text(value)}\t{FLOAT}"
+
+
+def _as_int32(device_id: int) -> int:
+    """The device id, an unsigned number in the log, in a parameter's signed 32 bits."""
+    if not 0 < device_id < 2**32:
+        raise AgonicError(f"a device id is a number from 1 to 2^32 - 1, not {device_id}")
+    return device_id - 2**32 if device_id >= 2**31 else device_id
+
+
+def _remarks(offset: NDArray[np.float64], six: NDArray[np.float64]) -> list[str]:
+    """What PX4 may not take over."""
+    remarks = []
+    changes = {"offset": offset, "scale": six[:3] - 1.0, "off-diagonal": six[3:]}
+    for what, vector in changes.items():
+        length = float(np.linalg.norm(vector))
+        if 1e-6 < length <= DEAD_BAND:
+            unit = " G" if what == "offset" else ""
+            remarks.append(
+                f"the {what} correction of {length:.4f}{unit} is below the {DEAD_BAND}{unit} that "
+                "PX4 needs to take it over after a start: it may be ignored"
+            )
+    smallest, largest = SCALE
+    if six[:3].min() < smallest or six[:3].max() > largest:
+        remarks.append(
+            f"a scale outside {smallest} to {largest} is beyond PX4's limits; check the sensor's "
+            "unit"
+        )
+    return remarks

@@ -1,0 +1,79 @@
+"""ROS: a YAML file of parameters for `magnetometer_pipeline`.
+
+    field = scaling_matrix (field − bias),   tesla, axes of the message
+
+Source: ctu-vras/compass, magnetometer_pipeline/src/bias_remover.cpp.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.base import Calibration
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import read_bytes
+from agonic.io.export import Export, banner, in_frame
+from agonic.units import NANOTESLA_PER
+
+MATRIX = "initial_mag_scaling_matrix"
+BIAS = tuple(f"initial_mag_bias_{axis}" for axis in "xyz")
+
+
+def write_ros(calibration: Calibration, path: Path | str, *, ros: int = 2) -> Export:
+    """Write the parameters of ROS's magnetometer bias remover.
+
+    `ros` is 2 for a parameter file of ROS 2, 1 for keys that `rosparam` loads into the node's
+    private namespace. The mounting inside a calibration stays with tf. Raises `UnitError` for a
+    calibration in raw units.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3))
+    >>> with TemporaryDirectory() as folder:
+    ...     export = write_ros(mag, folder + "/mag.yaml")
+    ...     parse_ros(export.path)["initial_mag_bias_x"]
+    [3e-06]
+    """
+    if ros not in (1, 2):
+        raise AgonicError(f"ros is 1 or 2, not {ros}")
+    bias, matrix, warnings = in_frame(calibration, calibration.frame_in, unit="tesla")
+    values = (bias / NANOTESLA_PER["T"]).tolist()
+    rows = [f"{name}: {_number(value)}" for name, value in zip(BIAS, values, strict=True)]
+    rows.append(f"{MATRIX}: [{', '.join(map(_number, matrix.ravel().tolist()))}]")
+    heading = ["/**:", "  ros__parameters:"] if ros == 2 else []
+    indent = "    " if ros == 2 else ""
+    formula = f"field = {MATRIX} (field - bias), tesla, axes of the message, row by row"
+    notes = [f"# {note}" for note in banner(calibration, formula, warnings)]
+    text = "\n".join([*notes, *heading, *(indent + row for row in rows)]) + "\n"
+    return Export(path=write_atomically(path, text), target="ros", warnings=warnings)
+
+
+def parse_ros(path: Path | str) -> dict[str, list[float]]:
+    """The parameters of a file, each as a list of numbers, by name."""
+    text = read_bytes(path).decode(errors="replace")
+    found = re.findall(r"^\s*(initial_mag_\w+):\s*\[?([^]\n]*)", text, flags=re.MULTILINE)
+    try:
+        parameters = {name: [float(n) for n in numbers.split(",")] for name, numbers in found}
+    except ValueError as error:
+        raise LogError(f"a parameter is not a number ({error})", path=path) from None
+    if set(parameters) != {*BIAS, MATRIX} or len(parameters[MATRIX]) != 9:
+        raise LogError(f"it needs {', '.join(BIAS)} and nine numbers of {MATRIX}", path=path)
+    return parameters
+
+
+def apply_ros(parameters: Mapping[str, list[float]], raw: ArrayLike) -> NDArray[np.float64]:
+    """The field (…, 3) that the node makes of readings, both in tesla."""
+    bias = np.ravel([parameters[name] for name in BIAS])
+    return np.asarray((np.asarray(raw) - bias) @ np.reshape(parameters[MATRIX], (3, 3)).T)
+
+
+def _number(value: float) -> str:
+    """A number that every YAML reader takes for a float: with a point, also before an exponent."""
+    text = repr(value + 0.0)
+    return text if "." in text else text.replace("e", ".0e")

@@ -1,0 +1,93 @@
+"""Numbers as people read them: digits as the standard error warrants, thin spaces, true minus."""
+
+from __future__ import annotations
+
+import math
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+THIN = "\N{NARROW NO-BREAK SPACE}"
+MINUS = "\N{MINUS SIGN}"
+UNDETERMINED = "undetermined"
+
+
+def grouped(value: float, decimals: int = 0) -> str:
+    """A number with its thousands set apart by thin spaces.
+
+    >>> grouped(-30512.345, 1).replace(THIN, " ")
+    '−30 512.3'
+    """
+    nearest = round(value, decimals) + 0.0  # the sum turns −0 into 0
+    return f"{nearest:,.{max(decimals, 0)}f}".replace(",", THIN).replace("-", MINUS)
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number to some significant digits; whole digits are never dropped.
+
+    >>> significant(0.004127), significant(49871.3), significant(math.inf)
+    ('0.00413', '49\\u202f871', 'undetermined')
+    """
+    if not math.isfinite(value):
+        return UNDETERMINED
+    return grouped(value, max(_decimals(value, digits), 0))
+
+
+def rounded(value: float, sd: float | None) -> str:
+    """A number to the second digit of a standard error, or to four digits where there is none.
+
+    >>> rounded(1.2345678, 0.00123), rounded(1.2345678, None)
+    ('1.2346', '1.235')
+    """
+    return grouped(value, _decimals(sd, 2)) if sd else significant(value, 4)
+
+
+def with_sd(value: float, sd: float | None) -> str:
+    """A number with its standard error, both to the second digit of the latter.
+
+    >>> with_sd(1.2345678, 0.00123).replace(NO_BREAK, " "), with_sd(1.0, 0.0)
+    ('1.2346 ± 0.0012', '1.000')
+    """
+    return f"{rounded(value, sd)} ±{NO_BREAK}{rounded(sd, sd)}" if sd else rounded(value, sd)
+
+
+def signed(text: str) -> str:
+    """A written number with its sign shown.
+
+    >>> signed("1.5"), signed("0.0")
+    ('+1.5', '0.0')
+    """
+    return f"+{text}" if text[0].isdigit() and text.strip("0.") else text
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A number and its unit.
+
+    >>> quantity(151.7, "nT"), quantity(0.3149, "°", 2)
+    ('152\\u202fnT', '0.31°')
+    """
+    if not math.isfinite(value):
+        return UNDETERMINED
+    space = "" if unit in ("", "°") else THIN
+    return f"{significant(value, digits)}{space}{unit}"
+
+
+def percent(fraction: float) -> str:
+    """A fraction in per cent, to two significant digits.
+
+    >>> percent(0.0791), percent(0.00412)
+    ('7.9\\u202f%', '0.41\\u202f%')
+    """
+    return quantity(100 * fraction, "%", 2)
+
+
+def degrees(angle_deg: float) -> str:
+    """An angle to two significant digits.
+
+    >>> degrees(0.3149)
+    '0.31°'
+    """
+    return quantity(angle_deg, "°", 2)
+
+
+def _decimals(value: float, digits: int) -> int:
+    """Decimal places that show so many significant digits of a value; negative: tens, hundreds."""
+    return 0 if value == 0.0 else digits - 1 - math.floor(math.log10(abs(value)))

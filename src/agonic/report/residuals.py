@@ -1,0 +1,91 @@
+"""What is left after the correction: in each reading, and in each of the 80 directions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibrated import Calibrated
+from agonic.kernels.affine import magnitude_residual
+from agonic.kernels.coverage import cells_of, icosphere
+from agonic.report.digits import grouped, quantity, signed
+from agonic.report.quantities import unit_label
+
+Array = NDArray[np.float64]
+
+FEWEST = 10
+"""Readings in a cell below which their mean says nothing."""
+
+_LEAST = 1e-9  # of a range, so that readings without any spread can be drawn
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Residuals:
+    """Distances from the model and weights, (n,) each; means over the cells (80,), NaN where few.
+
+    All in `unit`, that of the readings; `noise` is what the fit states.
+    """
+
+    values: Array
+    weights: Array
+    means: Array
+    noise: float
+    unit: str
+
+    @property
+    def limit(self) -> float:
+        """Half the height of a strip: 99.5 % of the readings, at least five times the noise."""
+        reach = float(np.percentile(np.abs(self.values), 99.5))
+        return max(5.0 * self.noise, 1.1 * reach, _LEAST)
+
+    @property
+    def mean_limit(self) -> float:
+        """The mean at which colour is full: the largest, but never less than the noise."""
+        return max(self.noise, float(np.nanmax(np.abs(self.means), initial=0.0)), _LEAST)
+
+    @property
+    def worst(self) -> str:
+        """The cell with the largest mean, in words."""
+        if np.isnan(self.means).all():
+            return f"No direction holds {FEWEST} readings."
+        cell = int(np.nanargmax(np.abs(self.means)))
+        x, y, z = (signed(grouped(float(v), 2)) for v in icosphere()[0][cell])
+        value = signed(quantity(float(self.means[cell]), self.unit, 2))
+        return f"The largest is {value}, towards ({x}, {y}, {z})."
+
+
+def residuals_of(result: Calibrated) -> Residuals:
+    """The residuals of the fit, worked out again where it kept none (a fit from moments)."""
+    fit = result.fit
+    values = _distances(result) if fit.residuals is None else fit.residuals
+    weights = np.ones(len(values)) if fit.weights is None else fit.weights
+    return Residuals(
+        values=values,
+        weights=weights,
+        means=_cell_means(result, values, weights),
+        noise=fit.noise,
+        unit=unit_label(fit.calibration.unit_in),
+    )
+
+
+def level(result: Calibrated) -> float:
+    """The magnitude that the calibrated readings lie around, in the unit of the field."""
+    return result.fit.calibration.magnitude or float(np.mean(result.verification.magnitude_after))
+
+
+def _distances(result: Calibrated) -> Array:
+    calibration = result.fit.calibration
+    return magnitude_residual(
+        result.samples.field, calibration.bias, calibration.matrix, level(result)
+    )[0]
+
+
+def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:
+    cells = cells_of(result.fit.calibration.correct(result.samples.field))
+    total = np.bincount(cells, weights, minlength=80)
+    sums = np.bincount(cells, weights * values, minlength=80)
+    means = np.full(80, np.nan)
+    np.divide(sums, total, out=means, where=total >= FEWEST)
+    return means

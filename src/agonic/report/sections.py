@@ -1,0 +1,227 @@
+"""The parts of the report about one sensor, what to do first at the top."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from agonic.calibrated import Calibrated
+from agonic.report import figures, sphere, tables
+from agonic.report.digits import degrees, grouped, percent, quantity
+from agonic.report.markup import Markup, data_script, element
+from agonic.report.quantities import unit_label
+from agonic.report.residuals import FEWEST, Residuals, residuals_of
+from agonic.report.verdict import MEANINGS, next_move, sentence
+
+TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys; Home turns back."
+
+
+def sensor(number: int, result: Calibrated, exports: Sequence[str], most: int) -> Markup:
+    """Everything about one sensor; `most` points of it are drawn."""
+    name, residuals = f"sensor-{number}", residuals_of(result)
+    parts = [
+        element("h2", result.samples.name, id=f"{name}-name"),
+        _verdict(result),
+        _key_figures(result),
+        _part("Numbers", tables.numbers(result), _logged_note(result)),
+        _part("Sphere before and after", *_spheres(result, most)),
+        _part("Magnitude and residuals", *_residuals(result, residuals)),
+        _part("Verification", _held_out_note(result), tables.checks(result.verification)),
+        _part("Method and model", tables.method(result)),
+        _part("Findings", tables.findings(result.fit)),
+        _part("Coverage", *_coverage(result)),
+        _part("Exports", _exports(exports)),
+        _part("Provenance", tables.provenance(result)),
+        data_script(sphere.sphere_data(result, residuals, most), id=f"{name}-data"),
+    ]
+    return element(
+        "article", *parts, id=name, aria_labelledby=f"{name}-name", data_source=f"{name}-data"
+    )
+
+
+def _part(title: str, *content: str) -> Markup:
+    return element("section", element("h3", title), *content)
+
+
+def _verdict(result: Calibrated) -> Markup:
+    """The verdict in a word and a sentence, and the next move."""
+    word, meaning = MEANINGS[result.verdict]
+    return element(
+        "div",
+        element("p", tables.mark(result.verdict, word), f": {meaning}", class_="word"),
+        element("p", sentence(result.status)),
+        element("p", element("strong", "Do next: "), sentence(next_move(result))),
+        class_=f"verdict {result.verdict}",
+    )
+
+
+def _key_figures(result: Calibrated) -> Markup:
+    """The four numbers to look at first."""
+    fit, verification = result.fit, result.verification
+    coverage = fit.coverage
+    entries = {
+        "Spread of magnitude": (
+            tables.spread(verification), "held out, before → after"),
+        "Heading standard error": (
+            degrees(coverage.heading_sd_deg),
+            f"level, at {coverage.inclination_deg:.0f}° inclination"),
+        "Noise": (
+            quantity(fit.noise, unit_label(fit.calibration.unit_in), 2),
+            "one reading on one axis"),
+        "Coverage": (
+            f"{np.count_nonzero(coverage.cells)} of {len(coverage.cells)}",
+            f"directions, from {grouped(fit.n)} readings"),
+    }  # fmt: skip
+    return element(
+        "dl",
+        *(
+            element(
+                "div",
+                element("dt", name),
+                element("dd", value, class_="value"),
+                element("dd", note, class_="aside"),
+            )
+            for name, (value, note) in entries.items()
+        ),
+        class_="key-figures",
+    )
+
+
+def _logged_note(result: Calibrated) -> Markup:
+    logged = result.samples.logged
+    text = (
+        "The log holds no earlier correction to compare with."
+        if logged is None
+        else f"“In the log” is the correction found there ({logged.source}). It was taken out of "
+        "the readings before this calibration was made."
+    )
+    return element("p", text, " ± is one standard error.", class_="aside")
+
+
+def _spheres(result: Calibrated, most: int) -> list[Markup]:
+    """Two canvases that turn together, with what they show in words."""
+    before, after = result.verification.spread_before, result.verification.spread_after
+    limit = percent(sphere.deviation_limit(result))
+    return [
+        element(
+            "div",
+            _picture(
+                "before",
+                f"Raw readings, whose magnitude spreads by {percent(before)}.",
+                "Before: readings as logged, the bias in the middle; the cross is where a reading "
+                "of zero lies.",
+            ),
+            _picture(
+                "after",
+                f"Calibrated readings, whose magnitude spreads by {percent(after)}; "
+                f"{sphere.coverage_words(result)}.",
+                "After: the calibrated field and the 80 directions; those never seen are red.",
+            ),
+            class_="pair",
+        ),
+        element(
+            "p",
+            element("span", f"−{limit} "),
+            element("i", class_="ramp"),
+            element("span", f" +{limit}"),
+            " magnitude against its mean, in the same colours before and after",
+            class_="legend",
+        ),
+        element("p", _thinned_note(len(result.samples), most), " ",
+                element("span", TURNING, class_="screen-only"), class_="aside"),
+    ]  # fmt: skip
+
+
+def _picture(part: str, shows: str, caption: str, **attributes: str) -> Markup:
+    canvas = element(
+        "canvas", shows, data_part=part, tabindex=0, role="img",
+        aria_label=f"{shows} Arrow keys turn it.",
+    )  # fmt: skip
+    return element("figure", canvas, element("figcaption", caption), **attributes)
+
+
+def _thinned_note(n: int, most: int) -> str:
+    if n <= most:
+        return f"All {grouped(n)} readings are drawn."
+    return f"{grouped(most)} of {grouped(n)} readings are drawn, evenly chosen."
+
+
+def _residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
+    """The magnitude over time; residuals over time, as a histogram and over the sphere."""
+    noise = quantity(residuals.noise, residuals.unit, 2)
+    over_time = {
+        "range": "least to largest",
+        "mean": "mean, weighted as in the fit",
+        "noise": f"± noise, {noise}",
+    }
+    if result.verification.held_out is not None:
+        over_time["held-out"] = "held out of the fit"
+    return [
+        _strip(
+            "Magnitude over time",
+            figures.magnitude_strip(result),
+            {"before": "before", "after": "after the correction"},
+        ),
+        _strip("Residuals over time", figures.residual_strip(result, residuals), over_time),
+        element("div", _histogram(residuals, noise), _residual_sphere(residuals), class_="pair"),
+    ]
+
+
+def _histogram(residuals: Residuals, noise: str) -> Markup:
+    beyond = int(np.sum(np.abs(residuals.values) > residuals.limit))
+    doubted = int(np.sum(residuals.weights < 0.5))
+    return _strip(
+        "Histogram of residuals",
+        figures.residual_histogram(residuals),
+        {"bars": "readings", "normal": f"normal curve of the noise, {noise}"},
+        f"{grouped(doubted)} readings count less than half in the fit; "
+        f"{grouped(beyond)} lie beyond the edges.",
+    )
+
+
+def _residual_sphere(residuals: Residuals) -> Markup:
+    shows = f"Mean residual of each direction. {residuals.worst}"
+    return _picture(
+        "residuals",
+        shows,
+        f"{shows} Near half and far half of the sphere; full colour at "
+        f"±{quantity(residuals.mean_limit, residuals.unit, 2)}, "
+        f"blank with fewer than {FEWEST} readings.",
+        class_="wide",
+    )
+
+
+def _strip(name: str, plot: Markup, keys: Mapping[str, str], note: str = "") -> Markup:
+    legend = (
+        element("span", element("i", class_=f"key {key}"), words) for key, words in keys.items()
+    )
+    caption = element(
+        "figcaption", element("strong", name), element("p", *legend, class_="legend"), note
+    )
+    return element("figure", caption, plot, class_="strip")
+
+
+def _held_out_note(result: Calibrated) -> Markup:
+    held_out = result.verification.held_out
+    text = (
+        "Checked on other readings than the fit has seen."
+        if held_out is None
+        else f"Checked on {grouped(int(held_out.sum()))} readings held out of the fit."
+    )
+    return element("p", text, class_="aside")
+
+
+def _coverage(result: Calibrated) -> list[Markup]:
+    """Which directions were seen, and which turns are missing."""
+    coverage = result.fit.coverage
+    seen = element("p", f"{sphere.coverage_words(result)} ({percent(coverage.filled)}).")
+    if coverage.turns:
+        return [seen, element("p", element("strong", "Turns to add: "), sentence(coverage.turns))]
+    return [seen, element("p", "No further turns are needed.")] if result.fit.ok else [seen]
+
+
+def _exports(exports: Sequence[str]) -> Markup:
+    if not exports:
+        return element("p", "No files were written.")
+    return element("ul", *(element("li", element("code", name)) for name in exports))

@@ -1,0 +1,185 @@
+"""The tables and lists of the report: numbers, verification, model, findings, provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from agonic.calibrated import Calibrated
+from agonic.citations import CITATIONS
+from agonic.fit import Fit
+from agonic.report.digits import grouped, percent, quantity, rounded, signed, with_sd
+from agonic.report.markup import Markup, element, markup, row, table
+from agonic.report.quantities import Group, Quantity, quality, quantities, unit_label
+from agonic.report.verdict import sentence
+from agonic.verification import Check, Verification
+
+NOTHING = "–"
+
+FRAMES = {
+    "m": "magnetometer", "b": "body: forward, right, down", "c": "star camera",
+    "n": "north, east, down", "e": "Earth-fixed", "i": "inertial",
+}  # fmt: skip
+
+ICONS = {
+    "good": "M3.5 8.5l3 3 6-7",
+    "check": "M8 3.5v5.5M8 12v.5",
+    "refused": "M4.5 4.5l7 7M11.5 4.5l-7 7",
+    "note": "M8 7v5.5M8 3.5v.5",
+}
+"""Strokes of the signs, on a field of 16 by 16."""
+
+SEVERITIES = {
+    "note": ("note", "Note"),
+    "check": ("check", "Check"),
+    "refuse": ("refused", "Refused"),
+}
+"""The sign and the word of each severity."""
+
+
+def mark(verdict: str, *words: str) -> Markup:
+    """A sign and words in the colour of a verdict."""
+    stroke = element("path", d=ICONS[verdict])
+    sign = element("svg", stroke, class_="sign", viewBox="0 0 16 16", aria_hidden="true")
+    return element("span", sign, *words, class_=f"mark {verdict}")
+
+
+def numbers(result: Calibrated) -> Markup:
+    """Every number with its standard error, beside what the log held."""
+    bias, matrix, *views = quantities(result)
+    compared = result.samples.logged is not None
+    quality_rows = quality(result).items()
+    return element(
+        "div",
+        _numbers([bias, matrix], compared),
+        element(
+            "div",
+            _numbers(views, compared),
+            table(["Quality", "This calibration"], quality_rows, class_="numbers"),
+        ),
+        class_="pair tables",
+    )
+
+
+def _numbers(groups: Sequence[Group], compared: bool) -> Markup:
+    head = ["Number", "This calibration", *(["In the log", "Change"] if compared else [])]
+    bodies = (
+        element(
+            "tbody",
+            element("tr", element("th", _heading(group), scope="rowgroup", colspan=len(head))),
+            *(row(_number_cells(q, compared)) for q in group.rows),
+        )
+        for group in groups
+    )
+    columns = element("tr", *(element("th", text, scope="col") for text in head))
+    return element("table", element("thead", columns), *bodies, class_="numbers")
+
+
+def _heading(group: Group) -> str:
+    return f"{group.name}, {group.unit}" if group.unit else group.name
+
+
+def _number_cells(q: Quantity, compared: bool) -> list[str]:
+    cells = [q.name, with_sd(q.value, q.sd)]
+    if compared and q.logged is not None:
+        cells += [rounded(q.logged, q.sd), signed(rounded(q.value - q.logged, q.sd))]
+    return cells
+
+
+def checks(verification: Verification) -> Markup:
+    """The named checks: value, limit, verdict and meaning."""
+    rows = [
+        [check.name, quantity(check.value, check.unit), _limit(check), _outcome(check),
+         sentence(check.meaning)]
+        for check in verification.checks
+    ]  # fmt: skip
+    return table(["Check", "Value", "Limit", "Verdict", "Meaning"], rows, class_="checks")
+
+
+def _limit(check: Check) -> str:
+    return NOTHING if check.limit is None else quantity(check.limit, check.unit)
+
+
+def _outcome(check: Check) -> Markup:
+    if check.passed is None:
+        return mark("note", "For information")
+    return mark("good", "Passed") if check.passed else mark("refused", "Failed")
+
+
+def method(result: Calibrated) -> Markup:
+    """The method and why, and the choice of model in words with the statistics behind them."""
+    fit, calibration = result.fit, result.fit.calibration
+    chosen = element(
+        "p",
+        f"Method: {result.method}. {sentence(result.reason)} "
+        f"Model: {calibration.model}, {calibration.gauge} matrix.",
+    )
+    if not fit.tests:
+        return chosen
+    items = (
+        element(
+            "li", sentence(test.sentence),
+            element("span", f" {test.larger} against {test.smaller}: statistic "
+                    f"{test.statistic:.3g}, p = {test.p_value:.2g}", class_="aside"),
+        )
+        for test in fit.tests
+    )  # fmt: skip
+    return markup(chosen, element("ul", *items))
+
+
+def findings(fit: Fit) -> Markup:
+    """What was seen, by name, with the move that helps."""
+    if not fit.findings:
+        return element("p", "None.")
+    rows = [
+        [
+            mark(*SEVERITIES[f.severity]),
+            markup(element("code", f.name), " ", sentence(f.what)),
+            sentence(f.move) if f.move else NOTHING,
+        ]
+        for f in fit.findings
+    ]
+    return table(["Severity", "What was seen", "What to do"], rows, class_="findings")
+
+
+def definitions(entries: Mapping[str, str | Sequence[str]]) -> Markup:
+    """Names and what they stand for; several values stand under each other."""
+    pairs = []
+    for name, values in entries.items():
+        shown = [values] if isinstance(values, str) else values
+        pairs += [element("dt", name), *(element("dd", value) for value in shown)]
+    return element("dl", *pairs)
+
+
+def provenance(result: Calibrated) -> Markup:
+    """Where the calibration came from, and in which units and axes it holds."""
+    calibration, source = result.fit.calibration, result.samples.source
+    origin = calibration.provenance
+    inputs = [*(() if source is None else (source,)), *origin.inputs]
+    entries: dict[str, str | Sequence[str]] = {
+        "Equation": element("code", calibration.equation),
+        "Units": f"readings in {unit_label(calibration.unit_in)}, field in "
+        f"{unit_label(calibration.unit_out)}",
+        "Frames": f"{_frame(calibration.frame_in)} to {_frame(calibration.frame_out)}",
+        "Inputs": [f"{i.name}, {grouped(i.count)} rows, SHA-256 {i.sha256}" for i in inputs],
+        "Left out": [f"{grouped(n)} rows: {why}" for why, n in result.samples.rejected.items()],
+        "Reader’s notes": result.samples.notes,
+        "Settings": [f"{name} = {_setting(value)}" for name, value in origin.settings.items()],
+        "Derived from": origin.parents,
+        "Software": f"{origin.software}, {origin.created}",
+        "Sources": [CITATIONS.get(key, key) for key in origin.method],
+    }
+    return definitions({name: value for name, value in entries.items() if value})
+
+
+def _setting(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _frame(letter: str) -> str:
+    return f"{letter} ({FRAMES.get(letter, 'as named')})"
+
+
+def spread(verification: Verification) -> str:
+    """The spread of the magnitude before and after, in per cent of its mean."""
+    return f"{percent(verification.spread_before)} → {percent(verification.spread_after)}"

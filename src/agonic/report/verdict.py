@@ -1,0 +1,39 @@
+"""The verdict in words, and the one thing to do next."""
+
+from __future__ import annotations
+
+from agonic.calibrated import Calibrated
+
+MEANINGS = {
+    "good": ("Good", "ready to use"),
+    "check": ("Check", "look before use"),
+    "refused": ("Refused", "do not use"),
+}
+"""The word of each verdict, and what it means for the user."""
+
+WHEN_GOOD = (
+    "use this calibration, and repeat it when iron, magnets or currents near the sensor change"
+)
+
+
+def next_move(result: Calibrated) -> str:
+    """What to do first: the move of the gravest finding, or of the first check that failed."""
+    if result.verdict == "good":
+        return WHEN_GOOD
+    moves = [
+        finding.move
+        for severity in ("refuse", "check")
+        for finding in result.fit.findings
+        if finding.severity == severity and finding.move
+    ]
+    failed = [check.meaning for check in result.verification.checks if check.passed is False]
+    return next((m for m in (*moves, result.fit.coverage.turns, *failed) if m), result.status)
+
+
+def sentence(text: str) -> str:
+    """A capital first and a full stop last.
+
+    >>> sentence("turn it nose down")
+    'Turn it nose down.'
+    """
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")

@@ -1,0 +1,197 @@
+"""`verify`: named checks of a calibration on data that the fit has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.base import Calibration, apply
+from agonic.kernels.angles import angle_deg
+from agonic.kernels.leastsq import robust_scale
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+SPREAD_LIMIT = 0.03
+"""Spread of the calibrated magnitude that still allows a heading of about a degree."""
+NOISE_LIMIT = 1.5
+MAGNITUDE_LIMIT = 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One named question with its answer: `value` against `limit`, in `unit`.
+
+    `passed` is None where the check informs but does not judge; `meaning` says in a sentence what
+    the value tells and, when it failed, what to do.
+    """
+
+    name: str
+    value: float
+    limit: float | None
+    unit: str
+    passed: bool | None
+    meaning: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verification:
+    """The checks, and the magnitudes they were made of.
+
+    `spread_before` and `spread_after` are the standard deviation of the field's magnitude over its
+    mean (a fraction), gross strays left out; `held_out` (n,) marks the rows that were judged, or
+    is None when the calibration was checked on other samples altogether; `magnitude_before` and
+    `magnitude_after` (n,) are the magnitudes of all rows.
+    """
+
+    checks: tuple[Check, ...]
+    spread_before: float
+    spread_after: float
+    residual_rms: float
+    held_out: NDArray[np.bool_] | None
+    magnitude_before: Array
+    magnitude_after: Array
+
+    @property
+    def passed(self) -> bool:
+        """No check failed."""
+        return all(check.passed is not False for check in self.checks)
+
+
+def verify(
+    calibration: Calibration,
+    samples: Samples,
+    reference: Reference | None = None,
+    *,
+    noise: float | None = None,
+    corrected: ArrayLike | None = None,
+    held_out: NDArray[np.bool_] | None = None,
+) -> Verification:
+    """Check a calibration on samples, best on ones that it was not made from.
+
+    Parameters
+    ----------
+    calibration, samples : must meet in unit and frame.
+    reference : the magnitude that the corrected field should have; without one, its own mean.
+    noise : standard deviation per axis that the fit claims, in the unit of the corrected field.
+    corrected : (n, 3) the field as corrected without having seen each row; default: by
+        `calibration`.
+    held_out : (n,) the rows to judge; default: all.
+
+    Returns a `Verification`. Raises `UnitError` or `FrameError` where they do not meet.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> turned = Samples(field=[[11.0, 0, 0], [1, 10, 0], [1, 0, 10], [-9, 0, 0]])
+    >>> verify(Affine(bias=[1, 0, 0], matrix=np.eye(3)), turned).spread_after
+    0.0
+    """
+    field = apply(calibration, samples).field if corrected is None else np.asarray(corrected)
+    rows = np.ones(len(samples), dtype=bool) if held_out is None else held_out
+    before, after = (np.sqrt((f**2).sum(axis=1)) for f in (samples.field, field))
+    wanted: Array | float = (
+        float(np.median(after[rows])) if reference is None else reference.magnitudes(len(samples))
+    )
+    ratio = after / wanted
+    spread_before, spread_after = _spread(before[rows]), _spread(ratio[rows])
+    residual_rms = spread_after * float(np.mean(wanted))
+    checks = [_spread_check(spread_after), _improvement_check(spread_before, spread_after)]
+    if noise:
+        checks.append(_noise_check(residual_rms / noise))
+    if reference is not None:
+        checks.append(_magnitude_check(float(np.median(ratio[rows])) - 1, reference.source))
+    if samples.logged is not None:
+        logged = samples.logged
+        old = (samples.field - logged.bias) @ logged.matrix.T
+        checks.append(_change_check(field[rows], old[rows], logged.source))
+    return Verification(
+        checks=tuple(checks),
+        spread_before=spread_before,
+        spread_after=spread_after,
+        residual_rms=residual_rms,
+        held_out=held_out,
+        magnitude_before=before,
+        magnitude_after=after,
+    )
+
+
+def _spread(magnitude: Array) -> float:
+    """Standard deviation over the mean, readings beyond six robust deviations left out."""
+    middle = float(np.median(magnitude))
+    away = np.abs(magnitude - middle)
+    kept = magnitude[away <= 6 * robust_scale(magnitude - middle) + 1e-12 * middle]
+    return float(kept.std() / kept.mean())
+
+
+def _spread_check(spread: float) -> Check:
+    good = spread <= SPREAD_LIMIT
+    return Check(
+        name="spread of the magnitude",
+        value=100 * spread,
+        limit=100 * SPREAD_LIMIT,
+        unit="%",
+        passed=good,
+        meaning="the calibrated field keeps its magnitude in every direction"
+        if good
+        else "the magnitude still varies: record away from steel and currents, or the calibration "
+        "does not belong to this sensor",
+    )
+
+
+def _improvement_check(before: float, after: float) -> Check:
+    ratio = after / before if before > 0 else 1.0
+    good = after <= max(before, 0.005)
+    return Check(
+        name="spread after over before",
+        value=ratio,
+        limit=1.0,
+        unit="",
+        passed=good,
+        meaning="the calibration makes the magnitude steadier"
+        if good
+        else "the calibration makes these readings worse: do not use it for them",
+    )
+
+
+def _noise_check(ratio: float) -> Check:
+    good = ratio <= NOISE_LIMIT
+    return Check(
+        name="held-out residual over noise",
+        value=ratio,
+        limit=NOISE_LIMIT,
+        unit="",
+        passed=good,
+        meaning="unseen readings fit as well as those of the fit"
+        if good
+        else "unseen readings fit worse than those of the fit: parts of the log disagree; record "
+        "again in one undisturbed place",
+    )
+
+
+def _magnitude_check(error: float, source: str) -> Check:
+    good = abs(error) <= MAGNITUDE_LIMIT
+    return Check(
+        name="magnitude against the reference",
+        value=100 * error,
+        limit=100 * MAGNITUDE_LIMIT,
+        unit="%",
+        passed=good,
+        meaning=f"the magnitude agrees with the reference ({source})"
+        if good
+        else f"the magnitude differs from the reference ({source}): iron nearby, a wrong place or "
+        "a wrong unit",
+    )
+
+
+def _change_check(new: Array, old: Array, source: str) -> Check:
+    turn = float(np.sqrt(np.mean(angle_deg(new, old) ** 2)))
+    return Check(
+        name="turn against the logged calibration",
+        value=turn,
+        limit=None,
+        unit="°",
+        passed=None,
+        meaning=f"rms angle between the field as corrected now and by {source}",
+    )

@@ -1,0 +1,100 @@
+"""Sensors with a good, a compared and a refused calibration, and a browser to look at reports."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from handmade import BIAS, calibrated, samples_of, tumble
+
+from agonic.calibrated import Calibrated
+from agonic.health import Finding
+from agonic.samples import Logged
+
+
+@pytest.fixture(scope="session")
+def good() -> Calibrated:
+    """A full tumble: nothing to object."""
+    return calibrated(samples_of(tumble(6000)))
+
+
+@pytest.fixture(scope="session")
+def logged() -> Calibrated:
+    """The same, in a log that holds an earlier correction, with some outliers."""
+    earlier = Logged(
+        bias=BIAS + np.array([250.0, -90.0, 40.0]), matrix=np.eye(3), source="COMPASS_OFS2"
+    )
+    samples = samples_of(tumble(6000, 3), logged=earlier)
+    field = samples.field.copy()
+    field[::211] += [9_000.0, 4_000.0, -6_000.0]
+    finding = Finding("outliers", "note", "0.5 % of the readings are strays")
+    return calibrated(
+        replace(samples, field=field, name="MAG1", notes=("the clock jumped once",)),
+        findings=(finding,),
+    )
+
+
+@pytest.fixture(scope="session")
+def refused() -> Calibrated:
+    """A cap of directions: the bias along z is not determined."""
+    directions = tumble(20_000, 5)
+    samples = samples_of(directions[directions[:, 2] > 0.75]).with_columns(name="MAG2")
+    result = calibrated(samples)
+    fit = replace(
+        result.fit,
+        calibration=replace(result.fit.calibration, covariance=1e6 * result.fit.covariance),
+        findings=(
+            Finding("coverage", "refuse", "only one side of the sphere was seen",
+                    "turn it upside down and once about every axis"),
+        ),
+        coverage=replace(result.fit.coverage, heading_sd_deg=np.inf, field_sd_max=np.inf,
+                         turns="nose down, then roll right 90°"),
+    )  # fmt: skip
+    return replace(result, fit=fit, verdict=fit.verdict, status=fit.status)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    """A browser; without one the tests are skipped, but never in continuous integration."""
+    executable = next(
+        filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None
+    )
+    if executable is None:
+        (pytest.fail if os.environ.get("CI") else pytest.skip)("no Chromium was found on the path")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=executable,
+            args=["--no-sandbox", "--disable-gpu", "--disable-background-networking"],
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
+    """Opens a report as a file in a page of its own, which keeps its requests and complaints."""
+    contexts = []
+
+    def open_page(text: str, **settings: Any) -> Any:
+        path = tmp_path / "report.html"
+        path.write_text(text, encoding="utf-8")
+        contexts.append(chromium.new_context(**settings))
+        page = contexts[-1].new_page()
+        page.requests, page.complaints = [], []
+        page.on("request", lambda request: page.requests.append(request.url))
+        page.on("console", lambda message: page.complaints.append(message.text))
+        page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.goto(path.as_uri())
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()

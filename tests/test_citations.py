@@ -1,0 +1,25 @@
+"""The bibliography."""
+
+import re
+
+import pytest
+
+from agonic.citations import CITATIONS, citation
+from agonic.errors import AgonicError
+
+
+def test_every_reference_names_the_authors_and_the_year_of_its_key():
+    for key in CITATIONS:
+        *authors, year = key.split("-")
+        plain = citation(key).replace(" ", "").lower()
+        assert year in plain
+        assert all(author in plain for author in authors), key
+
+
+def test_every_reference_can_be_looked_up():
+    assert all(re.search(r"doi:10\.\d{4,}/\S+$", text) for text in CITATIONS.values())
+
+
+def test_an_unknown_key_names_the_known_ones():
+    with pytest.raises(AgonicError, match=r"no citation 'newton-1687'.*huber-1981"):
+        citation("newton-1687")
