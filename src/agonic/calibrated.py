@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.fitting.ellipsoid import fit_ellipsoid
-from agonic.fitting.ellipsoid.solve import Model
+from agonic.fitting.ellipsoid import evaluate, fit_ellipsoid
 from agonic.kernels.affine import correct
 from agonic.kernels.angles import angle_deg
 from agonic.reference import Reference
@@ -40,29 +43,21 @@ class Calibrated:
     status: str
 
 
-def calibrate(
-    samples: Samples,
-    reference: Reference | None = None,
-    *,
-    model: Model = "auto",
-    soft_iron_sd: float | None = 0.1,
-    inclination_deg: float = 60.0,
-) -> Calibrated:
+def calibrate(samples: Samples, reference: Reference | None = None, **settings: Any) -> Calibrated:
     """Calibrate one magnetometer and verify it on held-out parts of its own log.
 
     The log is cut into blocks of time; each row is judged by a fit to the blocks that do not hold
     it (two folds of alternate blocks). The calibration itself uses all rows.
 
-    Parameters as in `fit_ellipsoid`. Raises `CoverageError` where nothing can be fitted at all.
+    Parameters: samples, reference and settings as in `fit_ellipsoid`. Raises `CoverageError` where
+    nothing can be fitted at all.
 
     >>> from agonic.simulation import simulate
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-
-    settings = _Settings(model, soft_iron_sd, inclination_deg)
-    fit = settings.fit(samples, reference)
-    folds = _folds(samples, reference, replace(settings, model=fit.calibration.model))
+    fit = fit_ellipsoid(samples, reference, **settings)
+    folds = _folds(samples, reference, {**settings, "model": fit.calibration.model})
     gain = float(np.trace(fit.calibration.matrix) / 3)
     believed = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
     verification = verify(
@@ -70,47 +65,50 @@ def calibrate(
         samples,
         reference,
         noise=fit.noise * gain,
-        corrected=folds.corrected if folds else None,
-        held_out=believed,
+        corrected=folds.unseen if folds else None,
+        held_out=believed if believed.any() else None,
     )
-    checks = (*verification.checks, _agreement(folds, fit))
+    checks = (*verification.checks, _agreement(folds))
     return _judged(samples, fit, replace(verification, checks=checks))
 
 
-@dataclass(frozen=True)
-class _Settings:
-    """What every fit of one sensor shares."""
+def judge(
+    calibration: Calibration,
+    samples: Samples,
+    reference: Reference | None = None,
+    **settings: Any,
+) -> Calibrated:
+    """A calibration made earlier, with the evidence and checks that these samples give.
 
-    model: Model
-    soft_iron_sd: float | None
-    inclination_deg: float
-
-    def fit(self, samples: Samples, reference: Reference | None) -> Fit:
-        return fit_ellipsoid(
-            samples,
-            reference,
-            model=self.model,
-            soft_iron_sd=self.soft_iron_sd,
-            inclination_deg=self.inclination_deg,
-        )
+    Parameters: settings as in `evaluate`. Raises `AgonicError` for a calibration that is not
+    affine or carries no covariance.
+    """
+    if not isinstance(calibration, Affine):
+        raise AgonicError(f"a {calibration.kind} calibration cannot be reported yet; an affine can")
+    fit = evaluate(calibration, samples, reference, **settings)
+    known = reference if calibration.unit_out == "nT" else None
+    return _judged(samples, fit, verify(calibration, samples, known))
 
 
 @dataclass(frozen=True, eq=False)
 class _Folds:
-    """The field of each row as a calibration saw it that had not seen the row, and by the other."""
+    """The field of each row by the fit that had not seen the row, and by the one that had."""
 
-    corrected: Array
-    other: Array
+    unseen: Array
+    seen: Array
 
 
-def _folds(samples: Samples, reference: Reference | None, settings: _Settings) -> _Folds | None:
+def _folds(
+    samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
+) -> _Folds | None:
     """Fits to the odd and to the even blocks of time, each applied to all rows."""
     block = np.arange(len(samples)) * BLOCKS // len(samples)
     even = block % 2 == 0
     fields = []
     for rows in (even, ~even):
         try:
-            part = settings.fit(samples.select(rows), _part(reference, rows)).calibration
+            known = _part(reference, rows)
+            part = fit_ellipsoid(samples.select(rows), known, **settings).calibration
         except AgonicError:
             return None
         fields.append(correct(samples.field, part.bias, part.matrix))
@@ -125,7 +123,7 @@ def _part(reference: Reference | None, rows: NDArray[np.bool_]) -> Reference | N
     return replace(reference, values=reference.values[rows])
 
 
-def _agreement(folds: _Folds | None, fit: Fit) -> Check:
+def _agreement(folds: _Folds | None) -> Check:
     """Whether two halves of the log, fitted apart, point the same way."""
     name = "two halves of the log agree"
     if folds is None:
@@ -138,7 +136,7 @@ def _agreement(folds: _Folds | None, fit: Fit) -> Check:
             meaning="half of the log is not enough for a fit, so nothing could be held out: record "
             "longer",
         )
-    turn = angle_deg(folds.corrected, folds.other)
+    turn = angle_deg(folds.unseen, folds.seen)
     rms = float(np.sqrt(np.mean(turn**2)))
     good = rms <= AGREEMENT_LIMIT_DEG
     return Check(

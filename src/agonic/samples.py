@@ -61,6 +61,7 @@ class Samples:
     latitude_deg, longitude_deg, altitude_m : (n,) geodetic position, height above WGS-84.
     station : (n,) number of the static position.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
+    device_id : the number by which an autopilot knows the sensor.
     logged : the correction already found in the log and taken out of `field`.
     notes : sentences of the reader on how these rows came about.
     source : the file they came from.
@@ -90,6 +91,7 @@ class Samples:
     station: FloatArray | None = None
     name: str = "mag"
     frame: str = "m"
+    device_id: int | None = None
     logged: Logged | None = None
     notes: tuple[str, ...] = ()
     source: Input | None = None

@@ -1,1 +1,66 @@
 """The command line: one file per command, thin."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+COMMANDS = (
+    "calibrate", "info", "fit", "apply", "verify", "export", "report", "field", "simulate", "cite",
+    "demo",
+)  # fmt: skip
+"""In the order in which `agonic --help` lists them; each is a file here."""
+
+GOOD, FAILED, UNUSABLE = 0, 1, 2
+"""Exit status: all well; a check failed or a fit was refused; bad input or usage."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run `agonic` and leave with its exit status; an error is one line on stderr."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: list[str]) -> int:
+    """The exit status of `agonic` with these arguments."""
+    import typer
+
+    from agonic.errors import AgonicError
+
+    try:
+        status = _app()(args=arguments, standalone_mode=False)
+    except typer.TyperException as error:
+        return _complain(f"{error} (see agonic --help)")
+    except (typer.Abort, KeyboardInterrupt):
+        return _complain("interrupted; nothing was written")
+    except typer.Exit as leave:
+        return int(leave.exit_code)
+    except (AgonicError, OSError) as error:
+        return _complain(str(error))
+    return int(status or GOOD)
+
+
+def _complain(message: str) -> int:
+    print(f"agonic: {' '.join(message.split())}", file=sys.stderr)
+    return UNUSABLE
+
+
+def _app() -> Typer:
+    """The Typer application with every command; their heavy imports wait until they run."""
+    import typer
+
+    app = typer.Typer(
+        name="agonic",
+        help="Magnetometer readings into a direction one can trust.",
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    for name in COMMANDS:
+        import_module(f"agonic.cli.{name}").add_to(app)
+    return app

@@ -2,7 +2,7 @@
 
 from agonic.health.evidence import Evidence, examine, undetermined
 from agonic.health.finding import Finding, Severity
-from agonic.health.readings import FEWEST, clipped_rows, inspect
+from agonic.health.readings import FEWEST, clipped_rows, describe, inspect, step
 
 __all__ = [
     "FEWEST",
@@ -10,7 +10,9 @@ __all__ = [
     "Finding",
     "Severity",
     "clipped_rows",
+    "describe",
     "examine",
     "inspect",
+    "step",
     "undetermined",
 ]

@@ -33,6 +33,38 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     return tuple(finding for finding in found if finding is not None)
 
 
+def describe(samples: Samples) -> tuple[Finding, ...]:
+    """What `inspect` finds and what is merely worth knowing: steps, a correction in the log."""
+    size = step(samples.field)
+    more = []
+    if size is not None:
+        more.append(
+            Finding("coarse steps", "note", f"readings come in steps of {size:.4g} {samples.unit}")
+        )
+    if samples.logged is not None:
+        what = f"the log holds readings corrected by {samples.logged.source}; raw ones recovered"
+        more.append(Finding("already corrected", "note", what))
+    return (*inspect(samples), *more)
+
+
+def step(field: Array) -> float | None:
+    """The step of quantised readings, in their unit; None where they are finer than noise.
+
+    >>> step(np.round(np.random.default_rng(0).normal(size=(500, 3)) * 10) * 100.0)
+    100.0
+    """
+    sizes = []
+    for column in field.T:
+        levels = np.unique(column)
+        if len(levels) < 2 or len(levels) > 0.8 * len(column):
+            continue
+        size = float(np.diff(levels).min())
+        multiples = (levels - levels[0]) / size
+        if size > 1e-9 * np.abs(levels).max() and np.abs(multiples - multiples.round()).max() < 0.1:
+            sizes.append(size)
+    return max(sizes) if sizes else None
+
+
 def _rejected(samples: Samples) -> list[Finding]:
     total = len(samples) + sum(samples.rejected.values())
     return [

@@ -42,3 +42,12 @@ def write_atomically(path: Path | str, data: bytes | str) -> Path:
     except OSError as error:
         raise AgonicError(f"cannot write {path}: {error.strerror or error}") from error
     return Path(path)
+
+
+def make_folder(path: Path | str) -> Path:
+    """The folder, made with its parents where it is not there; `AgonicError` where it cannot be."""
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise AgonicError(f"cannot make the folder {path}: {error.strerror or error}") from error
+    return Path(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from agonic.errors import LogError
 from agonic.provenance import Input
 from agonic.samples import Samples
 
@@ -35,3 +36,12 @@ class Log:
     stack: str = ""
     streams: tuple[Stream, ...] = field(default_factory=tuple)
     notes: tuple[str, ...] = ()
+
+    def sensor(self, which: str | int) -> Samples:
+        """The sensor of that name, or at that position from 0; `LogError` names those there are."""
+        names = [samples.name for samples in self.sensors]
+        if which in names:
+            return self.sensors[names.index(str(which))]
+        if str(which).isdecimal() and int(which) < len(names):
+            return self.sensors[int(which)]
+        raise LogError(f"no sensor {which!r}; there are {', '.join(names)}", path=self.path)

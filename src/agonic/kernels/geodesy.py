@@ -33,8 +33,8 @@ def earth_fixed_position(where: Array, altitude_m: ArrayLike) -> Array:
 
     (N + h) cos φ (cos λ, sin λ) and (N (1 − e²) + h) sin φ, with N = a / √(1 − e² sin² φ).
 
-    >>> earth_fixed_position(directions([0.0, 90.0], [0.0, 0.0]), [0.0, 1.0]).round(3)[[0, 2]].tolist()
-    [[6378137.0, 0.0], [0.0, 6356753.314]]
+    >>> earth_fixed_position(directions([0.0, 90.0], [0.0, 0.0]), [0.0, 1.0]).round(3).tolist()
+    [[6378137.0, 0.0], [0.0, 0.0], [0.0, 6356753.314]]
     """
     sin_latitude, cos_latitude, sin_longitude, cos_longitude = where
     eccentricity2 = FLATTENING * (2.0 - FLATTENING)
@@ -59,8 +59,8 @@ def north_east_down(vectors_e: Array, where: Array) -> Array:
 def earth_fixed(vectors_n: Array, where: Array) -> Array:
     """North-east-down vectors (…, 3, n) at `directions` (4, n) in Earth-fixed axes.
 
-    >>> earth_fixed(np.array([[0.0], [0.0], [1.0]]), directions([0.0], [90.0])).round(12).ravel()
-    array([-0., -1., -0.])
+    >>> earth_fixed(np.array([[0.0], [1.0], [0.0]]), directions([0.0], [90.0])).round(12).ravel()
+    array([-1.,  0.,  0.])
     """
     sin_latitude, cos_latitude, sin_longitude, cos_longitude = where
     north, east, down = vectors_n[..., 0, :], vectors_n[..., 1, :], vectors_n[..., 2, :]

@@ -150,5 +150,9 @@ def _compiled() -> Callable[[Array, Array, int], Array] | None:
     except ImportError:
         return None
     extending.overload(_step, strict=False)(lambda *arguments: _step_by_element)
-    compiled: Callable[[Array, Array, int], Array] = numba.njit(cache=True)(_accumulate)
-    return compiled
+    kernel: Callable[[Array, Array, int], Array]
+    try:
+        kernel = numba.njit(cache=True)(_accumulate)
+    except RuntimeError:  # no folder that numba may write to
+        kernel = numba.njit(_accumulate)
+    return kernel

@@ -11,19 +11,16 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.coverage import cover
 from agonic.errors import AgonicError, CoverageError
-from agonic.fit import Fit, ModelTest
+from agonic.fit import Fit
 from agonic.fitting.ellipsoid.assemble import (
     CITATIONS,
     Gauge,
     Scale,
     calibration,
-    finished,
-    remarks,
-    scale_finding,
     settings,
 )  # fmt: skip
+from agonic.fitting.ellipsoid.evaluate import with_evidence
 from agonic.fitting.ellipsoid.solve import (
     Fixed,
     Found,
@@ -33,10 +30,8 @@ from agonic.fitting.ellipsoid.solve import (
     choose,
     likelihood,
 )
-from agonic.health import Evidence, clipped_rows, examine, inspect
+from agonic.health import clipped_rows
 from agonic.kernels import ellipsoid, moments
-from agonic.kernels.affine import correct
-from agonic.kernels.coverage import visits
 from agonic.provenance import Input, Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -106,9 +101,11 @@ def fit_ellipsoid(
         model, method, gauge, reference, robust=robust, soft_iron_sd=soft_iron_sd, seed=seed
     )
     affine = _labelled(calibration(found, scale, samples.unit, gauge), samples, asked, method)
-    return _with_evidence(
-        found, affine, samples, usable, magnitude, tests, reference is not None, inclination_deg
-    )
+    assert affine.noise is not None
+    return with_evidence(
+        found._replace(noise=affine.noise), affine, samples, reference, usable, tests,
+        inclination_deg,
+    )  # fmt: skip
 
 
 def _normalised(
@@ -151,51 +148,3 @@ def _labelled(affine: Affine, samples: Samples, chosen: Mapping[str, Any], metho
         ),
         provenance=Provenance(inputs=(source,), settings=chosen, method=CITATIONS[method]),
     )
-
-
-def _with_evidence(
-    found: Found, affine: Affine, samples: Samples, usable: NDArray[np.bool_], magnitude: Array,
-    tests: tuple[ModelTest, ...], known: bool, inclination_deg: float,
-) -> Fit:  # fmt: skip
-    """The fit: residuals of every row, coverage, findings and remarks."""
-    assert affine.magnitude is not None
-    assert affine.covariance is not None
-    assert affine.noise is not None
-    every = np.ones(1) if len(magnitude) == 1 else np.ones(len(samples))
-    if len(magnitude) > 1:
-        every[usable] = magnitude
-    residuals, normals = ellipsoid.distances(
-        samples.field, affine.bias, affine.matrix, every * affine.magnitude
-    )
-    weights = np.zeros(len(samples))
-    weights[usable] = 1.0 if found.weights is None else found.weights
-    field = correct(samples.field, affine.bias, affine.matrix)
-    coverage = cover(
-        visits(field[weights > 0]), affine.magnitude, affine.bias, affine.matrix,
-        affine.covariance, gauge=affine.gauge, inclination_deg=inclination_deg,
-    )  # fmt: skip
-    fit = Fit(
-        calibration=affine, n=int(usable.sum()), residuals=residuals, weights=weights,
-        noise=affine.noise, correlation=found.correlation, condition=found.condition,
-        iterations=found.iterations, converged=found.converged, coverage=coverage, tests=tests,
-        findings=inspect(samples),
-        remarks=remarks(affine, coverage, tests, known),
-    )  # fmt: skip
-    gain = float(np.trace(affine.matrix) / 3)
-    evidence = Evidence(
-        readings=samples.field[usable],
-        time=None if samples.time is None else samples.time[usable],
-        residuals=residuals[usable],
-        weights=weights[usable],
-        normals=normals[usable],
-        radius=affine.magnitude / gain,
-        noise=affine.noise,
-        correlation=found.correlation,
-        coverage=coverage,
-        known_radius=affine.magnitude if known and affine.unit_in == "nT" else None,
-    )
-    if fit.verdict == "refused":
-        return finished(fit, ())
-    wrong = examine(evidence)
-    refused = any(finding.severity == "refuse" for finding in wrong)
-    return finished(fit, (*wrong, None if refused else scale_finding(affine)))

@@ -1,0 +1,5 @@
+"""`python -m agonic`."""
+
+from agonic.cli import main
+
+main()

@@ -1,0 +1,42 @@
+"""`agonic apply CAL LOG -o OUT`: the corrected field as a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agonic.cli.options import CalibrationPath, Json, LogPath, Sensor, Unit
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("apply")(apply)
+
+
+def apply(
+    cal: CalibrationPath,
+    log: LogPath,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="CSV file to write.")],
+    sensor: Sensor = None,
+    unit: Unit = None,
+    as_json: Json = False,
+) -> int:
+    """Correct a log's readings and write them with everything recorded beside them."""
+    from agonic.calibration.base import apply as correct
+    from agonic.cli.output import print_json, say
+    from agonic.cli.pair import calibration_and_samples
+    from agonic.io.write_csv import write_csv
+
+    corrected = correct(*calibration_and_samples(cal, log, sensor, unit))
+    write_csv(corrected, out)
+    if as_json:
+        print_json(
+            "agonic/apply@1",
+            {"sensor": corrected.name, "n": len(corrected), "unit": corrected.unit,
+             "files": [str(out)]},
+        )  # fmt: skip
+    else:
+        say(f"{len(corrected)} readings of {corrected.name} corrected: {out}")
+    return 0

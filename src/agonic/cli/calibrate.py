@@ -1,0 +1,131 @@
+"""`agonic calibrate LOG`: the main job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agonic.cli.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit, log_and_sensors
+
+if TYPE_CHECKING:
+    from agonic.calibrated import Calibrated
+    from agonic.io.log import Log
+    from agonic.samples import Samples
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("calibrate")(calibrate)
+
+
+def calibrate(
+    log: LogPath,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="DIR", help="Folder to write to; default: LOG-agonic."),
+    ] = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    as_json: Json = False,
+) -> int:
+    """Calibrate every magnetometer in a log, verify it on held-out parts, and report.
+
+    Writes report.html, a calibration file for each sensor that can be used, and exports for the
+    autopilot the log came from. Exit status 1 where a sensor was refused or a check failed.
+    """
+    from agonic.cli.output import print_json, say
+    from agonic.report.record import record
+    from agonic.report.text import summary
+
+    recording, sensors = log_and_sensors(log, sensor, unit)
+    folder = out or Path(f"{log.name}-agonic")
+    results, failures = _results(sensors, at, date, field)
+    files = write(results, recording, folder)
+    if as_json:
+        records = [record(result, files[result.samples.name]) for result in results]
+        print_json("agonic/calibrate@1", {"sensors": records + failures})
+    else:
+        say(summary(results))
+        for failure in failures:
+            say(f"\n✗ {failure['sensor']}: refused\n  {failure['status']}")
+        say(f"\nReport    {folder / 'report.html'}")
+    return 0 if not failures and all(result.verdict == "good" for result in results) else 1
+
+
+def _results(
+    sensors: tuple[Samples, ...], at: str | None, date: str | None, field: float | None
+) -> tuple[list[Calibrated], list[dict[str, object]]]:
+    """The sensors that could be fitted, and records of those that could not."""
+    from agonic.calibrated import calibrate as run
+    from agonic.cli.place import expected
+    from agonic.cli.progress import progress
+    from agonic.errors import CoverageError
+
+    results: list[Calibrated] = []
+    failures: list[dict[str, object]] = []
+    for samples in progress(sensors, "Calibrating"):
+        try:
+            reference, settings = expected(samples, at, date, field)
+            results.append(run(samples, reference, **settings))
+        except CoverageError as error:
+            failures.append(
+                {"sensor": samples.name, "verdict": "refused", "status": str(error), "files": []}
+            )
+    return results, failures
+
+
+def write(results: list[Calibrated], log: Log, folder: Path) -> dict[str, list[str]]:
+    """Calibration files, exports and report; returns what was written for each sensor."""
+    from agonic.io.atomic import make_folder, write_atomically
+    from agonic.io.calfile import save
+    from agonic.report.html import render
+
+    make_folder(folder)
+    files: dict[str, list[str]] = {}
+    for number, result in enumerate(results):
+        written = files.setdefault(result.samples.name, [])
+        if result.verdict == "refused":
+            continue
+        stem = folder / file_stem(result.samples.name)
+        written.append(str(save(result.fit.calibration, stem.with_suffix(".json"))))
+        written += _exports(result, log.stack, stem, number)
+    page = render(results, title=log.path.name, exports=files)
+    write_atomically(folder / "report.html", page)
+    for written in files.values():
+        written.append(str(folder / "report.html"))
+    return files
+
+
+def _exports(result: Calibrated, stack: str, stem: Path, number: int) -> list[str]:
+    """Files for the stack that the log came from, and a C header for everything else."""
+    from agonic.errors import UnitError
+    from agonic.io.targets import SUFFIXES, TARGETS
+
+    calibration, written = result.fit.calibration, []
+    options: dict[str, dict[str, object]] = {
+        "ardupilot": {"compass": number + 1},
+        "px4": {"slot": number, "device_id": result.samples.device_id},
+    }
+    for target in ("c", *((stack,) if stack in TARGETS else ())):
+        path = stem.with_suffix(SUFFIXES[target])
+        try:
+            TARGETS[target](calibration, path, **options.get(target, {}))
+        except UnitError:  # raw units have no place in an autopilot; the calibration file stays
+            continue
+        written.append(str(path))
+    return written
+
+
+def file_stem(sensor: str) -> str:
+    """A sensor's name as part of a file name.
+
+    >>> file_stem("sensor_mag[0]")
+    'sensor_mag_0'
+    """
+    kept = "".join(c if c.isalnum() or c in "-_" else "_" for c in sensor)
+    return kept.strip("_") or "sensor"

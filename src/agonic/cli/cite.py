@@ -1,0 +1,36 @@
+"""`agonic cite CAL`: the publications behind a calibration."""
+
+from __future__ import annotations
+
+import typer
+
+from agonic.cli.options import CalibrationPath, Json
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("cite")(cite)
+
+
+def cite(cal: CalibrationPath, as_json: Json = False) -> int:
+    """List the software, the methods' sources and the inputs of a calibration."""
+    from agonic.citations import citation
+    from agonic.cli.output import print_json, say
+    from agonic.io.calfile import load
+
+    provenance = load(cal).provenance
+    sources = {key: citation(key) for key in provenance.method}
+    if as_json:
+        print_json(
+            "agonic/cite@1",
+            {"software": provenance.software, "created": provenance.created, "sources": sources,
+             "inputs": [{"name": i.name, "sha256": i.sha256, "count": i.count}
+                        for i in provenance.inputs]},
+        )  # fmt: skip
+        return 0
+    say(f"{provenance.software}, {provenance.created}")
+    for text in sources.values():
+        say(f"\n{text}")
+    for given in provenance.inputs:
+        say(f"\n{given.name} ({given.count} readings), SHA-256 {given.sha256}")
+    return 0

@@ -1,0 +1,61 @@
+"""`agonic demo`: the main job on a simulated log, truth beside estimate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agonic.cli.options import Json
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("demo")(demo)
+
+
+def demo(
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")
+    ] = Path("agonic-demo"),
+    seed: Annotated[int, typer.Option(help="Another seed, another sensor.")] = 1,
+    as_json: Json = False,
+) -> int:
+    """Simulate a hand-turned sensor with outliers, calibrate it, and compare with the truth."""
+    from agonic import simulation
+    from agonic.calibrated import calibrate
+    from agonic.calibration.affine import PARAMETERS
+    from agonic.cli.calibrate import write
+    from agonic.cli.output import print_json, say
+    from agonic.io.atomic import make_folder
+    from agonic.io.read import open_log
+    from agonic.io.write_csv import write_csv
+    from agonic.kernels.gauge import entries
+    from agonic.reference import Reference
+    from agonic.report.record import record
+    from agonic.report.text import summary
+
+    made = simulation.simulate(
+        "hand", noise=200.0, seed=seed, defects=[simulation.with_outliers(0.02, seed=seed)]
+    )
+    make_folder(out)
+    log = open_log(write_csv(made.samples, out / "demo.csv"))
+    result = calibrate(log.sensors[0], Reference.constant(50_000, source="the simulation"))
+    files = write([result], log, out)
+    fit, truth = result.fit, [*made.truth.bias, *entries(made.truth.matrix)]
+    found = [*fit.calibration.bias, *entries(fit.calibration.matrix)]
+    if as_json:
+        print_json("agonic/demo@1", {
+            "truth": dict(zip(PARAMETERS, truth, strict=True)),
+            "sensors": [record(result, files[result.samples.name])],
+        })  # fmt: skip
+    else:
+        say(summary([result]))
+        say(f"\n  {'':<12}{'truth':>12}{'found':>12}{'sd':>10}{'error/sd':>10}")
+        for name, true, value, sd in zip(PARAMETERS, truth, found, fit.sd, strict=True):
+            error = "" if sd == 0 else f"{(value - true) / sd:10.2f}"
+            digits = 1 if name.startswith("bias") else 6
+            say(f"  {name:<12}{true:12.{digits}f}{value:12.{digits}f}{sd:10.2g}{error}")
+        say(f"\nReport    {out / 'report.html'}")
+    return 0 if result.verdict == "good" else 1

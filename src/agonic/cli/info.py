@@ -1,0 +1,95 @@
+"""`agonic info LOG`: what a recording holds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from agonic.cli.options import Json, LogPath, Unit
+
+if TYPE_CHECKING:
+    from agonic.io.log import Log
+    from agonic.samples import Samples
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("info")(info)
+
+
+def info(log: LogPath, unit: Unit = None, as_json: Json = False) -> int:
+    """List the magnetometers of a log, their rates, units and oddities, and what else is there."""
+    from agonic.cli.output import print_json, say
+    from agonic.io.read import open_log
+
+    recording = open_log(log, unit=unit)
+    found = _described(recording)
+    if as_json:
+        print_json("agonic/info@1", found)
+    else:
+        say(_text(recording, found))
+    return 0
+
+
+def _described(log: Log) -> dict[str, Any]:
+    return {
+        "file": log.path.name,
+        "format": log.format,
+        "sha256": log.source.sha256,
+        "notes": log.notes,
+        "sensors": [_sensor(samples) for samples in log.sensors],
+        "streams": [
+            {"name": stream.name, "rows": stream.rows, "rate_Hz": stream.rate_Hz}
+            for stream in log.streams
+        ],
+    }
+
+
+def _sensor(samples: Samples) -> dict[str, Any]:
+    import numpy as np
+
+    from agonic.health import describe, step
+
+    time = samples.time
+    rate = None if time is None or len(time) < 2 else 1 / float(np.median(np.diff(time)))
+    return {
+        "sensor": samples.name,
+        "rows": len(samples),
+        "rate_Hz": rate,
+        "duration_s": samples.duration_s,
+        "epoch": None if samples.epoch is None else samples.epoch.isoformat(),
+        "unit": samples.unit,
+        "frame": samples.frame,
+        "step": step(samples.field),
+        "range": [samples.field.min(axis=0), samples.field.max(axis=0)],
+        "columns": list(samples.columns()),
+        "corrected": None if samples.logged is None else samples.logged.source,
+        "notes": samples.notes,
+        "findings": [
+            {"name": f.name, "severity": f.severity, "what": f.what} for f in describe(samples)
+        ],
+    }
+
+
+def _text(log: Log, found: dict[str, Any]) -> str:
+    lines = [f"{log.path.name}: {log.format}", *(f"  {note}" for note in log.notes)]
+    for s in found["sensors"]:
+        rate = "no times" if s["rate_Hz"] is None else f"{s['rate_Hz']:.4g} Hz"
+        span = "" if s["duration_s"] is None else f" over {s['duration_s']:.5g} s"
+        low, high = s["range"]
+        unit = s["unit"]
+        ranges = ", ".join(
+            f"{axis} {a:.6g} … {b:.6g}" for axis, a, b in zip("xyz", low, high, strict=True)
+        )
+        lines += [
+            f"\n{s['sensor']}: {s['rows']} readings at {rate}{span}, axes of frame {s['frame']}",
+            f"  range     {ranges} {unit}",
+            f"  columns   {', '.join(s['columns'])}",
+        ]
+        lines += [f"  note      {note}" for note in s["notes"]]
+        lines += [f"  {f['severity']:<9} {f['what']}" for f in s["findings"]]
+    if log.streams:
+        names = ", ".join(f"{stream.name} ({stream.rows})" for stream in log.streams)
+        lines.append(f"\nalso      {names}")
+    return "\n".join(lines)

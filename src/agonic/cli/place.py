@@ -1,0 +1,44 @@
+"""What the field should have been: from the command line, or from the log's own place and date."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.reference import Reference
+    from agonic.samples import Samples
+
+
+def expected(
+    samples: Samples, at: str | None, date: str | None, magnitude: float | None
+) -> tuple[Reference | None, dict[str, Any]]:
+    """The reference for a sensor and the fit settings that go with the place."""
+    from agonic.field.place import field_along, field_at
+    from agonic.reference import Reference
+
+    if magnitude is not None:
+        return Reference.constant(magnitude, source="given on the command line"), {}
+    found = field_at(*position(at), date, samples) if at else field_along(samples, date)
+    if found is None:
+        return None, {}
+    return found.reference, {"inclination_deg": found.inclination_deg}
+
+
+def position(text: str) -> tuple[float, float, float]:
+    """Latitude, longitude (degrees) and altitude (metres) of "LAT,LON[,ALT]".
+
+    >>> position("-33.5, 151.2")
+    (-33.5, 151.2, 0.0)
+    """
+    try:
+        numbers = [float(part) for part in text.split(",")]
+        latitude, longitude, altitude = (*numbers, 0.0)[:3]
+    except ValueError:
+        raise AgonicError(
+            f"--at {text!r} is not LAT,LON or LAT,LON,ALT in degrees, metres"
+        ) from None
+    if len(numbers) > 3 or not (-90 <= latitude <= 90 and -180 <= longitude <= 360):
+        raise AgonicError(f"--at {text!r} is no place on Earth; give LAT,LON[,ALT]")
+    return latitude, longitude, altitude

@@ -1,0 +1,76 @@
+"""`agonic verify CAL LOG`: named checks on other data."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from agonic.cli.options import (
+    At,
+    CalibrationPath,
+    Date,
+    Json,
+    LogPath,
+    Magnitude,
+    Sensor,
+    Unit,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from agonic.verification import Check
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("verify")(verify)
+
+
+def verify(
+    cal: CalibrationPath,
+    log: LogPath,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    as_json: Json = False,
+) -> int:
+    """Check a calibration on a log. Exit status 1 where a check failed."""
+    from agonic.cli.output import print_json, say
+    from agonic.cli.pair import calibration_and_samples
+    from agonic.cli.place import expected
+    from agonic.verification import verify as check
+
+    calibration, samples = calibration_and_samples(cal, log, sensor, unit)
+    reference, _ = expected(samples, at, date, field)
+    if calibration.unit_out != "nT":
+        reference = None
+    verification = check(calibration, samples, reference)
+    own = samples.source is not None and any(
+        given.sha256 == samples.source.sha256 for given in calibration.provenance.inputs
+    )
+    if as_json:
+        print_json("agonic/verify@1", {
+            "sensor": samples.name,
+            "verdict": "good" if verification.passed else "check",
+            "own_data": own,
+            "spread_before": verification.spread_before,
+            "spread_after": verification.spread_after,
+            "checks": [
+                {"name": c.name, "value": c.value, "limit": c.limit, "unit": c.unit,
+                 "passed": c.passed, "meaning": c.meaning}
+                for c in verification.checks
+            ],
+        })  # fmt: skip
+    else:
+        say("\n".join(_line(c) for c in verification.checks))
+        if own:
+            say("Note: this is the log that the calibration was made from; use another to be sure.")
+    return 0 if verification.passed else 1
+
+
+def _line(check: Check) -> str:
+    mark = {True: "✓", False: "✗", None: "·"}[check.passed]
+    limit = "" if check.limit is None else f" (limit {check.limit:g})"
+    return f"{mark} {check.name}: {check.value:.3g} {check.unit}{limit}; {check.meaning}"

@@ -1,0 +1,85 @@
+"""The magnitude and dip to expect where a log was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from agonic.errors import LogError
+from agonic.field.decimal_year import decimal_year
+from agonic.field.model import Model
+from agonic.field.published import igrf, wmm
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+CONSTANT_WITHIN = 0.003
+"""A track whose field varies by less than this share is given one magnitude."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Expected:
+    """The reference magnitude at a place, and the dip there, degrees, positive down."""
+
+    reference: Reference
+    inclination_deg: float
+
+
+def model_for(year: float) -> Model:
+    """WMM2025 in the years it was made for, IGRF before.
+
+    >>> model_for(2014.5).name, model_for(2026.5).name
+    ('IGRF-14', 'WMM2025')
+    """
+    return wmm() if 2025.0 <= year <= 2030.0 else igrf()
+
+
+def field_at(
+    latitude_deg: float, longitude_deg: float, altitude_m: float, date: str | None, samples: Samples
+) -> Expected:
+    """What to expect at a place, on a date, or on the log's own, or else today.
+
+    >>> s = Samples(field=[[0, 0, 1.0]])
+    >>> expected = field_at(52.0, 5.0, 0.0, "2026-03-01", s)
+    >>> expected.reference.values.round(), round(expected.inclination_deg, 1)
+    (array([49464.]), 67.2)
+    """
+    when = date or (samples.epoch or datetime.now(UTC)).date().isoformat()
+    model = model_for(float(decimal_year(when)))
+    here = model.at(latitude_deg, longitude_deg, altitude_m, when)
+    source = f"{model.name} at {latitude_deg:g}°, {longitude_deg:g}°, {altitude_m:g} m on {when}"
+    reference = Reference.constant(
+        float(here.magnitude), sd=model.uncertainty.component, source=source
+    )
+    return Expected(reference=reference, inclination_deg=float(here.inclination_deg))
+
+
+def field_along(samples: Samples, date: str | None = None) -> Expected | None:
+    """What to expect along a log's own track; None where it has no position or no date.
+
+    One magnitude where the field hardly varies along the track, else one per sample.
+    """
+    epoch = datetime.fromisoformat(date).replace(tzinfo=UTC) if date else samples.epoch
+    if samples.latitude_deg is None or samples.longitude_deg is None or epoch is None:
+        return None
+    rows = len(samples)
+    time = np.arange(rows, dtype=float) if samples.time is None else samples.time
+    track = samples.with_columns(
+        epoch=epoch,
+        time=time,
+        altitude_m=np.zeros(rows) if samples.altitude_m is None else samples.altitude_m,
+    )
+    middle = epoch + timedelta(seconds=float(np.median(time)))
+    model = model_for(float(decimal_year(middle)))
+    try:
+        vectors = model.along(track)
+    except LogError:
+        return None
+    magnitudes = vectors.magnitudes(rows)
+    dip = np.degrees(np.arcsin(vectors.values[:, 2] / magnitudes))
+    source = f"{model.name} at the log's own place, {middle.date().isoformat()}"
+    if np.ptp(magnitudes) < CONSTANT_WITHIN * magnitudes.mean():
+        magnitudes = magnitudes.mean(keepdims=True)
+    reference = Reference.magnitude(magnitudes, sd=vectors.sd, source=source)
+    return Expected(reference=reference, inclination_deg=float(np.median(dip)))

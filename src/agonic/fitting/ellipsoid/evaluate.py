@@ -1,0 +1,107 @@
+"""The evidence for a calibration on a sensor's readings, just fitted or given."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.coverage import cover
+from agonic.errors import AgonicError
+from agonic.fit import Fit, ModelTest
+from agonic.fitting.ellipsoid.assemble import finished, remarks, scale_finding
+from agonic.fitting.ellipsoid.solve import Found
+from agonic.health import Evidence, clipped_rows, examine, inspect
+from agonic.kernels import ellipsoid
+from agonic.kernels.affine import correct
+from agonic.kernels.coverage import visits
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+def evaluate(
+    calibration: Affine,
+    samples: Samples,
+    reference: Reference | None = None,
+    *,
+    inclination_deg: float = 60.0,
+) -> Fit:
+    """A calibration with what these samples say of it; nothing is fitted.
+
+    Parameters as in `fit_ellipsoid`; without a reference the calibration's own magnitude counts.
+
+    >>> from agonic.simulation import random_calibration
+    >>> given = random_calibration(np.random.default_rng(0))
+    >>> evaluate(given, Samples(field=np.eye(3) * 50_000))
+    Traceback (most recent call last):
+    agonic.errors.AgonicError: the calibration carries no covariance; fit it again with agonic
+    """
+    if calibration.covariance is None or calibration.magnitude is None:
+        raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+    usable = ~clipped_rows(samples.field)
+    wanted = _wanted(calibration, reference, len(samples))
+    residuals, _ = ellipsoid.distances(samples.field, calibration.bias, calibration.matrix, wanted)
+    residuals = residuals[usable]
+    noise = ellipsoid.noise_of(residuals, robust=True, parameters=0)
+    found = Found(
+        calibration.model, calibration.bias, calibration.matrix, calibration.covariance,
+        noise.sd, noise.correlation, residuals, noise.loss.weight((residuals / noise.sd) ** 2),
+    )  # fmt: skip
+    return with_evidence(found, calibration, samples, reference, usable, (), inclination_deg)
+
+
+def _wanted(affine: Affine, reference: Reference | None, n: int) -> Array:
+    """The magnitude that the calibrated field should have, (1,) or (n,), in its unit."""
+    assert affine.magnitude is not None
+    if reference is None or affine.unit_out != "nT":
+        return np.array([affine.magnitude])
+    return reference.magnitudes(n)
+
+
+def with_evidence(
+    found: Found, affine: Affine, samples: Samples, reference: Reference | None,
+    usable: NDArray[np.bool_], tests: tuple[ModelTest, ...], inclination_deg: float,
+) -> Fit:  # fmt: skip
+    """The fit: residuals of every row, coverage, findings and remarks.
+
+    `found` tells noise, weights and the solver's numbers, its noise in the unit of the readings.
+    """
+    assert affine.magnitude is not None
+    assert affine.covariance is not None
+    residuals, normals = ellipsoid.distances(
+        samples.field, affine.bias, affine.matrix, _wanted(affine, reference, len(samples))
+    )
+    weights = np.zeros(len(samples))
+    weights[usable] = 1.0 if found.weights is None else found.weights
+    field = correct(samples.field, affine.bias, affine.matrix)
+    coverage = cover(
+        visits(field[weights > 0]), affine.magnitude, affine.bias, affine.matrix,
+        affine.covariance, gauge=affine.gauge, inclination_deg=inclination_deg,
+    )  # fmt: skip
+    fit = Fit(
+        calibration=affine, n=int(usable.sum()), residuals=residuals, weights=weights,
+        noise=found.noise, correlation=found.correlation, condition=found.condition,
+        iterations=found.iterations, converged=found.converged, coverage=coverage, tests=tests,
+        findings=inspect(samples),
+        remarks=remarks(affine, coverage, tests, reference is not None),
+    )  # fmt: skip
+    gain = float(np.trace(affine.matrix) / 3)
+    evidence = Evidence(
+        readings=samples.field[usable],
+        time=None if samples.time is None else samples.time[usable],
+        residuals=residuals[usable],
+        weights=weights[usable],
+        normals=normals[usable],
+        radius=affine.magnitude / gain,
+        noise=found.noise,
+        correlation=found.correlation,
+        coverage=coverage,
+        known_radius=affine.magnitude if reference and affine.unit_in == "nT" else None,
+    )
+    if fit.verdict == "refused":
+        return finished(fit, ())
+    wrong = examine(evidence)
+    refused = any(finding.severity == "refuse" for finding in wrong)
+    return finished(fit, (*wrong, None if refused else scale_finding(affine)))

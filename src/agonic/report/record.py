@@ -1,0 +1,55 @@
+"""`record`: a calibrated sensor as one flat object for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from agonic.calibrated import Calibrated
+
+
+def record(result: Calibrated, files: Sequence[str] = ()) -> dict[str, Any]:
+    """What `agonic calibrate --json` says of one sensor.
+
+    `bias_nT` and the like are null where the readings are in raw units; `bias`, `bias_sd`, `noise`
+    and `unit` are always there.
+    """
+    fit, verification = result.fit, result.verification
+    calibration = fit.calibration
+    in_nanotesla = calibration.unit_in == "nT"
+    bias, bias_sd = calibration.bias, fit.sd[:3]
+    return {
+        "sensor": result.samples.name,
+        "method": result.method,
+        "reason": result.reason,
+        "model": calibration.model,
+        "verdict": result.verdict,
+        "status": result.status,
+        "n": fit.n,
+        "unit": calibration.unit_in,
+        "bias_nT": bias if in_nanotesla else None,
+        "bias_sd_nT": bias_sd if in_nanotesla else None,
+        "bias": bias,
+        "bias_sd": bias_sd,
+        "matrix": calibration.matrix,
+        "matrix_sd": fit.sd[3:],
+        "magnitude": calibration.magnitude,
+        "noise_nT": fit.noise if in_nanotesla else None,
+        "noise": fit.noise,
+        "correlation": fit.correlation,
+        "spread_before": verification.spread_before,
+        "spread_after": verification.spread_after,
+        "residual_rms_nT": verification.residual_rms if calibration.unit_out == "nT" else None,
+        "heading_sd_deg": fit.coverage.heading_sd_deg,
+        "inclination_deg": fit.coverage.inclination_deg,
+        "coverage": fit.coverage.filled,
+        "findings": [
+            {"name": f.name, "severity": f.severity, "what": f.what, "move": f.move}
+            for f in fit.findings
+        ],
+        "checks": [
+            {"name": c.name, "value": c.value, "limit": c.limit, "unit": c.unit, "passed": c.passed}
+            for c in verification.checks
+        ],
+        "files": list(files),
+    }
