@@ -2,17 +2,17 @@
 
 from agonic.health.evidence import Evidence, examine, undetermined
 from agonic.health.finding import Finding, Severity
-from agonic.health.readings import FEWEST, clipped_rows, describe, inspect, step
+from agonic.health.readings import FEWEST, describe, inspect, step, usable_rows
 
 __all__ = [
     "FEWEST",
     "Evidence",
     "Finding",
     "Severity",
-    "clipped_rows",
     "describe",
     "examine",
     "inspect",
     "step",
     "undetermined",
+    "usable_rows",
 ]

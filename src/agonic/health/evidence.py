@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.coverage import Coverage
 from agonic.health.finding import Finding
-from agonic.kernels.changes import Break, find_break
+from agonic.kernels.changes import find_change
 from agonic.kernels.consensus import two_spheres
 from agonic.kernels.coverage import nearest_axis, thickness
 
@@ -19,6 +19,9 @@ HEADING_REFUSED_DEG = 5.0
 HEADING_DOUBTFUL_DEG = 2.0
 NOISE_DOUBTFUL = 0.04  # of the field's magnitude
 STRAYS_DOUBTFUL = 0.1
+SHIFT_REFUSED = 0.05  # of the field's magnitude
+SHIFT_DOUBTFUL = 0.01
+SHIFT_OVER_NOISE = 3.0  # less than this does not stand out of the readings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,7 +29,8 @@ class Evidence:
     """What a magnitude fit leaves to be examined, all in the unit of the readings.
 
     `readings` (n, 3), `time` (n,) or None, `residuals` (n,), `weights` (n,), `normals` (n, 3) the
-    unit directions in which a residual is measured, `radius` of the readings' ellipsoid, `noise`.
+    unit directions in which a residual is measured, `bias` and `radius` of the readings' ellipsoid,
+    `noise`; `known_radius` what the field must be, as far as that is known.
     """
 
     readings: Array
@@ -34,6 +38,7 @@ class Evidence:
     residuals: Array
     weights: Array
     normals: Array
+    bias: Array
     radius: float
     noise: float
     correlation: float
@@ -46,31 +51,35 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     shape = _static(evidence) or _flat(evidence)
     if shape is not None:
         return (shape,)
-    mixture = _changed(evidence) or _second_population(evidence)
-    if mixture is not None:
-        return (mixture,)
-    found = (undetermined(evidence.coverage), _noisy(evidence), _strays(evidence))
+    changed = _changed(evidence) or _crowded_strays(evidence) or _second_population(evidence)
+    if changed is not None and changed.severity == "refuse":
+        return (changed,)
+    others = (_noisy(evidence), _strays(evidence)) if changed is None else (changed,)
+    found = (undetermined(evidence.coverage), *others)
     return tuple(finding for finding in found if finding is not None)
 
 
 def _static(e: Evidence) -> Finding | None:
     """Readings that hardly move: far less than the field would move them, or a ball of noise."""
-    low, high = np.percentile(_some(e.readings), (2, 98), axis=0)
+    some = e.readings[_some(len(e.readings))]
+    low, high = np.percentile(some, (2, 98), axis=0)
     spread = float((high - low).max() / 2)
-    small = spread < 0.1 * (e.known_radius or e.radius)
-    if not (small or (e.noise > 0.15 * e.radius and _gaussian(_some(e.readings)))):
+    at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius
+    if not (at_rest or (e.noise > 0.15 * e.radius and _gaussian(some))):
         return None
     return Finding(
         "static",
         "refuse",
-        f"the sensor did not turn: its readings move by only ±{spread:.3g} and look like noise",
+        f"the sensor did not turn: its readings move by only ±{spread:.3g}",
         "turn it slowly about all three axes while recording",
     )
 
 
-def _some(rows: Array) -> Array:
-    """At most some twenty thousand rows, evenly taken: enough for a percentile."""
-    return rows[:: max(1, len(rows) // 20_000)]
+def _some(n: int) -> NDArray[np.intp]:
+    """At most twenty thousand of n rows, in order; drawn, for rows may alternate by a pattern."""
+    if n <= 20_000:
+        return np.arange(n)
+    return np.sort(np.random.default_rng(0).choice(n, 20_000, replace=False))
 
 
 def _gaussian(readings: Array) -> bool:
@@ -88,7 +97,8 @@ def _gaussian(readings: Array) -> bool:
 
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
-    thick, normal = thickness(_some(e.readings[e.weights > 0]))
+    believed = e.readings[e.weights > 0]
+    thick, normal = thickness(believed[_some(len(believed))])
     if thick > 0.1:
         return None
     axis = nearest_axis(normal)
@@ -106,49 +116,79 @@ def _flat(e: Evidence) -> Finding | None:
     )
 
 
+def _changed(e: Evidence) -> Finding | None:
+    """A bias that was another for a while, by more than the noise can hide."""
+    rows = _some(len(e.readings))
+    residuals, normals = e.residuals[rows], e.normals[rows]
+    feet = e.readings[rows] - residuals[:, None] * normals
+    found = find_change(residuals, normals, (feet - e.bias) / e.radius)
+    if found is None or found.significance < 30:
+        return None
+    if found.shift < max(SHIFT_DOUBTFUL * e.radius, SHIFT_OVER_NOISE * found.noise):
+        return None
+    edges = np.append(rows, len(e.readings))[[found.start, found.stop]]
+    return _change_finding(e, edges, found.shift)
+
+
+def _crowded_strays(e: Evidence) -> Finding | None:
+    """Strays that come in one stretch: the fit holds for the rest of the log only."""
+    stray = e.weights == 0.0
+    if not STRAYS_DOUBTFUL < stray.mean() < 1.0:
+        return None
+    edges, crowding = _stretch(stray)
+    if crowding < 0.5:
+        return None
+    return _change_finding(e, edges, np.sqrt(3) * float(np.median(np.abs(e.residuals[stray]))))
+
+
 def _second_population(e: Evidence) -> Finding | None:
     """Two sensors in one log, or a field that changed: the readings lie on two spheres."""
     if e.noise < 0.03 * e.radius and (e.weights == 0.0).mean() < 0.12:
         return None
-    rows = np.arange(0, len(e.readings), max(1, len(e.readings) // 20_000))
-    middle = np.median(e.readings[rows], axis=0)
-    found = two_spheres((e.readings[rows] - middle) / e.radius)
+    rows = _some(len(e.readings))
+    readings = e.readings[rows]
+    found = two_spheres((readings - np.median(readings, axis=0)) / e.radius)
     if found is None:
         return None
-    second, shift = found
-    # a population that comes or goes bends the running count; one mixed in row by row does not
-    count = np.cumsum(second - second.mean())
-    if np.ptp(count) < max(0.03 * len(count), np.sqrt(len(count))):
-        share = 100 * min(second.mean(), 1 - second.mean())
-        return Finding(
-            "two sensors mixed",
-            "refuse",
-            f"{share:.0f} % of the readings lie on a second sphere, row by row among the others: "
-            "two sensors are mixed in one log",
-            "separate them (a sensor column, --sensor) and calibrate each by itself",
-        )
-    edge = min(int(np.argmax(count)), int(np.argmin(count)))
-    edge = edge if edge > 0.02 * len(count) else max(int(np.argmax(count)), int(np.argmin(count)))
-    return _change_finding(e, int(rows[edge]), shift * e.radius)
+    side, shift = found
+    second = side[side != 0] > 0
+    edges, crowding = _stretch(second)
+    if crowding > 0.3:
+        return _change_finding(e, rows[side != 0][edges], shift * e.radius)
+    share = float(second.mean())
+    return Finding(
+        "two sensors mixed",
+        "refuse",
+        f"{100 * min(share, 1 - share):.0f} % of the readings lie on a second sphere, row by row "
+        "among the others: two sensors are mixed in one log",
+        "separate them (a sensor column, --sensor) and calibrate each by itself",
+    )
 
 
-def _changed(e: Evidence) -> Finding | None:
-    """A bias that moved once during the log by more than the noise allows."""
-    found: Break | None = find_break(e.residuals, e.normals)
-    if found is None or found.explained < 0.35 or found.significance < 30 * e.correlation:
-        return None
-    if found.shift < 0.015 * e.radius:
-        return None
-    return _change_finding(e, found.row, found.shift)
+def _stretch(member: NDArray[np.bool_]) -> tuple[NDArray[np.intp], float]:
+    """The two rows between which members crowd, and how much: 1 all in one stretch, 0 evenly.
+
+    A crowd bends the running count of members less their share; evenly mixed ones do not.
+    """
+    share = float(member.mean())
+    count = np.cumsum(member - share)
+    crowding = float(np.ptp(count)) / (len(member) * max(share * (1 - share), 1e-12))
+    return np.sort([np.argmin(count), np.argmax(count)]), crowding
 
 
-def _change_finding(e: Evidence, row: int, shift: float) -> Finding:
-    when = f"row {row}" if e.time is None else f"t = {e.time[row] - e.time[0]:.1f} s"
+def _change_finding(e: Evidence, edges: NDArray[np.intp], shift: float) -> Finding:
+    """The finding that the bias was another between two rows, or from one row on."""
+    n = len(e.readings)
+    inner = [int(row) for row in edges if 0.02 * n < row < 0.98 * n]
+    if e.time is None:
+        moments = [f"row {row}" for row in inner]
+    else:
+        moments = [f"t = {e.time[row] - e.time[0]:.1f} s" for row in inner]
     return Finding(
         "field changed",
-        "refuse",
+        "refuse" if shift >= SHIFT_REFUSED * e.radius else "check",
         f"the bias moved by about {shift:.3g} ({100 * shift / e.radius:.0f} % of the field) near "
-        f"{when}: a magnet or iron came or went",
+        f"{' and '.join(moments)}: a magnet, iron or a current came or went",
         "calibrate the stretches before and after separately, with everything in its final place",
     )
 

@@ -21,16 +21,28 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     >>> [finding.name for finding in inspect(flat)]
     ['frozen axis']
     """
-    clipped = clipped_rows(samples.field)
+    stuck = [stuck_rows(samples.field, axis) for axis in range(3)]
     found = [
         *_rejected(samples),
         _few(samples),
-        *(_frozen(samples.field[~clipped], axis) for axis in range(3)),
-        _clipped(clipped),
+        *(_frozen(rows, axis) for axis, rows in enumerate(stuck)),
+        _clipped(clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
         _stale(samples.field),
         _gaps(samples),
     ]
     return tuple(finding for finding in found if finding is not None)
+
+
+def usable_rows(field: Array) -> NDArray[np.bool_]:
+    """Rows (n,) whose three axes all read what the field was: neither clipped nor stuck.
+
+    An axis that never moves leaves all rows in, for the fit to be refused on them.
+    """
+    spoilt = clipped_rows(field)
+    for axis in range(3):
+        stuck = stuck_rows(field, axis)
+        spoilt |= stuck & ~stuck.all()
+    return ~spoilt
 
 
 def describe(samples: Samples) -> tuple[Finding, ...]:
@@ -89,47 +101,45 @@ def _few(samples: Samples) -> Finding | None:
     )
 
 
-def _frozen(field: Array, axis: int) -> Finding | None:
-    """An axis that stands still, throughout or in one long stretch, while the others move."""
-    values = field[:, axis]
-    others = [field[:, other] for other in range(3) if other != axis]
-    spans = [float(np.ptp(other)) if len(field) else 0.0 for other in others]
-    if len(values) < FEWEST or max(spans) == 0.0:
+def stuck_rows(field: Array, axis: int) -> NDArray[np.bool_]:
+    """Rows (n,) of long stretches in which an axis stands still while the others move.
+
+    An axis in coarse steps, that mostly repeats anyway, is not taken for stuck.
+    """
+    n, values = len(field), field[:, axis]
+    others = np.delete(field, axis, axis=1)
+    stuck = np.zeros(n, dtype=bool)
+    reach = np.ptp(others, axis=0) if n else np.zeros(2)
+    if n < FEWEST or reach.max() == 0.0:
+        return stuck
+    still = np.concatenate([[False], values[1:] == values[:-1], [False]])
+    edges = np.flatnonzero(still[1:] != still[:-1])
+    for start, stop in zip(edges[::2], edges[1::2] + 1, strict=True):
+        moving = (np.ptp(others[start:stop], axis=0) > 0.2 * reach).any()
+        stuck[start:stop] = moving and stop - start >= min(max(50, 0.02 * n), n)
+    elsewhere = ~stuck[1:] & ~stuck[:-1]
+    usual = still[1:-1][elsewhere].mean() if elsewhere.any() else 0.0
+    return stuck & (usual <= 0.5)
+
+
+def _frozen(stuck: NDArray[np.bool_], axis: int) -> Finding | None:
+    """An axis that stands still, throughout or for a time, while the others move."""
+    if not stuck.any():
         return None
-    letter = "xyz"[axis]
-    if np.ptp(values) == 0:
+    if stuck.all():
         return Finding(
             "frozen axis",
             "refuse",
-            f"axis {letter} never changes while the others do",
+            f"axis {'xyz'[axis]} never changes while the others do",
             "check the sensor and its wiring; one axis short, only a compass held level is left",
         )
-    still = values[1:] == values[:-1]
-    start, length = _longest_run(still)
-    usual = float(still.mean())
-    if length < max(50, 0.02 * len(values)) or usual > 0.5 + length / len(values):
-        return None
-    run = slice(start, start + length)
-    if not any(np.ptp(o[run]) > 0.2 * span for o, span in zip(others, spans, strict=True)):
-        return None
     return Finding(
         "frozen axis",
         "check",
-        f"axis {letter} stands still in rows {start} to {start + length} while the others move",
-        "leave that stretch out and check the sensor",
+        f"axis {'xyz'[axis]} stands still while the others move, in {int(stuck.sum())} readings "
+        f"from row {int(np.argmax(stuck))} on, which were left out",
+        "check the sensor and its wiring",
     )
-
-
-def _longest_run(still: NDArray[np.bool_]) -> tuple[int, int]:
-    """First row and number of rows of the longest stretch in which nothing changed."""
-    if not still.any():
-        return 0, 1
-    edges = np.flatnonzero(still[1:] != still[:-1]) + 1
-    starts = np.concatenate([[0], edges])
-    lengths = np.diff(np.concatenate([starts, [len(still)]]))
-    lengths[~still[starts]] = 0
-    longest = int(np.argmax(lengths))
-    return int(starts[longest]), int(lengths[longest]) + 1
 
 
 def clipped_rows(field: Array) -> NDArray[np.bool_]:

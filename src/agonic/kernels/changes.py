@@ -1,4 +1,4 @@
-"""A bias that moved once: the break that explains the most of the residuals."""
+"""A bias that was another for a while: the stretch of rows whose own bias explains the most."""
 
 from __future__ import annotations
 
@@ -8,49 +8,102 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.kernels.leastsq import MAD_TO_SD, correlation_length
+
 Array = NDArray[np.float64]
 
+_BLOCKS = 64  # edges are sought on this grid
+_SHORTEST = 2  # blocks, of the stretch and of what is left
+_OUTLYING = 4.0  # median distances beyond which a residual counts no more than this
 
-class Break(NamedTuple):
-    """Where the bias moved: row, length of the move, and how much of Σr² the move explains.
 
-    `significance` is the drop of Σr² in units of what is left of it per reading (a χ² with three
-    degrees of freedom for white noise).
+class Change(NamedTuple):
+    """Rows start…stop have their bias elsewhere; stop is n when it never came back.
+
+    `shift` how far, as seen from the directions there: √3 times the rms of the residuals that it
+    makes; `noise` the scatter that is left; `significance` how much Σr² falls in units of that
+    scatter, per independent reading (for white noise a χ² with three degrees of freedom).
     """
 
-    row: int
+    start: int
+    stop: int
     shift: float
-    explained: float
+    noise: float
     significance: float
 
 
-def find_break(residuals: Array, normals: Array, blocks: int = 64) -> Break | None:
-    """The best single break in the bias, by linear least squares before and after each edge.
+def find_change(residuals: Array, normals: Array, places: Array) -> Change | None:
+    """The best stretch [start, stop) with a bias of its own, all else of the ellipsoid refitted.
 
-    r_i ≈ n_i · a before and n_i · b after; each side's reduction of Σr² is gᵀG⁻¹g with
-    G = Σ n nᵀ and g = Σ n r, summed over blocks of rows (Andrews 1993, sup-LM test).
-    residuals (n,), normals (n, 3).
+    r = J δ + 1[start ≤ i < stop] n·shift, J the nine ways in which an ellipsoid can move (n, and
+    n_i p_j for a symmetric change of shape): Lagrange multiplier test with two unknown edges
+    (Andrews 1993). Residuals are drawn in to a few median distances, so that strays do not decide.
+
+    Parameters: residuals (n,) distances from the ellipsoid in time order, normals (n, 3) there,
+    places (n, 3) the foot points on it relative to its centre, over its radius. None where there
+    are too few rows to tell.
     """
-    if len(residuals) < 4 * blocks:
+    n = len(residuals)
+    blocks = min(_BLOCKS, n // 6)
+    reach = _OUTLYING * float(np.median(np.abs(residuals)))
+    if blocks < 4 * _SHORTEST or reach == 0.0:
         return None
+    moves = _moves(normals, places)
+    drawn_in = np.clip(residuals, -reach, reach)
+    start, stop, gain = _best_stretch(drawn_in, moves, blocks)
+    away, left = _refit(residuals, moves, slice(start, stop))
+    shift = float(np.sqrt(3 * np.mean(away**2)))
+    noise = MAD_TO_SD * float(np.median(np.abs(left)))
+    scatter = np.clip(left, -_OUTLYING * noise, _OUTLYING * noise)
+    independent = float(scatter @ scatter) / n * correlation_length(scatter, np.ones(n))
+    if start == 0:  # before and after are the same thing
+        start, stop = stop, n
+    return Change(start, stop, shift, noise, gain / max(independent, np.finfo(float).tiny))
+
+
+def _moves(normals: Array, places: Array) -> Array:
+    """The distances (n, 9) by which unit changes of bias and shape move the surface."""
+    a, b, c = normals.T
+    x, y, z = places.T
+    shape = (a * x, b * y, c * z, a * y + b * x, a * z + c * x, b * z + c * y)
+    return np.stack([a, b, c, *shape], axis=1)
+
+
+def _best_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int, float]:
+    """First row, row after the last, and fall of Σr², over all pairs of edges.
+
+    With S the stretch and G = JᵀJ, g = Jᵀr: fall = tᵀA⁻¹t with t = X_Sᵀ(r − J G⁻¹g) and
+    A = X_SᵀX_S − X_SᵀJ G⁻¹JᵀX_S, X_S the rows of the normals in S; the sums add over blocks.
+    """
     edges = np.linspace(0, len(residuals), blocks + 1).astype(int)
     spans = [slice(i, j) for i, j in pairwise(edges)]
-    outer = np.array([normals[span].T @ normals[span] for span in spans])
-    score = np.array([residuals[span] @ normals[span] for span in spans])
-    before_g, before_s = np.cumsum(outer, axis=0)[2:-3], np.cumsum(score, axis=0)[2:-3]
-    after_g, after_s = outer.sum(axis=0) - before_g, score.sum(axis=0) - before_s
-    ridge = 1e-2 * len(residuals) / blocks * np.eye(3)
-    a = np.linalg.solve(before_g + ridge, before_s[..., None])[..., 0]
-    b = np.linalg.solve(after_g + ridge, after_s[..., None])[..., 0]
-    gain = (a * before_s).sum(axis=1) + (b * after_s).sum(axis=1)
-    best = int(np.argmax(gain))
-    total = float(residuals @ residuals)
-    if total == 0.0:
-        return None
-    left = max(total - float(gain[best]), 1e-12 * total)
-    return Break(
-        row=int(edges[best + 3]),
-        shift=float(np.linalg.norm(b[best] - a[best])),
-        explained=float(gain[best]) / total,
-        significance=float(gain[best]) / (left / len(residuals)),
-    )
+    outer = np.cumsum([np.zeros((9, 9)), *(moves[s].T @ moves[s] for s in spans)], axis=0)
+    score = np.cumsum([np.zeros(9), *(residuals[s] @ moves[s] for s in spans)], axis=0)
+    first, last = np.triu_indices(blocks + 1, _SHORTEST)
+    enough = last - first <= blocks - _SHORTEST
+    first, last = first[enough], last[enough]
+    inverse = np.linalg.pinv(outer[-1], rcond=1e-12, hermitian=True)
+    cross = outer[last, :3] - outer[first, :3]
+    own = cross[:, :, :3] - cross @ inverse @ np.swapaxes(cross, 1, 2)
+    own += 1e-2 * len(residuals) / blocks * np.eye(3)  # a shift that hardly shows is no evidence
+    towards = score[last, :3] - score[first, :3] - cross @ (inverse @ score[-1])
+    fall = np.einsum("ki,ki->k", towards, np.linalg.solve(own, towards[..., None])[..., 0])
+    best = int(np.argmax(fall))
+    return int(edges[first[best]]), int(edges[last[best]]), float(fall[best])
+
+
+def _refit(residuals: Array, moves: Array, stretch: slice) -> tuple[Array, Array]:
+    """What the shift makes of the residuals in the stretch, and what is left of all.
+
+    Least squares with residuals drawn in to a few median distances, step by step (Huber 1981).
+    """
+    own = np.zeros((len(residuals), 3))
+    own[stretch] = moves[stretch, :3]
+    design = np.hstack([own, moves])
+    solve = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True) @ design.T
+    estimate, left = np.zeros(design.shape[1]), residuals
+    for _ in range(10):
+        reach = _OUTLYING * float(np.median(np.abs(left)))
+        estimate = estimate + solve @ np.clip(left, -reach, reach)
+        left = residuals - design @ estimate
+    return own[stretch] @ estimate[:3], left

@@ -50,12 +50,13 @@ def least_median_sphere(
     return centres[best], float(gains[best])
 
 
-def two_spheres(points: Array, *, seed: int = 0) -> tuple[NDArray[np.bool_], float] | None:
-    """Which points lie on a second sphere, and how far its centre is from the first; or None.
+def two_spheres(points: Array, *, seed: int = 0) -> tuple[NDArray[np.int8], float] | None:
+    """On which of two spheres the points lie, and how far apart their centres are; or None.
 
     Two populations are believed when, after the first sphere took all within 8 % of its radius,
     one eighth of the points at least is left and half of those lie within 6 % of a sphere of
-    similar size. Points (n, 3); the distance is in their unit.
+    similar size. Points (n, 3); the distance is in their unit. Returns for each point −1 for the
+    first, +1 for the second, and 0 where it cannot be told.
     """
     one = np.ones(1)
     first, gain = least_median_sphere(points, one, quantile=0.3, subsets=600, seed=seed)
@@ -72,4 +73,6 @@ def two_spheres(points: Array, *, seed: int = 0) -> tuple[NDArray[np.bool_], flo
     alike = 0.4 < 1 / (other_gain * radius) < 2.5
     if not alike or np.median(other[rest]) > 0.06 / other_gain or shift < 0.1 * radius:
         return None
-    return other < away, shift
+    side = np.sign(away - other).astype(np.int8)
+    side[np.maximum(away, other) < 0.08 * radius] = 0
+    return side, shift

@@ -41,10 +41,12 @@ def _unit(v: Array) -> Array:
 def cells_of(directions: Array) -> NDArray[np.intp]:
     """The cell, 0…79, whose centre is nearest to each direction (n, 3); lengths do not matter."""
     centres = icosphere()[0].astype(np.float32).T
-    return np.concatenate([
-        np.argmax(directions[start : start + 8192].astype(np.float32) @ centres, axis=1)
-        for start in range(0, len(directions), 8192)
-    ])  # fmt: skip
+    size = float(np.abs(directions).max(initial=1.0))  # so that no length is too much for float32
+    cells = np.empty(len(directions), dtype=np.intp)
+    for start in range(0, len(directions), 8192):
+        rows = slice(start, start + 8192)
+        np.argmax((directions[rows] / size).astype(np.float32) @ centres, axis=1, out=cells[rows])
+    return cells
 
 
 def visits(directions: Array) -> NDArray[np.int64]:

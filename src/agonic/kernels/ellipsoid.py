@@ -87,7 +87,7 @@ def soft_iron_prior(model: str, sd: float | None) -> leastsq.Prior | None:
 def parameters(bias: Array, matrix: Array, model: str) -> Array:
     """The parameters of a model nearest to a bias and matrix (least squares)."""
     local = np.concatenate([bias, matrix.ravel()])
-    return np.asarray(np.linalg.lstsq(model_basis(model), local)[0])
+    return np.asarray(np.linalg.lstsq(model_basis(model), local, rcond=None)[0])
 
 
 class Noise(NamedTuple):
@@ -146,7 +146,7 @@ def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -
     the majority, and none whose own leverage J C Jᵀ/σ² is near 1 and far beyond the usual.
     """
     stray = weights == 0.0
-    if not stray.any():
+    if not stray.any() or stray.all():
         return np.ones(len(weights), dtype=bool)
     bias, matrix = split(model_basis(problem.model) @ solution.params)
     cells = cells_of((problem.points - bias) @ matrix.T)

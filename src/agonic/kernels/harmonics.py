@@ -2,7 +2,7 @@
 
 The potential V = a Σ (a/r)ⁿ⁺¹ (gₙᵐ cos mλ + hₙᵐ sin mλ) Pₙᵐ(sin φ) is a sum of solid harmonics, and
 the gradient of a solid harmonic of degree n is a sum of three of degree n + 1 (Cunningham 1970,
-doi 10.1007/BF01229505). So the coefficients are turned into those of the Cartesian components of
+doi 10.1007/BF01229495). So the coefficients are turned into those of the Cartesian components of
 −∇V once, and what remains for each point is a recursion in x, y, z without angle or singularity.
 
 With (x, y, z) the position over r², s = 1/r², and r in units of a, each harmonic is

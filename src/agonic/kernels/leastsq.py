@@ -218,20 +218,22 @@ def _step(information: Array, gradient: Array, damping: float) -> Array:
 
 
 def _sandwich(normal: Normal, data: Array, held: Array, curved: float) -> Array:
-    """A⁻¹BA⁻¹ in the units of the parameters, A and B with the prior's information `held`."""
+    """A⁻¹BA⁻¹ in the units of the parameters, A = D + H and B = k D + H, prior H, readings D.
+
+    Written k A⁻¹ + (1 − k) A⁻¹HA⁻¹, whose variances stay positive where A is all but singular.
+    """
     n, m = len(normal.residuals), len(data)
     freedom = n / max(n - m, 1)
     bread = inverse(data + held)
-    scattered = normal.scatter / max(normal.weight, 1e-300) / curved
-    filling = data * (scattered * freedom) + held
-    return np.asarray(bread @ filling @ bread)
+    scattered = freedom * normal.scatter / max(normal.weight, 1e-300) / curved
+    return np.asarray(scattered * bread + (1 - scattered) * (bread @ held @ bread))
 
 
 def inverse(information: Array) -> Array:
     """The inverse of an information matrix; directions without information get a huge variance."""
-    size = np.sqrt(np.maximum(np.abs(np.diag(information)), np.finfo(float).tiny))
+    size = np.sqrt(np.maximum(np.abs(np.diag(information)), 1e-100))
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    values = np.maximum(values, 1e-15 * values[-1])
+    values = np.maximum(values, 1e-15 * max(values[-1], 1.0))
     return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))
 
 
@@ -239,7 +241,8 @@ def condition(information: Array) -> float:
     """Condition number of an information matrix scaled to a unit diagonal."""
     size = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(information / np.outer(size, size))
-    return float(values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
+    largest = max(float(values[-1]), 1.0)
+    return largest / max(float(values[0]), np.finfo(float).eps * largest)
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:

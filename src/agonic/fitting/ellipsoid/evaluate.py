@@ -11,7 +11,7 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.assemble import finished, remarks, scale_finding
 from agonic.fitting.ellipsoid.solve import Found
-from agonic.health import Evidence, clipped_rows, examine, inspect
+from agonic.health import Evidence, examine, inspect, usable_rows
 from agonic.kernels import ellipsoid
 from agonic.kernels.affine import correct
 from agonic.kernels.coverage import visits
@@ -19,6 +19,9 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]
+
+WEAKEST_FIELD = 22_000.0
+"""The Earth's field at the ground is nowhere weaker (South Atlantic), nT."""
 
 
 def evaluate(
@@ -40,7 +43,7 @@ def evaluate(
     """
     if calibration.covariance is None or calibration.magnitude is None:
         raise AgonicError("the calibration carries no covariance; fit it again with agonic")
-    usable = ~clipped_rows(samples.field)
+    usable = usable_rows(samples.field)
     wanted = _wanted(calibration, reference, len(samples))
     residuals, _ = ellipsoid.distances(samples.field, calibration.bias, calibration.matrix, wanted)
     residuals = residuals[usable]
@@ -58,6 +61,13 @@ def _wanted(affine: Affine, reference: Reference | None, n: int) -> Array:
     if reference is None or affine.unit_out != "nT":
         return np.array([affine.magnitude])
     return reference.magnitudes(n)
+
+
+def _known_radius(affine: Affine, reference: Reference | None) -> float | None:
+    """What the readings' radius is at least, as far as their unit tells."""
+    if affine.unit_in != "nT":
+        return None
+    return affine.magnitude if reference else WEAKEST_FIELD
 
 
 def with_evidence(
@@ -94,11 +104,12 @@ def with_evidence(
         residuals=residuals[usable],
         weights=weights[usable],
         normals=normals[usable],
+        bias=affine.bias,
         radius=affine.magnitude / gain,
         noise=found.noise,
         correlation=found.correlation,
         coverage=coverage,
-        known_radius=affine.magnitude if reference and affine.unit_in == "nT" else None,
+        known_radius=_known_radius(affine, reference),
     )
     if fit.verdict == "refused":
         return finished(fit, ())

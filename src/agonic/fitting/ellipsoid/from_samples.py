@@ -30,7 +30,7 @@ from agonic.fitting.ellipsoid.solve import (
     choose,
     likelihood,
 )
-from agonic.health import clipped_rows
+from agonic.health import usable_rows
 from agonic.kernels import ellipsoid, moments
 from agonic.provenance import Input, Provenance
 from agonic.reference import Reference
@@ -86,7 +86,7 @@ def fit_ellipsoid(
     >>> bool(np.all(np.abs(fit.calibration.bias - [3000, -500, 100]) < 4 * fit.sd[:3]))
     True
     """
-    usable = ~clipped_rows(samples.field)
+    usable = usable_rows(samples.field)
     scale, magnitude = _normalised(samples, reference, usable, method)
     points = (samples.field[usable] - scale.centre) / scale.size
 

@@ -1,0 +1,70 @@
+# make demo and make test each set up what they need on a fresh machine; see make help.
+
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+UV     := $(shell command -v uv 2>/dev/null)
+
+# One core per worker: small matrices lose more to threads than they gain.
+export OPENBLAS_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check format docs bench lock clean
+
+help:  ## show this list
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+demo: $(VENV)/.core  ## set up and run the main job on a simulated log
+	$(BIN)/agonic demo -o demo
+
+test: $(VENV)/.dev  ## set up and run every test
+	$(BIN)/python -m pytest -n auto --dist loadgroup
+
+check: $(VENV)/.dev  ## lint, types, layers, formatting
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+format: $(VENV)/.dev  ## format the code
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+docs: $(VENV)/.dev  ## build the documentation into docs/_build
+	$(BIN)/sphinx-build -W -q docs docs/_build
+
+bench: .venv-bench/.bench  ## regenerate the tables of benchmarks/results
+	.venv-bench/bin/python -m benchmarks.run
+
+lock: $(VENV)/.dev  ## write the hashed lock files anew
+	$(BIN)/python -m pip install -q uv
+	for part in core:"" dev:"--extra dev" bench:"--extra bench"; do \
+	  $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes \
+	    --no-emit-index-url --no-header $${part#*:} pyproject.toml lock/build.in \
+	    -o lock/$${part%%:*}.txt; done
+
+clean:  ## remove what make made
+	rm -rf .venv .venv-bench docs/_build demo
+
+# $(call install,folder of the environment,lock file)
+ifdef UV
+install = $(UV) venv -q --allow-existing --python $(PYTHON) $(1) \
+  && $(UV) pip install -q --python $(1)/bin/python --require-hashes -r $(2) \
+  && $(UV) pip install -q --python $(1)/bin/python --no-deps --no-build-isolation -e .
+else
+install = $(PYTHON) -m venv $(1) \
+  && $(1)/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r $(2) \
+  && $(1)/bin/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
+endif
+
+$(VENV)/.core: lock/core.txt pyproject.toml
+	$(call install,$(VENV),lock/core.txt)
+	@touch $@
+
+$(VENV)/.dev: lock/dev.txt pyproject.toml
+	$(call install,$(VENV),lock/dev.txt)
+	@touch $@ $(VENV)/.core
+
+.venv-bench/.bench: lock/bench.txt pyproject.toml
+	$(call install,.venv-bench,lock/bench.txt)
+	@touch $@

@@ -1,0 +1,91 @@
+"""The world models IGRF-14, WMM2025 and WMMHR2025, of the coefficient files in `data/`, offline."""
+
+from __future__ import annotations
+
+import functools
+from importlib.resources import files
+
+import numpy as np
+
+from agonic.field.coefficients import read_cof, read_shc
+from agonic.field.model import Model
+from agonic.field.worldfield import Uncertainty
+
+WMM_UNCERTAINTY = Uncertainty(
+    north=137.0,
+    east=89.0,
+    down=141.0,
+    declination_deg=(0.26, 5417.0),
+    inclination_deg=0.20,
+    horizontal=133.0,
+    magnitude=138.0,
+    source="WMM2025 technical report, error model (NOAA NCEI and BGS, 2024)",
+)
+WMMHR_UNCERTAINTY = Uncertainty(
+    north=135.0,
+    east=85.0,
+    down=134.0,
+    declination_deg=(0.25, 5205.0),
+    inclination_deg=0.19,
+    horizontal=130.0,
+    magnitude=134.0,
+    source="WMMHR2025 error model (NOAA NCEI and CIRES, 2024)",
+)
+IGRF_UNCERTAINTY = Uncertainty(
+    north=87.0,
+    east=73.0,
+    down=114.0,
+    declination_deg=(0.0, float(np.degrees(np.sqrt((87.0**2 + 73.0**2) / 2.0)))),
+    source="Beggan (2022), 68.3 % intervals of the components, doi 10.1186/s40623-022-01572-y; "
+    "declination from the two horizontal ones",
+)
+
+
+@functools.cache
+def igrf() -> Model:
+    """The International Geomagnetic Reference Field, 14th generation, 1900 to 2030.
+
+    Degree 13 (10 before 2000), linear between epochs five years apart; from 2030 to 2035 the last
+    secular variation is extrapolated with a warning, as far as IAGA's own program goes.
+
+    Source: IAGA Division V-MOD (2024), doi 10.5281/zenodo.14012302.
+
+    >>> round(float(igrf().at(0.0, 0.0, 0.0, 2025.0).magnitude), 1)
+    31835.4
+    """
+    return Model.of(
+        "IGRF-14",
+        read_shc(_text("IGRF14.shc")),
+        IGRF_UNCERTAINTY,
+        extrapolates_until=2035.0,
+    )
+
+
+@functools.cache
+def wmm() -> Model:
+    """The World Magnetic Model 2025, 2025.0 to 2030.0, degree 12; an error outside.
+
+    Source: NOAA NCEI and British Geological Survey (2024), doi 10.25921/aqfd-sd83.
+
+    >>> round(float(wmm().at(0.0, 0.0, 0.0, "2026-01-01").magnitude), 1)
+    31813.1
+    """
+    return Model.of("WMM2025", read_cof(_text("WMM2025.COF")), WMM_UNCERTAINTY)
+
+
+@functools.cache
+def wmmhr() -> Model:
+    """The World Magnetic Model High Resolution 2025, 2025.0 to 2030.0; an error outside.
+
+    Core to degree 15, crust from 16 to 133 (wavelengths down to 300 km).
+
+    Source: NOAA NCEI and British Geological Survey (2024), doi 10.25921/qb1c-vn52.
+
+    >>> round(float(wmmhr().at(0.0, 0.0, 0.0, "2026-01-01").magnitude), 1)
+    31806.2
+    """
+    return Model.of("WMMHR2025", read_cof(_text("WMMHR2025.COF")), WMMHR_UNCERTAINTY)
+
+
+def _text(name: str) -> str:
+    return (files("agonic.field") / "data" / name).read_text(encoding="ascii")

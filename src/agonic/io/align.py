@@ -1,0 +1,68 @@
+"""Columns recorded at other times than the magnetometer, brought onto its rows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+ESTIMATED_ATTITUDE = (
+    "roll, pitch and heading are the autopilot's own estimate, which itself follows its compasses"
+)
+
+
+def resample(
+    time_from: ArrayLike, values: ArrayLike, time_to: ArrayLike, *, period: float | None = None
+) -> FloatArray | None:
+    """Values at other times, by linear interpolation; before and after, the end values hold.
+
+    Rows with a time or value that is not finite are left out. Angles, marked by their `period`,
+    go the short way round and keep the range they came in: 0…period where no value is negative,
+    ±period/2 otherwise.
+
+    Parameters: time_from (n,), values (n,) or (n, 3), time_to (m,), in one unit of time; period
+    in the unit of the values. Returns (m,) or (m, 3), or `None` where no usable row is left.
+
+    >>> resample([0.0, 2.0], [350.0, 20.0], [1.0, 1.5, 9.0], period=360.0)
+    array([ 5. , 12.5, 20. ])
+    """
+    t, v, wanted = (np.asarray(a, dtype=np.float64) for a in (time_from, values, time_to))
+    usable = np.isfinite(t) & np.isfinite(v).reshape(len(v), -1).all(axis=1)
+    if not usable.any():
+        return None
+    order = np.flatnonzero(usable)[np.argsort(t[usable], kind="stable")]
+    t, v = t[order], v[order]
+    if period is not None:
+        lowest = 0.0 if (v >= 0).all() else -period / 2
+        turned = np.interp(wanted, t, np.unwrap(v, period=period))
+        return np.asarray(lowest + (turned - lowest) % period)
+    if v.ndim == 1:
+        return np.interp(wanted, t, v)
+    return np.stack([np.interp(wanted, t, component) for component in v.T], axis=1)
+
+
+def misplaced(time: ArrayLike) -> NDArray[np.bool_]:
+    """Rows whose time lies outside that of both neighbours although those are in order.
+
+    One damaged time would otherwise cost every row after it, since times must increase.
+
+    >>> misplaced([0.0, 1.0, 900.0, 3.0, 4.0])
+    array([False, False,  True, False, False])
+    """
+    t = np.asarray(time, dtype=np.float64)
+    wrong = np.zeros(len(t), dtype=bool)
+    before, here, after = t[:-2], t[1:-1], t[2:]
+    wrong[1:-1] = (before <= after) & ((here < before) | (here > after))
+    return wrong
+
+
+def rate_Hz(time: ArrayLike) -> float | None:
+    """Rows per second between the first time and the last, where there are two and they differ.
+
+    >>> rate_Hz([0.0, 0.1, 0.2])
+    10.0
+    """
+    t = np.asarray(time, dtype=np.float64)
+    span = float(t[-1] - t[0]) if len(t) > 1 else 0.0
+    return (len(t) - 1) / span if span > 0 and np.isfinite(span) else None

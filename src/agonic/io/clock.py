@@ -1,0 +1,149 @@
+"""Times as files write them, into float64 seconds since an epoch."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Clock = tuple[FloatArray | None, datetime | None, tuple[str, ...]]
+"""Seconds, the UTC moment of second zero where it is known, and notes."""
+
+UNIX = datetime(1970, 1, 1, tzinfo=UTC)
+
+_UNIX_SECONDS = (1e9, 4.1e9)
+"""2001 to 2099: a clock that reads this many seconds counts from 1970, not from power-on."""
+_LONGEST_STEP_S = 1000.0
+_DAY_S = 86400.0
+_NONE_READ = "times left out: none could be read"
+_TIED_SHARE = 0.01
+"""Share of rows with an unchanged clock but other readings, above which the clock is coarse."""
+
+
+def clock_of(values: NDArray[Any], unit_s: float | None) -> Clock:
+    """The clock that a time column holds.
+
+    `values` are numbers, moments (datetime64) or texts; `unit_s` is one of the column's units in
+    seconds, `None` where it does not say.
+    """
+    if values.dtype.kind == "M":
+        return _of_moments(values)
+    if values.dtype.kind in "OUS":
+        return _of_texts(values.astype(str).tolist())
+    numbers = values.astype(np.float64)
+    if unit_s is None:
+        return _without_unit(numbers)
+    seconds = numbers / (1 / unit_s)  # 70 000 µs / 1e6 is 0.07 s; times 1e-6 is not
+    return _since_first_second(seconds, ()) if _is_unix(seconds) else (seconds, None, ())
+
+
+def _without_unit(numbers: FloatArray) -> Clock:
+    """Unix times by their size, otherwise seconds where the steps can be seconds."""
+    for name, per_second in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
+        if _is_unix(numbers / per_second):
+            note = f"times have no unit; by their size they are Unix times in {name}"
+            return _since_first_second(numbers / per_second, (note,))
+    steps = np.diff(numbers[np.isfinite(numbers)])
+    if len(steps) and np.median(steps) > 1 and (steps == np.round(steps)).all():
+        note = (
+            f"times left out: they have no unit and step by {np.median(steps):g}; name the "
+            "column time_s, time_ms or time_us"
+        )
+        return None, None, (note,)
+    return numbers, None, ("times have no unit: taken as seconds",)
+
+
+def _is_unix(seconds: FloatArray) -> bool:
+    finite = seconds[np.isfinite(seconds)]
+    if not len(finite):
+        return False
+    low, high = _UNIX_SECONDS
+    step = np.median(np.abs(np.diff(finite))) if len(finite) > 1 else 0.0
+    return bool(low < np.median(finite) < high and step <= _LONGEST_STEP_S)
+
+
+def _since_first_second(unix: FloatArray, notes: tuple[str, ...]) -> Clock:
+    """Unix seconds as seconds since the whole second in which they start."""
+    finite = unix[np.isfinite(unix)]
+    if not len(finite):
+        return None, None, (_NONE_READ,)
+    start = float(np.floor(finite[0]))
+    return unix - start, UNIX + timedelta(seconds=start), notes
+
+
+def _of_moments(values: NDArray[Any]) -> Clock:
+    known = values[~np.isnat(values)]
+    if not len(known):
+        return None, None, (_NONE_READ,)
+    first = known[0].astype("datetime64[s]")
+    epoch = UNIX + timedelta(seconds=int(first.astype(np.int64)))
+    return (values - first) / np.timedelta64(1, "s"), epoch, ()
+
+
+def _of_texts(texts: list[str]) -> Clock:
+    """Date-times of ISO 8601 (or with slashes), or times of day without a date."""
+    moments = [_moment(text) for text in texts]
+    known = [moment for moment in moments if moment is not None]
+    if not known:
+        example = next((text for text in texts if text.strip()), "")
+        note = f"times left out: {example[:40]!r} is not a time such as 2026-03-01T12:00:00.5Z"
+        return None, None, (note,)
+    first = known[0]
+    epoch = first.replace(microsecond=0)
+    seconds = np.array(
+        [np.nan if moment is None else (moment - epoch).total_seconds() for moment in moments]
+    )
+    if first.year > 1:
+        zone = () if any(map(_names_zone, texts[:9])) else ("times name no zone: taken as UTC",)
+        return seconds, epoch, zone
+    finite = np.isfinite(seconds)
+    seconds[finite] = np.unwrap(seconds[finite], period=_DAY_S)
+    return seconds, None, ("times of day without a date",)
+
+
+def _moment(text: str) -> datetime | None:
+    """The UTC moment of a text; a time of day alone falls on day one of year one."""
+    plain = text.strip().strip("\"'").replace("/", "-")
+    for dated in (plain, f"0001-01-01 {plain}"):
+        with suppress(ValueError, OverflowError):
+            moment = datetime.fromisoformat(dated)
+            return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    return None
+
+
+def _names_zone(text: str) -> bool:
+    tail = text.strip()[10:]
+    return tail.endswith(("Z", "z")) or "+" in tail or "-" in tail
+
+
+def spread_ties(time: FloatArray, field: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    """Times of a coarse clock, with each run of equal times spread evenly over its tick.
+
+    A clock is coarse where it stands still although the readings (n, 3) change, in more than a
+    few rows; a repeated row is not a tick and is left for `Samples` to reject. Row i of a run of
+    k at time t becomes t + (i/k) min(t' − t, median tick), t' being the next time.
+
+    >>> spread_ties(np.array([0.0, 0.0, 1.0, 1.0]), np.arange(12.0).reshape(4, 3))[0]
+    array([0. , 0.5, 1. , 1.5])
+    """
+    rows = np.flatnonzero(np.isfinite(time))
+    ticks = time[rows]
+    still = np.diff(ticks) == 0
+    moved = (np.diff(field[rows], axis=0) != 0).any(axis=1)
+    if not (still & moved).sum() > max(_TIED_SHARE * len(ticks), 1):
+        return time, ()
+    starts = np.flatnonzero(np.append(True, ~still))
+    lengths = np.diff(np.append(starts, len(ticks)))
+    steps = np.diff(ticks[starts])
+    forward = steps[steps > 0]
+    tick = float(np.median(forward)) if len(forward) else 0.0
+    span = np.append(np.where(steps > 0, np.minimum(steps, tick), tick), tick)
+    within = np.arange(len(ticks)) - np.repeat(starts, lengths)
+    spread = time.copy()
+    spread[rows] = ticks + within / np.repeat(lengths, lengths) * np.repeat(span, lengths)
+    note = f"the clock stands still for up to {lengths.max()} rows: times spread over its tick"
+    return spread, (note,)

@@ -1,0 +1,50 @@
+"""Parquet tables, with pyarrow; columns are named as those of a text table are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agonic.errors import LogError, MissingExtraError
+from agonic.io.columns import positions
+from agonic.io.log import Log
+from agonic.io.table import log_of_table
+from agonic.provenance import Input
+
+_MAGIC = b"PAR1"
+_LARGEST_FOOTER = 16_000_000
+"""Bytes; 200 are a column. Far more than a log needs, and refused before it costs anything."""
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file that starts with these bytes is a Parquet file."""
+    return head.startswith(_MAGIC)
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a Parquet table is; `unit` is that of the field where no column names one."""
+    try:
+        from pyarrow.parquet import ParquetFile
+    except ImportError:
+        raise MissingExtraError("reading a Parquet file", "tables") from None
+    with path.open("rb") as stream:
+        stream.seek(-min(8, path.stat().st_size), 2)
+        if int.from_bytes(stream.read(4), "little") > _LARGEST_FOOTER:
+            raise LogError("its list of columns is too long for a log, or damaged")
+    with ParquetFile(path, pre_buffer=False) as file:
+        schema = file.schema
+        headers = [schema.column(i).path for i in range(len(schema))]
+        wanted = positions(headers)
+        columns = file.read(columns=list(wanted.values())).flatten()
+    table = {
+        name: columns.column(name).to_numpy()
+        for name in columns.column_names
+        if name in wanted.values()
+    }
+    return log_of_table(
+        table,
+        path=path,
+        source=source,
+        format="Parquet table",
+        unit=unit,
+        others=[header for i, header in enumerate(headers) if i not in wanted],
+    )

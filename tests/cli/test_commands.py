@@ -1,0 +1,195 @@
+"""Every command as a person or a script would run it, from an empty folder."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agonic.cli import COMMANDS, run
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def log() -> str:
+    assert run(["simulate", "tumble", "-o", "log.csv", "-n", "1500"]) == 0
+    return "log.csv"
+
+
+@pytest.fixture
+def cal(log: str) -> str:
+    assert run(["fit", "ellipsoid", log, "--field", "50000", "-o", "cal.json"]) == 0
+    return "cal.json"
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
+    """Exit status and the one JSON object on stdout."""
+    capsys.readouterr()
+    status = run([*arguments, "--json"])
+    return status, json.loads(capsys.readouterr().out)
+
+
+def test_calibrate_finds_the_truth_and_writes_what_it_says(log, capsys) -> None:
+    status, said = answer(capsys, "calibrate", log, "--field", "50000")
+    assert status == 0
+    assert said["schema"] == "agonic/calibrate@1"
+    (sensor,) = said["sensors"]
+    truth = json.loads(Path("log.truth.json").read_text())["calibration"]
+    error = np.subtract(sensor["bias_nT"], truth["bias"])
+    assert np.all(np.abs(error) < 4 * np.array(sensor["bias_sd_nT"]))
+    assert sensor["verdict"] == "good"
+    assert sensor["spread_after"] < 0.01 < 0.1 < sensor["spread_before"]
+    assert {Path(f).suffix for f in sensor["files"]} == {".json", ".h", ".html"}
+    assert all(Path(f).stat().st_size > 500 for f in sensor["files"])
+
+
+def test_the_surface_of_a_sensor_record_is_stable(log, capsys) -> None:
+    promised = {
+        "sensor", "method", "verdict", "status", "n", "bias_nT", "bias_sd_nT", "matrix",
+        "noise_nT", "spread_before", "spread_after", "residual_rms_nT", "heading_sd_deg", "files",
+    }  # fmt: skip
+    _, calibrated = answer(capsys, "calibrate", log)
+    _, fitted = answer(capsys, "fit", "ellipsoid", log)
+    assert promised <= calibrated["sensors"][0].keys()
+    assert promised <= fitted.keys()
+
+
+def test_a_refused_sensor_is_exit_status_1_and_leaves_no_calibration(capsys) -> None:
+    run(["simulate", "static", "-o", "still.csv"])
+    status, said = answer(capsys, "calibrate", "still.csv", "-o", "out")
+    assert status == 1
+    assert said["sensors"][0]["verdict"] == "refused"
+    assert "did not turn" in said["sensors"][0]["status"]
+    assert [path.name for path in Path("out").iterdir()] == ["report.html"]
+
+
+def test_raw_units_stay_raw_and_say_so(capsys) -> None:
+    u = np.random.default_rng(0).normal(size=(400, 3))
+    np.savetxt("cloud.txt", 300 * u / np.linalg.norm(u, axis=1, keepdims=True) + [10, -20, 5])
+    status, said = answer(capsys, "calibrate", "cloud.txt")
+    (sensor,) = said["sensors"]
+    assert status == 0
+    assert sensor["unit"] == "raw"
+    assert sensor["bias_nT"] is None
+    assert sensor["bias"] == pytest.approx([10, -20, 5], abs=1e-6)
+    assert sensor["magnitude"] == pytest.approx(300)
+
+
+def test_info_names_what_is_odd(capsys) -> None:
+    run(["simulate", "tumble", "-o", "odd.csv", "--clip", "60000", "--step", "100"])
+    status, said = answer(capsys, "info", "odd.csv")
+    assert status == 0
+    (sensor,) = said["sensors"]
+    assert sensor["rows"] == 3000
+    assert sensor["rate_Hz"] == pytest.approx(50)
+    assert sensor["step"] == pytest.approx(100)
+    assert "clipping" in {finding["name"] for finding in sensor["findings"]}
+
+
+def test_verify_tells_own_data_from_other_data(cal, log, capsys) -> None:
+    status, own = answer(capsys, "verify", cal, log, "--field", "50000")
+    assert (status, own["verdict"], own["own_data"]) == (0, "good", True)
+    run(["simulate", "tumble", "-o", "stranger.csv", "--seed", "7"])
+    status, other = answer(capsys, "verify", cal, "stranger.csv", "--field", "50000")
+    assert (status, other["verdict"], other["own_data"]) == (1, "check", False)
+    assert [c["name"] for c in other["checks"] if c["passed"] is False]
+
+
+def test_apply_writes_the_corrected_field(cal, log, capsys) -> None:
+    from agonic import read
+
+    status, said = answer(capsys, "apply", cal, log, "-o", "field.csv")
+    assert (status, said["n"]) == (0, 1500)
+    size = np.linalg.norm(read("field.csv").field, axis=1)
+    assert size.mean() == pytest.approx(50_000, rel=1e-3)
+    assert size.std() < 300
+
+
+@pytest.mark.parametrize("target", ["ardupilot", "px4", "c", "motioncal", "matlab", "ros", "table"])
+def test_export_writes_every_target(cal, target, capsys) -> None:
+    status, said = answer(capsys, "export", cal, "--to", target)
+    assert status == 0
+    assert Path(said["files"][0]).stat().st_size > 60
+
+
+def test_report_finds_its_own_log(cal, capsys) -> None:
+    status, said = answer(capsys, "report", cal, "--field", "50000")
+    assert (status, said["verdict"]) == (0, "good")
+    assert "<html" in Path("cal.html").read_text()
+
+
+def test_cite_names_sources_and_inputs(cal, capsys) -> None:
+    _, said = answer(capsys, "cite", cal)
+    assert any("Huber" in text for text in said["sources"].values())
+    assert said["inputs"][0]["name"] == "log.csv"
+
+
+def test_demo_puts_truth_beside_estimate(capsys) -> None:
+    status, said = answer(capsys, "demo")
+    assert status == 0
+    sensor = said["sensors"][0]
+    error = sensor["bias_nT"][0] - said["truth"]["bias_x"]
+    assert abs(error) < 4 * sensor["bias_sd_nT"][0]
+
+
+def test_field_agrees_with_the_official_test_value(capsys) -> None:
+    status, said = answer(
+        capsys, "field", "--at", "80,0,28000", "--date", "2025-01-01", "--model", "wmm"
+    )
+    assert status == 0  # first row of the official WMM2025 test values at 80°, 0°, 28 km
+    assert said["elements"]["declination_deg"] == pytest.approx(1.28, abs=0.5)
+
+
+WRONG = [
+    ["calibrate"],
+    ["frob"],
+    ["calibrate", "missing.csv"],
+    ["calibrate", "log.csv", "--sensor", "MAG9"],
+    ["calibrate", "log.csv", "--unit", "furlong"],
+    ["calibrate", "log.csv", "--at", "here"],
+    ["calibrate", "log.csv", "--at", "91,0"],
+    ["calibrate", "log.csv", "--at", "50,5", "--date", "soon"],
+    ["calibrate", "log.csv", "--field", "-3"],
+    ["calibrate", "log.csv", "-o", "log.csv"],
+    ["info", "."],
+    ["info", "noise.bin"],
+    ["fit", "ellipsoid", "log.csv", "--model", "cube"],
+    ["fit", "ellipsoid", "log.csv", "--method", "guess"],
+    ["apply", "cal.json", "cloud.txt", "-o", "x.csv"],
+    ["apply", "log.csv", "log.csv", "-o", "x.csv"],
+    ["verify", "noise.bin", "log.csv"],
+    ["export", "cal.json", "--to", "toaster"],
+    ["export", "cal.json", "--to", "c", "-o", "no/such/folder/c.h"],
+    ["report", "cal.json", "gone.csv"],
+    ["cite", "log.csv"],
+    ["field", "--at", "1,2", "--date", "1800-01-01"],
+    ["simulate", "somersault", "-o", "x.csv"],
+]
+
+
+@pytest.mark.parametrize("arguments", WRONG, ids=" ".join)
+def test_bad_input_is_exit_status_2_and_one_line(arguments, cal, capsys) -> None:
+    Path("noise.bin").write_bytes(np.random.default_rng(0).bytes(5000))
+    Path("cloud.txt").write_text("1 2 3\n4 5 6\n7 8 10\n")
+    capsys.readouterr()
+    before = {path: path.read_bytes() for path in Path().glob("*") if path.is_file()}
+    for more in ([], ["--json"]):
+        assert run([*arguments, *more]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.startswith("agonic: ")
+        assert said.err.count("\n") == 1
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_every_command_explains_itself(capsys) -> None:
+    for command in COMMANDS:
+        assert run([command, "--help"]) == 0
+        said = capsys.readouterr().out
+        assert "Usage" in said
+        assert len(said.splitlines()) > 4
