@@ -68,3 +68,9 @@ class MissingExtraError(AgonicError):
 
 class AgonicWarning(UserWarning):
     """Something the user should know although the work went on."""
+
+
+def check_choice(name: str, given: str, choices: tuple[str, ...]) -> None:
+    """Raise `AgonicError` where a setting is not one of its choices."""
+    if given not in choices:
+        raise AgonicError(f"{name} {given!r} is not known; use one of {', '.join(choices)}")

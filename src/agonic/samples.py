@@ -62,6 +62,7 @@ class Samples:
     station : (n,) number of the static position.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
     device_id : the number by which an autopilot knows the sensor.
+    corrected : the readings carry a correction of the autopilot that could not be taken out.
     logged : the correction already found in the log and taken out of `field`.
     notes : sentences of the reader on how these rows came about.
     source : the file they came from.
@@ -92,6 +93,7 @@ class Samples:
     name: str = "mag"
     frame: str = "m"
     device_id: int | None = None
+    corrected: bool = False
     logged: Logged | None = None
     notes: tuple[str, ...] = ()
     source: Input | None = None

@@ -111,7 +111,8 @@ def _exports(result: Calibrated, stack: str, stem: Path, number: int) -> list[st
         "ardupilot": {"compass": number + 1},
         "px4": {"slot": number, "device_id": result.samples.device_id},
     }
-    for target in ("c", *((stack,) if stack in TARGETS else ())):
+    autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
+    for target in ("c", *autopilot):
         path = stem.with_suffix(SUFFIXES[target])
         try:
             TARGETS[target](calibration, path, **options.get(target, {}))

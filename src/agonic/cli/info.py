@@ -61,6 +61,7 @@ def _sensor(samples: Samples) -> dict[str, Any]:
         "epoch": None if samples.epoch is None else samples.epoch.isoformat(),
         "unit": samples.unit,
         "frame": samples.frame,
+        "device_id": samples.device_id,
         "step": step(samples.field),
         "range": [samples.field.min(axis=0), samples.field.max(axis=0)],
         "columns": list(samples.columns()),
@@ -87,6 +88,8 @@ def _text(log: Log, found: dict[str, Any]) -> str:
             f"  range     {ranges} {unit}",
             f"  columns   {', '.join(s['columns'])}",
         ]
+        if s["device_id"] is not None:
+            lines.append(f"  device    {s['device_id']}")
         lines += [f"  note      {note}" for note in s["notes"]]
         lines += [f"  {f['severity']:<9} {f['what']}" for f in s["findings"]]
     if log.streams:

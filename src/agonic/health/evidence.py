@@ -19,7 +19,7 @@ HEADING_REFUSED_DEG = 5.0
 HEADING_DOUBTFUL_DEG = 2.0
 NOISE_DOUBTFUL = 0.04  # of the field's magnitude
 STRAYS_DOUBTFUL = 0.1
-SHIFT_REFUSED = 0.05  # of the field's magnitude
+SHIFT_REFUSED = 0.04  # of the field's magnitude
 SHIFT_DOUBTFUL = 0.01
 SHIFT_OVER_NOISE = 3.0  # less than this does not stand out of the readings
 
@@ -51,7 +51,7 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     shape = _static(evidence) or _flat(evidence)
     if shape is not None:
         return (shape,)
-    changed = _changed(evidence) or _crowded_strays(evidence) or _second_population(evidence)
+    changed = _second_population(evidence) or _changed(evidence) or _crowded_strays(evidence)
     if changed is not None and changed.severity == "refuse":
         return (changed,)
     others = (_noisy(evidence), _strays(evidence)) if changed is None else (changed,)
@@ -152,17 +152,18 @@ def _second_population(e: Evidence) -> Finding | None:
         return None
     side, shift = found
     second = side[side != 0] > 0
-    edges, crowding = _stretch(second)
-    if crowding > 0.3:
-        return _change_finding(e, rows[side != 0][edges], shift * e.radius)
     share = float(second.mean())
-    return Finding(
-        "two sensors mixed",
-        "refuse",
-        f"{100 * min(share, 1 - share):.0f} % of the readings lie on a second sphere, row by row "
-        "among the others: two sensors are mixed in one log",
-        "separate them (a sensor column, --sensor) and calibrate each by itself",
-    )
+    flips = float((second[1:] != second[:-1]).mean())
+    if flips > share * (1 - share):  # half of what rows in random order would have
+        return Finding(
+            "two sensors mixed",
+            "refuse",
+            f"{100 * min(share, 1 - share):.0f} % of the readings lie on a second sphere, row by "
+            "row among the others: two sensors are mixed in one log",
+            "separate them (a sensor column, --sensor) and calibrate each by itself",
+        )
+    edges, crowding = _stretch(second)
+    return _change_finding(e, rows[side != 0][edges], shift * e.radius) if crowding > 0.3 else None
 
 
 def _stretch(member: NDArray[np.bool_]) -> tuple[NDArray[np.intp], float]:

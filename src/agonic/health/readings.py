@@ -29,6 +29,7 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
         _clipped(clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
         _stale(samples.field),
         _gaps(samples),
+        _corrected(samples),
     ]
     return tuple(finding for finding in found if finding is not None)
 
@@ -104,22 +105,26 @@ def _few(samples: Samples) -> Finding | None:
 def stuck_rows(field: Array, axis: int) -> NDArray[np.bool_]:
     """Rows (n,) of long stretches in which an axis stands still while the others move.
 
-    An axis in coarse steps, that mostly repeats anyway, is not taken for stuck.
+    An axis in coarse steps, that mostly repeats anyway, is not taken for stuck, nor one that comes
+    back to the end of its range.
     """
     n, values = len(field), field[:, axis]
-    others = np.delete(field, axis, axis=1)
     stuck = np.zeros(n, dtype=bool)
-    reach = np.ptp(others, axis=0) if n else np.zeros(2)
-    if n < FEWEST or reach.max() == 0.0:
-        return stuck
     still = np.concatenate([[False], values[1:] == values[:-1], [False]])
     edges = np.flatnonzero(still[1:] != still[:-1])
-    for start, stop in zip(edges[::2], edges[1::2] + 1, strict=True):
-        moving = (np.ptp(others[start:stop], axis=0) > 0.2 * reach).any()
-        stuck[start:stop] = moving and stop - start >= min(max(50, 0.02 * n), n)
-    elsewhere = ~stuck[1:] & ~stuck[:-1]
-    usual = still[1:-1][elsewhere].mean() if elsewhere.any() else 0.0
-    return stuck & (usual <= 0.5)
+    starts, stops = edges[::2], edges[1::2] + 1
+    long = stops - starts >= min(max(50, 0.02 * n), max(n, FEWEST))
+    if not long.any():
+        return stuck
+    others = np.delete(field, axis, axis=1)
+    reach = np.ptp(others, axis=0)
+    for start, stop in zip(starts[long], stops[long], strict=True):
+        moved = np.ptp(others[start:stop], axis=0)
+        returns = np.count_nonzero(values == values[start]) > stop - start
+        at_end = values[start] in (values.min(), values.max())
+        stuck[start:stop] = ((moved > 0.2 * reach) & (moved > 0)).any() and not (at_end and returns)
+    usual = still[1:-1][~stuck[1:]]
+    return stuck & (len(usual) == 0 or usual.mean() <= 0.5)
 
 
 def _frozen(stuck: NDArray[np.bool_], axis: int) -> Finding | None:
@@ -209,4 +214,16 @@ def _gaps(samples: Samples) -> Finding | None:
         "note",
         f"{int(gaps.sum())} gap{'s' if gaps.sum() > 1 else ''} in time, "
         f"the longest {steps.max():.1f} s",
+    )
+
+
+def _corrected(samples: Samples) -> Finding | None:
+    if not samples.corrected:
+        return None
+    return Finding(
+        "corrected readings",
+        "check",
+        "the autopilot had corrected these readings in a way that the log does not tell, so the "
+        "result comes on top of its correction and is not exported to it",
+        "calibrate from the vehicle's own log, which holds the parameters",
     )

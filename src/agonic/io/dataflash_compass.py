@@ -33,6 +33,7 @@ class Recovered:
 
     raw: FloatArray
     logged: Logged
+    device_id: int | None
     notes: tuple[str, ...]
 
 
@@ -60,7 +61,8 @@ def recover(mag: Table, parameters: Table, slot: str) -> Recovered:
     )
     changed = len(matrices) > 1 or bool((offset != offset[0]).any())
     notes = _notes(mag, parameters, slot, motor, changed)
-    return Recovered((uncorrected[:, 0] - offset) * per_mG, logged, notes)
+    device = int(in_force(parameters, f"COMPASS_DEV_ID{slot}", mag.position[-1:])[0])
+    return Recovered((uncorrected[:, 0] - offset) * per_mG, logged, device or None, notes)
 
 
 def soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, FloatArray]:
@@ -122,6 +124,4 @@ def _notes(
     health = mag.get("Health")
     if health is not None and (unhealthy := int((health == 0).sum())):
         notes.append(f"{unhealthy} of {len(mag)} readings are marked unhealthy")
-    if device := in_force(parameters, f"COMPASS_DEV_ID{slot}", mag.position[-1:])[0]:
-        notes.append(f"device_id {device:.0f}")
     return tuple(notes)

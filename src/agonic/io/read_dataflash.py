@@ -134,6 +134,7 @@ def _samples(name: str, slot: str, mag: Table, tables: Tables, source: Input) ->
         **columns,
         name=name,
         frame="b",
+        device_id=recovered.device_id,
         logged=recovered.logged,
         notes=tuple(notes),
         source=replace(source, count=len(mag)),

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,7 +177,8 @@ def _samples(
     answered = sent.select(_answered(sent))
     wrong = misplaced(answered.columns["TimeUS"])
     mag = answered.select(~wrong)
-    field, unit, logged, notes = _readings(name, mag, tables.get("PARM"), autopilot)
+    found = _readings(name, mag, tables.get("PARM"), autopilot)
+    notes = found.notes
     columns = alongside(mag, tables)
     if columns["heading_deg"] is not None:
         columns["heading_deg"] %= 360.0
@@ -186,35 +188,49 @@ def _samples(
         columns |= dict.fromkeys(("acceleration", "rotation_rate"))
     rejected = {"no reading": len(sent) - len(answered), "time out of sequence": int(wrong.sum())}
     return Samples(
-        field=field,
-        unit=unit,
+        field=found.field,
+        unit=found.unit,
         time=mag.time_s,
         epoch=epoch,
         **columns,
         name=name,
         frame="b" if in_body else "m",
-        logged=logged,
+        device_id=found.device_id,
+        corrected=found.corrected,
+        logged=found.logged,
         notes=notes,
         source=replace(source, count=len(mag)),
         rejected={why: n for why, n in rejected.items() if n},
     )
 
 
-def _readings(
-    name: str, mag: Table, parameters: Table | None, autopilot: int
-) -> tuple[FloatArray, str, Logged | None, tuple[str, ...]]:
-    """What the sensor measured as far as that is known, unit, correction taken out, and notes."""
+class _Readings(NamedTuple):
+    """What the sensor measured as far as that is known, and what was done to it."""
+
+    field: FloatArray
+    unit: str
+    logged: Logged | None = None
+    device_id: int | None = None
+    corrected: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -> _Readings:
+    """The readings of one sensor, the autopilot's correction taken out where the log tells it."""
     if autopilot != ARDUPILOT:
         corrected = autopilot == PX4 and name == "HIGHRES_IMU"
         unit = RAW if name == "RAW_IMU" else "mG"  # the standard gives this one no unit
-        return _field(mag), unit, None, (_CORRECTED_PX4,) if corrected else ()
+        notes = (_CORRECTED_PX4,) if corrected else ()
+        return _Readings(_field(mag), unit, corrected=corrected, notes=notes)
     slot = SLOTS[name]
     if parameters is None or not _loaded(parameters, slot):
-        return _field(mag), "mG", None, (_CORRECTED_ARDUPILOT,)
+        return _Readings(_field(mag), "mG", corrected=True, notes=(_CORRECTED_ARDUPILOT,))
     recovered = recover(mag, parameters, slot)
     motors = in_force(parameters, "COMPASS_MOTCT", mag.position).any()
-    notes = (*recovered.notes, _MOTORS_LEFT) if motors else recovered.notes
-    return recovered.raw, "nT", recovered.logged, notes
+    notes = (*recovered.notes, *((_MOTORS_LEFT,) if motors else ()))
+    return _Readings(
+        recovered.raw, "nT", recovered.logged, recovered.device_id, corrected=False, notes=notes
+    )
 
 
 def _loaded(parameters: Table, slot: str) -> bool:

@@ -143,11 +143,12 @@ def _samples(name: str, topics: Topics, parameters: Parameters, source: Input) -
     gauss = vector(topic, *AXES[name.split("[")[0]])
     if gauss is None or not len(time):
         raise LogError("it has no new readings")
+    device_id = int(topic["device_id"][0]) if "device_id" in topic else None
     recovered = recover(
         gauss * NANOTESLA_PER["G"],
         parameters,
         in_body=not name.startswith(RAW),
-        device_id=int(topic["device_id"][0]) if "device_id" in topic else None,
+        device_id=device_id,
         external="is_external" in topic and bool(topic["is_external"][0]),
     )
     columns = alongside(topics, time, recovered.rotation_bm)
@@ -160,6 +161,8 @@ def _samples(name: str, topics: Topics, parameters: Parameters, source: Input) -
         **columns,
         name=name,
         frame=recovered.frame,
+        device_id=device_id,
+        corrected=recovered.corrected,
         logged=recovered.logged,
         notes=(*recovered.notes, *attitude),
         source=replace(source, count=len(time)),

@@ -35,6 +35,7 @@ class Recovered:
     """Readings (n, 3) in `frame`, nT, free of the correction that `logged` holds; and remarks.
 
     `rotation_bm` turns components in that frame into body axes; `None` where it is not known.
+    `corrected` says that a correction is still in them, which the log does not tell.
     """
 
     raw: FloatArray
@@ -42,6 +43,7 @@ class Recovered:
     rotation_bm: Rotation | None
     logged: Logged | None
     notes: tuple[str, ...]
+    corrected: bool = False
 
 
 def recover(
@@ -60,10 +62,10 @@ def recover(
     slot = slot_of(parameters, device_id)
     logged = correction(parameters, slot) if slot else None
     rotation_bm = mounting(parameters, slot, external)
-    notes = () if device_id is None else (f"device_id {device_id}",)
+    notes: tuple[str, ...] = ()
     if in_body and (logged is None or rotation_bm is None):
         unknown = "already corrected by the autopilot, in a way that the log does not tell"
-        return Recovered(field, "b", Rotation.identity(), None, (*notes, unknown))
+        return Recovered(field, "b", Rotation.identity(), None, (unknown,), corrected=True)
     if in_body and rotation_bm is not None:
         field = rotation_bm.apply(field, inverse=True)
         if number(parameters, "CAL_MAG_COMP_TYP"):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.coverage import cover
-from agonic.errors import AgonicError, CoverageError
+from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
 from agonic.fitting.ellipsoid.assemble import (
     CITATIONS,
@@ -49,6 +50,8 @@ def fit_moments(
     >>> fit.calibration.bias.round(3) + 0.0
     array([100.,   0.,   0.])
     """
+    check_choice("model", model, get_args(Model))
+    check_choice("gauge", gauge, get_args(Gauge))
     if reference is not None and len(reference.values) > 1:
         raise AgonicError("moments hold no rows, so they need one constant reference magnitude")
     if sums.count < 4:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.errors import AgonicError, CoverageError
+from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
 from agonic.fitting.ellipsoid.assemble import (
     CITATIONS,
@@ -86,6 +86,9 @@ def fit_ellipsoid(
     >>> bool(np.all(np.abs(fit.calibration.bias - [3000, -500, 100]) < 4 * fit.sd[:3]))
     True
     """
+    check_choice("model", model, get_args(Model))
+    check_choice("method", method, get_args(Method))
+    check_choice("gauge", gauge, get_args(Gauge))
     usable = usable_rows(samples.field)
     scale, magnitude = _normalised(samples, reference, usable, method)
     points = (samples.field[usable] - scale.centre) / scale.size
