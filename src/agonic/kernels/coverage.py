@@ -43,8 +43,8 @@ def cells_of(directions: Array) -> NDArray[np.intp]:
     centres = icosphere()[0].astype(np.float32).T
     size = float(np.abs(directions).max(initial=1.0))  # so that no length is too much for float32
     cells = np.empty(len(directions), dtype=np.intp)
-    for start in range(0, len(directions), 8192):
-        rows = slice(start, start + 8192)
+    for start in range(0, len(directions), 2048):  # blocks that stay in the cache
+        rows = slice(start, start + 2048)
         np.argmax((directions[rows] / size).astype(np.float32) @ centres, axis=1, out=cells[rows])
     return cells
 

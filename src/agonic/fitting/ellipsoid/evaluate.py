@@ -46,7 +46,7 @@ def evaluate(
     usable = usable_rows(samples.field)
     wanted = _wanted(calibration, reference, len(samples))
     residuals, _ = ellipsoid.distances(samples.field, calibration.bias, calibration.matrix, wanted)
-    residuals = residuals[usable]
+    residuals = residuals[rows_of(usable)]
     noise = ellipsoid.noise_of(residuals, robust=True, parameters=0)
     found = Found(
         calibration.model, calibration.bias, calibration.matrix, calibration.covariance,
@@ -70,6 +70,11 @@ def _known_radius(affine: Affine, reference: Reference | None) -> float | None:
     return affine.magnitude if reference else WEAKEST_FIELD
 
 
+def rows_of(mask: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:
+    """An index for the rows that a mask names, which copies nothing where it names them all."""
+    return slice(None) if mask.all() else mask
+
+
 def with_evidence(
     found: Found, affine: Affine, samples: Samples, reference: Reference | None,
     usable: NDArray[np.bool_], tests: tuple[ModelTest, ...], inclination_deg: float,
@@ -83,11 +88,12 @@ def with_evidence(
     residuals, normals = ellipsoid.distances(
         samples.field, affine.bias, affine.matrix, _wanted(affine, reference, len(samples))
     )
+    kept = rows_of(usable)
     weights = np.zeros(len(samples))
-    weights[usable] = 1.0 if found.weights is None else found.weights
+    weights[kept] = 1.0 if found.weights is None else found.weights
     field = correct(samples.field, affine.bias, affine.matrix)
     coverage = cover(
-        visits(field[weights > 0]), affine.magnitude, affine.bias, affine.matrix,
+        visits(field[rows_of(weights > 0)]), affine.magnitude, affine.bias, affine.matrix,
         affine.covariance, gauge=affine.gauge, inclination_deg=inclination_deg,
     )  # fmt: skip
     fit = Fit(
@@ -99,11 +105,11 @@ def with_evidence(
     )  # fmt: skip
     gain = float(np.trace(affine.matrix) / 3)
     evidence = Evidence(
-        readings=samples.field[usable],
-        time=None if samples.time is None else samples.time[usable],
-        residuals=residuals[usable],
-        weights=weights[usable],
-        normals=normals[usable],
+        readings=samples.field[kept],
+        time=None if samples.time is None else samples.time[kept],
+        residuals=residuals[kept],
+        weights=weights[kept],
+        normals=normals[kept],
         bias=affine.bias,
         radius=affine.magnitude / gain,
         noise=found.noise,

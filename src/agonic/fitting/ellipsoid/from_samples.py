@@ -20,7 +20,7 @@ from agonic.fitting.ellipsoid.assemble import (
     calibration,
     settings,
 )  # fmt: skip
-from agonic.fitting.ellipsoid.evaluate import with_evidence
+from agonic.fitting.ellipsoid.evaluate import rows_of, with_evidence
 from agonic.fitting.ellipsoid.solve import (
     Fixed,
     Found,
@@ -91,7 +91,7 @@ def fit_ellipsoid(
     check_choice("gauge", gauge, get_args(Gauge))
     usable = usable_rows(samples.field)
     scale, magnitude = _normalised(samples, reference, usable, method)
-    points = (samples.field[usable] - scale.centre) / scale.size
+    points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
 
     def attempt(chosen: Fixed) -> Found:
         if method != "likelihood":
@@ -115,9 +115,9 @@ def _normalised(
     samples: Samples, reference: Reference | None, usable: NDArray[np.bool_], method: str
 ) -> tuple[Scale, Array]:
     """Centre and size of the readings, and magnitudes scaled to mean one, (1,) or (n,)."""
-    readings = samples.field[usable]
-    centre = readings.mean(axis=0)
-    size = float(np.sqrt(((readings - centre) ** 2).sum(axis=1).mean()))
+    readings = samples.field[rows_of(usable)]
+    centre = np.ones(len(readings)) @ readings / len(readings)
+    size = float(np.linalg.norm(readings - centre) / np.sqrt(len(readings)))
     if size == 0.0:
         raise CoverageError(
             "the readings never change: the sensor did not turn, or it is stuck",

@@ -22,6 +22,9 @@ Method = Literal["likelihood", "adjusted", "li-griffiths", "linear"]
 SIGNIFICANT = 0.01
 """A larger model is kept when the smaller one would be this improbable."""
 
+DISCERNIBLE = 0.01
+"""Soft iron (over the mean gain) that must be known this well before its absence is believed."""
+
 SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
 UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
 
@@ -93,7 +96,11 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
 def choose(
     attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
 ) -> tuple[Found, tuple[ModelTest, ...]]:
-    """The fit of the model asked for, or of the smallest that nested tests do not reject."""
+    """The fit of the model asked for, or of the smallest that nested tests do not reject.
+
+    Where soft iron could not have been seen, its absence is no result: the full model stays, and
+    with it its uncertainty.
+    """
     if n < UNKNOWNS.get(model, 4):
         raise CoverageError(
             f"{n} readings cannot determine the {UNKNOWNS.get(model, 4)} unknowns of a "
@@ -105,18 +112,20 @@ def choose(
     if n < FEWEST:
         return attempt("sphere"), ()
     full = attempt("full")
+    gain = float(np.trace(full.matrix)) / 3
+    discerned = float(np.sqrt(np.diag(full.covariance)[3:].max())) < DISCERNIBLE * gain
     tests = tuple(
-        ModelTest(smaller=small, larger=large, statistic=x, p_value=p, sentence=_words(small, p))
+        ModelTest(smaller=small, larger=large, statistic=x, p_value=p, sentence=_words(small, p, discerned))
         for small, large, x, p in gauge.soft_iron_tests(full.matrix, full.covariance)
     )
-    if method != "li-griffiths":
+    if discerned and method != "li-griffiths":
         for fixed, test in zip(SMALLER, tests, strict=True):
             if test.p_value > SIGNIFICANT:
                 return attempt(fixed), tests
     return full, tests
 
 
-def _words(smaller: str, p: float) -> str:
+def _words(smaller: str, p: float, discerned: bool) -> str:
     """What a test says, in a sentence."""
     chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     present = p <= SIGNIFICANT
@@ -124,4 +133,5 @@ def _words(smaller: str, p: float) -> str:
         what = "soft iron or unequal gains are present" if present else "no sign of soft iron"
     else:
         what = "cross-axis terms are present" if present else "no sign of cross-axis terms"
-    return f"{what} ({chance})"
+    doubt = "" if present or discerned else ", but too few directions to rule it out"
+    return f"{what} ({chance}){doubt}"
