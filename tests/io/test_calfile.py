@@ -44,6 +44,7 @@ AFFINES = st.builds(
     magnitude=POSITIVE,
     noise=POSITIVE,
     sensor=st.text(),
+    device_id=st.none() | st.integers(0, 2**31),
     validity=st.builds(
         Validity,
         largest_reading=st.none() | FLOATS,

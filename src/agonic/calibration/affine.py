@@ -39,6 +39,7 @@ class Affine:
     magnitude : the field magnitude it was scaled to, in `unit_out`.
     noise : standard deviation of one reading on one axis, in `unit_in`.
     sensor, frame_in, frame_out : whose readings, in which axes.
+    device_id : the number by which an autopilot knows the sensor, if it does.
 
     Examples
     --------
@@ -58,6 +59,7 @@ class Affine:
     magnitude: float | None = None
     noise: float | None = None
     sensor: str = "mag"
+    device_id: int | None = None
     frame_in: str = "m"
     frame_out: str = "m"
     validity: Validity = field(default_factory=Validity)

@@ -87,13 +87,13 @@ def write(results: list[Calibrated], log: Log, folder: Path) -> dict[str, list[s
 
     make_folder(folder)
     files: dict[str, list[str]] = {}
-    for number, result in enumerate(results):
+    for result in results:
         written = files.setdefault(result.samples.name, [])
         if result.verdict == "refused":
             continue
         stem = folder / file_stem(result.samples.name)
         written.append(str(save(result.fit.calibration, stem.with_suffix(".json"))))
-        written += _exports(result, log.stack, stem, number)
+        written += _exports(result, log.stack, stem)
     page = render(results, title=log.path.name, exports=files)
     write_atomically(folder / "report.html", page)
     for written in files.values():
@@ -101,21 +101,18 @@ def write(results: list[Calibrated], log: Log, folder: Path) -> dict[str, list[s
     return files
 
 
-def _exports(result: Calibrated, stack: str, stem: Path, number: int) -> list[str]:
+def _exports(result: Calibrated, stack: str, stem: Path) -> list[str]:
     """Files for the stack that the log came from, and a C header for everything else."""
     from agonic.errors import UnitError
     from agonic.io.targets import SUFFIXES, TARGETS
+    from agonic.io.targets import write as write_target
 
-    calibration, written = result.fit.calibration, []
-    options: dict[str, dict[str, object]] = {
-        "ardupilot": {"compass": number + 1},
-        "px4": {"slot": number, "device_id": result.samples.device_id},
-    }
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
+    written = []
     for target in ("c", *autopilot):
         path = stem.with_suffix(SUFFIXES[target])
         try:
-            TARGETS[target](calibration, path, **options.get(target, {}))
+            write_target(target, result.fit.calibration, path)
         except UnitError:  # raw units have no place in an autopilot; the calibration file stays
             continue
         written.append(str(path))

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from agonic.cli.options import CalibrationPath, Json
-from agonic.errors import AgonicError
 
 
 def add_to(app: typer.Typer) -> None:
@@ -26,27 +25,26 @@ def export(
         Path | None, typer.Option("-o", "--out", metavar="FILE", help="File; default beside CAL.")
     ] = None,
     number: Annotated[
-        int, typer.Option(help="Which compass of the vehicle: 1 is the first.", min=1, max=4)
-    ] = 1,
+        int | None,
+        typer.Option(
+            help="Which compass of the vehicle, from 1; default: by the sensor's name.",
+            min=1,
+            max=4,
+        ),
+    ] = None,
     device_id: Annotated[
-        int | None, typer.Option(help="PX4 device id (agonic info shows it).")
+        int | None, typer.Option(help="PX4 device id; default: the calibration's own.")
     ] = None,
     as_json: Json = False,
 ) -> int:
     """Write a calibration in another program's own form, with what that form cannot hold."""
     from agonic.cli.output import print_json, say
     from agonic.io.calfile import load
-    from agonic.io.targets import SUFFIXES, TARGETS
+    from agonic.io.targets import SUFFIXES
+    from agonic.io.targets import write as write_target
 
-    if to not in TARGETS:
-        raise AgonicError(f"--to {to!r} is not known; use one of {', '.join(TARGETS)}")
-    calibration = load(cal)
-    options: dict[str, dict[str, object]] = {
-        "ardupilot": {"compass": number},
-        "px4": {"slot": number - 1, "device_id": device_id},
-    }
-    path = out or cal.with_suffix(SUFFIXES[to])
-    written = TARGETS[to](calibration, path, **options.get(to, {}))
+    path = out or cal.with_suffix(SUFFIXES.get(to, ""))
+    written = write_target(to, load(cal), path, number=number, device_id=device_id)
     if as_json:
         print_json(
             "agonic/export@1",

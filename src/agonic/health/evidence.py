@@ -15,7 +15,7 @@ from agonic.kernels.coverage import nearest_axis, thickness
 
 Array = NDArray[np.float64]
 
-HEADING_REFUSED_DEG = 5.0
+HEADING_REFUSED_DEG = 10.0
 HEADING_DOUBTFUL_DEG = 2.0
 NOISE_DOUBTFUL = 0.04  # of the field's magnitude
 STRAYS_DOUBTFUL = 0.1

@@ -102,6 +102,9 @@ class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="aff
         NotNegative | None,
         Meta(description="Standard deviation of one reading on one axis, in unit_in."),
     ] = None
+    device_id: Annotated[
+        int | None, Meta(description="The number by which an autopilot knows the sensor.")
+    ] = None
     validity: ValidityRecord = ValidityRecord()
     provenance: ProvenanceRecord
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 
+from agonic.calibration.base import Calibration
+from agonic.errors import check_choice
 from agonic.io.export import Export
 from agonic.io.write_ardupilot import write_ardupilot
 from agonic.io.write_c import write_c
@@ -33,3 +37,37 @@ SUFFIXES: dict[str, str] = {
     "table": ".csv",
 }
 """The ending of a target's files."""
+
+
+def write(
+    target: str,
+    calibration: Calibration,
+    path: Path | str,
+    *,
+    number: int | None = None,
+    device_id: int | None = None,
+) -> Export:
+    """Write a calibration for a target, for the vehicle's compass of that number, from 1.
+
+    The number is that of the sensor's name and the device id the calibration's own, unless given.
+    """
+    check_choice("target", target, tuple(TARGETS))
+    which = compass_number(calibration.sensor) if number is None else number
+    device = getattr(calibration, "device_id", None) if device_id is None else device_id
+    options: dict[str, dict[str, int | None]] = {
+        "ardupilot": {"compass": which},
+        "px4": {"slot": which - 1, "device_id": device},
+    }
+    return TARGETS[target](calibration, path, **options.get(target, {}))
+
+
+def compass_number(sensor: str) -> int:
+    """Which compass of its vehicle a sensor's name means, from 1.
+
+    >>> [compass_number(s) for s in ("MAG", "MAG2", "MAG[1]", "sensor_mag[0]", "SCALED_IMU3")]
+    [1, 2, 2, 1, 3]
+    """
+    if found := re.search(r"\[(\d+)\]$", sensor):
+        return int(found[1]) + 1
+    found = re.search(r"(\d)$", sensor)
+    return max(int(found[1]), 1) if found else 1

@@ -90,6 +90,7 @@ def heading_sd_deg(
     directions, across = level_directions(inclination_deg)
     spread = field_covariance(directions, magnitude, bias, matrix, covariance, gauge)
     variance = np.einsum("ni,nij,nj->n", across, spread, across).mean()
+    variance = max(float(variance), 0.0)  # rounding, where nothing is determined
     return float(np.degrees(np.sqrt(variance) / (magnitude * np.cos(np.radians(inclination_deg)))))
 
 

@@ -45,7 +45,7 @@ def cauchy(c: float = 2.385) -> Loss:
 def tukey(c: float = 6.0) -> Loss:
     """The biweight (Beaton & Tukey 1974): beyond c standard deviations nothing counts.
 
-    c = 6 keeps 98.6 % of the efficiency of least squares on clean readings.
+    c = 6 keeps 98.3 % of the efficiency of least squares on clean readings.
     """
 
     def left(q: Array) -> Array:
@@ -225,7 +225,7 @@ def _sandwich(normal: Normal, data: Array, held: Array, curved: float) -> Array:
     n, m = len(normal.residuals), len(data)
     freedom = n / max(n - m, 1)
     bread = inverse(data + held)
-    scattered = freedom * normal.scatter / max(normal.weight, 1e-300) / curved
+    scattered = freedom * normal.scatter / normal.weight / curved if normal.weight > 0 else 1.0
     return np.asarray(scattered * bread + (1 - scattered) * (bread @ held @ bread))
 
 

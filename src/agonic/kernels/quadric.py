@@ -6,12 +6,9 @@ a x² + b y² + c z² + 2f yz + 2g xz + 2h xy + 2p x + 2q y + 2r z + d = 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, solve
-from scipy.optimize import brentq
 
 from agonic.kernels import leastsq
 
@@ -92,27 +89,32 @@ def adjusted(
     basis = model_monomials(model)
     reduced = [basis.T @ part @ basis for part in psi]
 
-    def at(variance: float) -> Array:
-        return np.asarray(reduced[0] - variance * reduced[1] + variance**2 * reduced[2])
-
-    def lowest(variance: float) -> float:
-        return float(eigh(at(variance), eigvals_only=True, subset_by_index=[0, 0])[0])
-
     if noise_variance is None:
-        noise_variance = _smallest_root(lowest, float(psi[0][6:9, 6:9].trace() / psi[0][9, 9]))
-    coefficients = eigh(at(noise_variance))[1][:, 0]
+        noise_variance = _smallest_root(reduced)
+    coefficients = eigh(_at(reduced, noise_variance))[1][:, 0]
     return np.asarray(basis @ coefficients / MULTIPLICITY), noise_variance
 
 
-def _smallest_root(lowest: Callable[[float], float], largest: float) -> float:
-    """The first zero of λ_min, which falls from ≥ 0 as σ² grows; 0 for noiseless readings."""
-    if lowest(0.0) <= 0.0:
-        return 0.0
-    upper = largest * 1e-12
-    while lowest(upper) > 0.0 and upper < largest:
-        upper *= 4.0
-    lower = upper / 4.0 if upper > largest * 1e-12 else 0.0
-    return float(brentq(lowest, lower, upper, xtol=upper * 1e-12, rtol=1e-12))
+def _at(psi: list[Array], variance: float) -> Array:
+    return np.asarray(psi[0] - variance * psi[1] + variance**2 * psi[2])
+
+
+def _smallest_root(psi: list[Array]) -> float:
+    """The first zero of λ_min(Ψ(σ²)), by Newton's method; 0 for noiseless readings.
+
+    λ_min is concave but for the small σ⁴ term, so after one step from 0 the iterates fall
+    towards the root. Its derivative is vᵀ Ψ' v with v the eigenvector (Hellmann–Feynman).
+    """
+    variance = 0.0
+    for _ in range(50):
+        values, vectors = eigh(_at(psi, variance), subset_by_index=[0, 0])
+        v = vectors[:, 0]
+        slope = float(v @ (2 * variance * psi[2] - psi[1]) @ v)
+        step = float(values[0]) / slope if slope < 0 else 0.0
+        variance = max(variance - step, 0.0)
+        if abs(step) <= 1e-12 * variance:
+            break
+    return variance
 
 
 def parts(v: Array) -> tuple[Array, Array, float]:

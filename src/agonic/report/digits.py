@@ -34,10 +34,14 @@ def significant(value: float, digits: int = 3) -> str:
 def rounded(value: float, sd: float | None) -> str:
     """A number to the second digit of a standard error, or to four digits where there is none.
 
-    >>> rounded(1.2345678, 0.00123), rounded(1.2345678, None)
-    ('1.2346', '1.235')
+    Never more than twelve digits, however small the standard error.
+
+    >>> rounded(1.2345678, 0.00123), rounded(1.2345678, None), rounded(1.2345678, 1e-17)
+    ('1.2346', '1.235', '1.23456780000')
     """
-    return grouped(value, _decimals(sd, 2)) if sd else significant(value, 4)
+    if not sd:
+        return significant(value, 4)
+    return grouped(value, min(_decimals(sd, 2), _decimals(value, 12) if value else 12))
 
 
 def with_sd(value: float, sd: float | None) -> str:
@@ -46,7 +50,9 @@ def with_sd(value: float, sd: float | None) -> str:
     >>> with_sd(1.2345678, 0.00123).replace(NO_BREAK, " "), with_sd(1.0, 0.0)
     ('1.2346 ± 0.0012', '1.000')
     """
-    return f"{rounded(value, sd)} ±{NO_BREAK}{rounded(sd, sd)}" if sd else rounded(value, sd)
+    if not sd:
+        return rounded(value, sd)
+    return f"{rounded(value, sd)} ±{NO_BREAK}{grouped(sd, min(_decimals(sd, 2), 12))}"
 
 
 def signed(text: str) -> str:

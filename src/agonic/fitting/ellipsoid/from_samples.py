@@ -30,7 +30,7 @@ from agonic.fitting.ellipsoid.solve import (
     choose,
     likelihood,
 )
-from agonic.health import usable_rows
+from agonic.health import FEWEST, usable_rows
 from agonic.kernels import ellipsoid, moments
 from agonic.provenance import Input, Provenance
 from agonic.reference import Reference
@@ -97,7 +97,8 @@ def fit_ellipsoid(
         if method != "likelihood":
             return algebraic(moments.accumulate(points, np.zeros(3), 1.0), chosen, method)
         problem = ellipsoid.Problem(points, magnitude, chosen, soft_iron_sd)
-        return likelihood(problem, chosen, robust, seed)
+        enough = len(points) >= 2 * FEWEST  # to tell a stray from the rest
+        return likelihood(problem, chosen, robust and enough, seed)
 
     found, tests = choose(attempt, model, len(points), method)
     asked = settings(
@@ -143,6 +144,7 @@ def _labelled(affine: Affine, samples: Samples, chosen: Mapping[str, Any], metho
     return replace(
         affine,
         sensor=samples.name,
+        device_id=samples.device_id,
         frame_in=samples.frame,
         frame_out=samples.frame,
         validity=Validity(

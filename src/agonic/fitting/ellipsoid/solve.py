@@ -98,8 +98,8 @@ def choose(
 ) -> tuple[Found, tuple[ModelTest, ...]]:
     """The fit of the model asked for, or of the smallest that nested tests do not reject.
 
-    Where soft iron could not have been seen, its absence is no result: the full model stays, and
-    with it its uncertainty.
+    Where soft iron could not have been seen, its absence is no result: the smaller model is the
+    better guess, but the uncertainty of the full one stays.
     """
     if n < UNKNOWNS.get(model, 4):
         raise CoverageError(
@@ -115,13 +115,20 @@ def choose(
     gain = float(np.trace(full.matrix)) / 3
     discerned = float(np.sqrt(np.diag(full.covariance)[3:].max())) < DISCERNIBLE * gain
     tests = tuple(
-        ModelTest(smaller=small, larger=large, statistic=x, p_value=p, sentence=_words(small, p, discerned))
+        ModelTest(
+            smaller=small,
+            larger=large,
+            statistic=x,
+            p_value=p,
+            sentence=_words(small, p, discerned),
+        )
         for small, large, x, p in gauge.soft_iron_tests(full.matrix, full.covariance)
     )
-    if discerned and method != "li-griffiths":
+    if method != "li-griffiths":
         for fixed, test in zip(SMALLER, tests, strict=True):
             if test.p_value > SIGNIFICANT:
-                return attempt(fixed), tests
+                found = attempt(fixed)
+                return (found if discerned else found._replace(covariance=full.covariance)), tests
     return full, tests
 
 
