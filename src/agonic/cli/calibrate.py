@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -45,14 +45,17 @@ def calibrate(
     recording, sensors = log_and_sensors(log, sensor, unit)
     folder = out or Path(f"{log.name}-agonic")
     results, failures = _results(sensors, at, date, field)
-    files = write(results, recording, folder)
+    written = write(results, recording, folder)
     if as_json:
-        records = [record(result, files[result.samples.name]) for result in results]
+        records = [record(result, *written[result.samples.name]) for result in results]
         print_json("agonic/calibrate@1", {"sensors": records + failures})
     else:
         say(summary(results))
         for failure in failures:
             say(f"\n✗ {failure['sensor']}: refused\n  {failure['status']}")
+        for of_sensor in written.values():
+            for warning in of_sensor.warnings:
+                say(f"\nWarning   {warning}")
         say(f"\nReport    {folder / 'report.html'}")
     return 0 if not failures and all(result.verdict == "good" for result in results) else 1
 
@@ -79,43 +82,51 @@ def _results(
     return results, failures
 
 
-def write(results: list[Calibrated], log: Log, folder: Path) -> dict[str, list[str]]:
+class Written(NamedTuple):
+    """The files of one sensor, and what its exports do not hold or do."""
+
+    files: list[str]
+    warnings: list[str]
+
+
+def write(results: list[Calibrated], log: Log, folder: Path) -> dict[str, Written]:
     """Calibration files, exports and report; returns what was written for each sensor."""
     from agonic.io.atomic import make_folder, write_atomically
-    from agonic.io.calfile import save
     from agonic.report.html import render
 
     make_folder(folder)
-    files: dict[str, list[str]] = {}
-    for result in results:
-        written = files.setdefault(result.samples.name, [])
-        if result.verdict == "refused":
-            continue
-        stem = folder / file_stem(result.samples.name)
-        written.append(str(save(result.fit.calibration, stem.with_suffix(".json"))))
-        written += _exports(result, log.stack, stem)
-    page = render(results, title=log.path.name, exports=files)
-    write_atomically(folder / "report.html", page)
-    for written in files.values():
-        written.append(str(folder / "report.html"))
-    return files
+    written = {result.samples.name: _sensor_files(result, log.stack, folder) for result in results}
+    files = {name: of_sensor.files for name, of_sensor in written.items()}
+    page = str(folder / "report.html")
+    write_atomically(page, render(results, title=log.path.name, exports=files))
+    return {name: Written([*w.files, page], w.warnings) for name, w in written.items()}
 
 
-def _exports(result: Calibrated, stack: str, stem: Path) -> list[str]:
-    """Files for the stack that the log came from, and a C header for everything else."""
+def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
+    """The calibration file, a C header, and parameters for the stack the log came from.
+
+    Nothing is written of a refused calibration, nor parameters for an autopilot whose own
+    correction is still in the readings.
+    """
     from agonic.errors import UnitError
+    from agonic.io.calfile import save
     from agonic.io.targets import SUFFIXES, TARGETS
     from agonic.io.targets import write as write_target
 
+    if result.verdict == "refused":
+        return Written([], [])
+    calibration = result.fit.calibration
+    stem = folder / file_stem(result.samples.name)
+    written = Written([str(save(calibration, stem.with_suffix(".json")))], [])
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
-    written = []
     for target in ("c", *autopilot):
-        path = stem.with_suffix(SUFFIXES[target])
         try:
-            write_target(target, result.fit.calibration, path)
-        except UnitError:  # raw units have no place in an autopilot; the calibration file stays
+            export = write_target(target, calibration, stem.with_suffix(SUFFIXES[target]))
+        except UnitError as error:  # raw units have no place in an autopilot
+            written.warnings.append(f"no export for {target}: {error}")
             continue
-        written.append(str(path))
+        written.files.append(str(export.path))
+        written.warnings.extend(f"{export.path.name}: {text}" for text in export.warnings)
     return written
 
 

@@ -42,13 +42,13 @@ def demo(
     make_folder(out)
     log = open_log(write_csv(made.samples, out / "demo.csv"))
     result = calibrate(log.sensors[0], Reference.constant(50_000, source="the simulation"))
-    files = write([result], log, out)
+    written = write([result], log, out)
     fit, truth = result.fit, [*made.truth.bias, *entries(made.truth.matrix)]
     found = [*fit.calibration.bias, *entries(fit.calibration.matrix)]
     if as_json:
         print_json("agonic/demo@1", {
             "truth": dict(zip(PARAMETERS, truth, strict=True)),
-            "sensors": [record(result, files[result.samples.name])],
+            "sensors": [record(result, *written[result.samples.name])],
         })  # fmt: skip
     else:
         say(summary([result]))

@@ -45,7 +45,7 @@ def cauchy(c: float = 2.385) -> Loss:
 def tukey(c: float = 6.0) -> Loss:
     """The biweight (Beaton & Tukey 1974): beyond c standard deviations nothing counts.
 
-    c = 6 keeps 98.3 % of the efficiency of least squares on clean readings.
+    c = 6 keeps 98.1 % of the efficiency of least squares on clean readings.
     """
 
     def left(q: Array) -> Array:

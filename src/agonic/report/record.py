@@ -8,7 +8,9 @@ from typing import Any
 from agonic.calibrated import Calibrated
 
 
-def record(result: Calibrated, files: Sequence[str] = ()) -> dict[str, Any]:
+def record(
+    result: Calibrated, files: Sequence[str] = (), warnings: Sequence[str] = ()
+) -> dict[str, Any]:
     """What `agonic calibrate --json` says of one sensor.
 
     `bias_nT` and the like are null where the readings are in raw units; `bias`, `bias_sd`, `noise`
@@ -52,4 +54,5 @@ def record(result: Calibrated, files: Sequence[str] = ()) -> dict[str, Any]:
             for c in verification.checks
         ],
         "files": list(files),
+        "warnings": list(warnings),
     }
