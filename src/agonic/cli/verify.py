@@ -37,6 +37,8 @@ def verify(
     as_json: Json = False,
 ) -> int:
     """Check a calibration on a log. Exit status 1 where a check failed."""
+    from dataclasses import asdict
+
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import calibration_and_samples
     from agonic.cli.place import expected
@@ -57,11 +59,7 @@ def verify(
             "own_data": own,
             "spread_before": verification.spread_before,
             "spread_after": verification.spread_after,
-            "checks": [
-                {"name": c.name, "value": c.value, "limit": c.limit, "unit": c.unit,
-                 "passed": c.passed, "meaning": c.meaning}
-                for c in verification.checks
-            ],
+            "checks": [asdict(check) for check in verification.checks],
         })  # fmt: skip
     else:
         say("\n".join(_line(c) for c in verification.checks))

@@ -29,8 +29,8 @@ class Evidence:
     """What a magnitude fit leaves to be examined, all in the unit of the readings.
 
     `readings` (n, 3), `time` (n,) or None, `residuals` (n,), `weights` (n,), `normals` (n, 3) the
-    unit directions in which a residual is measured, `bias` and `radius` of the readings' ellipsoid,
-    `noise`; `known_radius` what the field must be, as far as that is known.
+    unit directions in which a residual is measured, `bias` and `radius` of the readings' ellipsoid and
+    `shape` (3, 3) the matrix over its mean gain, `noise`; `known_radius` what the field must be, as far as that is known.
     """
 
     readings: Array
@@ -39,6 +39,7 @@ class Evidence:
     weights: Array
     normals: Array
     bias: Array
+    shape: Array
     radius: float
     noise: float
     correlation: float
@@ -142,15 +143,23 @@ def _crowded_strays(e: Evidence) -> Finding | None:
 
 
 def _second_population(e: Evidence) -> Finding | None:
-    """Two sensors in one log, or a field that changed: the readings lie on two spheres."""
-    if e.noise < 0.03 * e.radius and (e.weights == 0.0).mean() < 0.12:
+    """Two sensors in one log, or a field that changed: the readings lie on two spheres.
+
+    Sought among calibrated readings where the fit holds for most of them, otherwise among raw
+    ones; believed where the pair leaves half of what the one ellipsoid leaves, or less.
+    """
+    holds = e.noise < 0.03 * e.radius
+    if holds and (e.weights == 0.0).mean() < 0.12:
         return None
     rows = _some(len(e.readings))
-    readings = e.readings[rows]
-    found = two_spheres((readings - np.median(readings, axis=0)) / e.radius)
-    if found is None:
+    readings = (e.readings[rows] - e.bias) / e.radius
+    pair = two_spheres(readings @ e.shape.T if holds else readings)
+    if pair is None:
         return None
-    side, shift = found
+    left = np.minimum(np.abs(e.residuals[rows]) / e.radius, 0.2).mean()
+    if np.minimum(pair.distance, 0.2).mean() > 0.5 * left:
+        return None
+    side = pair.side
     second = side[side != 0] > 0
     share = float(second.mean())
     flips = float((second[1:] != second[:-1]).mean())
@@ -163,7 +172,11 @@ def _second_population(e: Evidence) -> Finding | None:
             "separate them (a sensor column, --sensor) and calibrate each by itself",
         )
     edges, crowding = _stretch(second)
-    return _change_finding(e, rows[side != 0][edges], shift * e.radius) if crowding > 0.3 else None
+    return (
+        _change_finding(e, rows[side != 0][edges], pair.shift * e.radius)
+        if crowding > 0.3
+        else None
+    )
 
 
 def _stretch(member: NDArray[np.bool_]) -> tuple[NDArray[np.intp], float]:

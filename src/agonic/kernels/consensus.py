@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,13 +52,23 @@ def least_median_sphere(
     return centres[best], float(gains[best])
 
 
-def two_spheres(points: Array, *, seed: int = 0) -> tuple[NDArray[np.int8], float] | None:
-    """On which of two spheres the points lie, and how far apart their centres are; or None.
+class Pair(NamedTuple):
+    """Two spheres, and which points lie on which.
 
-    Two populations are believed when, after the first sphere took all within 8 % of its radius,
-    one eighth of the points at least is left and half of those lie within 6 % of a sphere of
-    similar size. Points (n, 3); the distance is in their unit. Returns for each point −1 for the
-    first, +1 for the second, and 0 where it cannot be told.
+    `side` (n,) −1 for the first, +1 for the second, 0 where it cannot be told; `distance` (n,) to
+    the nearer one and `shift` between the centres, in the unit of the points.
+    """
+
+    side: NDArray[np.int8]
+    distance: Array
+    shift: float
+
+
+def two_spheres(points: Array, *, seed: int = 0) -> Pair | None:
+    """Two spheres of similar size through points (n, 3), or None.
+
+    They are believed when, after the first sphere took all within 8 % of its radius, one eighth of
+    the points at least is left and half of those lie within 6 % of the second.
     """
     one = np.ones(1)
     first, gain = least_median_sphere(points, one, quantile=0.3, subsets=600, seed=seed)
@@ -75,4 +87,4 @@ def two_spheres(points: Array, *, seed: int = 0) -> tuple[NDArray[np.int8], floa
         return None
     side = np.sign(away - other).astype(np.int8)
     side[np.maximum(away, other) < 0.08 * radius] = 0
-    return side, shift
+    return Pair(side, np.minimum(away, other), shift)

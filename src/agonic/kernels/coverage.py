@@ -100,7 +100,7 @@ def thickness(points: Array) -> tuple[float, Array]:
     0 for a plane, 1 for a full sphere; ranges between the 1st and 99th percentile so that a few
     strays do not count.
     """
-    centred = points - np.median(points, axis=0)
+    centred = points - points.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1]
     low, high = np.percentile(centred @ axes, (1, 99), axis=0)
     spans = high - low

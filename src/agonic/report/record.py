@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from agonic.calibrated import Calibrated
@@ -45,14 +46,8 @@ def record(
         "heading_sd_deg": fit.coverage.heading_sd_deg,
         "inclination_deg": fit.coverage.inclination_deg,
         "coverage": fit.coverage.filled,
-        "findings": [
-            {"name": f.name, "severity": f.severity, "what": f.what, "move": f.move}
-            for f in fit.findings
-        ],
-        "checks": [
-            {"name": c.name, "value": c.value, "limit": c.limit, "unit": c.unit, "passed": c.passed}
-            for c in verification.checks
-        ],
+        "findings": [asdict(finding) for finding in fit.findings],
+        "checks": [asdict(check) for check in verification.checks],
         "files": list(files),
         "warnings": list(warnings),
     }

@@ -111,6 +111,7 @@ def with_evidence(
         weights=weights[kept],
         normals=normals[kept],
         bias=affine.bias,
+        shape=affine.matrix / gain,
         radius=affine.magnitude / gain,
         noise=found.noise,
         correlation=found.correlation,
