@@ -55,6 +55,9 @@ def test_the_surface_of_a_sensor_record_is_stable(log, capsys) -> None:
     }  # fmt: skip
     _, calibrated = answer(capsys, "calibrate", log)
     _, fitted = answer(capsys, "fit", "ellipsoid", log)
+    from agonic.report.record import FIELDS
+
+    assert tuple(calibrated["sensors"][0]) == FIELDS
     assert promised <= calibrated["sensors"][0].keys()
     assert promised <= fitted.keys()
 
@@ -66,6 +69,34 @@ def test_a_refused_sensor_is_exit_status_1_and_leaves_no_calibration(capsys) -> 
     assert said["sensors"][0]["verdict"] == "refused"
     assert "did not turn" in said["sensors"][0]["status"]
     assert [path.name for path in Path("out").iterdir()] == ["report.html"]
+
+
+def test_a_sensor_that_cannot_be_fitted_is_a_whole_record_too(capsys) -> None:
+    from agonic.report.record import FIELDS
+
+    Path("stuck.csv").write_text("mag_x_nT,mag_y_nT,mag_z_nT\n" + "1,2,3\n" * 50)
+    status, said = answer(capsys, "calibrate", "stuck.csv")
+    (sensor,) = said["sensors"]
+    assert status == 1
+    assert tuple(sensor) == FIELDS
+    assert sensor["verdict"] == "refused"
+    assert "never change" in sensor["status"]
+
+
+@pytest.mark.filterwarnings("default")
+def test_warnings_are_one_line_too(log, capsys) -> None:
+    status = run(["field", "--at", "50,5", "--date", "2031-06-01", "--model", "igrf"])
+    said = capsys.readouterr()
+    assert status == 0
+    assert said.err.startswith("agonic: warning: ")
+    assert said.err.count("\n") == 1
+
+
+def test_version_is_the_package_s(capsys) -> None:
+    import agonic
+
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"agonic {agonic.__version__}\n"
 
 
 def test_raw_units_stay_raw_and_say_so(capsys) -> None:
@@ -139,10 +170,12 @@ def test_demo_puts_truth_beside_estimate(capsys) -> None:
 
 def test_field_agrees_with_the_official_test_value(capsys) -> None:
     status, said = answer(
-        capsys, "field", "--at", "80,0,28000", "--date", "2025-01-01", "--model", "wmm"
+        capsys, "field", "--at", "80,-96,48000", "--date", "2025-01-01", "--model", "wmm"
     )
-    assert status == 0  # first row of the official WMM2025 test values at 80°, 0°, 28 km
-    assert said["elements"]["declination_deg"] == pytest.approx(1.28, abs=0.5)
+    assert status == 0  # second row of NOAA's WMM2025 test values
+    assert said["elements"]["declination_deg"] == pytest.approx(-29.91, abs=0.005)
+    assert said["elements"]["inclination_deg"] == pytest.approx(87.77, abs=0.005)
+    assert said["elements"]["magnitude"] == pytest.approx(55665.134163, abs=1e-3)
 
 
 WRONG = [

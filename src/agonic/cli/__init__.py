@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING
+
+from agonic.version import __version__
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -30,6 +33,10 @@ def run(arguments: list[str]) -> int:
 
     from agonic.errors import AgonicError
 
+    if arguments in (["--version"], ["-V"]):
+        print(f"agonic {__version__}")
+        return GOOD
+    warnings.showwarning = _warn
     try:
         status = _app()(args=arguments, standalone_mode=False)
     except typer.TyperException as error:
@@ -41,6 +48,10 @@ def run(arguments: list[str]) -> int:
     except (AgonicError, OSError) as error:
         return _complain(str(error))
     return int(status or GOOD)
+
+
+def _warn(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"agonic: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
 def _complain(message: str) -> int:

@@ -68,6 +68,7 @@ def _results(
     from agonic.cli.place import expected
     from agonic.cli.progress import progress
     from agonic.errors import CoverageError
+    from agonic.report.record import unfitted
 
     results: list[Calibrated] = []
     failures: list[dict[str, object]] = []
@@ -76,9 +77,7 @@ def _results(
             reference, settings = expected(samples, at, date, field)
             results.append(run(samples, reference, **settings))
         except CoverageError as error:
-            failures.append(
-                {"sensor": samples.name, "verdict": "refused", "status": str(error), "files": []}
-            )
+            failures.append(unfitted(samples.name, str(error)))
     return results, failures
 
 

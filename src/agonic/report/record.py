@@ -8,6 +8,28 @@ from typing import Any
 
 from agonic.calibrated import Calibrated
 
+FIELDS = (
+    "sensor", "method", "reason", "model", "verdict", "status", "n", "unit", "bias_nT",
+    "bias_sd_nT", "bias", "bias_sd", "matrix", "matrix_sd", "magnitude", "noise_nT", "noise",
+    "correlation", "spread_before", "spread_after", "residual_rms_nT", "heading_sd_deg",
+    "inclination_deg", "coverage", "findings", "checks", "files", "warnings",
+)  # fmt: skip
+"""The keys of a record, kept stable."""
+
+
+def unfitted(sensor: str, status: str) -> dict[str, Any]:
+    """The record of a sensor that could not be fitted at all: refused, every figure null."""
+    nothing: dict[str, Any] = dict.fromkeys(FIELDS)
+    return nothing | {
+        "sensor": sensor,
+        "verdict": "refused",
+        "status": status,
+        "findings": [],
+        "checks": [],
+        "files": [],
+        "warnings": [],
+    }
+
 
 def record(
     result: Calibrated, files: Sequence[str] = (), warnings: Sequence[str] = ()
