@@ -143,7 +143,7 @@ def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -
     A stray reading can fall near the ellipsoid by chance, in a direction that was never visited;
     nothing there contradicts it, and it or a handful of them decide the result. So where some
     readings are strays (weight zero), none is believed in a cell of directions where strays are
-    the majority, and none whose own leverage J C Jᵀ/σ² is near 1 and far beyond the usual.
+    the majority, and none whose own leverage J C Jᵀ/σ² is large and far beyond the usual.
     """
     stray = weights == 0.0
     if not stray.any() or stray.all():
@@ -155,7 +155,7 @@ def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -
         np.einsum("ij,jk,ik->i", jacobian, solution.covariance / solution.scale**2, jacobian)
         for _, jacobian in pieces(problem)(solution.params)
     ])  # fmt: skip
-    bearable = max(1 / 3, 25 * float(np.median(leverage[~stray])))
+    bearable = max(0.1, 25 * float(np.median(leverage[~stray])))
     return np.asarray((2 * strays < readings)[cells] & (leverage < bearable))
 
 
