@@ -171,7 +171,7 @@ def _usable(columns: Mapping[str, FloatArray | None]) -> tuple[NDArray[np.bool_]
     keep = np.ones(len(present["field"]), dtype=bool)
     rejected: dict[str, int] = {}
     for name, values in present.items():
-        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
         if not finite.all():
             rejected[f"NaN or infinite {name}"] = int((keep & ~finite).sum())
             keep &= finite

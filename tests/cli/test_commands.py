@@ -71,6 +71,13 @@ def test_a_refused_sensor_is_exit_status_1_and_leaves_no_calibration(capsys) -> 
     assert [path.name for path in Path("out").iterdir()] == ["report.html"]
 
 
+def test_a_refusal_names_files_that_an_earlier_run_left(log, capsys) -> None:
+    assert run(["calibrate", log, "-o", "out"]) == 0
+    run(["simulate", "static", "-o", "still.csv"])
+    _, said = answer(capsys, "calibrate", "still.csv", "-o", "out")
+    assert "mag.h, mag.json: of an earlier run" in said["sensors"][0]["warnings"][0]
+
+
 def test_a_sensor_that_cannot_be_fitted_is_a_whole_record_too(capsys) -> None:
     from agonic.report.record import FIELDS
 

@@ -38,7 +38,7 @@ def run(arguments: list[str]) -> int:
         return GOOD
     warnings.showwarning = _warn
     try:
-        status = _app()(args=arguments, standalone_mode=False)
+        status = _app()(args=arguments, prog_name="agonic", standalone_mode=False)
     except typer.TyperException as error:
         return _complain(f"{error} (see agonic --help)")
     except (typer.Abort, KeyboardInterrupt):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -112,10 +113,12 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
     from agonic.io.targets import SUFFIXES, TARGETS
     from agonic.io.targets import write as write_target
 
-    if result.verdict == "refused":
-        return Written([], [])
-    calibration = result.fit.calibration
     stem = folder / file_stem(result.samples.name)
+    if result.verdict == "refused":
+        old = [path.name for path in folder.glob(f"{glob.escape(stem.name)}.*")]
+        stale = f"{', '.join(sorted(old))}: of an earlier run, not of this report"
+        return Written([], [stale] if old else [])
+    calibration = result.fit.calibration
     written = Written([str(save(calibration, stem.with_suffix(".json")))], [])
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
     for target in ("c", *autopilot):

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from agonic.coverage import Coverage
 from agonic.health.finding import Finding
-from agonic.kernels.changes import find_change
-from agonic.kernels.consensus import two_spheres
+from agonic.kernels.changes import find_change, settled
+from agonic.kernels.consensus import Pair, two_spheres
 from agonic.kernels.coverage import nearest_axis, thickness
 
 Array = NDArray[np.float64]
@@ -29,8 +29,9 @@ class Evidence:
     """What a magnitude fit leaves to be examined, all in the unit of the readings.
 
     `readings` (n, 3), `time` (n,) or None, `residuals` (n,), `weights` (n,), `normals` (n, 3) the
-    unit directions in which a residual is measured, `bias` and `radius` of the readings' ellipsoid and
-    `shape` (3, 3) the matrix over its mean gain, `noise`; `known_radius` what the field must be, as far as that is known.
+    unit directions in which a residual is measured; `bias` and `radius` of the readings' ellipsoid
+    and `shape` (3, 3) the matrix over its mean gain; `noise`; `known_radius` what the radius is at
+    least, as far as that is known.
     """
 
     readings: Array
@@ -120,15 +121,20 @@ def _flat(e: Evidence) -> Finding | None:
 def _changed(e: Evidence) -> Finding | None:
     """A bias that was another for a while, by more than the noise can hide."""
     rows = _some(len(e.readings))
-    residuals, normals = e.residuals[rows], e.normals[rows]
-    feet = e.readings[rows] - residuals[:, None] * normals
-    found = find_change(residuals, normals, (feet - e.bias) / e.radius)
+    found = find_change(*_on_the_surface(e, rows))
     if found is None or found.significance < 30:
         return None
     if found.shift < max(SHIFT_DOUBTFUL * e.radius, SHIFT_OVER_NOISE * found.noise):
         return None
     edges = np.append(rows, len(e.readings))[[found.start, found.stop]]
     return _change_finding(e, edges, found.shift)
+
+
+def _on_the_surface(e: Evidence, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    """Residuals, normals, and the foot points relative to the centre, over the radius."""
+    residuals, normals = e.residuals[rows], e.normals[rows]
+    feet = e.readings[rows] - residuals[:, None] * normals
+    return residuals, normals, (feet - e.bias) / e.radius
 
 
 def _crowded_strays(e: Evidence) -> Finding | None:
@@ -143,27 +149,14 @@ def _crowded_strays(e: Evidence) -> Finding | None:
 
 
 def _second_population(e: Evidence) -> Finding | None:
-    """Two sensors in one log, or a field that changed: the readings lie on two spheres.
-
-    Sought among calibrated readings where the fit holds for most of them, otherwise among raw
-    ones; believed where the pair leaves half of what the one ellipsoid leaves, or less.
-    """
-    holds = e.noise < 0.03 * e.radius
-    if holds and (e.weights == 0.0).mean() < 0.12:
-        return None
+    """Two sensors in one log, or a field that changed: the readings lie on two spheres."""
     rows = _some(len(e.readings))
-    readings = (e.readings[rows] - e.bias) / e.radius
-    pair = two_spheres(readings @ e.shape.T if holds else readings)
+    pair = _pair(e, rows)
     if pair is None:
         return None
-    left = np.minimum(np.abs(e.residuals[rows]) / e.radius, 0.2).mean()
-    if np.minimum(pair.distance, 0.2).mean() > 0.5 * left:
-        return None
-    side = pair.side
-    second = side[side != 0] > 0
+    second = pair.side[pair.side != 0] > 0
     share = float(second.mean())
-    flips = float((second[1:] != second[:-1]).mean())
-    if flips > share * (1 - share):  # half of what rows in random order would have
+    if (second[1:] != second[:-1]).mean() > share * (1 - share):  # half of what chance would give
         return Finding(
             "two sensors mixed",
             "refuse",
@@ -172,11 +165,28 @@ def _second_population(e: Evidence) -> Finding | None:
             "separate them (a sensor column, --sensor) and calibrate each by itself",
         )
     edges, crowding = _stretch(second)
-    return (
-        _change_finding(e, rows[side != 0][edges], pair.shift * e.radius)
-        if crowding > 0.3
-        else None
-    )
+    if crowding < 0.3:
+        return None
+    return _change_finding(e, rows[pair.side != 0][edges], pair.shift * e.radius)
+
+
+def _pair(e: Evidence, rows: NDArray[np.intp]) -> Pair | None:
+    """Two spheres of radius about one through readings that one ellipsoid does not hold, or None.
+
+    Sought among calibrated readings where the fit holds for most of them, otherwise among raw
+    ones; believed where the pair leaves much less than one full ellipsoid (noise alone makes the
+    nearer of any two spheres 0.7 times as far as one, or more).
+    """
+    holds = e.noise < 0.03 * e.radius
+    if holds and (e.weights == 0.0).mean() < 0.12:
+        return None
+    readings = (e.readings[rows] - e.bias) / e.radius
+    pair = two_spheres(readings @ e.shape.T if holds else readings)
+    if pair is None:
+        return None
+    left = np.abs(settled(*_on_the_surface(e, rows))) / e.radius
+    believed = np.minimum(pair.distance, 0.2).mean() < 0.65 * np.minimum(left, 0.2).mean()
+    return pair if believed else None
 
 
 def _stretch(member: NDArray[np.bool_]) -> tuple[NDArray[np.intp], float]:

@@ -61,6 +61,14 @@ def find_change(residuals: Array, normals: Array, places: Array) -> Change | Non
     return Change(start, stop, shift, noise, gain / max(independent, np.finfo(float).tiny))
 
 
+def settled(residuals: Array, normals: Array, places: Array) -> Array:
+    """What is left of residuals (n,) when the ellipsoid moves and bends to make them least.
+
+    Parameters as in `find_change`: a fit of a smaller model does not tell what a full one leaves.
+    """
+    return _refit(residuals, _moves(normals, places), slice(0))[1]
+
+
 def _moves(normals: Array, places: Array) -> Array:
     """The distances (n, 9) by which unit changes of bias and shape move the surface."""
     a, b, c = normals.T

@@ -1,0 +1,186 @@
+"""The documentation is complete, its code runs, and it builds without warnings or network."""
+
+import ast
+import doctest
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.citations import CITATIONS
+from agonic.cli import COMMANDS
+from agonic.samples import Logged
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(p for p in (ROOT / "README.md", *DOCS.rglob("*.md")) if "_build" not in p.parts)
+JOB = DOCS / "jobs" / "calibrate-a-log.md"
+FENCE = re.compile(r"^```(python|pycon)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+DOCTEST = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files that pages speak of: logs, and a calibration made from another.
+
+    Content decides how a file is read, so a text table does for a dataflash log.
+    """
+    folder = tmp_path_factory.mktemp("recorded")
+    made = ag.simulate("hand", seed=1)
+    other = ag.simulate("hand", calibration=made.truth, seed=2)
+    ag.write_csv(made.samples, folder / "flight.csv")
+    ag.write_csv(made.samples.with_columns(name="MAG[0]"), folder / "flight.bin")
+    fit = ag.fit_ellipsoid(other.samples, ag.Reference.constant(50_000))
+    ag.save(fit.calibration, folder / "mag.json")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages as Sphinx builds them, warnings being errors."""
+    folder = tmp_path_factory.mktemp("site")
+    options = ("-W", "--keep-going", "-q", "-b", "html", "-d", folder / "doctrees")
+    built = subprocess.run(
+        [sys.executable, "-m", "sphinx", *options, DOCS, folder / "html"],
+        capture_output=True,
+        text=True,
+    )
+    assert built.returncode == 0, built.stderr
+    return folder / "html"
+
+
+def test_every_public_name_is_on_the_page_of_names() -> None:
+    blocks = re.findall(r"```\{public\}\n(.*?)```", text_of(DOCS / "api.md"), re.DOTALL)
+    named = [name for block in blocks for name in block.split()]
+    assert sorted([*named, "__version__"]) == sorted(ag.__all__)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_is_explained(command: str) -> None:
+    assert any(f"agonic {command}" in text_of(page) for page in PAGES)
+
+
+def findings_in_the_source() -> dict[str, set[str]]:
+    """The names of findings, and how severe each can be, from the calls that make them."""
+    found: dict[str, set[str]] = {}
+    for path in (ROOT / "src" / "agonic").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+                names, severities = map(set, map(choices, node.args[:2]))
+                for name in names:
+                    found.setdefault(name, set()).update(severities)
+    return found
+
+
+def choices(node: ast.expr) -> Iterator[str]:
+    """The texts that an expression can be: one, or those of both ways of an `if`."""
+    if isinstance(node, ast.IfExp):
+        yield from choices(node.body)
+        yield from choices(node.orelse)
+    else:
+        yield ast.literal_eval(node)
+
+
+def test_every_finding_is_explained_with_its_severities() -> None:
+    sections = re.findall(r"^### `(.+?)`\n\n([^.]+)\.", text_of(JOB), re.MULTILINE)
+    explained = {name: set(words.lower().split(" or ")) for name, words in sections}
+    assert len(sections) == len(explained)
+    assert explained == findings_in_the_source()
+
+
+def test_every_check_is_explained() -> None:
+    logged = Logged(bias=np.zeros(3), matrix=np.eye(3), source="the log")
+    samples = ag.simulate("hand").samples.with_columns(logged=logged)
+    result = ag.calibrate(samples, ag.Reference.constant(50_000))
+    page = text_of(DOCS / "jobs" / "verify.md")
+    assert len(result.verification.checks) == 6
+    for check in result.verification.checks:
+        assert f"| {check.name} |" in page
+
+
+def test_every_decision_says_why_and_on_what_evidence() -> None:
+    decisions = sorted((DOCS / "decisions").glob("0*.md"))
+    assert [int(page.name[:4]) for page in decisions] == list(range(1, len(decisions) + 1))
+    for page in decisions:
+        headings = re.findall(r"^## (.+)$", text_of(page), re.MULTILINE)
+        assert headings == ["Context", "Decision", "Consequence", "Evidence"], page.name
+
+
+def test_every_experiment_is_named_beside_its_figures() -> None:
+    written = "".join(map(text_of, PAGES))
+    for script in (DOCS / "decisions" / "experiments").glob("*.py"):
+        assert f"python {script.relative_to(ROOT).as_posix()}" in written
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if FENCE.search(text_of(page))],
+    ids=lambda page: page.relative_to(ROOT).as_posix(),
+)
+def test_code_of_pages_runs(
+    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The blocks of a page are one program, in a folder with a log and a calibration."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    names: dict[str, object] = {}
+    for kind, code in FENCE.findall(text_of(page)):
+        if kind == "python":
+            exec(compile(code, str(page), "exec"), names)
+            continue
+        parsed = doctest.DocTestParser().get_doctest(code, names, page.name, str(page), 0)
+        runner = doctest.DocTestRunner(optionflags=DOCTEST)
+        runner.run(parsed, clear_globs=False)
+        names.update(parsed.globs)
+        assert runner.summarize(verbose=False).failed == 0
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "examples").glob("*.py")), ids=lambda s: s.name)
+def test_examples_run(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = runpy.run_path(str(script), run_name="__main__")
+    if "fit" in names:
+        truth = names["truth"] if "truth" in names else names["made"].truth
+        error = names["fit"].calibration.bias - truth.bias
+        assert np.all(np.abs(error) < 4 * names["fit"].sd[:3])
+    else:
+        assert names["verification"].passed
+        assert "COMPASS_OFS_X" in names["export"].path.read_text()
+
+
+def test_docstrings_become_markup(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(DOCS / "_ext")
+    tested = doctest.testmod(import_module("docstrings"))
+    assert tested.attempted > 0
+    assert tested.failed == 0
+
+
+@pytest.mark.xdist_group("site")
+def test_pages_hold_what_is_generated(site: Path) -> None:
+    commands = (site / "commands.html").read_text(encoding="utf-8")
+    assert all(f"Usage: agonic {command}" in commands for command in COMMANDS)
+    assert "Usage: agonic fit ellipsoid" in commands
+    columns = (site / "jobs" / "read-a-log.html").read_text(encoding="utf-8")
+    assert all(name in columns for name in ("mag_x_nT", "acc_z_m_s2", "magneticfluxdensity"))
+    bibliography = (site / "bibliography.html").read_text(encoding="utf-8")
+    assert all(key in bibliography for key in CITATIONS)
+
+
+@pytest.mark.xdist_group("site")
+def test_pages_fetch_nothing(site: Path) -> None:
+    fetched = re.compile(r"<(?:script|link|img|iframe)[^>]*?(?:src|href)=\"(?:https?:)?//[^\"]+")
+    for page in site.rglob("*.html"):
+        assert not fetched.findall(page.read_text(encoding="utf-8")), page.name
