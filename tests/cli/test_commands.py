@@ -185,6 +185,12 @@ def test_field_agrees_with_the_official_test_value(capsys) -> None:
     assert said["elements"]["magnitude"] == pytest.approx(55665.134163, abs=1e-3)
 
 
+def test_simulate_moves_the_same_sensor_again(log, capsys) -> None:
+    answer(capsys, "simulate", "circle", "--tilt", "30", "--truth", "log.truth.json", "-o", "b.csv")
+    first, again = (json.loads(Path(f).read_text()) for f in ("log.truth.json", "b.truth.json"))
+    assert again["calibration"]["bias"] == first["calibration"]["bias"]
+
+
 WRONG = [
     ["calibrate"],
     ["frob"],
@@ -209,6 +215,8 @@ WRONG = [
     ["cite", "log.csv"],
     ["field", "--at", "1,2", "--date", "1800-01-01"],
     ["simulate", "somersault", "-o", "x.csv"],
+    ["simulate", "tumble", "--tilt", "10", "-o", "x.csv"],
+    ["simulate", "tumble", "--truth", "log.csv", "-o", "x.csv"],
 ]
 
 
