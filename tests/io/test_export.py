@@ -72,7 +72,7 @@ def readings(seed):
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=SEEDS,
     kind=st.sampled_from(["symmetric", "turned", "triangular"]),

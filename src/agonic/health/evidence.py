@@ -99,7 +99,7 @@ def _gaussian(readings: Array) -> bool:
 
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
-    believed = e.readings[e.weights > 0]
+    believed = e.readings[(e.weights > 0) | (e.weights == 0).all()]
     thick, normal = thickness(believed[_some(len(believed))])
     if thick > 0.1:
         return None

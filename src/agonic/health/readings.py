@@ -152,17 +152,22 @@ def clipped_rows(field: Array) -> NDArray[np.bool_]:
 
     A clipped axis piles up at one value while the other axes still move. At an honest extreme the
     pile is low (a sensor passes it quickly) and the others are near their middle, within
-    √(2 R q) for a sphere of radius R in steps of q.
+    √(2 R q) for a sphere of radius R in steps of q. Where one axis is clipped, others that end at
+    the same value are.
     """
-    rows = np.zeros(len(field), dtype=bool)
+    ends: list[tuple[float, NDArray[np.bool_]]] = []
+    limits: set[float] = set()
     for axis in range(3):
         for values in (field[:, axis], -field[:, axis]):
-            at_end = values == values.max()
+            limit = float(values.max())
+            at_end = values == limit
+            ends.append((limit, at_end))
             if np.count_nonzero(at_end) >= 5 and _piles_up(
                 values, np.delete(field, axis, axis=1), at_end
             ):
-                rows |= at_end
-    return rows
+                limits.add(limit)
+    clipped = [at_end for limit, at_end in ends if limit in limits]
+    return np.any(clipped, axis=0) if clipped else np.zeros(len(field), dtype=bool)
 
 
 def _piles_up(values: Array, others: Array, at_end: NDArray[np.bool_]) -> bool:

@@ -181,6 +181,11 @@ def load(path: Path | str) -> Affine | Alignment | Chain:
     """Read a calibration file.
 
     Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     load(save(Affine(bias=[1, 2, 3], matrix=np.eye(3)), folder + "/mag.json")).kind
+    'affine'
     """
     data = read_bytes(path)
     try:

@@ -88,7 +88,15 @@ def open_log(path: Path | str, *, unit: str | None = None) -> Log:
 
 
 def sensors(path: Path | str) -> tuple[str, ...]:
-    """The names of the magnetometers in a recording."""
+    """The names of the magnetometers in a recording.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "cloud.txt")
+    ...     _ = path.write_text("1 2 3\\n4 5 6\\n")
+    ...     sensors(path)
+    ('mag',)
+    """
     return tuple(sensor.name for sensor in open_log(path).sensors)
 
 

@@ -178,7 +178,8 @@ def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         residuals = solution.residuals if part is problem else _residuals(problem, params)
         weights = assumed.loss.weight((residuals / assumed.sd) ** 2)
         noise = noise_of(solution.residuals, robust, len(params))
-        used, believed = believed, believed & corroborated(problem, solution, weights)
+        fewer = believed & corroborated(problem, solution, weights)
+        used, believed = believed, fewer if fewer.any() else believed
         if _settled(noise, assumed) and np.array_equal(used, believed):
             break
     return Estimate(solution, noise, residuals, weights * used)

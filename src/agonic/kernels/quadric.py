@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh, solve
+from scipy.linalg import eigh
 
 from agonic.kernels import leastsq
 
@@ -56,17 +56,21 @@ def li_griffiths(gram: Array) -> Array:
 
 
 def _constrained(gram: Array, k: float) -> Array | None:
-    """The minimiser for one k: C₁⁻¹(S₁₁ − S₁₂S₂₂⁻¹S₁₂ᵀ)v₁ = λv₁, the one positive eigenvalue."""
+    """The minimiser for one k: C₁⁻¹(S₁₁ − S₁₂S₂₂⁻¹S₁₂ᵀ)v₁ = λv₁, the one positive eigenvalue.
+
+    It is told by v₁ᵀC₁v₁ > 0, for exact readings have λ = 0 up to rounding.
+    """
     s = gram * np.outer(MULTIPLICITY, MULTIPLICITY)
     constraint = np.diag([-1.0, -1, -1, -k, -k, -k])
     constraint[:3, :3] += (k / 2.0) * (1.0 - np.eye(3)) - (1.0 - np.eye(3))
-    s22_inverse_s21 = solve(s[6:, 6:], s[6:, :6], assume_a="sym")
+    s22_inverse_s21 = np.linalg.solve(s[6:, 6:], s[6:, :6])
     reduced = s[:6, :6] - s[:6, 6:] @ s22_inverse_s21
-    values, vectors = np.linalg.eig(np.linalg.solve(constraint, reduced))
-    best = int(np.argmax(values.real))
-    if values[best].real <= 0:
+    vectors = np.linalg.eig(np.linalg.solve(constraint, reduced))[1].real
+    inside = np.einsum("ij,ik,kj->j", vectors, constraint, vectors)
+    best = int(np.argmax(inside))
+    if inside[best] <= 0:
         return None
-    v1 = vectors[:, best].real
+    v1 = vectors[:, best]
     return np.concatenate([v1, -s22_inverse_s21 @ v1])
 
 

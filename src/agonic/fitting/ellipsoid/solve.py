@@ -59,23 +59,24 @@ def likelihood(problem: ellipsoid.Problem, model: Fixed, robust: bool, seed: int
 
 def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
     """An algebraic fit from the 35 moments of normalised points."""
+    if method == "li-griffiths" and model != "full":
+        raise AgonicError(f"Li & Griffiths fit a full ellipsoid, not a {model}")
     psi = moments.denoised_gram(sums)
     variance = 0.0
-    if method == "adjusted":
-        v, variance = quadric.adjusted(psi, model)
-    elif method == "li-griffiths":
-        if model != "full":
-            raise AgonicError(f"Li & Griffiths fit a full ellipsoid, not a {model}")
-        v = quadric.li_griffiths(psi[0])
-    else:
-        v = quadric.smallest(psi[0], model)
-    if not quadric.is_ellipsoid(v):
+    try:
+        if method == "adjusted":
+            v, variance = quadric.adjusted(psi, model)
+        elif method == "li-griffiths":
+            v = quadric.li_griffiths(psi[0])
+        else:
+            v = quadric.smallest(psi[0], model)
+        bias, matrix = quadric.to_affine(v)
+    except ValueError:
         raise CoverageError(
             "the readings do not determine an ellipsoid",
             undetermined="shape",
             turns="turn the sensor about all three axes, or fit with method='likelihood'",
-        )
-    bias, matrix = quadric.to_affine(v)
+        ) from None
     if method != "adjusted":  # their noise: what the algebraic residual leaves per reading
         gradient = 4 * float(np.trace(matrix.T @ matrix)) / 3
         q = v * quadric.MULTIPLICITY

@@ -1,0 +1,154 @@
+"""Maximum likelihood on points of about one: pieces, prior, noise, strays, and the estimate."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from agonic.kernels import ellipsoid, leastsq
+from agonic.kernels.affine import model_basis, split
+from agonic.simulation.draws import directions
+
+W = np.array([[1.1, 0.05, -0.1], [0.05, 0.9, 0.08], [-0.1, 0.08, 1.0]])
+BIAS = np.array([0.3, -0.2, 0.1])
+FULL = ellipsoid.parameters(BIAS, W, "full")
+
+
+def problem(n: int, *, noise: float = 0.01, seed: int = 0, model: str = "full", prior=None):
+    """Points of an ellipsoid seen from all directions, of constant magnitude one."""
+    rng = np.random.default_rng(seed)
+    points = directions(rng, n) @ np.linalg.inv(W).T + BIAS + noise * rng.normal(size=(n, 3))
+    return ellipsoid.Problem(points, np.ones(1), model, prior)
+
+
+def calibration(params: np.ndarray, model: str = "full") -> tuple[np.ndarray, np.ndarray]:
+    return split(model_basis(model) @ params)
+
+
+def test_parameters_are_those_of_the_nearest_matrix_of_the_model() -> None:
+    bias, matrix = calibration(FULL)
+    assert bias == pytest.approx(BIAS)
+    assert matrix == pytest.approx(W)
+    assert ellipsoid.parameters(BIAS, W, "sphere")[3:] == pytest.approx([np.trace(W) / 3])
+    assert ellipsoid.parameters(BIAS, W, "diagonal")[3:] == pytest.approx(np.diag(W))
+
+
+@given(st.lists(st.integers(0, 9999), min_size=20, max_size=200))
+def test_blocks_add_up_to_one_piece(rows: list[int]) -> None:
+    whole = problem(10_000)  # more than two blocks
+    residuals, jacobians = zip(*ellipsoid.pieces(whole)(FULL), strict=True)
+    part = whole.subset(np.array(rows))
+    residual, jacobian = next(iter(ellipsoid.pieces(part)(FULL)))
+    assert np.concatenate(residuals)[rows] == pytest.approx(residual)
+    assert np.concatenate(jacobians)[rows] == pytest.approx(jacobian)
+
+
+def test_a_magnitude_per_sample_goes_with_its_rows() -> None:
+    magnitude = np.linspace(0.9, 1.1, 9000)
+    whole = problem(9000)._replace(magnitude=magnitude)
+    residuals = np.concatenate([r for r, _ in ellipsoid.pieces(whole)(FULL)])
+    flipped = whole.subset(np.arange(9000)[::-1])
+    assert np.concatenate([r for r, _ in ellipsoid.pieces(flipped)(FULL)]) == pytest.approx(
+        residuals[::-1]
+    )
+
+
+@pytest.mark.parametrize("model", ["diagonal", "full"])
+def test_prior_on_soft_iron(derivative, model: str) -> None:
+    prior = ellipsoid.soft_iron_prior(model, 0.1)
+    assert prior is not None
+    params = ellipsoid.parameters(BIAS, W, model)
+    residual, jacobian = prior(params)
+    assert jacobian == pytest.approx(derivative(lambda p: prior(p)[0], params, 1e-6), abs=1e-6)
+    assert residual[0] == pytest.approx((1.1 - 1.0) / 0.1)
+    assert prior(2 * params)[0] == pytest.approx(residual)  # gain is free
+    at_rest = ellipsoid.parameters(BIAS, 3 * np.eye(3), model)
+    assert prior(at_rest)[0] == pytest.approx(np.zeros(len(residual)))
+
+
+def test_no_prior_where_there_is_nothing_to_hold() -> None:
+    assert ellipsoid.soft_iron_prior("sphere", 0.1) is None
+    assert ellipsoid.soft_iron_prior("full", None) is None
+
+
+def test_distances_are_those_to_the_ellipsoid_along_its_normals() -> None:
+    points = problem(9000, noise=0.0).points
+    _, normals = ellipsoid.distances(points, BIAS, W, np.ones(1))
+    moved, again = ellipsoid.distances(points + 1e-4 * normals, BIAS, W, np.ones(1))
+    assert np.linalg.norm(again, axis=1) == pytest.approx(np.ones(9000), abs=1e-4)
+    assert moved == pytest.approx(np.full(9000, 1e-4), rel=1e-3)
+
+
+def test_noise_brings_in_tukey_only_where_a_reading_stands_out() -> None:
+    residuals = 0.01 * np.random.default_rng(1).normal(size=2000)
+    quiet = ellipsoid.noise_of(residuals, robust=True, parameters=9)
+    assert quiet.sd == pytest.approx(0.01, rel=0.05)
+    assert quiet.loss.weight(np.array([100.0])) == 1.0
+    residuals[7] = 1.0
+    alarmed = ellipsoid.noise_of(residuals, robust=True, parameters=9)
+    assert alarmed.sd == pytest.approx(0.01, rel=0.05)
+    assert alarmed.loss.weight(np.array([100.0])) == 0.0
+    assert ellipsoid.noise_of(residuals, robust=False, parameters=9).sd > 0.02
+
+
+def test_a_stray_that_nothing_contradicts_is_not_believed() -> None:
+    """A cap of readings, and one far reading that happens to lie on the ellipsoid."""
+    cap = problem(4000)
+    field = (cap.points - BIAS) @ W.T
+    points = cap.points[field[:, 2] > 0.3]
+    stray = np.array([[0.0, 0.0, -1.0]]) @ np.linalg.inv(W).T + BIAS
+    gross = points[:5] + 2.0
+    with_strays = cap._replace(points=np.vstack([points, stray, gross]))
+    n = len(points)
+    solution = leastsq.solve(ellipsoid.pieces(with_strays.subset(np.arange(n))), FULL, scale=0.01)
+    weights = np.ones(n + 6)
+    weights[n + 1 :] = 0.0
+    believed = ellipsoid.corroborated(with_strays, solution, weights)
+    assert not believed[n]
+    assert believed[:n].mean() > 0.99
+    assert ellipsoid.corroborated(with_strays, solution, np.ones(n + 6)).all()
+    assert ellipsoid.corroborated(with_strays, solution, np.zeros(n + 6)).all()
+
+
+@pytest.mark.parametrize("model", ["sphere", "diagonal", "full"])
+@pytest.mark.parametrize("robust", [True, False])
+def test_estimate_finds_the_truth(model: str, robust: bool) -> None:
+    made = problem(5000, model=model)
+    truth = ellipsoid.parameters(BIAS, W, model)
+    if model != "full":
+        matrix = calibration(truth, model)[1]
+        points = (made.points - BIAS) @ W.T @ np.linalg.inv(matrix).T + BIAS
+        made = made._replace(points=points)
+    found = ellipsoid.estimate(made, robust=robust)
+    error = (found.solution.params - truth) / np.sqrt(np.diag(found.solution.covariance))
+    assert np.abs(error).max() < 4
+    assert found.noise.sd == pytest.approx(0.01, rel=0.1)
+    assert found.noise.correlation == 1.0
+    assert len(found.residuals) == len(found.weights) == 5000
+
+
+def test_strays_hardly_move_the_estimate() -> None:
+    made = problem(3000)
+    clean = ellipsoid.estimate(made).solution
+    rng = np.random.default_rng(2)
+    strays = rng.choice(3000, 300, replace=False)
+    points = made.points.copy()
+    points[strays] += 0.8 * directions(rng, 300)
+    found = ellipsoid.estimate(made._replace(points=points))
+    error = (found.solution.params - clean.params) / np.sqrt(np.diag(clean.covariance))
+    assert np.abs(error).max() < 1.5
+    assert (found.weights[strays] == 0).mean() > 0.8
+    assert (np.delete(found.weights, strays) > 0).all()
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 2**32 - 1))
+def test_turned_points_give_the_turned_estimate(seed: int) -> None:
+    turn = Rotation.random(random_state=seed).as_matrix()
+    made = problem(400, seed=seed)
+    bias, matrix = calibration(ellipsoid.estimate(made, robust=False).solution.params)
+    turned = ellipsoid.estimate(made._replace(points=made.points @ turn.T), robust=False).solution
+    turned_bias, turned_matrix = calibration(turned.params)
+    assert turned_bias == pytest.approx(turn @ bias, abs=1e-4)  # stops at 1 % of its sd, 6e-4
+    assert turned_matrix == pytest.approx(turn @ matrix @ turn.T, abs=1e-4)

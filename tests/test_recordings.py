@@ -1,0 +1,131 @@
+"""Real recordings: each opens and gets a verdict, and those that are known get the right one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import agonic as ag
+
+pytestmark = pytest.mark.recordings
+
+KNOWN = [
+    "vehicle/ardupilot/center_0003.bin",
+    "vehicle/ardupilot/log171.bin",
+    "vehicle/ardusub/small.BIN",
+    "vehicle/broad/02_undisturbed_slow_rotation_B.mat",
+    "vehicle/broad/07_undisturbed_fast_rotation_B.mat",
+    "vehicle/broad/12_undisturbed_slow_translation_C.mat",
+    "vehicle/broad/32_disturbed_attached_magnet_1cm.mat",
+    "vehicle/broad/34_disturbed_attached_magnet_3cm.mat",
+    "vehicle/fusion/sensor_data.csv",
+    "vehicle/px4/sample.ulg",
+    "vehicle/px4/sample_log_small.ulg",
+    "pointclouds/aleksandrbazhin_mag_out.txt",
+]
+OTHER_DAY = {".tlog"}  # telemetry has no reader yet
+
+
+@pytest.fixture(scope="session")
+def calibrated(recordings: Path) -> dict[str, list[ag.Calibrated]]:
+    """What `calibrate` makes of every sensor of every recording, by the recording's path."""
+    return {
+        name: [ag.calibrate(sensor) for sensor in ag.open_log(recordings / name).sensors]
+        for name in KNOWN
+    }
+
+
+def names(results: list[ag.Calibrated]) -> dict[str, str]:
+    return {finding.name: finding.severity for r in results for finding in r.fit.findings}
+
+
+def test_no_recording_is_forgotten(recordings: Path) -> None:
+    there = {
+        path.relative_to(recordings).as_posix()
+        for folder in ("vehicle", "pointclouds")
+        for path in (recordings / folder).rglob("*")
+        if path.is_file() and path.suffix not in OTHER_DAY
+    }
+    assert there == set(KNOWN)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_every_sensor_gets_a_verdict_with_reasons(calibrated, name: str) -> None:
+    assert calibrated[name]
+    for result in calibrated[name]:
+        assert result.verdict in ("good", "check", "refused")
+        assert result.status
+        grave = [f for f in result.fit.findings if f.severity != "note"]
+        assert all(finding.move for finding in grave)
+        if result.verdict == "refused":
+            assert "refuse" in {finding.severity for finding in grave}
+        assert np.isfinite(result.fit.sd).all()
+        assert np.isfinite(result.verification.spread_after)
+
+
+@pytest.mark.parametrize("number", ["02", "07"])
+def test_undisturbed_rotations_in_a_room_are_not_refused(calibrated, number: str) -> None:
+    name = next(name for name in KNOWN if f"broad/{number}_" in name)
+    (result,) = calibrated[name]
+    assert result.verdict != "refused"
+    assert "field changed" not in names([result])
+
+
+def test_a_translation_is_refused(calibrated) -> None:
+    found = names(calibrated["vehicle/broad/12_undisturbed_slow_translation_C.mat"])
+    assert found["coverage"] == "refuse"
+    assert "field changed" not in found
+
+
+@pytest.mark.parametrize("number", ["32", "34"])
+def test_a_magnet_attached_and_taken_off_is_named_with_its_times(calibrated, number: str) -> None:
+    """It was there from about 45 s to 88 s; at 1 cm it is felt as soon as it comes near."""
+    name = next(name for name in KNOWN if f"broad/{number}_" in name)
+    (result,) = calibrated[name]
+    (finding,) = [f for f in result.fit.findings if f.severity != "note"]
+    assert (finding.name, finding.severity) == ("field changed", "refuse")
+    on, off = (float(words.split()[0]) for words in finding.what.split("t = ")[1:])
+    assert 35 < on < 50
+    assert 85 < off < 100
+
+
+@pytest.mark.parametrize(
+    ("name", "finding"),
+    [
+        ("vehicle/ardusub/small.BIN", "static"),
+        ("vehicle/px4/sample.ulg", "static"),
+        ("vehicle/px4/sample_log_small.ulg", "too few readings"),
+        ("vehicle/ardupilot/center_0003.bin", "small tilt"),
+    ],
+)
+def test_logs_that_hardly_turn_are_refused_for_that(calibrated, name: str, finding: str) -> None:
+    for result in calibrated[name]:
+        assert names([result])[finding] == "refuse"
+
+
+def test_a_motor_field_is_named_in_the_compass_beside_it(calibrated) -> None:
+    results = calibrated["vehicle/ardupilot/log171.bin"]
+    assert [r.samples.name for r in results] == ["MAG", "MAG2", "MAG3"]
+    assert names(results[1:2])["field changed"] == "refuse"
+
+
+def test_a_poor_swing_does_not_determine_an_ellipsoid(calibrated) -> None:
+    (result,) = calibrated["vehicle/fusion/sensor_data.csv"]
+    assert result.verdict == "refused"
+
+
+def test_spreads_of_the_point_cloud(recordings: Path, calibrated) -> None:
+    cloud = ag.read(recordings / "pointclouds" / "aleksandrbazhin_mag_out.txt")
+    assert (len(cloud), cloud.unit) == (347, "raw")
+
+    def spread(field: np.ndarray) -> float:
+        size = np.linalg.norm(field, axis=1)
+        return float(100 * size.std() / size.mean())
+
+    assert spread(cloud.field) == pytest.approx(36.8, rel=0.1)
+    for model, expected in (("sphere", 4.25), ("diagonal", 3.42), ("full", 2.06)):
+        fit = ag.fit_ellipsoid(cloud, model=model)
+        assert spread(fit.calibration.correct(cloud.field)) == pytest.approx(expected, rel=0.1)
+    (result,) = calibrated["pointclouds/aleksandrbazhin_mag_out.txt"]
+    assert result.verdict == "good"
+    assert result.fit.calibration.model == "full"
