@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.coverage import Coverage
-from agonic.health.finding import Finding
+from agonic.health.finding import Finding, figure
 from agonic.kernels.changes import find_change, settled
 from agonic.kernels.consensus import Pair, two_spheres
 from agonic.kernels.coverage import nearest_axis, thickness
@@ -46,6 +46,7 @@ class Evidence:
     correlation: float
     coverage: Coverage
     known_radius: float | None = None
+    unit: str = "nT"
 
 
 def examine(evidence: Evidence) -> tuple[Finding, ...]:
@@ -72,7 +73,7 @@ def _static(e: Evidence) -> Finding | None:
     return Finding(
         "static",
         "refuse",
-        f"the sensor did not turn: its readings move by only ±{spread:.3g}",
+        f"the sensor did not turn: its readings move by only ±{figure(spread)} {e.unit}",
         "turn it slowly about all three axes while recording",
     )
 
@@ -203,7 +204,7 @@ def _stretch(member: NDArray[np.bool_]) -> tuple[NDArray[np.intp], float]:
 def _change_finding(e: Evidence, edges: NDArray[np.intp], shift: float) -> Finding:
     """The finding that the bias was another between two rows, or from one row on."""
     n = len(e.readings)
-    inner = [int(row) for row in edges if 0.02 * n < row < 0.98 * n]
+    inner = [int(row) for row in edges if 0.01 * n < row < 0.99 * n]
     if e.time is None:
         moments = [f"row {row}" for row in inner]
     else:
@@ -211,8 +212,8 @@ def _change_finding(e: Evidence, edges: NDArray[np.intp], shift: float) -> Findi
     return Finding(
         "field changed",
         "refuse" if shift >= SHIFT_REFUSED * e.radius else "check",
-        f"the bias moved by about {shift:.3g} ({100 * shift / e.radius:.0f} % of the field) near "
-        f"{' and '.join(moments)}: a magnet, iron or a current came or went",
+        f"the bias moved by about {figure(shift)} {e.unit} ({100 * shift / e.radius:.0f} % of the "
+        f"field) near {' and '.join(moments)}: a magnet, iron or a current came or went",
         "calibrate the stretches before and after separately, with everything in its final place",
     )
 
@@ -226,7 +227,7 @@ def undetermined(c: Coverage) -> Finding | None:
         "coverage",
         "refuse" if refused else "check",
         f"the directions visited ({100 * c.filled:.0f} % of the sphere) leave the heading "
-        f"uncertain by {c.heading_sd_deg:.2g}°",
+        f"uncertain by {figure(c.heading_sd_deg)}°",
         c.turns or "record longer, turning slowly about all three axes",
     )
 
@@ -252,6 +253,6 @@ def _strays(e: Evidence) -> Finding | None:
     return Finding(
         "outliers",
         "check" if doubtful else "note",
-        f"{int(stray.sum())} readings ({100 * share:.2g} %) do not fit and were left out",
+        f"{int(stray.sum())} readings ({figure(100 * share)} %) do not fit and were left out",
         "look for disturbances at those times" if doubtful else "",
     )

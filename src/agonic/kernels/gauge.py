@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from agonic.kernels.leastsq import inverse
+
 Array = NDArray[np.float64]
 
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
@@ -81,6 +83,6 @@ def soft_iron_tests(matrix: Array, covariance: Array) -> list[tuple[str, str, fl
     for smaller, rows in (("sphere", conditions), ("diagonal", conditions[2:])):
         difference = rows @ entries(matrix)
         spread = rows @ covariance[3:, 3:] @ rows.T
-        statistic = float(difference @ np.linalg.solve(spread, difference))
+        statistic = float(difference @ inverse(spread) @ difference)
         tests.append((smaller, "full", statistic, float(chdtrc(len(rows), statistic))))
     return tests

@@ -13,7 +13,7 @@ from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.solve import Found
-from agonic.health import Finding
+from agonic.health import Finding, figure
 from agonic.kernels import gauge as gauges
 from agonic.reference import Reference
 
@@ -89,7 +89,7 @@ def scale_finding(affine: Affine) -> Finding | None:
     return Finding(
         "scale",
         "check",
-        f"readings had to be multiplied by {gain:.3g} to reach the stated field",
+        f"readings had to be multiplied by {figure(gain)} to reach the stated field",
         "check the unit of the log and the reference magnitude",
     )
 
@@ -99,16 +99,17 @@ def remarks(
 ) -> tuple[str, ...]:
     """How good the result is, in words."""
     assert affine.sd is not None
+    assert affine.magnitude is not None
     unit = affine.unit_in
     said = [
-        f"bias known to {affine.sd[:3].max():.2g} {unit}, a level heading to "
-        f"{coverage.heading_sd_deg:.2g}° at {coverage.inclination_deg:.0f}° dip",
+        f"bias known to {figure(float(affine.sd[:3].max()))} {unit}, a level heading to "
+        f"{figure(coverage.heading_sd_deg)}° at {coverage.inclination_deg:.0f}° dip",
         *(test.sentence for test in tests[:1]),
     ]
     if not reference_known:
         said.append(
             f"no reference magnitude was given, so the mean gain is set to 1 "
-            f"(magnitude {affine.magnitude:.5g} {unit})"
+            f"(magnitude {figure(affine.magnitude, 5)} {unit})"
         )
     return tuple(said)
 

@@ -116,6 +116,7 @@ def with_evidence(
         noise=found.noise,
         correlation=found.correlation,
         coverage=coverage,
+        unit=samples.unit,
         known_radius=_known_radius(affine, reference),
     )
     if fit.verdict == "refused":
