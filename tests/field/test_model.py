@@ -11,7 +11,7 @@ from agonic.field.published import igrf, wmm, wmmhr
 from agonic.kernels import geodesy
 from agonic.samples import Samples
 
-RNG = np.random.default_rng(3)
+
 PT = 1e-3
 
 
@@ -57,9 +57,10 @@ def test_scalars_give_one_vector_and_arrays_a_row_each() -> None:
 
 def test_each_point_has_its_own_epoch() -> None:
     """Years in any order, in all intervals of the IGRF, as one by one."""
+    rng = np.random.default_rng(3)
     n = 200
-    places = RNG.uniform([[-90.0], [-180.0], [0.0]], [[90.0], [360.0], [6e5]], (3, n))
-    years = RNG.uniform(1900.0, 2030.0, n)
+    places = rng.uniform([[-90.0], [-180.0], [0.0]], [[90.0], [360.0], [6e5]], (3, n))
+    years = rng.uniform(1900.0, 2030.0, n)
     together = igrf().at(*places, years)
     for i in range(n):
         alone = igrf().at(*places[:, i], years[i])
@@ -69,8 +70,9 @@ def test_each_point_has_its_own_epoch() -> None:
 
 def test_many_points_are_as_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pieces, and the compiled kernel where numba is installed, change nothing."""
-    places = RNG.uniform([[-90.0], [-180.0], [0.0]], [[90.0], [180.0], [6e5]], (3, 500))
-    years = RNG.uniform(2015.0, 2030.0, 500)
+    rng = np.random.default_rng(3)
+    places = rng.uniform([[-90.0], [-180.0], [0.0]], [[90.0], [180.0], [6e5]], (3, 500))
+    years = rng.uniform(2015.0, 2030.0, 500)
     expected = igrf().at(*places, years).field_n
     monkeypatch.setattr(model_module, "PIECE", 64)
     monkeypatch.setattr(model_module, "COMPILE_FROM", 1)
@@ -79,7 +81,8 @@ def test_many_points_are_as_few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("model", [igrf(), wmm(), wmmhr()])
 def test_secular_variation_is_the_change_in_a_year(model: model_module.Model) -> None:
-    here = (RNG.uniform(-90, 90, 20), RNG.uniform(-180, 180, 20), 1000.0)
+    rng = np.random.default_rng(3)
+    here = (rng.uniform(-90, 90, 20), rng.uniform(-180, 180, 20), 1000.0)
     before, after = (model.at(*here, year) for year in (2027.25, 2027.75))
     change = (after.field_n - before.field_n) / 0.5
     assert np.abs(change - before.secular_variation).max() < 1e-7

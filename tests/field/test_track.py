@@ -7,7 +7,6 @@ import numpy as np
 from agonic.field.track import TOLERANCE, along_track
 
 Rows = np.ndarray
-RNG = np.random.default_rng(4)
 
 
 def counted(vectors: np.ndarray) -> tuple[Callable[[Rows], np.ndarray], list[int]]:
@@ -42,8 +41,9 @@ def test_a_livelier_track_gets_closer_nodes() -> None:
 
 
 def test_a_rough_track_is_evaluated_everywhere() -> None:
+    rng = np.random.default_rng(4)
     time = np.arange(0.0, 600.0, 0.05)
-    vectors = smooth(time, 20_000.0) + RNG.normal(0.0, 1.0, (3, len(time)))
+    vectors = smooth(time, 20_000.0) + rng.normal(0.0, 1.0, (3, len(time)))
     exact, _ = counted(vectors)
     assert np.array_equal(along_track(time, exact), vectors)
 
@@ -59,8 +59,9 @@ def test_a_gap_and_a_jump_across_it_spoil_nothing() -> None:
 
 
 def test_sparse_rows_are_evaluated_at_once() -> None:
+    rng = np.random.default_rng(4)
     for time in (np.arange(0.0, 86400.0, 60.0), np.arange(0.0, 1000.0, 1.0), np.zeros(1)):
-        vectors = RNG.normal(size=(3, len(time)))
+        vectors = rng.normal(size=(3, len(time)))
         exact, asked = counted(vectors)
         assert np.array_equal(along_track(time, exact), vectors)
         assert asked == [len(time)]

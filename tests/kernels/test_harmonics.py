@@ -8,13 +8,13 @@ from scipy.special import lpmv
 
 from agonic.kernels import harmonics
 
-RNG = np.random.default_rng(2)
 POLES = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, -1.02]])
 
 
 def gauss(degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Random Gauss coefficients to a degree, without monopole and without sin 0λ."""
-    g, h = np.tril(RNG.normal(size=(2, degree + 1, degree + 1)))
+    rng = np.random.default_rng(2)
+    g, h = np.tril(rng.normal(size=(2, degree + 1, degree + 1)))
     g[0, 0] = 0.0
     h[:, 0] = 0.0
     return g, h
@@ -22,8 +22,9 @@ def gauss(degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 def points(n: int) -> np.ndarray:
     """Positions between 1 and 1.2 reference radii, the poles and the equator among them."""
-    random = RNG.normal(size=(3, n))
-    random *= RNG.uniform(1.0, 1.2, n) / np.linalg.norm(random, axis=0)
+    rng = np.random.default_rng(2)
+    random = rng.normal(size=(3, n))
+    random *= rng.uniform(1.0, 1.2, n) / np.linalg.norm(random, axis=0)
     return np.hstack([POLES, np.eye(3)[:, :2], random])
 
 
