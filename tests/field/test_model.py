@@ -11,7 +11,6 @@ from agonic.field.published import igrf, wmm, wmmhr
 from agonic.kernels import geodesy
 from agonic.samples import Samples
 
-
 PT = 1e-3
 
 
