@@ -47,8 +47,9 @@ class Moments:
         rows = np.asarray(field, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows) or not np.isfinite(rows).all():
             raise AgonicError(f"moments need finite readings (n, 3), not {rows.shape}")
-        about = rows.mean(axis=0) if centre is None else np.asarray(centre, dtype=np.float64)
-        size = scale or float(np.sqrt(((rows - about) ** 2).sum(axis=1).mean())) or 1.0
+        n = len(rows)
+        about = np.ones(n) @ rows / n if centre is None else np.asarray(centre, dtype=np.float64)
+        size = scale or float(np.linalg.norm(rows - about) / np.sqrt(n)) or 1.0
         sums = kernel.accumulate(rows, about, size)
         return cls(centre=about, scale=size, sums=sums, unit=unit)
 
