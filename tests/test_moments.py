@@ -66,7 +66,7 @@ def test_other_bytes_are_refused(data: bytes) -> None:
     "readings", [[1.0, 2.0, 3.0], np.empty((0, 3)), [[1.0, 2.0, np.nan]], np.zeros((3, 2))]
 )
 def test_readings_must_be_finite_rows(readings) -> None:
-    with pytest.raises(ag.AgonicError, match=r"moments need finite readings \(n, 3\)"):
+    with pytest.raises(ag.AgonicError, match="moments need"):
         ag.Moments.of(readings)
 
 

@@ -45,46 +45,70 @@ from typing import TYPE_CHECKING, Any
 
 from agonic.version import __version__
 
-if TYPE_CHECKING:
-    from agonic.calibrated import Calibrated, calibrate
-    from agonic.calibration.affine import Affine
-    from agonic.calibration.alignment import Alignment
-    from agonic.calibration.base import apply
-    from agonic.calibration.chain import Chain
-    from agonic.coverage import Coverage
+if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
+    from agonic.calibrated import Calibrated as Calibrated
+    from agonic.calibrated import calibrate as calibrate
+    from agonic.calibration.affine import Affine as Affine
+    from agonic.calibration.alignment import Alignment as Alignment
+    from agonic.calibration.base import apply as apply
+    from agonic.calibration.chain import Chain as Chain
+    from agonic.coverage import Coverage as Coverage
     from agonic.errors import (
-        AgonicError,
-        AgonicWarning,
-        ConvergenceError,
-        CoverageError,
-        FrameError,
-        LogError,
-        MissingExtraError,
-        UnitError,
-        ValidityError,
+        AgonicError as AgonicError,
     )
-    from agonic.field import igrf, wmm, wmmhr
-    from agonic.fit import Fit
-    from agonic.fitting.ellipsoid import fit_ellipsoid, fit_moments
-    from agonic.health import Finding
-    from agonic.io.calfile import load, save
-    from agonic.io.log import Log
-    from agonic.io.read import open_log, read, sensors
-    from agonic.io.write_ardupilot import write_ardupilot
-    from agonic.io.write_c import write_c
-    from agonic.io.write_csv import write_csv
-    from agonic.io.write_matlab import write_matlab
-    from agonic.io.write_motioncal import write_motioncal
-    from agonic.io.write_px4 import write_px4
-    from agonic.io.write_ros import write_ros
-    from agonic.io.write_table import write_table
-    from agonic.moments import Moments
-    from agonic.provenance import Provenance
-    from agonic.reference import Reference
-    from agonic.report.html import render
-    from agonic.samples import Samples
-    from agonic.simulation import simulate
-    from agonic.verification import Verification, verify
+    from agonic.errors import (
+        AgonicWarning as AgonicWarning,
+    )
+    from agonic.errors import (
+        ConvergenceError as ConvergenceError,
+    )
+    from agonic.errors import (
+        CoverageError as CoverageError,
+    )
+    from agonic.errors import (
+        FrameError as FrameError,
+    )
+    from agonic.errors import (
+        LogError as LogError,
+    )
+    from agonic.errors import (
+        MissingExtraError as MissingExtraError,
+    )
+    from agonic.errors import (
+        UnitError as UnitError,
+    )
+    from agonic.errors import (
+        ValidityError as ValidityError,
+    )
+    from agonic.field import igrf as igrf
+    from agonic.field import wmm as wmm
+    from agonic.field import wmmhr as wmmhr
+    from agonic.fit import Fit as Fit
+    from agonic.fitting.ellipsoid import fit_ellipsoid as fit_ellipsoid
+    from agonic.fitting.ellipsoid import fit_moments as fit_moments
+    from agonic.health import Finding as Finding
+    from agonic.io.calfile import load as load
+    from agonic.io.calfile import save as save
+    from agonic.io.log import Log as Log
+    from agonic.io.read import open_log as open_log
+    from agonic.io.read import read as read
+    from agonic.io.read import sensors as sensors
+    from agonic.io.write_ardupilot import write_ardupilot as write_ardupilot
+    from agonic.io.write_c import write_c as write_c
+    from agonic.io.write_csv import write_csv as write_csv
+    from agonic.io.write_matlab import write_matlab as write_matlab
+    from agonic.io.write_motioncal import write_motioncal as write_motioncal
+    from agonic.io.write_px4 import write_px4 as write_px4
+    from agonic.io.write_ros import write_ros as write_ros
+    from agonic.io.write_table import write_table as write_table
+    from agonic.moments import Moments as Moments
+    from agonic.provenance import Provenance as Provenance
+    from agonic.reference import Reference as Reference
+    from agonic.report.html import render as render
+    from agonic.samples import Samples as Samples
+    from agonic.simulation import simulate as simulate
+    from agonic.verification import Verification as Verification
+    from agonic.verification import verify as verify
 
 _HOMES = {
     "calibrated": ("Calibrated", "calibrate"),

@@ -43,14 +43,19 @@ class Moments:
         scale: float | None = None,
         unit: str = "nT",
     ) -> Moments:
-        """Moments of readings (n, 3) about their own middle and spread, unless those are given."""
+        """Moments of readings (n, 3), unless given about the middle and spread of some of them.
+
+        Any centre and scale near those of the readings serve; they only keep rounding away.
+        """
         rows = np.asarray(field, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows) or not np.isfinite(rows).all():
-            raise AgonicError(f"moments need finite readings (n, 3), not {rows.shape}")
-        n = len(rows)
-        about = np.ones(n) @ rows / n if centre is None else np.asarray(centre, dtype=np.float64)
-        size = scale or float(np.linalg.norm(rows - about) / np.sqrt(n)) or 1.0
+        if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
+            raise AgonicError(f"moments need readings (n, 3), not {rows.shape}")
+        some = rows[:: max(1, len(rows) // 10_000)]
+        about = some.mean(axis=0) if centre is None else np.asarray(centre, dtype=np.float64)
+        size = scale or float(np.linalg.norm(some - about) / np.sqrt(len(some))) or 1.0
         sums = kernel.accumulate(rows, about, size)
+        if not np.isfinite(sums).all():
+            raise AgonicError("moments need finite readings; leave out those that are not")
         return cls(centre=about, scale=size, sums=sums, unit=unit)
 
     def add(self, field: ArrayLike) -> Moments:

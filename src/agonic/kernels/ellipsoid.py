@@ -143,20 +143,22 @@ def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -
     A stray reading can fall near the ellipsoid by chance, in a direction that was never visited;
     nothing there contradicts it, and it or a handful of them decide the result. So where some
     readings are strays (weight zero), none is believed in a cell of directions where strays are
-    the majority, and none whose own leverage J C Jᵀ/σ² is large and far beyond the usual.
+    the majority. Readings of unusual leverage J C Jᵀ/σ² are a cell of their own, for just off the
+    visited directions strays hide among honest readings; and none is believed that decides alone.
     """
     stray = weights == 0.0
     if not stray.any() or stray.all():
         return np.ones(len(weights), dtype=bool)
     bias, matrix = split(model_basis(problem.model) @ solution.params)
     cells = cells_of((problem.points - bias) @ matrix.T)
-    readings, strays = np.bincount(cells, minlength=80), np.bincount(cells[stray], minlength=80)
     leverage = np.concatenate([
         np.einsum("ij,jk,ik->i", jacobian, solution.covariance / solution.scale**2, jacobian)
         for _, jacobian in pieces(problem)(solution.params)
     ])  # fmt: skip
-    bearable = max(0.1, 25 * float(np.median(leverage[~stray])))
-    return np.asarray((2 * strays < readings)[cells] & (leverage < bearable))
+    unusual = 25 * float(np.median(leverage[~stray]))
+    cells[leverage > unusual] = 80
+    readings, strays = np.bincount(cells, minlength=81), np.bincount(cells[stray], minlength=81)
+    return np.asarray((2 * strays < readings)[cells] & (leverage < max(1 / 3, unusual)))
 
 
 def _residuals(problem: Problem, params: Array) -> Array:
