@@ -20,6 +20,7 @@ from agonic.kernels.coverage import cells_of
 Array = NDArray[np.float64]
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
+_CROWD = 0.2  # of the readings
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 
 
@@ -156,7 +157,8 @@ def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -
         for _, jacobian in pieces(problem)(solution.params)
     ])  # fmt: skip
     unusual = 25 * float(np.median(leverage[~stray]))
-    cells[leverage > unusual] = 80
+    if stray.mean() < _CROWD:  # more are no strays but another population
+        cells[leverage > unusual] = 80
     readings, strays = np.bincount(cells, minlength=81), np.bincount(cells[stray], minlength=81)
     return np.asarray((2 * strays < readings)[cells] & (leverage < max(1 / 3, unusual)))
 
