@@ -140,3 +140,76 @@ def test_jacobian_of_the_corrected_field(derivative) -> None:
     )
     jacobian = affine.correction_jacobian(raw, bias, matrix)
     assert np.abs((jacobian - expected) * SIZES).max() < 1e-5
+
+
+def attitudes(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Down, and a horizontal direction, both unit vectors (n, 3)."""
+    turns = Rotation.random(n, random_state=seed).as_matrix()
+    return turns[:, 2], turns[:, 1]
+
+
+@given(SEEDS)
+@settings(max_examples=20)
+@pytest.mark.parametrize("kind", ["dip", "azimuth"])
+def test_jacobians_of_dip_and_azimuth_are_the_derivatives(kind: str, seed: int) -> None:
+    raw, bias, matrix = scene(seed)
+    down, across = attitudes(seed, len(raw))
+
+    def residual(local: np.ndarray) -> np.ndarray:
+        if kind == "azimuth":
+            return affine.azimuth_residual(raw, *affine.split(local), across)[0]
+        return affine.dip_residual(raw, *affine.split(local), down, 25_000.0, -43_000.0)[0]
+
+    local = affine.join(bias, matrix)
+    numeric = np.stack(
+        [(residual(local + step) - residual(local - step)) / 2 for step in np.diag(SIZES)], axis=1
+    )
+    if kind == "azimuth":
+        jacobian = affine.azimuth_residual(raw, bias, matrix, across)[1]
+    else:
+        jacobian = affine.dip_residual(raw, bias, matrix, down, 25_000.0, -43_000.0)[1]
+    # where the field happens to be vertical the dip has a kink
+    assert np.median(np.abs(numeric - jacobian * SIZES), axis=0).max() < 1e-3 * SIZES[0]
+
+
+def test_dip_is_the_angle_to_the_field_that_should_be_there() -> None:
+    turned = np.radians(30.0)
+    raw = 50.0 * np.array([[np.cos(turned), 0.0, np.sin(turned)]])
+    residual, _ = affine.dip_residual(
+        raw, np.zeros(3), np.eye(3), np.array([[0.0, 0.0, 1.0]]),
+        50.0 * np.cos(np.radians(40.0)), 50.0 * np.sin(np.radians(40.0)),
+    )  # fmt: skip
+    assert residual == pytest.approx([50.0 * np.sin(np.radians(-10.0))])
+
+
+def test_an_error_of_roll_and_pitch_leaves_the_magnitude_alone() -> None:
+    raw, bias, matrix = scene(3)
+    down, _ = attitudes(3, len(raw))
+    tilted, _ = attitudes(4, len(raw))
+    there, _ = affine.dip_residual(raw, bias, matrix, down, 25_000.0, 43_000.0)
+    wrong, _ = affine.dip_residual(raw, bias, matrix, tilted, 25_000.0, 43_000.0)
+    assert np.abs(there - wrong).max() > 1000.0
+    # the two residuals hold the same as z − Z and h − H
+    u = (raw - bias) @ matrix.T
+    z = np.sum(u * down, axis=1)
+    h = np.linalg.norm(u - z[:, None] * down, axis=1)
+    e = (25_000.0 * z - 43_000.0 * h) / np.hypot(25_000.0, 43_000.0)
+    unit = (u - z[:, None] * down) / h[:, None]
+    gradient = (25_000.0 * down - 43_000.0 * unit) / np.hypot(25_000.0, 43_000.0)
+    assert there == pytest.approx(e / np.linalg.norm(gradient @ matrix, axis=1))
+
+
+def test_noise_alone_does_not_lean_the_dip() -> None:
+    """With the correction, the gradient of the cost has mean zero at the truth."""
+    rng = np.random.default_rng(0)
+    n, sd = 400_000, 0.05
+    directions = np.array([0.4, 0.3, np.sqrt(0.75)])
+    down = np.broadcast_to([0.0, 0.0, 1.0], (n, 3))
+    raw = directions + sd * rng.normal(size=(n, 3))
+    for corrected, biased in ((sd, False), (0.0, True)):
+        r, jacobian = affine.dip_residual(
+            raw, np.zeros(3), np.eye(3), down, 0.5, np.sqrt(0.75), corrected
+        )
+        product = r * (jacobian[:, 0] * 0.8 + jacobian[:, 1] * 0.6)
+        error = product.mean() / (product.std() / np.sqrt(n))
+        assert (abs(error) > 10) == biased

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.kernels import ellipsoid, leastsq
 from agonic.kernels.affine import model_basis, split
+from agonic.kernels.noise import noise_of
 from agonic.simulation.draws import directions
 
 W = np.array([[1.1, 0.05, -0.1], [0.05, 0.9, 0.08], [-0.1, 0.08, 1.0]])
@@ -82,14 +83,14 @@ def test_distances_are_those_to_the_ellipsoid_along_its_normals() -> None:
 
 def test_noise_brings_in_tukey_only_where_a_reading_stands_out() -> None:
     residuals = 0.01 * np.random.default_rng(1).normal(size=2000)
-    quiet = ellipsoid.noise_of(residuals, robust=True, parameters=9)
+    quiet = noise_of(residuals, robust=True, parameters=9)
     assert quiet.sd == pytest.approx(0.01, rel=0.05)
     assert quiet.loss.weight(np.array([100.0])) == 1.0
     residuals[7] = 1.0
-    alarmed = ellipsoid.noise_of(residuals, robust=True, parameters=9)
+    alarmed = noise_of(residuals, robust=True, parameters=9)
     assert alarmed.sd == pytest.approx(0.01, rel=0.05)
     assert alarmed.loss.weight(np.array([100.0])) == 0.0
-    assert ellipsoid.noise_of(residuals, robust=False, parameters=9).sd > 0.02
+    assert noise_of(residuals, robust=False, parameters=9).sd > 0.02
 
 
 def test_a_stray_that_nothing_contradicts_is_not_believed() -> None:
@@ -104,11 +105,11 @@ def test_a_stray_that_nothing_contradicts_is_not_believed() -> None:
     solution = leastsq.solve(ellipsoid.pieces(with_strays.subset(np.arange(n))), FULL, scale=0.01)
     weights = np.ones(n + 6)
     weights[n + 1 :] = 0.0
-    believed = ellipsoid.corroborated(with_strays, solution, weights)
+    believed = ellipsoid.corroborated(with_strays, solution, weights, 0.01)
     assert not believed[n]
     assert believed[:n].mean() > 0.99
-    assert ellipsoid.corroborated(with_strays, solution, np.ones(n + 6)).all()
-    assert ellipsoid.corroborated(with_strays, solution, np.zeros(n + 6)).all()
+    assert ellipsoid.corroborated(with_strays, solution, np.ones(n + 6), 0.01).all()
+    assert ellipsoid.corroborated(with_strays, solution, np.zeros(n + 6), 0.01).all()
 
 
 @pytest.mark.parametrize("model", ["sphere", "diagonal", "full"])

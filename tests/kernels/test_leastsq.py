@@ -218,3 +218,44 @@ def test_white_residuals_count_one_each() -> None:
 def test_correlation_is_not_told_from_few_readings() -> None:
     assert leastsq.correlation_length(np.ones(19), np.ones(19)) == 1.0
     assert leastsq.correlation_length(np.zeros(100), np.ones(100)) == 1.0
+
+
+def test_channels_weigh_by_their_own_noise_and_correlation() -> None:
+    """Two instruments of one unknown: the weighted mean, and its standard error."""
+    rng = np.random.default_rng(5)
+    sharp, blunt = 3.0 + 0.1 * rng.normal(size=400), 3.0 + 1.0 * rng.normal(size=400)
+
+    def of(values: np.ndarray) -> leastsq.Pieces:
+        return lambda params: [(params[0] - values, np.ones((len(values), 1)))]
+
+    found = leastsq.solve_together(
+        [
+            leastsq.Channel(of(sharp), 0.1, leastsq.squares(), 4.0),
+            leastsq.Channel(of(blunt), 1.0, leastsq.squares()),
+        ],
+        np.zeros(1),
+    )
+    weights = np.array([400 / 0.1**2 / 4.0, 400 / 1.0**2])
+    mean = (weights @ [sharp.mean(), blunt.mean()]) / weights.sum()
+    assert found.params == pytest.approx([mean], abs=1e-4)
+    assert found.covariance[0, 0] == pytest.approx(1 / weights.sum(), rel=0.1)
+    assert len(found.residuals) == 800
+
+
+def test_the_noise_of_one_channel_is_not_taken_for_that_of_another() -> None:
+    """A channel whose scale is stated too small keeps its own sandwich."""
+    rng = np.random.default_rng(6)
+    values = rng.normal(size=(2, 500))
+
+    def of(values: np.ndarray, column: int) -> leastsq.Pieces:
+        row = np.eye(2)[column]
+        return lambda params: [(params[column] - values, np.tile(row, (len(values), 1)))]
+
+    found = leastsq.solve_together(
+        [
+            leastsq.Channel(of(values[0], 0), 1.0, leastsq.squares()),
+            leastsq.Channel(of(values[1], 1), 0.1, leastsq.squares()),
+        ],
+        np.zeros(2),
+    )
+    assert np.diag(found.covariance) == pytest.approx([1 / 500, 1 / 500], rel=0.15)

@@ -7,6 +7,7 @@ the parameters of a model and gauge, and `with_covariates` spreads them over a b
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,10 @@ Array = NDArray[np.float64]
 
 SYMMETRIC = "symmetric"
 TRIANGULAR = "triangular"
+FREE = "free"
 
-_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx yy zz xy xz yz
+_UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx yy zz xy xz yz
+_LOWER = ((1, 0), (2, 0), (2, 1))  # yx zx zy
 
 
 def correct(raw: Array, bias: Array, matrix: Array) -> Array:
@@ -29,18 +32,20 @@ def model_basis(model: str, gauge: str = SYMMETRIC) -> Array:
     """The map from a model's parameters to the twelve local numbers, (12, m).
 
     `sphere` has bias and one gain, `diagonal` bias and three gains, `full` bias and the six
-    entries xx yy zz xy xz yz of a matrix that is symmetric or upper triangular (z axis kept).
+    entries xx yy zz xy xz yz of a matrix that is symmetric or upper triangular (z axis kept); in
+    the gauge `free` all nine, yx zx zy last.
     """
     columns = [np.eye(12)[:, :3]]
-    entries = np.zeros((12, 6))
-    for k, (i, j) in enumerate(_ENTRIES):
+    chosen = _UPPER + (_LOWER if gauge == FREE else ())
+    entries = np.zeros((12, len(chosen)))
+    for k, (i, j) in enumerate(chosen):
         entries[3 + 3 * i + j, k] = 1.0
         if gauge == SYMMETRIC:
             entries[3 + 3 * j + i, k] = 1.0
     if model == "sphere":
         columns.append(entries[:, :3].sum(axis=1, keepdims=True))
     else:
-        columns.append(entries[:, : {"diagonal": 3, "full": 6}[model]])
+        columns.append(entries[:, :3] if model == "diagonal" else entries)
     return np.hstack(columns)
 
 
@@ -75,31 +80,114 @@ def magnitude_residual(
     Parameters: raw (n, 3), bias (3,), matrix (3, 3), magnitude (n,) or scalar, noise_sd in raw
     units. Returns r (n,) in raw units and its Jacobian (n, 12).
     """
-    d = (raw - bias).T.copy()  # component by component: long inner loops
-    u = matrix @ d
+    d, u = _corrected(raw, bias, matrix)
     size = np.maximum(np.sqrt(_dot(u, u)), np.finfo(float).tiny)
     unit = u / size
-    s = matrix.T @ unit
+
+    def bent(v: Array) -> Array:
+        return (v - unit * _dot(unit, v)) / size
+
+    def trace() -> Array:
+        return np.asarray((np.sum(matrix**2) - _square(matrix.T @ unit)) / size)
+
+    return _distance(d, matrix, size - magnitude, unit, bent, trace, noise_sd)
+
+
+def dip_residual(
+    raw: Array,
+    bias: Array,
+    matrix: Array,
+    down: Array,
+    horizontal: Array | float,
+    vertical: Array | float,
+    noise_sd: float = 0.0,
+) -> tuple[Array, Array]:
+    """How far the field of each reading is from the dip it should have, and the Jacobian.
+
+    With u = W (raw − bias), z = u·d along the down direction d, h = |u − z d|, and the intensities
+    H, Z and F = √(H² + Z²) that they should be:
+
+        g = (H z − Z h)/F,   r = g/|Wᵀe|,   e = ∂g/∂u = (H d − Z ĥ)/F,
+
+    a distance in raw space as in `magnitude_residual`, across it. The two together hold what the
+    pair z − Z and h − H holds, but an error of roll or pitch enters this one only.
+
+    Parameters: as in `magnitude_residual`, and down (n, 3) unit vectors, horizontal and vertical
+    (n,) or scalar. Returns r (n,) in raw units and its Jacobian (n, 12).
+    """
+    d, u = _corrected(raw, bias, matrix)
+    below = down.T
+    f = np.hypot(horizontal, vertical)
+    z = _dot(below, u)
+    level = u - below * z
+    h = np.maximum(np.sqrt(_dot(level, level)), np.finfo(float).tiny)
+    level /= h
+    e = (below * horizontal - level * vertical) / f
+    bend = -vertical / (f * h)
+
+    def bent(v: Array) -> Array:
+        return (v - below * _dot(below, v) - level * _dot(level, v)) * bend
+
+    def trace() -> Array:
+        free = np.sum(matrix**2) - _square(matrix.T @ below) - _square(matrix.T @ level)
+        return np.asarray(free * bend)
+
+    return _distance(d, matrix, (horizontal * z - vertical * h) / f, e, bent, trace, noise_sd)
+
+
+def azimuth_residual(raw: Array, bias: Array, matrix: Array, across: Array) -> tuple[Array, Array]:
+    """How far the field of each reading is from the azimuth it should have, and the Jacobian.
+
+    With u = W (raw − bias) and `across` (n, 3) the horizontal unit vector square to the direction
+    of the field: r = u·across/|Wᵀ across|, a distance in raw space as in `magnitude_residual`. It
+    is the only one of the three that an error of the known heading enters.
+    """
+    d, u = _corrected(raw, bias, matrix)
+    e = across.T
+    return _distance(d, matrix, _dot(u, e), e, np.zeros_like, lambda: np.zeros(len(raw)), 0.0)
+
+
+def _corrected(raw: Array, bias: Array, matrix: Array) -> tuple[Array, Array]:
+    """d = raw − bias and u = W d, (3, n): component by component, for long inner loops."""
+    d = (raw - bias).T.copy()
+    return d, matrix @ d
+
+
+def _distance(
+    d: Array, matrix: Array, g: Array, e: Array, bent: Callable[[Array], Array],
+    trace: Callable[[], Array], noise_sd: float,
+) -> tuple[Array, Array]:  # fmt: skip
+    """A condition g(u) = 0 on the field as a distance in raw space, and its Jacobian (n, 12).
+
+    e = ∂g/∂u (3, n), `bent` multiplies by the second derivative G = ∂²g/∂u², and `trace` gives
+    that of WᵀGW, (n,). With s = Wᵀe, n = s/|s|:
+
+        r = g/|s|,   a = (e − r G W n)/|s|,   ∂r/∂bias = −Wᵀa,   ∂r/∂W = a dᵀ − (r/|s|) e nᵀ
+    """
+    s = matrix.T @ e
     gradient = np.sqrt(_dot(s, s))
     normal = s / gradient
-    across = matrix @ normal
-    across -= unit * _dot(unit, across)
-    r = (size - magnitude) / gradient
-    a = (unit - across * (r / size)) / gradient
-    jacobian = np.empty((12, len(raw)))
+    turned = matrix @ normal
+    across = bent(turned)
+    r = g / gradient
+    a = (e - across * r) / gradient
+    jacobian = np.empty((12, d.shape[1]))
     np.matmul(-matrix.T, a, out=jacobian[:3])
-    tilt = unit * (r / gradient)
+    tilt = e * (r / gradient)
     entries = jacobian[3:].reshape(3, 3, -1)
     np.multiply(a[:, None], d[None], out=entries)
     entries -= tilt[:, None] * normal[None]
     if noise_sd:
-        trace = np.sum(matrix**2) - gradient**2
-        r = r - noise_sd**2 * 0.5 * (trace - 4.0 * _dot(across, across)) / (size * gradient)
+        r = r - noise_sd**2 * 0.5 * (trace() - 4.0 * _dot(turned, across)) / gradient
     return r, jacobian.T
 
 
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _square(a: Array) -> Array:
+    return _dot(a, a)
 
 
 def with_covariates(jacobian: Array, covariates: Array) -> Array:

@@ -16,6 +16,7 @@ from agonic.kernels import leastsq, moments, quadric
 from agonic.kernels.affine import magnitude_residual, model_basis, split
 from agonic.kernels.consensus import least_median_sphere
 from agonic.kernels.coverage import cells_of
+from agonic.kernels.noise import Noise, noise_of
 
 Array = NDArray[np.float64]
 
@@ -91,14 +92,6 @@ def parameters(bias: Array, matrix: Array, model: str) -> Array:
     return np.asarray(np.linalg.lstsq(model_basis(model), local, rcond=None)[0])
 
 
-class Noise(NamedTuple):
-    """What the residuals say of the noise: its loss, standard deviation, and correlation length."""
-
-    loss: leastsq.Loss
-    sd: float
-    correlation: float
-
-
 class Estimate(NamedTuple):
     """The solution on the readings that were believed, and residuals and weights of all."""
 
@@ -123,22 +116,9 @@ def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimat
     return _refine(problem, _search(few, robust, seed), robust)
 
 
-def noise_of(residuals: Array, robust: bool, parameters: int) -> Noise:
-    """The noise of residuals in time order.
-
-    Least squares unless a reading stands out: the largest of n Gaussian readings is expected below
-    √(2 ln 2n) standard deviations; one beyond that brings in Tukey's loss.
-    """
-    scale = max(leastsq.robust_scale(residuals, parameters), 1e-9)
-    largest = float(np.abs(residuals).max())
-    stands_out = largest > scale * (np.sqrt(2 * np.log(2 * len(residuals))) + 1)
-    loss = leastsq.tukey() if robust and stands_out else leastsq.squares()
-    sd = max(leastsq.noise_scale(residuals, loss, scale, parameters), 1e-9)
-    weights = loss.weight((residuals / sd) ** 2)
-    return Noise(loss, sd, leastsq.correlation_length(residuals, weights))
-
-
-def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -> NDArray[np.bool_]:
+def corroborated(
+    problem: Problem, solution: leastsq.Solution, weights: Array, sd: float
+) -> NDArray[np.bool_]:
     """Which readings other readings speak for, (n,).
 
     A stray reading can fall near the ellipsoid by chance, in a direction that was never visited;
@@ -153,7 +133,7 @@ def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array) -
     bias, matrix = split(model_basis(problem.model) @ solution.params)
     cells = cells_of((problem.points - bias) @ matrix.T)
     leverage = np.concatenate([
-        np.einsum("ij,jk,ik->i", jacobian, solution.covariance / solution.scale**2, jacobian)
+        np.einsum("ij,jk,ik->i", jacobian, solution.covariance / sd**2, jacobian)
         for _, jacobian in pieces(problem)(solution.params)
     ])  # fmt: skip
     unusual = 25 * float(np.median(leverage[~stray]))
@@ -182,17 +162,11 @@ def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         residuals = solution.residuals if part is problem else _residuals(problem, params)
         weights = assumed.loss.weight((residuals / assumed.sd) ** 2)
         noise = noise_of(solution.residuals, robust, len(params))
-        fewer = believed & corroborated(problem, solution, weights)
+        fewer = believed & corroborated(problem, solution, weights, assumed.sd)
         used, believed = believed, fewer if fewer.any() else believed
-        if _settled(noise, assumed) and np.array_equal(used, believed):
+        if noise.settled(assumed) and np.array_equal(used, believed):
             break
     return Estimate(solution, noise, residuals, weights * used)
-
-
-def _settled(noise: Noise, assumed: Noise) -> bool:
-    """Noise and correlation are what the solution assumed, to one and five per cent."""
-    lengths = noise.correlation / assumed.correlation
-    return abs(noise.sd / assumed.sd - 1) < 0.01 and abs(lengths - 1) < 0.05
 
 
 def _search(few: Problem, robust: bool, seed: int) -> Array:

@@ -6,7 +6,7 @@ data in memory, out of core and on several workers take the same code.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,8 +70,19 @@ class Normal(NamedTuple):
     residuals: Array  # all residuals, in their own units
 
 
+class Channel(NamedTuple):
+    """Residuals of one kind: their standard deviation, loss, and how many of them count as one."""
+
+    pieces: Pieces
+    scale: float
+    loss: Loss
+    correlation: float = 1.0
+
+
 class Solution(NamedTuple):
     """The minimum: parameters, covariance, and what the solver saw on the way.
+
+    `residuals` are those of all channels, one channel after the other.
 
     `information` is that of the readings alone, prior left out, in units of the parameters, and
     `condition` its condition number when scaled to a unit diagonal.
@@ -80,7 +91,6 @@ class Solution(NamedTuple):
     params: Array
     covariance: Array
     residuals: Array
-    scale: float
     cost: float
     information: Array
     condition: float
@@ -154,58 +164,81 @@ def solve(
     tolerance: float = 1e-3,
     max_iterations: int = 60,
 ) -> Solution:
-    """Minimise Σ ρ(r/scale)/correlation + |prior residuals|²/2 by Levenberg–Marquardt.
+    """`solve_together` for residuals of one kind.
 
     Parameters: `pieces(params)` yields residuals (n,) and Jacobians (n, m); `start` (m,); `scale`
     standard deviation of one residual; `prior(params)` gives residuals and Jacobian in units of
     their own standard deviation; `correlation` how many residuals count as one. It stops when the
     next step is below `tolerance` standard errors of the result.
-
-    The covariance is Huber's (1981) sandwich A⁻¹BA⁻¹, A = Σρ''/Σw · ΣwJᵀJ the curvature of the
-    loss and B = Σρ'²/Σw · ΣwJᵀJ the scatter of its gradient; the prior joins both as one more
-    observation.
     """
-    loss = loss or squares()
+    channel = Channel(pieces, scale, loss or squares(), correlation)
+    return solve_together(
+        [channel], start, prior=prior, tolerance=tolerance, max_iterations=max_iterations
+    )
+
+
+def solve_together(
+    channels: Sequence[Channel],
+    start: Array,
+    *,
+    prior: Prior | None = None,
+    tolerance: float = 1e-3,
+    max_iterations: int = 60,
+) -> Solution:
+    """Minimise Σ_c Σ ρ_c(r/scale_c)/correlation_c + |prior residuals|²/2 by Levenberg–Marquardt.
+
+    The covariance is Huber's (1981) sandwich A⁻¹BA⁻¹; each channel gives A its curvature of the
+    loss D = Σρ''/Σw · ΣwJᵀJ and B the scatter of its gradient, k D = Σρ'²/Σw · ΣwJᵀJ; the prior
+    joins both as one more observation.
+    """
     params, damping = np.array(start, dtype=np.float64), 1e-6
-    normal = accumulate(pieces, params, loss, scale)
-    cost, gradient, information, held = _with_prior(normal, params, prior, correlation)
+    sums = _sums(channels, params, prior)
     converged, iterations = False, 0
     while iterations < max_iterations and not converged:
-        step = _step(information, gradient, damping)
-        if float(step @ information @ step) < tolerance**2:
+        step = _step(sums.information, sums.gradient, damping)
+        if float(step @ sums.information @ step) < tolerance**2:
             converged = True
             break
         iterations += 1
-        trial = accumulate(pieces, params + step, loss, scale)
-        found = _with_prior(trial, params + step, prior, correlation)
-        if np.isfinite(found[0]) and found[0] <= cost:
-            params, normal = params + step, trial
-            cost, gradient, information, held = found
+        trial = _sums(channels, params + step, prior)
+        if np.isfinite(trial.cost) and trial.cost <= sums.cost:
+            params, sums = params + step, trial
             damping = max(damping / 10, 1e-12)
         else:
             damping = max(damping * 10, 1e-4)
             converged = damping > 1e10
-    # where nearly all readings are strays the curvature says nothing; it must stay positive
-    curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
-    data = normal.information * (curved / correlation)
+    covariance, data = _sandwich(channels, sums)
     return Solution(
-        params, _sandwich(normal, data, held, curved), normal.residuals, scale, cost,
-        data, condition(data), iterations, converged,
+        params, covariance, np.concatenate([normal.residuals for normal in sums.normals]),
+        sums.cost, data, condition(data), iterations, converged,
     )  # fmt: skip
 
 
-def _with_prior(
-    normal: Normal, params: Array, prior: Prior | None, correlation: float
-) -> tuple[float, Array, Array, Array]:
-    """Cost, gradient and information of data and prior together, and the prior's information."""
-    cost, gradient = normal.cost / correlation, normal.gradient / correlation
-    information = normal.information / correlation
-    if prior is None:
-        return cost, gradient, information, np.zeros_like(information)
-    residuals, jacobian = prior(params)
-    held = jacobian.T @ jacobian
-    cost += float(residuals @ residuals) / 2
-    return cost, gradient + residuals @ jacobian, information + held, held
+class _Sums(NamedTuple):
+    """Channels and prior together at some parameters."""
+
+    normals: list[Normal]
+    cost: float
+    gradient: Array
+    information: Array
+    held: Array  # the prior's part of the information
+
+
+def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> _Sums:
+    m = len(params)
+    cost, gradient, held = 0.0, np.zeros(m), np.zeros((m, m))
+    if prior is not None:
+        residuals, jacobian = prior(params)
+        cost, gradient = float(residuals @ residuals) / 2, residuals @ jacobian
+        held = jacobian.T @ jacobian
+    information, normals = held.copy(), []
+    for pieces, scale, loss, correlation in channels:
+        normal = accumulate(pieces, params, loss, scale)
+        cost += normal.cost / correlation
+        gradient = gradient + normal.gradient / correlation
+        information += normal.information / correlation
+        normals.append(normal)
+    return _Sums(normals, cost, gradient, information, held)
 
 
 def _step(information: Array, gradient: Array, damping: float) -> Array:
@@ -217,16 +250,27 @@ def _step(information: Array, gradient: Array, damping: float) -> Array:
     return np.asarray(step / size)
 
 
-def _sandwich(normal: Normal, data: Array, held: Array, curved: float) -> Array:
-    """A⁻¹BA⁻¹ in the units of the parameters, A = D + H and B = k D + H, prior H, readings D.
+def _sandwich(channels: Sequence[Channel], sums: _Sums) -> tuple[Array, Array]:
+    """A⁻¹BA⁻¹ and ΣD in the units of the parameters, A = ΣD + H, B = ΣkD + H, prior H.
 
-    Written k A⁻¹ + (1 − k) A⁻¹HA⁻¹, whose variances stay positive where A is all but singular.
+    With the smallest k taken out, B = kA + Σ(k_c − k)D_c + (1 − k)H, the variances stay positive
+    where A is all but singular.
     """
-    n, m = len(normal.residuals), len(data)
-    freedom = n / max(n - m, 1)
-    bread = inverse(data + held)
-    scattered = freedom * normal.scatter / normal.weight / curved if normal.weight > 0 else 1.0
-    return np.asarray(scattered * bread + (1 - scattered) * (bread @ held @ bread))
+    parts, scattered = [], []
+    for normal, channel in zip(sums.normals, channels, strict=True):
+        # where nearly all readings are strays the curvature says nothing; it must stay positive
+        curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
+        n, m = len(normal.residuals), len(sums.held)
+        freedom = n / max(n - m, 1)
+        parts.append(normal.information * (curved / channel.correlation))
+        known = normal.weight > 0
+        scattered.append(freedom * normal.scatter / normal.weight / curved if known else 1.0)
+    data, least = np.sum(parts, axis=0), min(scattered)
+    bread = inverse(data + sums.held)
+    rest = (1 - least) * sums.held
+    for part, k in zip(parts, scattered, strict=True):
+        rest = rest + (k - least) * part
+    return np.asarray(least * bread + bread @ rest @ bread), data
 
 
 def inverse(information: Array) -> Array:

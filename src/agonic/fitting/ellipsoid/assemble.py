@@ -78,7 +78,14 @@ def settings(
         f = reference.magnitudes(len(reference.values))
         size = f"{f[0]:g} nT" if len(f) == 1 else f"{f.min():g} to {f.max():g} nT per sample"
         words = f"{size} ({reference.source})"
-    return {"model": model, "method": method, "gauge": gauge, "reference": words, **more}
+    return {
+        "fit": "ellipsoid",
+        "model": model,
+        "method": method,
+        "gauge": gauge,
+        "reference": words,
+        **more,
+    }
 
 
 def scale_finding(affine: Affine) -> Finding | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,10 +13,11 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.assemble import finished, remarks, scale_finding
 from agonic.fitting.ellipsoid.solve import Found
-from agonic.health import Evidence, examine, inspect, usable_rows
+from agonic.health import Evidence, Finding, examine, examine_taught, inspect, usable_rows
 from agonic.kernels import ellipsoid
 from agonic.kernels.affine import correct
 from agonic.kernels.coverage import visits
+from agonic.kernels.noise import noise_of
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -30,10 +33,12 @@ def evaluate(
     reference: Reference | None = None,
     *,
     inclination_deg: float = 60.0,
+    by_magnitude: bool = True,
 ) -> Fit:
     """A calibration with what these samples say of it; nothing is fitted.
 
     Parameters as in `fit_ellipsoid`; without a reference the calibration's own magnitude counts.
+    `by_magnitude` is false for one that the attitude taught: readings in a plane are no fault then.
 
     >>> from agonic.simulation import random_calibration
     >>> given = random_calibration(np.random.default_rng(0))
@@ -47,12 +52,15 @@ def evaluate(
     wanted = _wanted(calibration, reference, len(samples))
     residuals, _ = ellipsoid.distances(samples.field, calibration.bias, calibration.matrix, wanted)
     residuals = residuals[rows_of(usable)]
-    noise = ellipsoid.noise_of(residuals, robust=True, parameters=0)
+    noise = noise_of(residuals, robust=True, parameters=0)
     found = Found(
         calibration.model, calibration.bias, calibration.matrix, calibration.covariance,
         noise.sd, noise.correlation, residuals, noise.loss.weight((residuals / noise.sd) ** 2),
     )  # fmt: skip
-    return with_evidence(found, calibration, samples, reference, usable, (), inclination_deg)
+    return with_evidence(
+        found, calibration, samples, reference, usable, (), inclination_deg,
+        examine if by_magnitude else examine_taught,
+    )  # fmt: skip
 
 
 def _wanted(affine: Affine, reference: Reference | None, n: int) -> Array:
@@ -78,6 +86,7 @@ def rows_of(mask: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:
 def with_evidence(
     found: Found, affine: Affine, samples: Samples, reference: Reference | None,
     usable: NDArray[np.bool_], tests: tuple[ModelTest, ...], inclination_deg: float,
+    examined: Callable[[Evidence], tuple[Finding, ...]] = examine,
 ) -> Fit:  # fmt: skip
     """The fit: residuals of every row, coverage, findings and remarks.
 
@@ -121,6 +130,6 @@ def with_evidence(
     )
     if fit.verdict == "refused":
         return finished(fit, ())
-    wrong = examine(evidence)
+    wrong = examined(evidence)
     refused = any(finding.severity == "refuse" for finding in wrong)
     return finished(fit, (*wrong, None if refused else scale_finding(affine)))

@@ -1,0 +1,289 @@
+"""How late readings come beside the attitude: variable projection over stretches of time.
+
+A field that is constant in n reads raw(t) = A R(t − τ)ᵀ B + b, which is linear in unknowns once the
+latency τ is known: raw(t) = Γ vec R(t − τ) + b, with R = rot_nb. Γ (3, 9) and b (3,) are free in
+every stretch, so no calibration, no field and no mounting has to be known, attitude may drift, and
+a magnet that comes or goes spoils one stretch. They are projected out (Golub & Pereyra 1973, with
+Kaufman's 1975 Jacobian); τ remains. The smooth attitude is shifted, never the noisy readings:
+interpolated noise is smaller between rows than on them, which would draw τ away from the rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from agonic.kernels.leastsq import MAD_TO_SD, tukey
+from agonic.kernels.rotation import integrated
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+_SUPPORTED = 1e-6  # part of a stretch's largest mean square that a regressor has to have
+_MEDIAN_NORM = 1.5382  # median length of three Gaussian numbers, √(median of χ²₃)
+_FEWEST = 30  # rows of a stretch, for ten regressors
+_SCAN_S = 0.02  # a hand's fastest motion takes ten times as long
+_SCAN_ROWS = 4000
+_BLOCKS = 40
+_ITERATIONS = 20
+_SETTLED = 0.05  # of a standard error
+_DRIFT_RAD_S = 1e-4  # 0.06° in ten seconds
+_DRIFT_STEPS = 4  # what is left of a bias is projected out, to first order
+
+# ∂R/∂φ_k for a turn of n by φ: [e_k]× R
+_SKEW = np.zeros((3, 3, 3))
+_SKEW[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0
+_SKEW[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = -1.0
+
+
+class Path(NamedTuple):
+    """Functions of time (9,): the entries of rot_nb, and what unit drifts of a gyro change them."""
+
+    entries: CubicSpline
+    drifts: tuple[CubicSpline, ...] = ()
+
+
+class Record(NamedTuple):
+    """The rows that take part: `time` (n,), `raw` (n, 3), the first row of each stretch, and n."""
+
+    time: Array
+    raw: Array
+    edges: Rows
+
+    def stretches(self) -> list[slice]:
+        """The rows of each stretch."""
+        return [slice(start, stop) for start, stop in pairwise(self.edges.tolist())]
+
+
+class Estimate(NamedTuple):
+    """The latency, its standard error, residuals per axis without and with it, rows that count."""
+
+    latency_s: float
+    sd_s: float
+    before: float
+    after: float
+    n: int
+
+
+class _Projected(NamedTuple):
+    """Residuals (n, 3), and by how much they fall (k, n, 3) with latency and with drifts."""
+
+    residuals: Array
+    slopes: Array
+
+
+def attitude_path(time: Array, rot_nb: Array) -> Path:
+    """The path through recorded attitudes (n, 3, 3).
+
+    Rows are smoothed by the weights 1, 4, 6, 4, 1, and their times with them: what noise is left
+    is well below the Nyquist frequency, where a spline is as noisy between rows as on them.
+    """
+    return Path(CubicSpline(_smooth(time), _smooth(rot_nb.reshape(-1, 9))))
+
+
+def gyro_path(time: Array, rotation_rate: Array) -> Path:
+    """The path that a gyro (n, 3) rad/s integrates to, and what a bias on each axis adds to it."""
+    rot_nb = integrated(rotation_rate, time).as_matrix()
+    turned = CubicSpline(time, rot_nb).antiderivative()(time)  # ∫R dt: columns turn n per bias
+    drifts = np.einsum("nkj,kab,nbc->jnac", turned, _SKEW, rot_nb).reshape(3, -1, 9)
+    entries = CubicSpline(time, rot_nb.reshape(-1, 9))
+    return Path(entries, tuple(CubicSpline(time, drift) for drift in drifts))
+
+
+def runs(time: Array) -> list[Rows]:
+    """The rows between gaps: intervals above five usual ones and above 50 ms."""
+    interval = np.diff(time)
+    limit = max(5 * float(np.median(interval)), 0.05) if len(interval) else 0.0
+    return np.split(np.arange(len(time)), np.flatnonzero(interval > limit) + 1)
+
+
+def record(time: Array, raw: Array, margin_s: float, stretch_s: float) -> Record:
+    """The rows that keep `margin_s` from ends and gaps, cut into stretches of about `stretch_s`."""
+    kept, edges, count = [np.zeros(0, dtype=np.intp)], [0], 0
+    for run in runs(time):
+        inside = run[(time[run] > time[run[0]] + margin_s) & (time[run] < time[run[-1]] - margin_s)]
+        if len(inside) < _FEWEST:
+            continue
+        span = time[inside[-1]] - time[inside[0]]
+        pieces = max(1, min(round(span / stretch_s), len(inside) // _FEWEST))
+        kept.append(inside)
+        edges += [count + len(inside) * (k + 1) // pieces for k in range(pieces)]
+        count += len(inside)
+    rows = np.concatenate(kept)
+    return Record(time[rows], raw[rows], np.array(edges))
+
+
+def estimate_attitude(record: Record, time: Array, rot_nb: Array, limit_s: float) -> Estimate:
+    """The latency, within ± `limit_s`, of readings beside recorded attitudes (m, 3, 3)."""
+    path = attitude_path(time, rot_nb)
+    return _refined(record, lambda _: path, limit_s)
+
+
+def estimate_gyro(record: Record, time: Array, rotation_rate: Array, limit_s: float) -> Estimate:
+    """The latency of readings beside a gyro (m, 3) rad/s, whose bias is estimated with it."""
+    return _refined(record, lambda bias: gyro_path(time, rotation_rate + bias), limit_s)
+
+
+def _refined(record: Record, path_at: Callable[[Array], Path], limit_s: float) -> Estimate:
+    """Gauss–Newton on latency and gyro bias, with Tukey's weights anew at each step."""
+    weights, bias = np.ones(len(record.time)), np.zeros(3)
+    path = path_at(bias)
+    latency = _scanned(record, path, limit_s)
+    for turn in range(_ITERATIONS):
+        seen = _projected(record, path, latency, weights)
+        weights, noise = _weighed(record, seen.residuals)
+        slope, drift = _profiled(seen, weights / noise**2)
+        z, fall = _standardised(seen.residuals, slope, weights, noise)
+        trust = _trusted(z, fall)
+        information = float((trust * fall**2).sum())
+        if not information > 0:
+            break
+        step = float((trust * fall * z).sum()) / information
+        latency = float(np.clip(latency + step, -limit_s, limit_s))
+        if turn < _DRIFT_STEPS and np.abs(drift).max(initial=0.0) > _DRIFT_RAD_S:
+            bias = bias + drift
+            path = path_at(bias)
+        elif step**2 * information < _SETTLED**2:
+            break
+    return _concluded(record, path, latency, weights)
+
+
+def _concluded(record: Record, path: Path, latency: float, weights: Array) -> Estimate:
+    """The estimate with its standard error √(Σ J ρ Jᵀ)/H, ρ the correlation of the residuals.
+
+    H, the curvature of the cost, is the change of the score over one interval of time: in ΣJ² the
+    noise of an attitude would pass for motion.
+    """
+    half = float(np.median(np.diff(record.time))) / 2
+    seen = _projected(record, path, latency, weights)
+    noise = _weighed(record, seen.residuals)[1]
+    z, fall = _standardised(seen.residuals, _profiled(seen, weights / noise**2)[0], weights, noise)
+    trust = _trusted(z, fall)
+    scores = []
+    for at in (latency - half, latency + half):
+        near = _projected(record, path, at, weights)
+        slope, _ = _profiled(near, weights / noise**2)
+        there = _standardised(near.residuals, slope, weights, noise)
+        scores.append(float((trust * there[0] * there[1]).sum()))
+    curvature = (scores[0] - scores[1]) / (2 * half)
+    scatter = _scatter(z, trust * fall)
+    sd = np.sqrt(scatter) / curvature if curvature > 0 else np.inf
+    none = _projected(record, path, 0.0, weights).residuals
+    counted = int((weights * trust[:, 0] > 0).sum())
+    return Estimate(latency, float(sd), _size(none), _size(seen.residuals), counted)
+
+
+def _standardised(
+    residuals: Array, slope: Array, weights: Array, noise: Array
+) -> tuple[Array, Array]:
+    """Residuals and slopes (n, 3) in units of the noise, weighted."""
+    unit = (np.sqrt(weights) / noise)[:, None]
+    return residuals * unit, slope * unit
+
+
+def _trusted(z: Array, fall: Array) -> Array:
+    """Tukey's weight (n, 1) of the block of a row: small where a disturbance spoils the block.
+
+    A block's score g = Σ J z over √h, h = Σ J², is judged by the scatter of those of all blocks.
+    """
+    blocks = np.array_split(np.arange(len(z)), _BLOCKS)
+    g = np.array([(z[rows] * fall[rows]).sum() for rows in blocks])
+    h = np.array([(fall[rows] ** 2).sum() for rows in blocks])
+    h += 1e-3 * h.max() + 1e-300
+    weights, far = np.ones(len(g)), g
+    for _ in range(20):
+        far = (g - h * (weights @ g) / (weights @ h)) / np.sqrt(h)
+        spread = max(MAD_TO_SD * float(np.median(np.abs(far))), 1e-300)
+        weights = np.maximum(tukey().weight((far / spread) ** 2), 1e-9)
+    return np.repeat(weights, [len(rows) for rows in blocks])[:, None]
+
+
+def _scatter(z: Array, fall: Array) -> float:
+    """The variance of Σ s, s = J·z: Σ s² (1 + 2 Σ_k ρ_k c_k), lags up to where ρ is lost in noise.
+
+    ρ is the correlation of the residuals and c that of J, which are independent of each other.
+    """
+    rho, along = _correlations(z), _correlations(fall)
+    quiet = np.flatnonzero(rho < 2 / np.sqrt(z.size))
+    last = int(quiet[0]) if len(quiet) else len(rho)
+    scores = (fall * z).sum(axis=1)
+    return float(scores @ scores) * max(1 + 2 * float(rho[1:last] @ along[1:last]), 0.0)
+
+
+def _correlations(rows: Array) -> Array:
+    """Σ_i x_i · x_{i+k} / Σ_i x_i · x_i of rows (n, 3), for k up to a quarter of them."""
+    size = 1 << (2 * len(rows) - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(rows, size, axis=0)) ** 2
+    sums = np.fft.irfft(spectrum.sum(axis=1), size)[: max(len(rows) // 4, 1)]
+    return np.asarray(sums / max(sums[0], 1e-300))
+
+
+def _scanned(record: Record, path: Path, limit_s: float) -> float:
+    """The best latency of a coarse grid on some of the rows: Σ n log σ over stretches is least."""
+    every = max(1, len(record.time) // _SCAN_ROWS)
+    some = Record(record.time[::every], record.raw[::every], -(-record.edges // every))
+    weights = np.ones(len(some.time))
+    grid = np.linspace(-1, 1, 2 * max(1, round(limit_s / _SCAN_S)) + 1) * limit_s
+    costs = []
+    for latency in grid:
+        residuals = _projected(some, path, latency, weights).residuals
+        costs.append(np.log(_weighed(some, residuals)[1]).sum())
+    return float(grid[np.argmin(costs)])
+
+
+def _projected(record: Record, path: Path, latency: float, weights: Array) -> _Projected:
+    """Residuals of the weighted least squares of every stretch, and Kaufman's slopes."""
+    at = record.time - latency
+    entries = np.column_stack([np.ones(len(at)), path.entries(at)])
+    changes = np.stack([-path.entries(at, 1), *(drift(at) for drift in path.drifts)])
+    residuals, slopes = np.empty_like(record.raw), np.empty((len(changes), len(at), 3))
+    for rows in record.stretches():
+        x, w, raw = entries[rows], weights[rows, None], record.raw[rows]
+        power, axes = np.linalg.eigh(x.T @ (w * x))
+        seen = power > _SUPPORTED * power[-1]
+        scaled = axes[:, seen] / np.sqrt(power[seen])
+        basis = x @ scaled
+        found = basis.T @ (w * raw)
+        residuals[rows] = raw - basis @ found
+        moved = changes[:, rows] @ (scaled @ found)[1:]
+        slopes[:, rows] = moved - basis @ (basis.T @ (w * moved))
+    return _Projected(residuals, slopes)
+
+
+def _weighed(record: Record, residuals: Array) -> tuple[Array, Array]:
+    """Tukey weight and standard deviation (n,) of each row, from the residuals of its stretch."""
+    far = np.linalg.norm(residuals, axis=1)
+    noise = np.empty(len(far))
+    for rows in record.stretches():
+        noise[rows] = np.median(far[rows]) / _MEDIAN_NORM
+    noise = np.maximum(noise, 1e-9 * np.abs(record.raw).max())
+    return tukey().weight((far / noise) ** 2 / 3), noise
+
+
+def _profiled(seen: _Projected, weights: Array) -> tuple[Array, Array]:
+    """The slope (n, 3) along latency, less what drifts explain of it; and the step of drifts."""
+    along, drifts = seen.slopes[0], seen.slopes[1:]
+    if not len(drifts):
+        return along, np.zeros(0)
+    weighted = (drifts * weights[:, None]).reshape(len(drifts), -1)
+    solve = np.linalg.pinv(weighted @ drifts.reshape(len(drifts), -1).T, hermitian=True)
+    share = solve @ (weighted @ along.ravel())
+    return along - np.tensordot(share, drifts, 1), solve @ (weighted @ seen.residuals.ravel())
+
+
+def _size(residuals: Array) -> float:
+    """Standard deviation per axis from the median length."""
+    return float(np.median(np.linalg.norm(residuals, axis=1))) / _MEDIAN_NORM
+
+
+def _smooth(rows: Array) -> Array:
+    """Rows averaged with their neighbours by 1, 4, 6, 4, 1; the first and last are kept."""
+    for _ in range(2):
+        inner = (rows[:-2] + 2 * rows[1:-1] + rows[2:]) / 4
+        rows = np.concatenate([rows[:1], inner, rows[-1:]])
+    return rows

@@ -1,0 +1,123 @@
+"""The estimator taught by magnitude, dip and azimuth, on points of about one."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from agonic.kernels import leastsq, taught
+from agonic.kernels.affine import split
+
+H, Z = 0.5, np.sqrt(0.75)
+W = np.array([[1.05, 0.04, -0.03], [0.04, 0.95, 0.02], [-0.03, 0.02, 1.02]])
+BIAS = np.array([0.8, -0.5, 0.3])
+
+
+def problem(n: int = 1500, *, noise=0.003, tilt_deg=15.0, seed=0, turn_deg=0.0, slope=None, **more):
+    """A vehicle at all headings, tilted a little, with a sensor that may sit turned in it."""
+    rng = np.random.default_rng(seed)
+    yaw, roll, pitch = rng.uniform(-1, 1, (3, n)) * [[180.0], [tilt_deg], [tilt_deg]]
+    rot_nb = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], 1), degrees=True).as_matrix()
+    field_b = np.einsum("nji,j->ni", rot_nb, [H, 0.0, Z])
+    matrix = Rotation.from_euler("y", turn_deg, degrees=True).as_matrix() @ W
+    terms = rng.normal(size=(n, 0 if slope is None else 1))
+    points = field_b @ np.linalg.inv(matrix).T + BIAS + noise * rng.normal(size=(n, 3))
+    if slope is not None:
+        points = points + terms @ np.array([slope])
+    known = {
+        "down": rot_nb[:, 2], "across": None, "model": "full", "gauge": "symmetric",
+        "soft_iron_sd": None, "turn_sd": 0.05,
+    }  # fmt: skip
+    return taught.Problem(points, terms, np.array([H]), np.array([Z]), **(known | more)), rot_nb
+
+
+def fitted(given: taught.Problem, **settings):
+    found = taught.estimate(given, **settings)
+    m = given.basis.shape[1]
+    return found, *split(given.basis @ found.solution.params[:m])
+
+
+def test_roll_pitch_and_intensities_find_bias_and_matrix_of_a_vehicle_that_hardly_tilts() -> None:
+    found, bias, matrix = fitted(problem()[0])
+    assert bias == pytest.approx(BIAS, abs=0.01)
+    assert matrix == pytest.approx(W, abs=0.01)
+    assert found.noise["magnitude"].sd == pytest.approx(0.003, rel=0.1)
+    assert found.noise["dip"].sd == pytest.approx(0.003, rel=0.1)
+
+
+def test_the_magnitude_alone_would_not_have_found_them() -> None:
+    given = problem()[0]
+    alone, _, _ = fitted(given._replace(down=None))
+    both, _, _ = fitted(given)
+    ratio = np.diag(alone.solution.covariance)[:3] / np.diag(both.solution.covariance)[:3]
+    assert ratio.max() > 9.0
+
+
+def test_errors_of_roll_and_pitch_are_weighed_by_what_they_do() -> None:
+    given, _ = problem()
+    rng = np.random.default_rng(9)
+    down = given.down + 0.02 * rng.normal(size=given.down.shape)
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    found, bias, _ = fitted(given._replace(down=down))
+    assert found.noise["magnitude"].sd == pytest.approx(0.003, rel=0.1)
+    assert found.noise["dip"].sd == pytest.approx(0.02, rel=0.15)
+    assert bias == pytest.approx(BIAS, abs=0.02)
+
+
+@pytest.mark.parametrize("gauge", ["symmetric", "free"])
+def test_a_turned_sensor_needs_the_free_matrix(gauge: str) -> None:
+    given, _ = problem(turn_deg=2.0, gauge=gauge)
+    found, bias, _ = fitted(given)
+    if gauge == "free":
+        turn, covariance = taught.turn(given, found.solution)
+        assert turn[1] == pytest.approx(np.radians(2.0), abs=0.003)
+        assert np.sqrt(covariance[1, 1]) < 0.002
+        assert bias == pytest.approx(BIAS, abs=0.01)
+    else:
+        assert found.noise["dip"].sd > 1.25 * 0.003
+
+
+def test_a_known_heading_finds_the_turn_about_the_vertical() -> None:
+    given, rot_nb = problem(tilt_deg=3.0, gauge="free", turn_sd=None)
+    known = given._replace(across=rot_nb[:, 1])
+    found, _, matrix = fitted(known)
+    assert set(found.noise) == {"magnitude", "dip", "azimuth"}
+    assert matrix == pytest.approx(W, abs=0.02)
+    without, _, _ = fitted(given._replace(turn_sd=0.1))
+    sd = [
+        np.sqrt(taught.turn(g, f.solution)[1][0, 0]) for g, f in ((known, found), (given, without))
+    ]
+    assert sd[0] < 0.2 * sd[1]
+
+
+def test_a_term_takes_what_moves_with_it() -> None:
+    found, bias, _ = fitted(problem(slope=[0.05, -0.02, 0.08])[0])
+    assert found.solution.params[9:] == pytest.approx([0.05, -0.02, 0.08], abs=0.002)
+    assert bias == pytest.approx(BIAS, abs=0.01)
+
+
+def test_strays_are_left_out() -> None:
+    given, _ = problem()
+    points = given.points.copy()
+    points[::20] += 0.5
+    found, bias, _ = fitted(given._replace(points=points))
+    assert bias == pytest.approx(BIAS, abs=0.015)
+    assert (found.weight[::20] == 0).mean() > 0.95
+    assert (np.delete(found.weight, np.s_[::20]) > 0).all()
+
+
+def test_the_prior_has_the_derivative_it_says() -> None:
+    given, _ = problem(gauge="free", soft_iron_sd=0.1, slope=[0.0, 0.0, 0.0])
+    prior = taught.prior_of(given, 0.1)
+    at = np.random.default_rng(0).normal(size=15) + np.array([0, 0, 0, 2, 2, 2] + [0] * 9)
+    jacobian = prior(at)[1]
+    numeric = [(prior(at + step)[0] - prior(at - step)[0]) / 2e-6 for step in 1e-6 * np.eye(15)]
+    assert jacobian == pytest.approx(np.stack(numeric, axis=1), abs=1e-6)
+
+
+def test_pieces_of_all_kinds_cover_all_rows_once() -> None:
+    given, rot_nb = problem(n=9000)
+    given = given._replace(across=rot_nb[:, 1])
+    for kind in given.kinds:
+        sums = leastsq.accumulate(taught.pieces(given, kind), np.r_[BIAS, 1, 1, 1, 0, 0, 0],
+                                  leastsq.squares(), 1.0)  # fmt: skip
+        assert len(sums.residuals) == 9000
