@@ -33,7 +33,8 @@ def test_field_is_kept_in_nanotesla_or_raw(unit: str, factor: float) -> None:
 def test_other_columns_keep_their_own_units() -> None:
     samples = ag.Samples(**every_column(), unit="uT")
     for name, values in every_column().items():
-        assert getattr(samples, name) == pytest.approx(values * (1e3 if name == "field" else 1))
+        scale = 1e3 if name in ("field", "second") else 1.0
+        assert getattr(samples, name) == pytest.approx(values * scale)
 
 
 def test_rows_with_nan_in_any_column_are_left_out_and_counted() -> None:
@@ -135,7 +136,7 @@ def test_select_takes_the_rows_of_every_column(rows: list[int] | np.ndarray) -> 
     part = ag.Samples(**columns, unit="uT", name="MAG2").select(rows)
     assert part.name == "MAG2"
     for name, values in columns.items():
-        scale = 1e3 if name == "field" else 1.0
+        scale = 1e3 if name in ("field", "second") else 1.0
         assert getattr(part, name) == pytest.approx(values[rows] * scale)
 
 

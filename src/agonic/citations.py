@@ -10,11 +10,21 @@ CITATIONS: dict[str, str] = {
         "on band-spectroscopic data. Technometrics 16(2), 147–185, 1974. "
         "doi:10.1080/00401706.1974.10489171"
     ),
+    "caruso-2000": (
+        "M. J. Caruso: Applications of magnetic sensors for low cost compass systems. IEEE "
+        "Position Location and Navigation Symposium, 177–184, 2000. "
+        "doi:10.1109/PLANS.2000.838300"
+    ),
     "huber-1981": "P. J. Huber: Robust Statistics. Wiley, New York, 1981. doi:10.1002/0471725250",
     "kukush-markovsky-vanhuffel-2004": (
         "A. Kukush, I. Markovsky, S. Van Huffel: Consistent estimation in an implicit quadratic "
         "measurement error model. Computational Statistics & Data Analysis 47(1), 123–147, 2004. "
         "doi:10.1016/j.csda.2003.10.022"
+    ),
+    "laidig-seel-2023": (
+        "D. Laidig, T. Seel: VQF: Highly accurate IMU orientation estimation with bias estimation "
+        "and magnetic disturbance rejection. Information Fusion 91, 187–204, 2023. "
+        "doi:10.1016/j.inffus.2022.10.014"
     ),
     "li-griffiths-2004": (
         "Q. Li, J. G. Griffiths: Least squares ellipsoid specific fitting. Proceedings of "
@@ -24,6 +34,11 @@ CITATIONS: dict[str, str] = {
     "markovsky-kukush-vanhuffel-2004": (
         "I. Markovsky, A. Kukush, S. Van Huffel: Consistent least squares fitting of ellipsoids. "
         "Numerische Mathematik 98(1), 177–194, 2004. doi:10.1007/s00211-004-0526-9"
+    ),
+    "nga-2004": (
+        "National Geospatial-Intelligence Agency: Handbook of Magnetic Compass Adjustment "
+        "(formerly Pub. No. 226). Bethesda, MD, 2004; as first published by the Defense Mapping "
+        "Agency, Washington, D.C., 1980."
     ),
     "nikolaev-2023": (
         "П. Н. Николаев, А. С. Эспиноза Валлес, М. С. Щербаков, Д. Д. Соболев: Гироскопия и "

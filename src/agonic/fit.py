@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +27,15 @@ class ModelTest:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Channel:
+    """Residuals (n,) of one kind, their standard deviation and correlation length."""
+
+    residuals: Array
+    noise: float
+    correlation: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
     """A calibration and what it rests on.
 
@@ -34,7 +44,9 @@ class Fit:
     moments, which keeps no readings); `noise` is the standard
     deviation of one reading on one axis; `correlation` is how many successive readings count as
     one (1 for white noise), already inside `covariance`; `condition` is that of the scaled
-    information matrix; `findings` are all observations, by name; `tests` the choice of model.
+    information matrix; `channels` are the residuals by kind ("magnitude", "dip", "azimuth") where
+    the attitude taught the fit; `findings` are all observations, by name; `tests` the choice of
+    model.
     """
 
     calibration: Affine
@@ -47,20 +59,22 @@ class Fit:
     iterations: int
     converged: bool
     coverage: Coverage
+    channels: Mapping[str, Channel] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     remarks: tuple[str, ...] = ()
 
     @property
     def covariance(self) -> Array:
-        """Covariance (9, 9) of bias x y z, then matrix xx yy zz xy xz yz."""
+        """Covariance (9, 9) of bias x y z, then matrix xx yy zz xy xz yz; (12, 12) where the
+        matrix is free, with yx zx zy, and further with the coefficients of sources on board."""
         covariance = self.calibration.covariance
         assert covariance is not None, "a fit always carries a covariance"
         return covariance
 
     @property
     def sd(self) -> Array:
-        """Standard errors (9,) of the same."""
+        """Standard errors of the same."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
@@ -76,9 +90,10 @@ class Fit:
 
     @property
     def status(self) -> str:
-        """The result in words: what stands in the way, or how good it is."""
-        said = [finding.sentence for finding in self.findings]
-        return ". ".join(_capital(text) for text in (*said, *self.remarks)) + "."
+        """The result in words: what stands in the way, how good it is, what else was seen."""
+        notes = [finding.sentence for finding in self.findings if finding.severity == "note"]
+        grave = [finding.sentence for finding in self.findings if finding.severity != "note"]
+        return ". ".join(_capital(text) for text in (*grave, *self.remarks, *notes)) + "."
 
 
 def _capital(text: str) -> str:

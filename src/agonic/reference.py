@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,15 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.errors import UnitError
 from agonic.units import nanotesla_per
 
-Kind = Literal["constant", "magnitude", "vector"]
+Kind = Literal["constant", "magnitude", "horizontal-vertical", "vector"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
     """The field that the sensor was in, nT.
 
-    `values` is (1,) for a constant magnitude, (n,) for a magnitude per sample, and (n, 3) for a
-    vector in `frame`; `sd` is the standard deviation of its error, nT; `source` says who says so.
+    `values` is (1,) for a constant magnitude, (n,) for a magnitude per sample, (1 or n, 2) for
+    horizontal and vertical intensity, and (1 or n, 3) for a vector in `frame`; `sd` is the standard
+    deviation of its error, nT; `source` says who says so.
     """
 
     kind: Kind
@@ -47,6 +48,24 @@ class Reference:
         return cls._checked("magnitude", magnitudes, unit, sd, source)
 
     @classmethod
+    def horizontal_vertical(
+        cls,
+        horizontal: ArrayLike,
+        vertical: ArrayLike,
+        *,
+        unit: str = "nT",
+        sd: float = 0.0,
+        source: str = "given",
+    ) -> Reference:
+        """Horizontal and vertical intensity (down positive), one for all samples or one for each.
+
+        >>> Reference.horizontal_vertical(20_000, 45_000).values
+        array([[20000., 45000.]])
+        """
+        pair = np.stack(np.broadcast_arrays(np.atleast_1d(horizontal), np.atleast_1d(vertical)), 1)
+        return cls._checked("horizontal-vertical", pair, unit, sd, source)
+
+    @classmethod
     def vector(
         cls,
         vectors: ArrayLike,
@@ -56,7 +75,8 @@ class Reference:
         sd: float = 0.0,
         source: str = "given",
     ) -> Reference:
-        """A vector for each sample, (n, 3), in the frame of the given letter."""
+        """A vector for each sample, (n, 3), or one for all, in the frame of the given letter."""
+        vectors = np.atleast_2d(np.asarray(vectors, dtype=np.float64))
         return cls._checked("vector", vectors, unit, sd, source, frame)
 
     @classmethod
@@ -70,7 +90,7 @@ class Reference:
         frame: str | None = None,
     ) -> Reference:
         array = np.atleast_1d(np.asarray(values, dtype=np.float64)) * nanotesla_per(unit)
-        size = np.linalg.norm(array, axis=1) if kind == "vector" else array
+        size = array if array.ndim == 1 else np.linalg.norm(array, axis=1)
         if not np.isfinite(array).all() or (size <= 0).any():
             raise UnitError(f"a reference {kind} must be finite and above zero, in {unit}")
         array.flags.writeable = False
@@ -78,7 +98,31 @@ class Reference:
 
     def magnitudes(self, n: int) -> NDArray[np.float64]:
         """The magnitude at each of `n` samples, (n,), or (1,) where it is constant."""
-        size = np.linalg.norm(self.values, axis=1) if self.kind == "vector" else self.values
-        if len(size) not in (1, n):
-            raise UnitError(f"the reference has {len(size)} rows and the samples have {n}")
-        return size
+        size = self.values if self.values.ndim == 1 else np.linalg.norm(self.values, axis=1)
+        return _for_rows(size, n)
+
+    def horizontal_and_vertical(self, n: int) -> NDArray[np.float64]:
+        """Horizontal and vertical intensity at each of `n` samples, (n, 2), or (1, 2).
+
+        Raises `UnitError` for a reference that is a magnitude only.
+        """
+        if self.kind == "horizontal-vertical":
+            return _for_rows(self.values, n)
+        if self.kind == "vector" and self.frame == "n":
+            level = np.hypot(self.values[:, 0], self.values[:, 1])
+            return _for_rows(np.stack([level, self.values[:, 2]], axis=1), n)
+        raise UnitError(
+            f"the reference is a {self.kind} and the horizontal and vertical intensities are "
+            "needed: give the place (--at LAT,LON) or Reference.horizontal_vertical(H, Z)"
+        )
+
+    def select(self, rows: ArrayLike) -> Reference:
+        """The reference of the rows that a boolean mask or a list of indices names."""
+        chosen = np.asarray(rows)
+        return self if len(self.values) == 1 else replace(self, values=self.values[chosen])
+
+
+def _for_rows(values: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+    if len(values) not in (1, n):
+        raise UnitError(f"the reference has {len(values)} rows and the samples have {n}")
+    return values

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.errors import LogError
+from agonic.errors import FrameError, LogError, UnitError
 from agonic.provenance import Input
 from agonic.units import RAW, canonical, nanotesla_per
 
 FloatArray = NDArray[np.float64]
 
-VECTORS = ("field", "acceleration", "rotation_rate")
+VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
     "time", "field", "temperature", "roll_deg", "pitch_deg", "heading_deg", "acceleration",
     "rotation_rate", "current_A", "throttle", "latitude_deg", "longitude_deg", "altitude_m",
-    "station",
+    "second", "station",
 )  # fmt: skip
 """Every per-row column, in the order they are written."""
 
@@ -59,9 +59,12 @@ class Samples:
     rotation_rate : (n, 3) rad/s, in the frame of the magnetometer.
     current_A, throttle : (n,) on-board current, throttle 0…1.
     latitude_deg, longitude_deg, altitude_m : (n,) geodetic position, height above WGS-84.
+    second : (n, 3) readings of a second magnetometer of the vehicle at the same moments, in the
+        unit of `field` (see `with_second`).
     station : (n,) number of the static position.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
     device_id : the number by which an autopilot knows the sensor.
+    heading_estimated : the heading is an estimate that follows the magnetometer itself.
     corrected : the readings carry a correction of the autopilot that could not be taken out.
     logged : the correction already found in the log and taken out of `field`.
     notes : sentences of the reader on how these rows came about.
@@ -89,10 +92,12 @@ class Samples:
     latitude_deg: FloatArray | None = None
     longitude_deg: FloatArray | None = None
     altitude_m: FloatArray | None = None
+    second: FloatArray | None = None
     station: FloatArray | None = None
     name: str = "mag"
     frame: str = "m"
     device_id: int | None = None
+    heading_estimated: bool = False
     corrected: bool = False
     logged: Logged | None = None
     notes: tuple[str, ...] = ()
@@ -116,6 +121,8 @@ class Samples:
         factor = nanotesla_per(self.unit)
         if factor != 1.0:
             self._put("field", _frozen(self.field * factor))
+            if self.second is not None:
+                self._put("second", _frozen(self.second * factor))
         self._put("unit", RAW if canonical(self.unit) == RAW else "nT")
 
     def _put(self, name: str, value: Any) -> None:
@@ -137,6 +144,33 @@ class Samples:
         """The rows that a boolean mask or a list of indices names, in their order."""
         chosen = np.asarray(rows)
         return replace(self, **{name: c[chosen] for name, c in self.columns().items()})
+
+    def with_second(self, other: Samples) -> Samples:
+        """These samples with the readings of another magnetometer of the vehicle beside them.
+
+        The other's readings are interpolated to the rows here that lie between its first and last.
+        Raises `LogError` without times, `UnitError` and `FrameError` where the two do not meet.
+
+        >>> first = Samples(time=[0.0, 1.0, 2.0], field=np.zeros((3, 3)))
+        >>> other = Samples(time=[0.5, 2.5], field=[[1.0, 2.0, 3.0], [5.0, 6.0, 7.0]])
+        >>> first.with_second(other).second.tolist()
+        [[2.0, 3.0, 4.0], [4.0, 5.0, 6.0]]
+        """
+        if self.time is None or other.time is None:
+            raise LogError("two magnetometers meet by their times; both need them")
+        if self.unit != other.unit:
+            raise UnitError(f"{self.name} is in {self.unit} and {other.name} in {other.unit}")
+        if self.frame != other.frame:
+            raise FrameError(
+                "two magnetometers must be in the same axes", left=self.frame, right=other.frame
+            )
+        rows = (self.time >= other.time[0]) & (self.time <= other.time[-1])
+        if not rows.any():
+            raise LogError(f"{self.name} and {other.name} were never recorded at the same time")
+        within = self.select(rows)
+        assert within.time is not None
+        seen = [np.interp(within.time, other.time, axis) for axis in other.field.T]
+        return within.with_columns(second=np.stack(seen, axis=1))
 
     def with_columns(self, **changed: Any) -> Samples:
         """The same samples with some columns or facts replaced.

@@ -76,7 +76,7 @@ def test_sd_goes_with_the_names_of_the_parameters() -> None:
 def test_without_a_covariance_nothing_is_claimed() -> None:
     affine = ag.Affine(bias=[0, 0, 0], matrix=np.eye(3))
     assert affine.sd is None
-    with pytest.raises(ValueError, match="no covariance"):
+    with pytest.raises(ag.AgonicError, match="no covariance"):
         affine.uncertainty([[1.0, 2.0, 3.0]])
 
 

@@ -1,4 +1,6 @@
-"""`Chain`: steps that meet, applied in order, and multiplied out to twelve numbers."""
+"""`Chain`: steps that meet, applied in order, and composed to one."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.calibration.interference import Interference
 from agonic.simulation import random_calibration
 
 MOUNTING = ag.Alignment(rotation=Rotation.from_euler("ZYX", [90, 10, -170], degrees=True))
@@ -20,12 +23,46 @@ def test_steps_are_applied_in_order() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_twelve_numbers_say_the_same(seed: int) -> None:
+def test_one_step_says_the_same(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    chain = ag.Chain(steps=(random_calibration(rng), MOUNTING))
-    mr, mr0 = chain.multiplied_out
+    later = replace(random_calibration(rng), frame_in="b", frame_out="b")
+    chain = ag.Chain(steps=(random_calibration(rng), MOUNTING, later))
     raw = 50_000 * rng.normal(size=(10, 3))
-    assert raw @ mr.T + mr0 == pytest.approx(chain.correct(raw), abs=1e-4)  # nT
+    assert chain.composed.correct(raw) == pytest.approx(chain.correct(raw), abs=1e-4)  # nT
+    mr, mr0 = chain.composed.multiplied_out
+    assert raw @ mr.T + mr0 == pytest.approx(chain.correct(raw), abs=1e-4)
+    assert (chain.composed.frame_in, chain.composed.frame_out) == ("m", "b")
+
+
+def test_sources_of_several_steps_add() -> None:
+    rng = np.random.default_rng(3)
+    plain = random_calibration(rng)
+    motors = Interference(
+        bias=plain.bias,
+        matrix=plain.matrix,
+        sources=("current_A", "second"),
+        coefficients=rng.normal(size=(3, 4)) * [100, 0.3, 0.3, 0.3],
+    )
+    later = Interference(
+        bias=[5.0, 0, 0],
+        matrix=np.eye(3) * 1.1,
+        frame_in="b",
+        frame_out="b",
+        sources=("current_A",),
+        coefficients=[[30.0], [0], [-20.0]],
+    )
+    chain = ag.Chain(steps=(motors, MOUNTING, later))
+    raw, second = 50_000 * rng.normal(size=(2, 10, 3))
+    columns = {"current_A": rng.uniform(0, 40, 10), "second": second}
+    assert set(chain.composed.needs) == set(chain.needs) == set(columns)
+    expected = chain.correct(raw, **columns)
+    assert chain.composed.correct(raw, **columns) == pytest.approx(expected, abs=1e-4)
+
+
+def test_nothing_is_carried_through_a_singular_step() -> None:
+    flat = ag.Affine(bias=[0, 0, 0], matrix=np.diag([1.0, 1.0, 0.0]))
+    with pytest.raises(ag.AgonicError, match="singular"):
+        _ = ag.Chain(steps=(flat, PLAIN)).composed
 
 
 def test_ends_of_the_chain_are_those_of_its_ends() -> None:

@@ -15,6 +15,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
+from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, LogError
 from agonic.fit import Fit
 from agonic.io.calfile import encode, load, save, schema
@@ -33,25 +34,45 @@ PROVENANCES = st.builds(
     software=st.text(),
     created=st.text(),
 )
-AFFINES = st.builds(
-    Affine,
-    bias=arrays(float, 3, elements=FLOATS),
-    matrix=arrays(float, (3, 3), elements=FLOATS),
-    covariance=st.none() | arrays(float, (9, 9), elements=FLOATS),
-    unit_in=st.sampled_from(["nT", "raw"]),
-    gauge=st.sampled_from(["symmetric", "triangular", "free"]),
-    model=st.sampled_from(["sphere", "diagonal", "full"]),
-    magnitude=POSITIVE,
-    noise=POSITIVE,
-    sensor=st.text(),
-    device_id=st.none() | st.integers(0, 2**31),
-    validity=st.builds(
+
+
+def affine_like(noun, gauge: str, parameters: int, **more):
+    """Random calibrations of one kind and gauge, with so many parameters in the covariance."""
+    return st.builds(
+        noun,
+        gauge=st.just(gauge),
+        covariance=st.none() | arrays(float, (parameters, parameters), elements=FLOATS),
+        **COMMON,
+        **more,
+    )
+
+
+COMMON = {
+    "bias": arrays(float, 3, elements=FLOATS),
+    "matrix": arrays(float, (3, 3), elements=FLOATS),
+    "unit_in": st.sampled_from(["nT", "raw"]),
+    "model": st.sampled_from(["sphere", "diagonal", "full"]),
+    "magnitude": POSITIVE,
+    "noise": POSITIVE,
+    "sensor": st.text(),
+    "device_id": st.none() | st.integers(0, 2**31),
+    "validity": st.builds(
         Validity,
         largest_reading=st.none() | FLOATS,
         temperature_C=st.none() | st.tuples(FLOATS, FLOATS),
     ),
-    provenance=PROVENANCES,
-)
+    "provenance": PROVENANCES,
+}
+AFFINES = st.one_of(
+    affine_like(Affine, "symmetric", 9),
+    affine_like(Affine, "triangular", 9),
+    affine_like(Affine, "free", 12),
+    affine_like(
+        Interference, "free", 24,
+        sources=st.just(("throttle", "second")),
+        coefficients=arrays(float, (3, 4), elements=FLOATS),
+    ),
+)  # fmt: skip
 ROTATIONS = st.integers(0, 2**32 - 1).map(
     lambda seed: Rotation.from_rotvec(np.random.default_rng(seed).normal(size=3))
 )

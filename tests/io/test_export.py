@@ -13,15 +13,16 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
+from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.io.calfile import save
 from agonic.io.export import banner, float32_text, in_frame, reduced, symmetric_part
 from agonic.io.targets import SUFFIXES, TARGETS
-from agonic.io.write_ardupilot import apply_ardupilot, parse_ardupilot
+from agonic.io.write_ardupilot import apply_ardupilot, ardupilot_parameters, parse_ardupilot
 from agonic.io.write_c import apply_c, parse_c
 from agonic.io.write_matlab import apply_matlab, parse_matlab
 from agonic.io.write_motioncal import apply_motioncal, parse_motioncal
-from agonic.io.write_px4 import apply_px4, parse_px4
+from agonic.io.write_px4 import apply_px4, parse_px4, px4_parameters
 from agonic.io.write_ros import apply_ros, parse_ros
 from agonic.io.write_table import apply_table, parse_table
 from agonic.provenance import Input, Provenance, sha256_of
@@ -220,3 +221,88 @@ def test_polar_factors_multiply_to_the_matrix(seed):
 @given(value=st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_decimals_are_exact_in_float32(value):
     assert np.float32(float32_text(value)) == np.float32(value)
+
+
+def with_source(source, seed=11, frame="m"):
+    """A calibration that takes a current or the throttle into account, 20 to 40 % of the field."""
+    plain = random_affine(seed, "symmetric", frame)
+    size = {"current_A": 600.0, "throttle": 15_000.0}[source]
+    plain_fields = {name: getattr(plain, name) for name in ("bias", "matrix", "magnitude")}
+    return Interference(
+        **plain_fields, frame_in=frame, frame_out=frame, sources=(source,),
+        coefficients=size * np.array([[0.6], [-0.5], [0.7]]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["ardupilot", "px4"])
+@pytest.mark.parametrize("source", ["current_A", "throttle"])
+@pytest.mark.parametrize("mounted", [False, True])
+def test_autopilots_take_out_what_motors_add(name, source, mounted, tmp_path):
+    target = READERS[name]
+    calibration = with_source(source)
+    options = {"rotation_bm": MOUNTING} if mounted else {}
+    export = TARGETS[name](calibration, tmp_path / "mag", **options)
+    raw = readings(7)
+    x = np.random.default_rng(3).uniform(0, 40 if source == "current_A" else 1, len(raw))
+    to_target = MOUNTING if mounted and target.frame == "b" else Rotation.identity()
+    got = target.apply(target.parse(export.path), to_target.apply(raw) / target.unit, x=x)
+    truth = to_target.apply(calibration.correct(raw, **{source: x}))
+    assert np.allclose(got * target.unit, truth, rtol=0, atol=0.1)
+    off = calibration.correct(raw, **{source: 0 * x})
+    assert np.abs(off - calibration.correct(raw, **{source: x})).max() > 5000
+    assert any("all" in w and ("MOTCT" in w or "COMP_TYP" in w) for w in export.warnings)
+
+
+def test_signs_and_units_of_the_motor_terms():
+    """MOT is added to the field, mG per A; COMP to the readings, gauss per kA: both undo K."""
+    plain = Interference(
+        bias=np.zeros(3), matrix=2 * np.eye(3), sources=("current_A",),
+        coefficients=[[300.0], [0.0], [0.0]],
+    )  # fmt: skip
+    arducopter, _ = ardupilot_parameters(plain, compass=2)
+    assert arducopter["COMPASS_MOT2_X"] == pytest.approx(-6.0)  # 2 × 3 mG per A
+    assert arducopter["COMPASS_MOTCT"] == 2
+    px4, _ = px4_parameters(plain, slot=1)
+    assert px4["CAL_MAG1_XCOMP"] == pytest.approx(-3.0)  # 3 mG per A = 3 G per kA
+    assert px4["CAL_MAG_COMP_TYP"] == 2
+    throttle = replace(plain, sources=("throttle",))
+    assert ardupilot_parameters(throttle)[0]["COMPASS_MOTCT"] == 1
+    assert px4_parameters(throttle)[0]["CAL_MAG_COMP_TYP"] == 1
+    assert px4_parameters(throttle)[0]["CAL_MAG0_XCOMP"] == pytest.approx(-0.003)
+    assert "COMPASS_MOT_X" not in ardupilot_parameters(random_affine(1, "symmetric"))[0]
+    assert "CAL_MAG_COMP_TYP" not in px4_parameters(random_affine(1, "symmetric"))[0]
+
+
+@pytest.mark.parametrize("name", ["motioncal", "ros", "matlab", "c", "table"])
+def test_a_target_without_a_term_for_currents_says_what_stays(name, tmp_path):
+    target, calibration = READERS[name], with_source("current_A")
+    export = TARGETS[name](calibration, tmp_path / "mag")
+    raw = readings(7)
+    got = target.apply(target.parse(export.path), raw / target.unit) * target.unit
+    assert np.allclose(got, calibration.correct(raw, current_A=np.zeros(40)), rtol=0, atol=0.1)
+    said = [warning for warning in export.warnings if "current_A" in warning]
+    per_ampere = np.linalg.norm(calibration.matrix @ calibration.coefficients)
+    assert float(re.search(r"([\d.]+) nT per unit", said[0])[1]) == pytest.approx(
+        per_ampere, rel=0.01
+    )
+    assert "setup" in said[0]
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_mix_of_two_magnetometers_is_refused(name, tmp_path):
+    mix = Interference(
+        bias=np.zeros(3), matrix=np.eye(3) / 2, sources=("second",), coefficients=-np.eye(3)
+    )
+    with pytest.raises(AgonicError, match="second magnetometer"):
+        TARGETS[name](mix, tmp_path / "mag")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["ardupilot", "px4"])
+def test_current_and_throttle_together_are_refused(name, tmp_path):
+    both = Interference(
+        bias=np.zeros(3), matrix=np.eye(3), sources=("current_A", "throttle"),
+        coefficients=np.ones((3, 2)),
+    )  # fmt: skip
+    with pytest.raises(AgonicError, match="one of current and throttle"):
+        TARGETS[name](both, tmp_path / "mag")

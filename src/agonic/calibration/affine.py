@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Validity, read_only
+from agonic.errors import AgonicError
 from agonic.kernels import affine as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
@@ -22,6 +23,9 @@ PARAMETERS = (
 )  # fmt: skip
 """The order of `covariance`: nT (or raw units) for the bias, nT per raw unit for the matrix."""
 
+FREE_PARAMETERS = (*PARAMETERS, "matrix_yx", "matrix_zx", "matrix_zy")
+"""The same for a matrix that is neither symmetric nor triangular."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Affine:
@@ -31,10 +35,11 @@ class Affine:
     ----------
     bias : (3,) in the unit of the readings: hard iron and the sensor's own zero.
     matrix : (3, 3), nT per unit of the readings: gains, non-orthogonality and soft iron.
-    covariance : (9, 9) of `PARAMETERS`, or `None` where it is not known.
+    covariance : (9, 9) of `PARAMETERS`, in the gauge "free" (12, 12) of `FREE_PARAMETERS`; or
+        `None` where it is not known.
     unit_in, unit_out : "nT" or "raw".
     gauge : "symmetric", "triangular" or "free": how the rotation that magnitude alone leaves
-        open was fixed.
+        open was fixed; free where something else determined it.
     model : "sphere", "diagonal" or "full".
     magnitude : the field magnitude it was scaled to, in `unit_out`.
     noise : standard deviation of one reading on one axis, in `unit_in`.
@@ -48,6 +53,7 @@ class Affine:
     """
 
     kind: ClassVar[str] = "affine"
+    needs: ClassVar[tuple[str, ...]] = ()
 
     bias: Array
     matrix: Array
@@ -66,19 +72,29 @@ class Affine:
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        for name, shape in (("bias", (3,)), ("matrix", (3, 3)), ("covariance", (9, 9))):
+        m = len(self.parameters)
+        for name, shape in (("bias", (3,)), ("matrix", (3, 3)), ("covariance", (m, m))):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, read_only(name, value, shape))
 
-    def correct(self, raw: ArrayLike) -> Array:
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of what `covariance` is about, in its order."""
+        return FREE_PARAMETERS if self.gauge == "free" else PARAMETERS
+
+    def cleaned(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """The readings (…, 3) without what sources on board add: all of them, for none is known."""
+        return np.asarray(raw, dtype=np.float64)
+
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """The calibrated field of readings (…, 3): matrix @ (raw − bias)."""
         return kernel.correct(np.asarray(raw, dtype=np.float64), self.bias, self.matrix)
 
-    def uncertainty(self, raw: ArrayLike) -> Array:
+    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
         if self.covariance is None:
-            raise ValueError("this calibration carries no covariance; fit it again with agonic")
+            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
         rows = np.asarray(raw, dtype=np.float64)
         jacobian = kernel.correction_jacobian(rows, self.bias, self.matrix)
         reduced = jacobian @ kernel.model_basis("full", self.gauge)
@@ -86,7 +102,7 @@ class Affine:
 
     @property
     def sd(self) -> Array | None:
-        """Standard deviations of `PARAMETERS`, (9,)."""
+        """Standard deviations of `parameters`."""
         return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
 
     @property

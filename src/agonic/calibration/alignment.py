@@ -24,6 +24,7 @@ class Alignment:
     """
 
     kind: ClassVar[str] = "alignment"
+    needs: ClassVar[tuple[str, ...]] = ()
 
     rotation: Rotation
     covariance: NDArray[np.float64] | None = None
@@ -38,7 +39,7 @@ class Alignment:
         """A rotation keeps the unit."""
         return self.unit_in
 
-    def correct(self, raw: ArrayLike) -> NDArray[np.float64]:
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> NDArray[np.float64]:
         """The field (…, 3) in the axes of `frame_out`."""
         return np.asarray(np.asarray(raw, dtype=np.float64) @ self.rotation.as_matrix().T)
 

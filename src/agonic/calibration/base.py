@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
@@ -29,6 +29,11 @@ class Calibration(Protocol):
     kind: ClassVar[str]
 
     @property
+    def needs(self) -> tuple[str, ...]:
+        """The columns of the samples that it takes beside the readings."""
+        ...
+
+    @property
     def unit_in(self) -> str: ...
     @property
     def unit_out(self) -> str: ...
@@ -43,7 +48,7 @@ class Calibration(Protocol):
     @property
     def equation(self) -> str: ...
 
-    def correct(self, raw: ArrayLike) -> Array: ...
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array: ...
 
 
 def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -55,10 +60,28 @@ def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     return array
 
 
+def beside(calibration: Calibration, samples: Samples) -> dict[str, Array]:
+    """The columns of the samples that the calibration needs beside the readings, by name.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> beside(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]]))
+    {}
+    """
+    there = samples.columns()
+    missing = [name for name in calibration.needs if name not in there]
+    if missing:
+        raise LogError(
+            f"the calibration of {calibration.sensor} needs {', '.join(missing)} beside the "
+            "readings and the samples have none; record it with the magnetometer"
+        )
+    return {name: there[name] for name in calibration.needs}
+
+
 def apply(calibration: Calibration, samples: Samples) -> Samples:
     """The samples with their field corrected, in the unit and frame that the calibration gives.
 
-    Raises `UnitError` and `FrameError` where calibration and samples do not meet.
+    Raises `UnitError` and `FrameError` where calibration and samples do not meet, and `LogError`
+    where the samples lack a column that the calibration needs.
 
     >>> from agonic.calibration.affine import Affine
     >>> apply(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]])).field
@@ -76,7 +99,7 @@ def apply(calibration: Calibration, samples: Samples) -> Samples:
             right=calibration.frame_in,
         )
     return samples.with_columns(
-        field=calibration.correct(samples.field),
+        field=calibration.correct(samples.field, **beside(calibration, samples)),
         unit=calibration.unit_out,
         frame=calibration.frame_out,
         logged=None,

@@ -10,10 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
+from agonic.calibration.interference import WIDTH, Interference
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]
+
+ENDS = ("unit_in", "unit_out", "frame_in", "frame_out", "sensor")
+"""What a chain has of its first and last step."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,18 +49,59 @@ class Chain:
                     f"steps of a chain must meet: {before.unit_out} into {after.unit_in}"
                 )
 
-    def correct(self, raw: ArrayLike) -> Array:
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The columns that its steps take beside the readings."""
+        return tuple(dict.fromkeys(name for step in self.steps for name in step.needs))
+
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """The field (…, 3) after every step."""
         values = np.asarray(raw, dtype=np.float64)
         for step in self.steps:
-            values = step.correct(values)
+            values = step.correct(values, **columns)
         return values
 
     @property
-    def multiplied_out(self) -> tuple[Array, Array]:
-        """MR (3, 3) and MR0 (3,) of the whole chain, field = MR raw + MR0."""
-        offset = self.correct(np.zeros(3))
-        return (self.correct(np.eye(3)) - offset).T, offset
+    def composed(self) -> Affine:
+        """The whole chain as one step, without covariance: an `Interference` where a step is one.
+
+        Bias and coefficients of a step, seen through the matrix P of all steps before it:
+
+            bias += P⁻¹ bias_i,   coefficients += P⁻¹ coefficients_i,   P ← matrix_i P.
+
+        >>> from scipy.spatial.transform import Rotation
+        >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
+        >>> chain = Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3) * 2), turn))
+        >>> chain.composed.bias.round(9).tolist(), chain.composed.matrix.round(9)[0].tolist()
+        ([1.0, 2.0, 3.0], [0.0, -2.0, 0.0])
+        """
+        bias, matrix = np.zeros(3), np.eye(3)
+        added: dict[str, Array] = {}
+        for step in self.steps:
+            if isinstance(step, Alignment):
+                matrix = step.rotation.as_matrix() @ matrix
+                continue
+            back = _inverse(matrix)
+            bias = bias + back @ step.bias
+            for name, block in _blocks(step).items():
+                added[name] = added.get(name, np.zeros_like(block)) + back @ block
+            matrix = step.matrix @ matrix
+        affine = [step for step in self.steps if isinstance(step, Affine)]
+        common = {
+            "bias": bias,
+            "matrix": matrix,
+            "gauge": "free",
+            "magnitude": affine[-1].magnitude if affine else None,
+            "noise": affine[0].noise if affine else None,
+            "device_id": affine[0].device_id if affine else None,
+            "provenance": self.provenance,
+            **{name: getattr(self, name) for name in ENDS},
+        }
+        if not added:
+            return Affine(**common)
+        return Interference(
+            **common, sources=tuple(added), coefficients=np.hstack(list(added.values()))
+        )
 
     @property
     def unit_in(self) -> str:
@@ -87,3 +132,18 @@ class Chain:
     def equation(self) -> str:
         """The steps in words, in order."""
         return "; then ".join(step.equation for step in self.steps)
+
+
+def _inverse(matrix: Array) -> Array:
+    """The inverse of what the steps before amount to."""
+    if np.linalg.matrix_rank(matrix) < 3:
+        raise AgonicError("a matrix of this chain is singular; no bias can follow it")
+    return np.asarray(np.linalg.inv(matrix))
+
+
+def _blocks(step: Affine) -> dict[str, Array]:
+    """The coefficients (3, 1) or (3, 3) of each source of a step."""
+    if not isinstance(step, Interference):
+        return {}
+    ends = np.cumsum([WIDTH[name] for name in step.sources])[:-1]
+    return dict(zip(step.sources, np.split(step.coefficients, ends, axis=1), strict=True))

@@ -16,10 +16,10 @@ def calibration_and_samples(
     cal: Path, log: Path, sensor: str | None, unit: str | None
 ) -> tuple[Calibration, Samples]:
     """The calibration, and the log's sensor of that name, or the one asked for, or its only one."""
-    from agonic.io.calfile import load
+    from agonic.io.calfile import load, require_calibration
     from agonic.io.read import open_log
 
-    calibration, recording = load(cal), open_log(log, unit=unit)
+    calibration, recording = require_calibration(load(cal)), open_log(log, unit=unit)
     names = [samples.name for samples in recording.sensors]
     if sensor is None and calibration.sensor not in names and len(names) > 1:
         raise AgonicError(

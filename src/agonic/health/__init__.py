@@ -1,7 +1,8 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
-from agonic.health.evidence import Evidence, examine, undetermined
+from agonic.health.evidence import Evidence, examine, examine_taught, undetermined
 from agonic.health.finding import Finding, Severity, figure
+from agonic.health.mounting import mounted
 from agonic.health.readings import FEWEST, describe, inspect, step, usable_rows
 
 __all__ = [
@@ -11,8 +12,10 @@ __all__ = [
     "Severity",
     "describe",
     "examine",
+    "examine_taught",
     "figure",
     "inspect",
+    "mounted",
     "step",
     "undetermined",
     "usable_rows",

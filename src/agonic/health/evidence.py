@@ -62,6 +62,16 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     return tuple(finding for finding in found if finding is not None)
 
 
+def examine_taught(evidence: Evidence) -> tuple[Finding, ...]:
+    """The findings of a fit that the attitude taught: readings in a plane are no fault there."""
+    changed = _changed(evidence) or _crowded_strays(evidence)
+    if changed is not None and changed.severity == "refuse":
+        return (changed,)
+    others = (_noisy(evidence), _strays(evidence)) if changed is None else (changed,)
+    found = (undetermined(evidence.coverage), *others)
+    return tuple(finding for finding in found if finding is not None)
+
+
 def _static(e: Evidence) -> Finding | None:
     """Readings that hardly move: far less than the field would move them, or a ball of noise."""
     some = e.readings[_some(len(e.readings))]

@@ -11,144 +11,43 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
-from agonic.calibration.affine import PARAMETERS, Affine
+from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Validity
 from agonic.calibration.chain import Chain
+from agonic.calibration.deviation import Deviation
+from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, LogError
 from agonic.fit import Fit
 from agonic.io.atomic import write_atomically
+from agonic.io.calrecords import (
+    AffineRecord,
+    AlignmentRecord,
+    AnyRecord,
+    CalibrationFile,
+    ChainRecord,
+    DeviationRecord,
+    InterferenceRecord,
+    ProvenanceRecord,
+)  # fmt: skip
 from agonic.provenance import Provenance
 
 SCHEMA = "agonic/calibration"
 VERSION = 1
-
-Vector = tuple[float, float, float]
-Matrix = tuple[Vector, Vector, Vector]
-Row9 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
-Matrix9 = Annotated[tuple[Row9, ...], Meta(min_length=9, max_length=9)]
-Unit = Annotated[Literal["nT", "raw"], Meta(description="nT, or raw where the scale is unknown.")]
-Frame = Annotated[
-    str,
-    Meta(
-        pattern="^[a-z]$",
-        description="Axes, one letter: m magnetometer, b body (forward, right, down).",
-    ),
-]
-Sensor = Annotated[str, Meta(description="Whose readings the calibration corrects.")]
-NotNegative = Annotated[float, Meta(ge=0)]
-
-
-class InputRecord(Struct, frozen=True):
-    """One thing that went in: its name, the SHA-256 of its bytes, and how many rows were used."""
-
-    name: str
-    sha256: str
-    count: int
-
-
-class ProvenanceRecord(Struct, frozen=True):
-    """Where the calibration came from."""
-
-    inputs: Annotated[tuple[InputRecord, ...], Meta(description="The data it was made from.")]
-    settings: Annotated[dict[str, Any], Meta(description="What the user or the program chose.")]
-    method: Annotated[tuple[str, ...], Meta(description="Citation keys, see `agonic cite`.")]
-    parents: Annotated[tuple[str, ...], Meta(description="SHA-256 of calibrations it rests on.")]
-    software: Annotated[str, Meta(description="Program and version that made it.")]
-    created: Annotated[str, Meta(description="UTC, ISO 8601.")]
-
-
-class ValidityRecord(Struct, frozen=True):
-    """Where the calibration may be used."""
-
-    largest_reading: Annotated[
-        float | None, Meta(description="Largest reading seen on an axis, in unit_in.")
-    ] = None
-    temperature_C: Annotated[
-        tuple[float, float] | None, Meta(description="Lowest and highest temperature seen, °C.")
-    ] = None
-
-
-class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="affine"):
-    """field = matrix @ (raw − bias)."""
-
-    sensor: Sensor
-    unit_in: Unit
-    unit_out: Unit
-    frame_in: Frame
-    frame_out: Frame
-    model: Literal["sphere", "diagonal", "full"]
-    gauge: Annotated[
-        Literal["symmetric", "triangular", "free"],
-        Meta(description="How the rotation that magnitude alone leaves open was fixed."),
-    ]
-    bias: Annotated[Vector, Meta(description="Subtracted from the readings, in unit_in.")]
-    matrix: Annotated[Matrix, Meta(description="Row by row, unit_out per unit_in.")]
-    covariance: Annotated[
-        Matrix9 | None,
-        Meta(description=f"Of {', '.join(PARAMETERS)}; bias in unit_in, matrix unit_out/unit_in."),
-    ] = None
-    magnitude: Annotated[
-        NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
-    ] = None
-    noise: Annotated[
-        NotNegative | None,
-        Meta(description="Standard deviation of one reading on one axis, in unit_in."),
-    ] = None
-    device_id: Annotated[
-        int | None, Meta(description="The number by which an autopilot knows the sensor.")
-    ] = None
-    validity: ValidityRecord = ValidityRecord()
-    provenance: ProvenanceRecord
-
-
-class RotationRecord(Struct, frozen=True):
-    """A rotation as a unit quaternion, Hamilton, scalar first."""
-
-    quat_wxyz: tuple[float, float, float, float]
-
-
-class AlignmentRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="alignment"):
-    """field_out = rotation.apply(field_in)."""
-
-    sensor: Sensor
-    unit_in: Unit
-    frame_in: Frame
-    frame_out: Frame
-    rotation: Annotated[RotationRecord, Meta(description="Turns frame_in into frame_out.")]
-    covariance: Annotated[
-        Matrix | None, Meta(description="Of the rotation vector, rad², row by row.")
-    ] = None
-    provenance: ProvenanceRecord
-
-
-class ChainRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="chain"):
-    """Calibrations applied one after the other, in this order."""
-
-    steps: Annotated[tuple[AffineRecord | AlignmentRecord, ...], Meta(min_length=1)]
-    provenance: ProvenanceRecord
-
-
-class CalibrationFile(Struct, frozen=True):
-    """A calibration of a magnetometer, made with agonic."""
-
-    schema: Literal["agonic/calibration@1"]
-    equation: Annotated[str, Meta(description="The correction in words, for the reader.")]
-    calibration: AffineRecord | AlignmentRecord | ChainRecord
 
 
 class _Heading(Struct):
     schema: str = ""
 
 
-def save(calibration: Calibration, path: Path | str) -> Path:
+def save(calibration: Calibration | Deviation, path: Path | str) -> Path:
     """Write a calibration to a JSON file that `load` gives back float for float.
 
     Raises `AgonicError` where it is no calibration, holds a NaN, or the file cannot be written.
@@ -162,9 +61,9 @@ def save(calibration: Calibration, path: Path | str) -> Path:
     return write_atomically(path, encode(calibration))
 
 
-def encode(calibration: Calibration) -> bytes:
+def encode(calibration: Calibration | Deviation) -> bytes:
     """The bytes of the calibration file: the same for the same calibration, always."""
-    known = require_calibration(calibration)
+    known = calibration if isinstance(calibration, Deviation) else require_calibration(calibration)
     plain = {
         "schema": f"{SCHEMA}@{VERSION}",
         "equation": known.equation,
@@ -177,7 +76,7 @@ def encode(calibration: Calibration) -> bytes:
     return _rows_on_one_line(msgspec.json.format(msgspec.json.encode(record), indent=2)) + b"\n"
 
 
-def load(path: Path | str) -> Affine | Alignment | Chain:
+def load(path: Path | str) -> Affine | Alignment | Chain | Deviation:
     """Read a calibration file.
 
     Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
@@ -211,6 +110,11 @@ def require_calibration(value: object) -> Affine | Alignment | Chain:
     """The value itself, or an error that says what to give instead."""
     if isinstance(value, Affine | Alignment | Chain):
         return value
+    if isinstance(value, Deviation):
+        raise AgonicError(
+            "a Deviation corrects headings and a calibration of readings is needed: an Affine, an "
+            "Alignment or a Chain of them"
+        )
     if isinstance(value, Fit):
         raise AgonicError("a Fit was given and a calibration is needed: give fit.calibration")
     raise AgonicError(
@@ -270,7 +174,10 @@ def _require_known_version(text: str) -> None:
         )
 
 
-def _restored(record: AffineRecord | AlignmentRecord | ChainRecord) -> Affine | Alignment | Chain:
+def _restored(record: AnyRecord) -> Affine | Alignment | Chain | Deviation:
+    if isinstance(record, DeviationRecord):
+        values = msgspec.structs.asdict(record)
+        return Deviation(**{**values, "provenance": _provenance(record.provenance)})
     if isinstance(record, ChainRecord):
         steps = tuple(_restored_step(step) for step in record.steps)
         return Chain(steps=steps, provenance=_provenance(record.provenance))
@@ -282,7 +189,7 @@ def _restored_step(record: AffineRecord | AlignmentRecord) -> Affine | Alignment
     values["provenance"] = _provenance(record.provenance)
     if isinstance(record, AffineRecord):
         values["validity"] = msgspec.convert(record.validity, Validity, from_attributes=True)
-        return Affine(**values)
+        return (Interference if isinstance(record, InterferenceRecord) else Affine)(**values)
     values["rotation"] = _rotation(record.rotation.quat_wxyz)
     if record.covariance is not None:
         values["covariance"] = np.array(record.covariance)

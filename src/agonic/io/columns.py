@@ -127,6 +127,11 @@ QUANTITIES: tuple[Quantity, ...] = (
         column="altitude_m", name="altitude", unit="m", units=_HEIGHT,
         aliases="alt height elevation gpsalt gpsaltitude locationaltitude",
     ),
+    Quantity(
+        column="second", name="second", unit="nT", vector=True,
+        units={"nt": (1, 0), "ut": (1e3, 0), "raw": (1, 0), "counts": (1, 0)},
+        aliases="secondmag secondfield",
+    ),
     Quantity(column="station", name="station", aliases="stationid pose"),
     Quantity(column="sensor", name="sensor", aliases="sensorid sensorname magid"),
     Quantity(column="frame", name="frame"),
@@ -234,7 +239,7 @@ def canonical_header(column: str, axis: str = "", unit: str | None = None) -> st
     ('mag_x_nT', 'acc_z_m_s2')
     """
     quantity = BY_COLUMN[column]
-    written = unit or "" if column == "field" else quantity.unit
+    written = unit or "" if column in ("field", "second") else quantity.unit
     return "_".join(part for part in (quantity.name, axis, written) if part)
 
 

@@ -20,6 +20,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
+from agonic.calibration.interference import Interference, signals
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.io.calfile import encode, require_calibration
 
@@ -38,24 +39,60 @@ class Export:
     warnings: tuple[str, ...] = ()
 
 
+def composed(calibration: Calibration) -> Affine:
+    """A whole calibration as one step, an `Interference` where it takes sources into account.
+
+    >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
+    >>> composed(turn).matrix.round(9).tolist()
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    known = require_calibration(calibration)
+    if isinstance(known, Alignment):
+        known = Chain(steps=(known,))
+    one = known.composed if isinstance(known, Chain) else known
+    if np.linalg.matrix_rank(one.matrix) < 3:
+        raise AgonicError("the matrix of this calibration is singular; it cannot be exported")
+    return one
+
+
 def reduced(calibration: Calibration) -> tuple[Array, Array]:
     """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias).
+
+    Where it takes a current or throttle into account, the bias is that without them: see
+    `left_out`. Raises `AgonicError` where it mixes two magnetometers.
 
     >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
     >>> chain = Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3) * 2), turn))
     >>> reduced(chain)[0].round(9).tolist(), reduced(chain)[1].round(9).tolist()
     ([1.0, 2.0, 3.0], [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     """
-    bias, matrix = np.zeros(3), np.eye(3)
-    for step in _steps(calibration):
-        if isinstance(step, Alignment):
-            matrix = step.rotation.as_matrix() @ matrix
-        else:
-            bias = bias + np.linalg.solve(matrix, step.bias)
-            matrix = step.matrix @ matrix
-        if np.linalg.matrix_rank(matrix) < 3:
-            raise AgonicError("the matrix of this calibration is singular; it cannot be exported")
-    return bias, matrix
+    one = composed(calibration)
+    if "second" in one.needs:
+        raise AgonicError(
+            f"this calibration mixes the readings of {one.sensor} with those of a second "
+            "magnetometer, which the target cannot do; export the setup to c, or fit "
+            f"{one.sensor} alone"
+        )
+    return one.bias, one.matrix
+
+
+def left_out(calibration: Calibration) -> tuple[str, ...]:
+    """Warnings for the sources that a target without a term for them leaves in the field.
+
+    >>> from agonic.calibration.interference import Interference
+    >>> left_out(Interference(bias=np.zeros(3), matrix=np.eye(3), sources=("current_A",),
+    ...                       coefficients=[[300.0], [0.0], [400.0]]))[0].split(";")[0]
+    'the target has no term for current_A: 500 nT per unit of it stay in the field'
+    """
+    one = composed(calibration)
+    if not isinstance(one, Interference):
+        return ()
+    added = np.linalg.norm(one.matrix @ one.coefficients, axis=0)
+    return tuple(
+        f"the target has no term for {signal}: {size:.3g} {one.unit_out} per unit of it stay in "
+        "the field; the file is right where it is zero. Export the setup to c to keep the term"
+        for signal, size in zip(signals(one.sources), added, strict=True)
+    )
 
 
 def physical(calibration: Calibration, unit: str) -> tuple[Array, Array]:
@@ -85,9 +122,37 @@ def in_frame(
     Returns bias (3,) nT, matrix (3, 3) and warnings.
     """
     bias, matrix = physical(calibration, unit)
+    into, out, warnings = _turns(calibration, frame, rotation_bm)
+    return into @ bias, out @ matrix @ into.T, warnings
+
+
+def source_term(
+    calibration: Calibration, frame: str, *, rotation_bm: Rotation | None = None
+) -> tuple[str, Array] | None:
+    """The current or throttle and its coefficient, for a target that can hold one of them.
+
+    Returns its name and K (3,), readings in nT per unit of it, in the axes of `frame`; `None`
+    where the calibration has none.
+    """
+    one = composed(calibration)
+    if not isinstance(one, Interference):
+        return None
+    if len(one.sources) > 1:
+        raise AgonicError(
+            f"the target takes one of current and throttle into account, not {one.sources}; fit "
+            "with one of them, or export the setup to c"
+        )
+    into, _, _ = _turns(calibration, frame, rotation_bm)
+    return one.sources[0], into @ one.coefficients[:, 0]
+
+
+def _turns(
+    calibration: Calibration, frame: str, rotation_bm: Rotation | None
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """R_in and R_out of `in_frame`, and what was assumed."""
     ends = (calibration.frame_in, calibration.frame_out)
     if set(ends) == {frame}:
-        return bias, matrix, ()
+        return np.eye(3), np.eye(3), ()
     if not {*ends, frame} <= {"m", "b"}:
         raise FrameError(
             "the target takes a calibration between sensor and body axes",
@@ -99,7 +164,7 @@ def in_frame(
         rotation_bm, warnings = _mounting(calibration)
     turn = {"m": rotation_bm.as_matrix(), "b": np.eye(3)}
     into, out = (turn[frame].T @ turn[end] for end in ends)
-    return into @ bias, out @ matrix @ into.T, warnings
+    return into, out, warnings
 
 
 def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:

@@ -57,6 +57,12 @@ def accepts(head: bytes) -> bool:
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
+    table, facts = tabulated(path)
+    return log_of_table(table, path=path, source=source, unit=unit, **facts)
+
+
+def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The columns of a text table that are understood, by header, and what to tell of the file."""
     lines, notes = _lines(path.read_bytes())
     sample = list(islice((i for i, line in enumerate(lines) if _holds_values(line)), _SAMPLE))
     if not sample:
@@ -65,21 +71,17 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         raise LogError(f"a line is longer than {_LONGEST_LINE} characters: this is no table")
     if 4 * sum(lines[i].startswith(_MOTIONCAL) for i in sample) > len(sample):
         table = _motioncal([line for line in lines if line.startswith(_MOTIONCAL)])
-        return log_of_table(table, path=path, source=source, format="MotionCal text", notes=notes)
+        return table, {"format": "MotionCal text", "notes": notes}
     layout = _layout(lines, sample)
     wanted = positions(layout.header)
     rows = [line for line in islice(lines, layout.start, None) if _holds_values(line)]
     if not rows:
         raise LogError("there is a header and no row below it")
-    return log_of_table(
-        _table(rows, layout.separator, wanted),
-        path=path,
-        source=source,
-        format="text table",
-        unit=unit,
-        others=[name for i, name in enumerate(layout.header) if i not in wanted],
-        notes=(*notes, *layout.notes),
-    )
+    return _table(rows, layout.separator, wanted), {
+        "format": "text table",
+        "others": [name for i, name in enumerate(layout.header) if i not in wanted],
+        "notes": (*notes, *layout.notes),
+    }
 
 
 def _lines(data: bytes) -> tuple[list[str], tuple[str, ...]]:

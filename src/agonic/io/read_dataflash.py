@@ -135,6 +135,7 @@ def _samples(name: str, slot: str, mag: Table, tables: Tables, source: Input) ->
         name=name,
         frame="b",
         device_id=recovered.device_id,
+        heading_estimated=columns["heading_deg"] is not None,
         logged=recovered.logged,
         notes=tuple(notes),
         source=replace(source, count=len(mag)),

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
 from agonic.io.columns import positions
@@ -22,6 +25,12 @@ def accepts(head: bytes) -> bool:
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a Parquet table is; `unit` is that of the field where no column names one."""
+    table, facts = tabulated(path)
+    return log_of_table(table, path=path, source=source, unit=unit, **facts)
+
+
+def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The columns that are understood, by header, and what to tell of the file."""
     try:
         from pyarrow.parquet import ParquetFile
     except ImportError:
@@ -40,11 +49,5 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         for name in columns.column_names
         if name in wanted.values()
     }
-    return log_of_table(
-        table,
-        path=path,
-        source=source,
-        format="Parquet table",
-        unit=unit,
-        others=[header for i, header in enumerate(headers) if i not in wanted],
-    )
+    others = [header for i, header in enumerate(headers) if i not in wanted]
+    return table, {"format": "Parquet table", "others": others}

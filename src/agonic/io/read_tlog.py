@@ -196,6 +196,7 @@ def _samples(
         name=name,
         frame="b" if in_body else "m",
         device_id=found.device_id,
+        heading_estimated=columns["heading_deg"] is not None,
         corrected=found.corrected,
         logged=found.logged,
         notes=notes,

@@ -162,6 +162,7 @@ def _samples(name: str, topics: Topics, parameters: Parameters, source: Input) -
         name=name,
         frame=recovered.frame,
         device_id=device_id,
+        heading_estimated=bool(attitude),
         corrected=recovered.corrected,
         logged=recovered.logged,
         notes=(*recovered.notes, *attitude),

@@ -19,11 +19,12 @@ from agonic.io.companions import Table, companion, numbers, with_angle_unit
 from agonic.io.log import Log, Stream
 from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples
-from agonic.units import RAW, canonical
+from agonic.units import RAW, canonical, nanotesla_per
 
 FloatArray = NDArray[np.float64]
 
 COMPANIONS = tuple(name for name in COLUMNS if name not in ("time", "field"))
+YAW = "a heading called yaw was taken for the estimate of a filter, which follows its magnetometer"
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
@@ -114,11 +115,17 @@ def _sensor(part: _Part, name: str, number: str) -> Samples:
     time, epoch, time_notes = _time(part, field)
     readings = np.asarray(np.isfinite(field).all(axis=1))
     columns: dict[str, Any] = {}
+    estimated = False
     notes = [*part.remarks, *unit_notes, *time_notes]
     for column in COMPANIONS:
         if group := _pick(part.found.get(column, {}), number):
             columns[column], remarks = companion(group, part.values(group), time, readings)
             notes.extend(remarks)
+            if column == "heading_deg" and _of_a_filter(group):
+                estimated = True
+                notes.append(YAW)
+    if columns.get("second") is not None:  # `Samples` takes it in the unit of the field
+        columns["second"] = columns["second"] / nanotesla_per(unit)
     return Samples(
         field=field,
         unit=unit,
@@ -126,10 +133,16 @@ def _sensor(part: _Part, name: str, number: str) -> Samples:
         epoch=epoch,
         name=name,
         frame=_frame(part),
+        heading_estimated=estimated,
         notes=tuple(notes),
         source=replace(part.source, count=len(field)),
         **columns,
     )
+
+
+def _of_a_filter(group: Mapping[str, Column]) -> bool:
+    """Whether a heading is called a yaw, as attitude filters call theirs."""
+    return any("yaw" in column.header.lower() for column in group.values())
 
 
 def _field_unit(axes: Mapping[str, Column], given: str | None) -> tuple[str, tuple[str, ...]]:

@@ -3,7 +3,9 @@
     field = M (SCALE (raw + OFS)) + MOT x,   milligauss, body axes,   M of DIA and ODI
 
 Source: ArduPilot/ardupilot, libraries/AP_Compass/AP_Compass_Backend.cpp (`correct_field`) and
-AP_Compass.cpp (`have_scale_factor`). OFS is added, so it is minus the bias.
+AP_Compass.cpp (`have_scale_factor`). OFS is added, so it is minus the bias; MOT is added last, so
+it is minus the matrix times what a unit of x adds to the readings. x is the battery's current in A
+(COMPASS_MOTCT 2) or the throttle 0…1 (1), one kind for all compasses.
 """
 
 from __future__ import annotations
@@ -19,13 +21,21 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
-from agonic.io.export import Export, banner, float32_text, six_numbers, symmetric_of
+from agonic.io.export import (
+    Export,
+    banner,
+    float32_text,
+    six_numbers,
+    source_term,
+    symmetric_of,
+)
 from agonic.units import NANOTESLA_PER
 
 LARGEST_SCALE = 1.5  # COMPASS_MAX_SCALE_FACTOR: outside 1/1.5…1.5 the firmware takes 1
 LARGEST_OFFSET = 1800.0  # COMPASS_OFFS_MAX as delivered, mG, of the vector's length
 DIAGONAL = (0.2, 5.0)  # CompassCalibrator.cpp: what the on-board calibration accepts
 OFF_DIAGONAL = 1.0
+MOTOR_KIND = {"throttle": 1, "current_A": 2}  # COMPASS_MOTCT
 
 
 def write_ardupilot(
@@ -43,7 +53,9 @@ def write_ardupilot(
     rotation_bm : turns sensor axes into body axes, as the compass orientation of the vehicle does;
         only needed for a calibration in sensor axes.
 
-    Raises `UnitError` for a calibration in raw units. Motor compensation is not written.
+    Raises `UnitError` for a calibration in raw units, and `AgonicError` for one that mixes two
+    magnetometers or takes both current and throttle. Motor compensation is written where the
+    calibration has a term for one of them, else left as it is in the vehicle.
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.calibration.affine import Affine
@@ -56,7 +68,8 @@ def write_ardupilot(
     parameters, warnings = ardupilot_parameters(
         calibration, compass=compass, rotation_bm=rotation_bm
     )
-    formula = "field = M (SCALE (raw + OFS)), milligauss, body axes, M of DIA and ODI"
+    motor = " + MOT x" if "COMPASS_MOTCT" in parameters else ""
+    formula = f"field = M (SCALE (raw + OFS)){motor}, milligauss, body axes, M of DIA and ODI"
     notes = (
         *banner(calibration, formula, warnings),
         "Set COMPASS_LEARN 0, else the vehicle replaces these offsets by its own.",
@@ -89,22 +102,35 @@ def ardupilot_parameters(
         )
         scale = 1.0
     values = [*offset, *(six / scale), scale]
-    return dict(zip(_names(compass), map(float, values), strict=True)), (
-        *warnings,
-        *_remarks(offset, six / scale),
-    )
+    parameters = dict(zip(_names(compass), map(float, values), strict=True))
+    term = source_term(calibration, "b", rotation_bm=rotation_bm)
+    if term is not None:
+        source, added = term
+        motor = -symmetric_of(six) @ added / NANOTESLA_PER["mG"]
+        parameters |= dict(zip(_motor_names(compass), motor.tolist(), strict=True))
+        parameters["COMPASS_MOTCT"] = float(MOTOR_KIND[source])
+        warnings += (
+            f"COMPASS_MOTCT {MOTOR_KIND[source]} holds for all compasses of the vehicle: their "
+            f"COMPASS_MOT must all be for {source}, and zero where a compass has none",
+        )
+    return parameters, (*warnings, *_remarks(offset, six / scale))
 
 
 def apply_ardupilot(
-    parameters: Mapping[str, float], raw: ArrayLike, *, compass: int = 1
+    parameters: Mapping[str, float], raw: ArrayLike, *, compass: int = 1, x: ArrayLike = 0.0
 ) -> NDArray[np.float64]:
-    """The field (…, 3) that ArduPilot makes of readings, both in mG and body axes."""
+    """The field (…, 3) that ArduPilot makes of readings, both in mG and body axes.
+
+    `x` is the current in A or the throttle 0…1, whichever COMPASS_MOTCT says.
+    """
     values = np.array([parameters[name] for name in _names(compass)])
     offset, six, scale = values[:3], values[3:9], values[9]
     if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
         scale = 1.0
     matrix = symmetric_of(six) if six[:3].any() else symmetric_of([1, 1, 1, *six[3:]])
-    return np.asarray((scale * (np.asarray(raw) + offset)) @ matrix.T)
+    motor = np.array([parameters.get(name, 0.0) for name in _motor_names(compass)])
+    added = np.asarray(x, dtype=np.float64)[..., None] * motor
+    return np.asarray((scale * (np.asarray(raw) + offset)) @ matrix.T + added)
 
 
 def parse_ardupilot(path: Path | str) -> dict[str, float]:
@@ -129,6 +155,10 @@ def _names(compass: int) -> list[str]:
     number = "" if compass == 1 else str(compass)
     vectors = [f"COMPASS_{kind}{number}_{axis}" for kind in ("OFS", "DIA", "ODI") for axis in "XYZ"]
     return [*vectors, f"COMPASS_SCALE{number}"]
+
+
+def _motor_names(compass: int) -> list[str]:
+    return [f"COMPASS_MOT{'' if compass == 1 else compass}_{axis}" for axis in "XYZ"]
 
 
 def _remarks(offset: NDArray[np.float64], six: NDArray[np.float64]) -> list[str]:

@@ -18,7 +18,7 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
-from agonic.io.export import Export, banner, float32_text, reduced, scaled_to
+from agonic.io.export import Export, banner, float32_text, left_out, reduced, scaled_to
 
 Float32 = NDArray[np.float32]
 
@@ -89,9 +89,10 @@ def write_c(calibration: Calibration, path: Path | str, *, name: str = "mag") ->
         raise AgonicError(f"name is a C identifier such as mag, not {name!r}")
     bias, matrix = reduced(calibration)
     raw, expected, tolerance = _example(calibration, bias, matrix)
-    formula = "field = A (raw - b), float32"
+    formula, warnings = "field = A (raw - b), float32", left_out(calibration)
     notes = (
-        line.replace("/*", "/ *").replace("*/", "* /") for line in banner(calibration, formula)
+        line.replace("/*", "/ *").replace("*/", "* /")
+        for line in banner(calibration, formula, warnings)
     )
     text = TEMPLATE.format(
         name=name,
@@ -106,7 +107,7 @@ def write_c(calibration: Calibration, path: Path | str, *, name: str = "mag") ->
         expected=_braced(expected),
         tolerance=float32_text(tolerance),
     )
-    return Export(path=write_atomically(path, text), target="c")
+    return Export(path=write_atomically(path, text), target="c", warnings=warnings)
 
 
 def parse_c(path: Path | str, *, name: str = "mag") -> dict[str, Float32]:

@@ -21,7 +21,7 @@ from agonic.calibration.base import Calibration
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
-from agonic.io.export import Export, banner, reduced, scaled_to
+from agonic.io.export import Export, banner, left_out, reduced, scaled_to
 
 HEADER = 116  # bytes of free text at the start of a MAT-file, version 5
 FORMULA = "C = (D - b) * A, a reading a row"
@@ -43,7 +43,7 @@ def write_matlab(calibration: Calibration, path: Path | str) -> Export:
     bias, matrix = reduced(calibration)
     magnitude = scaled_to(calibration)
     unknown = "the field magnitude is not known: expmfs is NaN"
-    warnings = (unknown,) if magnitude is None else ()
+    warnings = (*left_out(calibration), *((unknown,) if magnitude is None else ()))
     variables = {
         "A": matrix.T,
         "b": bias[np.newaxis],

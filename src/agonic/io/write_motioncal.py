@@ -22,7 +22,7 @@ from agonic.calibration.base import Calibration
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
-from agonic.io.export import Export, scaled_to, six_numbers, symmetric_of
+from agonic.io.export import Export, left_out, scaled_to, six_numbers, symmetric_of
 from agonic.units import NANOTESLA_PER
 
 SIGNATURE = b"\x75\x54"
@@ -61,6 +61,7 @@ def write_motioncal(calibration: Calibration, path: Path | str) -> Export:
 def motioncal_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
     """The numbers of the packet, and warnings."""
     bias, six, warnings = six_numbers(calibration, calibration.frame_in, unit="microtesla")
+    warnings += left_out(calibration)
     magnitude = scaled_to(calibration)
     if magnitude is None:
         warnings += (

@@ -1,9 +1,12 @@
 """PX4: a `.params` file with the CAL_MAGn_* parameters of one magnetometer.
 
-    field_body = R S (raw − OFF),   gauss, raw in sensor axes,   S of SCALE and ODIAG
+    field_body = R S (raw + P COMP − OFF),   gauss, raw in sensor axes,   S of SCALE and ODIAG
 
 Source: PX4/PX4-Autopilot, src/lib/sensor_calibration/Magnetometer.hpp (`Correct`) and
 Magnetometer.cpp (`set_offset`, `set_scale`, `set_offdiagonal`). OFF is subtracted: it is the bias.
+COMP is added before it, so it is minus what a unit of P adds to the readings. P is the throttle 0…1
+(CAL_MAG_COMP_TYP 1) or the current of battery 1 or 2 in kiloamperes (2, 3), and counts while the
+vehicle is armed (VehicleMagnetometer.cpp).
 """
 
 from __future__ import annotations
@@ -19,13 +22,23 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
-from agonic.io.export import Export, banner, float32_text, six_numbers, symmetric_of
+from agonic.io.export import (
+    Export,
+    banner,
+    float32_text,
+    six_numbers,
+    source_term,
+    symmetric_of,
+)
 from agonic.units import NANOTESLA_PER
 
 DEAD_BAND = 0.01
 """A change (length of the vector) that PX4 does not take over: gauss for OFF, else a number."""
 
 SCALE = (0.1, 3.0)  # limits of CAL_MAGn_*SCALE in src/modules/sensors/module.yaml
+POWER = "CAL_MAG_COMP_TYP"
+POWER_KIND = {"throttle": 1, "current_A": 2}  # CAL_MAG_COMP_TYP
+AMPERES = {1: 1.0, 2: 1000.0, 3: 1000.0}  # x per unit of P
 INT32, FLOAT = 6, 9  # MAV_PARAM_TYPE
 
 
@@ -48,7 +61,9 @@ def write_px4(
     rotation_bm : turns sensor axes into body axes, as PX4 does after the correction; only needed
         for a calibration in body axes.
 
-    Raises `UnitError` for a calibration in raw units. Power compensation is not written.
+    Raises `UnitError` for a calibration in raw units, and `AgonicError` for one that mixes two
+    magnetometers or takes both current and throttle. Power compensation is written where the
+    calibration has a term for one of them, else left as it is in the vehicle.
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.calibration.affine import Affine
@@ -61,7 +76,10 @@ def write_px4(
     parameters, warnings = px4_parameters(
         calibration, slot=slot, device_id=device_id, rotation=rotation, rotation_bm=rotation_bm
     )
-    formula = "field = S (raw - OFF), gauss, sensor axes, S of SCALE and ODIAG; then CAL_MAG_ROT"
+    power = " + P COMP" if POWER in parameters else ""
+    formula = (
+        f"field = S (raw{power} - OFF), gauss, sensor axes, S of SCALE and ODIAG; then CAL_MAG_ROT"
+    )
     notes = (*banner(calibration, formula, warnings), "Vehicle-Id Component-Id Name Value Type")
     lines = [f"# {note}" for note in notes]
     lines += [_row(name, value) for name, value in parameters.items()]
@@ -93,6 +111,18 @@ def px4_parameters(
     if rotation is not None:
         parameters[f"CAL_MAG{slot}_ROT"] = int(rotation)
     parameters |= dict(zip(_names(slot), map(float, (*offset, *six)), strict=True))
+    term = source_term(calibration, "m", rotation_bm=rotation_bm)
+    if term is not None:
+        source, added = term
+        kind = POWER_KIND[source]
+        comp = -added * AMPERES[kind] / NANOTESLA_PER["G"]
+        parameters |= dict(zip(_power_names(slot), comp.tolist(), strict=True))
+        parameters[POWER] = kind
+        warnings += (
+            f"{POWER} {kind} holds for all magnetometers of the vehicle"
+            + (" and means battery 1; set 3 where battery 2 was recorded" if kind == 2 else "")
+            + ". PX4 compensates while armed only",
+        )
     if device_id is None:
         warnings += (
             f"PX4 ignores slot {slot} unless CAL_MAG{slot}_ID is the sensor's device id: give "
@@ -106,11 +136,16 @@ def px4_parameters(
 
 
 def apply_px4(
-    parameters: Mapping[str, float], raw: ArrayLike, *, slot: int = 0
+    parameters: Mapping[str, float], raw: ArrayLike, *, slot: int = 0, x: ArrayLike = 0.0
 ) -> NDArray[np.float64]:
-    """The field (…, 3) that PX4 makes of readings, both in gauss and sensor axes."""
+    """The field (…, 3) that PX4 makes of readings while armed, both in gauss and sensor axes.
+
+    `x` is the current in A or the throttle 0…1, whichever CAL_MAG_COMP_TYP says.
+    """
     values = np.array([parameters[name] for name in _names(slot)])
-    return np.asarray((np.asarray(raw) - values[:3]) @ symmetric_of(values[3:]).T)
+    comp = np.array([parameters.get(name, 0.0) for name in _power_names(slot)])
+    power = np.asarray(x, np.float64)[..., None] / AMPERES.get(int(parameters.get(POWER, 1)), 1.0)
+    return np.asarray((np.asarray(raw) + power * comp - values[:3]) @ symmetric_of(values[3:]).T)
 
 
 def parse_px4(path: Path | str) -> dict[str, float | int]:
@@ -135,6 +170,10 @@ def _names(slot: int) -> list[str]:
         raise AgonicError(f"slot is 0 to 3 in PX4, not {slot}")
     kinds = ("OFF", "SCALE", "ODIAG")
     return [f"CAL_MAG{slot}_{axis}{kind}" for kind in kinds for axis in "XYZ"]
+
+
+def _power_names(slot: int) -> list[str]:
+    return [f"CAL_MAG{slot}_{axis}COMP" for axis in "XYZ"]
 
 
 def _row(name: str, value: float | int) -> str:

@@ -18,7 +18,7 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
-from agonic.io.export import Export, banner, in_frame
+from agonic.io.export import Export, banner, in_frame, left_out
 from agonic.units import NANOTESLA_PER
 
 MATRIX = "initial_mag_scaling_matrix"
@@ -43,6 +43,7 @@ def write_ros(calibration: Calibration, path: Path | str, *, ros: int = 2) -> Ex
     if ros not in (1, 2):
         raise AgonicError(f"ros is 1 or 2, not {ros}")
     bias, matrix, warnings = in_frame(calibration, calibration.frame_in, unit="tesla")
+    warnings += left_out(calibration)
     values = (bias / NANOTESLA_PER["T"]).tolist()
     rows = [f"{name}: {_number(value)}" for name, value in zip(BIAS, values, strict=True)]
     rows.append(f"{MATRIX}: [{', '.join(map(_number, matrix.ravel().tolist()))}]")

@@ -15,7 +15,7 @@ from agonic.calibration.base import Calibration
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
-from agonic.io.export import Export, banner, reduced
+from agonic.io.export import Export, banner, left_out, reduced
 from agonic.kernels.affine import join, model_basis, split
 
 COLUMNS = ("parameter", "value", "standard_error", "unit")
@@ -37,14 +37,15 @@ def write_table(calibration: Calibration, path: Path | str) -> Export:
     """
     bias, matrix = reduced(calibration)
     units = (calibration.unit_in,) * 3 + (f"{calibration.unit_out}/{calibration.unit_in}",) * 9
+    warnings = left_out(calibration)
     stream = StringIO()
-    stream.writelines(f"# {line}\n" for line in banner(calibration, "one number a row"))
+    stream.writelines(f"# {line}\n" for line in banner(calibration, "one number a row", warnings))
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     table.writerows(
         zip(NAMES, join(bias, matrix).tolist(), _errors(calibration), units, strict=True)
     )
-    return Export(path=write_atomically(path, stream.getvalue()), target="table")
+    return Export(path=write_atomically(path, stream.getvalue()), target="table", warnings=warnings)
 
 
 def parse_table(path: Path | str) -> dict[str, tuple[float, float | None, str]]:
@@ -77,7 +78,8 @@ def _errors(calibration: Calibration) -> list[float | None]:
     if not isinstance(calibration, Affine) or calibration.covariance is None:
         return [None] * len(NAMES)
     basis = model_basis("full", calibration.gauge)
-    variance = np.einsum("ij,jk,ik->i", basis, calibration.covariance, basis)
+    m = basis.shape[1]
+    variance = np.einsum("ij,jk,ik->i", basis, calibration.covariance[:m, :m], basis)
     return [
         float(np.sqrt(v)) if row.any() else None for v, row in zip(variance, basis, strict=True)
     ]

@@ -1,0 +1,184 @@
+"""`Deviation`: what a compass reads wrong on each heading, in one state of the vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
+
+from agonic.calibration.base import read_only
+from agonic.errors import AgonicError
+from agonic.kernels import deviation as kernel
+from agonic.provenance import Provenance
+
+Array = NDArray[np.float64]
+
+PARAMETERS = (*kernel.LEVEL, *kernel.HEEL)
+"""The order of `covariance`: A to E in degrees, then the heel terms in degrees per degree."""
+
+
+POINTS = (
+    "N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE",
+    "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW",
+)  # fmt: skip
+
+
+def heading_name(heading_deg: float) -> str:
+    """A heading as it is spoken of, with its point where it is one of the sixteen.
+
+    >>> heading_name(45.0), heading_name(359.6), heading_name(47.0)
+    ('045° NE', '000° N', '047°')
+    """
+    point, off = divmod(heading_deg % 360.0, 22.5)
+    if off == 0.0:
+        name = POINTS[int(point)]
+        return f"{heading_deg % 360.0:0{5 if point % 2 else 3}.{int(point % 2)}f}° {name}"
+    whole = round(heading_deg) % 360
+    return f"{whole:03d}°" if whole else "000° N"
+
+
+def east_west(deviation_deg: float, decimals: int = 1) -> str:
+    """A deviation as cards write it: east is positive.
+
+    >>> east_west(10.46), east_west(-1.2), east_west(-0.01)
+    ('10.5° E', '1.2° W', '0.0°')
+    """
+    size = f"{abs(deviation_deg):.{decimals}f}"
+    side = "" if float(size) == 0.0 else " E" if deviation_deg > 0 else " W"
+    return f"{size}°{side}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviation:
+    """The correction magnetic = compass + deviation(compass), east positive.
+
+    Parameters
+    ----------
+    coefficients : (5,) A, B, C, D, E, degrees; a term that was not fitted is 0.
+    heel : (4,) degrees per degree of roll × cos ψ, roll × sin ψ, pitch × cos ψ, pitch × sin ψ, or
+        `None` where the compass was swung level.
+    covariance : (9, 9) of `PARAMETERS`, zero for terms that were not fitted, or `None`.
+    terms : the level terms that were fitted.
+    noise_deg : standard deviation of one reading about the curve.
+    freedom : degrees of freedom of `noise_deg`, `None` where the noise was given; sets the band.
+    power_state : what was switched on during the swing. current_A : the current drawn then.
+    largest_gap_deg : the widest arc between headings that were steered.
+    largest_heel_deg : largest roll and pitch during the swing.
+    sensor : whose headings.
+
+    Examples
+    --------
+    >>> card = Deviation(coefficients=[1.0, 12.0, 8.0, 5.0, 1.5], power_state="engine on")
+    >>> card.at([0.0, 90.0]).round(6).tolist(), card.steer(101.5).round(2).tolist()
+    ([10.5, 11.5], 90.0)
+    """
+
+    kind: ClassVar[str] = "deviation"
+
+    coefficients: Array
+    heel: Array | None = None
+    covariance: Array | None = None
+    terms: str = "ABCDE"
+    noise_deg: float | None = None
+    freedom: float | None = None
+    power_state: str = ""
+    current_A: float | None = None
+    largest_gap_deg: float | None = None
+    largest_heel_deg: tuple[float, float] | None = None
+    sensor: str = "mag"
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        for name, shape in (("coefficients", (5,)), ("heel", (4,)), ("covariance", (9, 9))):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, read_only(name, value, shape))
+
+    def at(
+        self,
+        compass_deg: ArrayLike,
+        roll_deg: ArrayLike | None = None,
+        pitch_deg: ArrayLike | None = None,
+    ) -> Array:
+        """The deviation, −180…180°, where the compass reads `compass_deg`; level without heel."""
+        return kernel.wrapped_deg(self._rows(compass_deg, roll_deg, pitch_deg) @ self._all)
+
+    def sd_at(
+        self,
+        compass_deg: ArrayLike,
+        roll_deg: ArrayLike | None = None,
+        pitch_deg: ArrayLike | None = None,
+    ) -> Array:
+        """The standard error of the deviation there, degrees.
+
+        Raises `AgonicError` where the covariance is not known.
+        """
+        if self.covariance is None:
+            raise AgonicError("this card carries no covariance; fit it again with agonic")
+        return kernel.band(self._rows(compass_deg, roll_deg, pitch_deg), self.covariance)
+
+    def band_at(self, compass_deg: ArrayLike, confidence: float = 0.95) -> Array:
+        """Half the width of the level curve's confidence band, degrees, by Student's t."""
+        freedom = np.inf if self.freedom is None else max(self.freedom, 1.0)
+        return np.asarray(
+            stdtrit(min(freedom, 1e6), (1 + confidence) / 2) * self.sd_at(compass_deg)
+        )
+
+    def magnetic(
+        self,
+        compass_deg: ArrayLike,
+        roll_deg: ArrayLike | None = None,
+        pitch_deg: ArrayLike | None = None,
+    ) -> Array:
+        """The magnetic heading, 0…360, when the compass reads `compass_deg`."""
+        deviation = self.at(compass_deg, roll_deg, pitch_deg)
+        return kernel.circled_deg(np.asarray(compass_deg, dtype=np.float64) + deviation)
+
+    def steer(
+        self,
+        magnetic_deg: ArrayLike,
+        roll_deg: ArrayLike | None = None,
+        pitch_deg: ArrayLike | None = None,
+    ) -> Array:
+        """The compass heading, 0…360, that makes good `magnetic_deg`."""
+        roll, pitch = (0.0 if a is None else a for a in (roll_deg, pitch_deg))
+        return kernel.steer(self._all, magnetic_deg, roll, pitch)
+
+    @property
+    def sd(self) -> Array | None:
+        """Standard errors of `PARAMETERS`, (9,)."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+
+    @property
+    def least_turn(self) -> float:
+        """The least that the vehicle turns while the compass turns by one, 1 + dδ/dψ.
+
+        At or below 0 one reading stands for several headings.
+        """
+        psi = np.arange(0.0, 360.0)
+        return float(1 + kernel.slope(self._all, psi, 0.0, 0.0).min())
+
+    @property
+    def equation(self) -> str:
+        """The correction in words and numbers."""
+        factors = ("", " sin(compass)", " cos(compass)", " sin(2 compass)", " cos(2 compass)")
+        said = " ".join(
+            f"{value:+.3f}{factor}"
+            for value, factor, term in zip(self.coefficients, factors, kernel.LEVEL, strict=True)
+            if term in self.terms
+        )
+        heeled = "" if self.heel is None else " + heel terms in roll and pitch"
+        return f"magnetic [deg] = compass + ({said.lstrip('+')}{heeled})"
+
+    @property
+    def _all(self) -> Array:
+        return np.append(self.coefficients, np.zeros(4) if self.heel is None else self.heel)
+
+    def _rows(
+        self, compass_deg: ArrayLike, roll_deg: ArrayLike | None, pitch_deg: ArrayLike | None
+    ) -> Array:
+        roll, pitch = (0.0 if a is None else a for a in (roll_deg, pitch_deg))
+        return kernel.basis(compass_deg, roll, pitch)

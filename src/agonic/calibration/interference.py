@@ -1,0 +1,172 @@
+"""`Interference`: bias and matrix, and what on-board sources add to the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import read_only
+from agonic.errors import AgonicError
+from agonic.kernels import affine as kernel
+
+Array = NDArray[np.float64]
+
+WIDTH = {"current_A": 1, "throttle": 1, "second": 3}
+"""The columns of samples that can tell of a disturbance, and how many numbers each has a row."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Interference(Affine):
+    """The correction field = matrix @ (raw − bias − coefficients @ x).
+
+    x is what was recorded of the sources: a current in amperes, the throttle, or the readings of a
+    second magnetometer. With the second magnetometer this is the 3×6 mix of two sensors,
+
+        field = matrix @ raw − (matrix @ coefficients) @ second − matrix @ bias,
+
+    of which the mean of two sensors with equal and opposite disturbance is the case
+    matrix = 1/2, coefficients = −1.
+
+    Parameters
+    ----------
+    sources : names of the columns in x: "current_A", "throttle", "second" (three numbers).
+    coefficients : (3, k), readings per unit of x.
+    covariance : (m, m) of `parameters`: those of an `Affine`, then the coefficients row by row.
+    The others as in `Affine`; `bias` is that with x = 0.
+
+    Examples
+    --------
+    >>> motors = Interference(bias=np.zeros(3), matrix=np.eye(3),
+    ...                       sources=("current_A",), coefficients=[[100.0], [0.0], [50.0]])
+    >>> motors.correct([[3000.0, 0.0, 0.0]], current_A=[10.0])
+    array([[2000.,    0., -500.]])
+    """
+
+    kind: ClassVar[str] = "interference"
+
+    sources: tuple[str, ...]
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.sources if name not in WIDTH]
+        if unknown or not self.sources:
+            given = ", ".join(unknown) or "none"
+            raise AgonicError(f"sources must be some of {', '.join(WIDTH)}; given: {given}")
+        shape = (3, sum(WIDTH[name] for name in self.sources))
+        object.__setattr__(self, "sources", tuple(self.sources))
+        object.__setattr__(
+            self, "coefficients", read_only("coefficients", self.coefficients, shape)
+        )
+        super().__post_init__()
+
+    @property
+    def needs(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The columns of the samples that it takes beside the readings."""
+        return self.sources
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of what `covariance` is about, in its order."""
+        named = [f"{axis}_per_{name}" for axis in "xyz" for name in signals(self.sources)]
+        return (*super().parameters, *named)
+
+    def cleaned(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """The readings (…, 3) without what the sources add: raw − coefficients @ x."""
+        added = stacked(self.sources, columns) @ self.coefficients.T
+        return np.asarray(np.asarray(raw, dtype=np.float64) - added)
+
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """The calibrated field of readings (…, 3) beside the columns that it needs."""
+        return kernel.correct(self.cleaned(raw, **columns), self.bias, self.matrix)
+
+    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
+        if self.covariance is None:
+            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+        x = np.atleast_2d(stacked(self.sources, columns))
+        rows = np.atleast_2d(self.cleaned(raw, **columns))
+        local = kernel.correction_jacobian(rows, self.bias, self.matrix)
+        reduced = local @ kernel.model_basis("full", self.gauge)
+        added = -(self.matrix[:, :, None] * x[:, None, None, :]).reshape(len(x), 3, -1)
+        jacobian = np.concatenate([reduced, added], axis=2)
+        return np.asarray(jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2))
+
+    def at(self, x: ArrayLike) -> Affine:
+        """The affine calibration that this is while the sources stay at x, (k,)."""
+        x = np.asarray(x, dtype=np.float64)
+        covariance = self.covariance
+        if covariance is not None:
+            m = len(super().parameters)
+            onto = np.zeros((m, len(covariance)))
+            onto[:, :m] = np.eye(m)
+            onto[:3, m:] = np.kron(np.eye(3), x)
+            covariance = onto @ covariance @ onto.T
+        plain = {f.name: getattr(self, f.name) for f in fields(Affine)}
+        return Affine(
+            **plain | {"bias": self.bias + self.coefficients @ x, "covariance": covariance}
+        )
+
+    @property
+    def equation(self) -> str:
+        """The correction in words that hold for this calibration."""
+        plain = super().equation
+        return f"{plain[:-1]} - coefficients @ ({', '.join(signals(self.sources))}))"
+
+
+def signals(sources: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of the numbers in x.
+
+    >>> signals(("current_A", "second"))
+    ('current_A', 'second_x', 'second_y', 'second_z')
+    """
+    return tuple(
+        signal
+        for name in sources
+        for signal in ([f"{name}_{axis}" for axis in "xyz"] if WIDTH[name] == 3 else [name])
+    )
+
+
+def stacked(sources: tuple[str, ...], columns: Mapping[str, ArrayLike]) -> Array:
+    """The numbers x (…, k) of the sources, from the columns of samples."""
+    missing = [name for name in sources if name not in columns]
+    if missing:
+        raise AgonicError(f"this calibration needs {', '.join(missing)} beside the readings")
+    values = [np.asarray(columns[name], dtype=np.float64) for name in sources]
+    parts = [v if WIDTH[name] == 3 else v[..., None]
+             for name, v in zip(sources, values, strict=True)]  # fmt: skip
+    return np.concatenate(parts, axis=-1)
+
+
+def mean_of(first: Affine, second: Affine) -> Interference:
+    """The mean of two calibrated magnetometers, as a correction of the first beside the second.
+
+        field = ½ W₁ (raw − b₁) + ½ W₂ (second − b₂)
+
+    It cancels a disturbance that is equal and opposite at the two places, and halves one that only
+    one of them sees.
+
+    >>> mean_of(Affine(bias=np.zeros(3), matrix=np.eye(3)),
+    ...         Affine(bias=np.zeros(3), matrix=np.eye(3))).coefficients.tolist()
+    [[-1.0, -0.0, -0.0], [-0.0, -1.0, -0.0], [-0.0, -0.0, -1.0]]
+    """
+    ends = [(c.unit_in, c.unit_out, c.frame_in, c.frame_out) for c in (first, second)]
+    if ends[0] != ends[1]:
+        raise AgonicError(f"the two calibrations must share units and axes; they have {ends}")
+    across = np.asarray(np.linalg.solve(first.matrix, second.matrix), dtype=np.float64)
+    plain = {f.name: getattr(first, f.name) for f in fields(Affine)}
+    return Interference(
+        **plain
+        | {
+            "bias": first.bias + across @ second.bias,
+            "matrix": first.matrix / 2,
+            "gauge": "free",
+            "covariance": None,
+        },
+        sources=("second",),
+        coefficients=-across,
+    )

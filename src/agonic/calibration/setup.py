@@ -1,0 +1,134 @@
+"""`Setup`: everything between the readings of a vehicle's magnetometers and its true heading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import ClassVar, Literal, get_args
+
+from agonic.calibration.base import Calibration
+from agonic.calibration.deviation import Deviation
+from agonic.errors import AgonicError, FrameError, check_choice
+from agonic.kernels.tilt import Order
+from agonic.provenance import Provenance
+
+Tilt = Literal["auto", "log", "accelerometer", "gyro", "level"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compass:
+    """One magnetometer as a compass.
+
+    Parameters
+    ----------
+    calibration : from readings to the field in body axes (forward, right, down), nT.
+    deviation : from what this compass reads to the magnetic heading, or `None` for no deviation.
+    latency_s : how late its readings are beside the attitude.
+
+    Examples
+    --------
+    >>> from agonic.calibration.affine import Affine
+    >>> Compass(calibration=Affine(bias=[0, 0, 0], matrix=[[1, 0, 0], [0, 1, 0], [0, 0, 1]])).sensor
+    'mag'
+    """
+
+    calibration: Calibration
+    deviation: Deviation | None = None
+    latency_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.calibration.frame_out not in "mb":
+            raise FrameError(
+                "a compass needs its field in body axes",
+                left=self.calibration.frame_out,
+                right="b",
+            )
+        _check_number("latency_s", self.latency_s, lowest=-10.0, highest=10.0)
+
+    @property
+    def sensor(self) -> str:
+        """The sensor whose readings it takes."""
+        return self.calibration.sensor
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setup:
+    """The compasses of a vehicle, where its tilt comes from, and the declination.
+
+    Parameters
+    ----------
+    compasses : at least one; the first whose readings can be trusted is used.
+    tilt : where roll and pitch come from: "log" (recorded), "accelerometer" (at rest), "gyro"
+        (accelerometer and gyro through a filter), "level" (none: a two-axis compass), or "auto".
+    tilt_order : what roll and pitch mean: "roll-pitch" is aerospace yaw-pitch-roll; "pitch-roll"
+        the inclinometer's order.
+    tilt_sd_deg : standard deviation of roll and of pitch.
+    settling_s : how long the filter of "gyro" takes to follow the accelerometer: longer where
+        turns and accelerations last longer, shorter where the gyro drifts.
+    declination_deg, declination_sd_deg : east positive; `None` takes them from the world model at
+        the place and date of the readings.
+    horizontal, vertical : intensities to expect, nT, or `None` for those of the world model.
+    magnitude_limit, dip_limit_deg : how far from what is expected the magnitude (a share of it)
+        and the dip may be before readings count as disturbed.
+    tilt_limit_deg : a vehicle whose own down is further from down than this has no heading.
+
+    Examples
+    --------
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[0, 0, 0], matrix=[[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> Setup(compasses=(Compass(calibration=mag),), declination_deg=2.7).tilt
+    'auto'
+    """
+
+    kind: ClassVar[str] = "setup"
+
+    compasses: tuple[Compass, ...]
+    tilt: Tilt = "auto"
+    tilt_order: Order = "roll-pitch"
+    tilt_sd_deg: float = 0.5
+    settling_s: float = 10.0
+    declination_deg: float | None = None
+    declination_sd_deg: float | None = None
+    horizontal: float | None = None
+    vertical: float | None = None
+    magnitude_limit: float = 0.1
+    dip_limit_deg: float = 10.0
+    tilt_limit_deg: float = 80.0
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "compasses", tuple(self.compasses))
+        if not self.compasses:
+            raise AgonicError("a setup needs at least one compass")
+        names = [compass.sensor for compass in self.compasses]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise AgonicError(
+                f"a setup has one compass for a sensor; two are for {', '.join(twice)}"
+            )
+        check_choice("tilt", self.tilt, get_args(Tilt))
+        check_choice("tilt_order", self.tilt_order, get_args(Order))
+        if (self.horizontal is None) != (self.vertical is None):
+            raise AgonicError("horizontal and vertical intensity go together; give both or neither")
+        for name, (lowest, highest) in _RANGES.items():
+            _check_number(name, getattr(self, name), lowest=lowest, highest=highest)
+
+
+_RANGES = {
+    "tilt_sd_deg": (0.0, 90.0),
+    "settling_s": (1e-3, 3600.0),
+    "declination_deg": (-180.0, 180.0),
+    "declination_sd_deg": (0.0, 180.0),
+    "horizontal": (0.0, 1e6),
+    "vertical": (-1e6, 1e6),
+    "magnitude_limit": (0.0, 10.0),
+    "dip_limit_deg": (0.0, 180.0),
+    "tilt_limit_deg": (0.0, 180.0),
+}
+
+
+def _check_number(name: str, value: float | None, *, lowest: float, highest: float) -> None:
+    if value is None:
+        return
+    number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    if not (number and lowest <= value <= highest):
+        raise AgonicError(f"{name} is {value!r}; it needs a number from {lowest:g} to {highest:g}")

@@ -1,0 +1,177 @@
+"""What a calibration file holds, kind by kind: the records that its JSON Schema is made of."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
+
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
+from agonic.calibration.deviation import PARAMETERS as DEVIATION_PARAMETERS
+
+LOWER = FREE_PARAMETERS[len(PARAMETERS) :]
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+Row = tuple[float, ...]
+Four = tuple[float, float, float, float]
+Five = tuple[float, float, float, float, float]
+Unit = Annotated[Literal["nT", "raw"], Meta(description="nT, or raw where the scale is unknown.")]
+Frame = Annotated[
+    str,
+    Meta(
+        pattern="^[a-z]$",
+        description="Axes, one letter: m magnetometer, b body (forward, right, down).",
+    ),
+]
+Sensor = Annotated[str, Meta(description="Whose readings the calibration corrects.")]
+NotNegative = Annotated[float, Meta(ge=0)]
+
+
+class InputRecord(Struct, frozen=True):
+    """One thing that went in: its name, the SHA-256 of its bytes, and how many rows were used."""
+
+    name: str
+    sha256: str
+    count: int
+
+
+class ProvenanceRecord(Struct, frozen=True):
+    """Where the calibration came from."""
+
+    inputs: Annotated[tuple[InputRecord, ...], Meta(description="The data it was made from.")]
+    settings: Annotated[dict[str, Any], Meta(description="What the user or the program chose.")]
+    method: Annotated[tuple[str, ...], Meta(description="Citation keys, see `agonic cite`.")]
+    parents: Annotated[tuple[str, ...], Meta(description="SHA-256 of calibrations it rests on.")]
+    software: Annotated[str, Meta(description="Program and version that made it.")]
+    created: Annotated[str, Meta(description="UTC, ISO 8601.")]
+
+
+class ValidityRecord(Struct, frozen=True):
+    """Where the calibration may be used."""
+
+    largest_reading: Annotated[
+        float | None, Meta(description="Largest reading seen on an axis, in unit_in.")
+    ] = None
+    temperature_C: Annotated[
+        tuple[float, float] | None, Meta(description="Lowest and highest temperature seen, °C.")
+    ] = None
+
+
+class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="affine"):
+    """field = matrix @ (raw − bias)."""
+
+    sensor: Sensor
+    unit_in: Unit
+    unit_out: Unit
+    frame_in: Frame
+    frame_out: Frame
+    model: Literal["sphere", "diagonal", "full"]
+    gauge: Annotated[
+        Literal["symmetric", "triangular", "free"],
+        Meta(description="How the rotation that magnitude alone leaves open was fixed."),
+    ]
+    bias: Annotated[Vector, Meta(description="Subtracted from the readings, in unit_in.")]
+    matrix: Annotated[Matrix, Meta(description="Row by row, unit_out per unit_in.")]
+    covariance: Annotated[
+        tuple[Row, ...] | None,
+        Meta(
+            description=f"Of {', '.join(PARAMETERS)}; in the gauge free, {', '.join(LOWER)} after "
+            "them; of an interference, its coefficients row by row after those. Bias in unit_in, "
+            "matrix in unit_out per unit_in."
+        ),
+    ] = None
+    magnitude: Annotated[
+        NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
+    ] = None
+    noise: Annotated[
+        NotNegative | None,
+        Meta(description="Standard deviation of one reading on one axis, in unit_in."),
+    ] = None
+    device_id: Annotated[
+        int | None, Meta(description="The number by which an autopilot knows the sensor.")
+    ] = None
+    validity: ValidityRecord = ValidityRecord()
+    provenance: ProvenanceRecord
+
+
+class InterferenceRecord(AffineRecord, frozen=True, kw_only=True, tag="interference"):
+    """field = matrix @ (raw − bias − coefficients @ x), x from the sources."""
+
+    sources: Annotated[
+        tuple[Literal["current_A", "throttle", "second"], ...],
+        Meta(description="Columns in x; second is another magnetometer, three numbers."),
+    ]
+    coefficients: Annotated[
+        tuple[Row, Row, Row], Meta(description="Row by row, unit_in per unit of x.")
+    ]
+
+
+class RotationRecord(Struct, frozen=True):
+    """A rotation as a unit quaternion, Hamilton, scalar first."""
+
+    quat_wxyz: tuple[float, float, float, float]
+
+
+class AlignmentRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="alignment"):
+    """field_out = rotation.apply(field_in)."""
+
+    sensor: Sensor
+    unit_in: Unit
+    frame_in: Frame
+    frame_out: Frame
+    rotation: Annotated[RotationRecord, Meta(description="Turns frame_in into frame_out.")]
+    covariance: Annotated[
+        Matrix | None, Meta(description="Of the rotation vector, rad², row by row.")
+    ] = None
+    provenance: ProvenanceRecord
+
+
+class ChainRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="chain"):
+    """Calibrations applied one after the other, in this order."""
+
+    steps: Annotated[
+        tuple[AffineRecord | InterferenceRecord | AlignmentRecord, ...], Meta(min_length=1)
+    ]
+    provenance: ProvenanceRecord
+
+
+class DeviationRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="deviation"):
+    """magnetic = compass + deviation(compass), in one state of the vehicle."""
+
+    sensor: Sensor
+    coefficients: Annotated[Five, Meta(description="A, B, C, D, E, degrees; east positive.")]
+    heel: Annotated[
+        Four | None,
+        Meta(description="Degrees per degree of roll·cos, roll·sin, pitch·cos, pitch·sin."),
+    ] = None
+    covariance: Annotated[
+        tuple[Row, ...] | None, Meta(description=f"Of {', '.join(DEVIATION_PARAMETERS)}, degrees.")
+    ] = None
+    terms: Annotated[str, Meta(pattern="^[A-E]+$", description="The level terms that were fitted.")]
+    noise_deg: Annotated[
+        NotNegative | None, Meta(description="Standard deviation of one reading.")
+    ] = None
+    freedom: Annotated[
+        NotNegative | None, Meta(description="Degrees of freedom of noise_deg; null: it was given.")
+    ] = None
+    power_state: Annotated[str, Meta(description="What was switched on during the swing.")] = ""
+    current_A: Annotated[float | None, Meta(description="The current drawn then.")] = None
+    largest_gap_deg: Annotated[
+        float | None, Meta(description="Widest arc between headings that were steered.")
+    ] = None
+    largest_heel_deg: Annotated[
+        tuple[float, float] | None, Meta(description="Largest roll and pitch during the swing.")
+    ] = None
+    provenance: ProvenanceRecord
+
+
+AnyRecord = AffineRecord | InterferenceRecord | AlignmentRecord | ChainRecord | DeviationRecord
+
+
+class CalibrationFile(Struct, frozen=True):
+    """A calibration of a magnetometer, made with agonic."""
+
+    schema: Literal["agonic/calibration@1"]
+    equation: Annotated[str, Meta(description="The correction in words, for the reader.")]
+    calibration: AnyRecord
