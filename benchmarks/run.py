@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchmarks import estimators, honesty, speed, tables
 
-ALONE = ("dataflash", "field")  # scripts that print a table of their own
+ALONE = ("dataflash", "field", "heading")  # scripts that print a table of their own
 
 
 def main() -> None:

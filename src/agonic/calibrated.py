@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, apply, beside
+from agonic.calibration.interference import Interference, stacked
+from agonic.choice import Choice, Kind, choose
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.fitting.ellipsoid import evaluate, fit_ellipsoid
-from agonic.kernels.affine import correct
+from agonic.fitting.latency import LatencyFit
 from agonic.kernels.angles import angle_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -30,8 +32,9 @@ AGREEMENT_LIMIT_DEG = 2.0
 class Calibrated:
     """One magnetometer of a log: its readings, the fit, and its verification.
 
-    `method` is the word of the fit ("ellipsoid"); `reason` says in a sentence why it was chosen;
-    `verdict` is "good", "check" or "refused" and `status` the sentence that goes with it.
+    `method` is the word of the fit ("ellipsoid", "levelled" or "vector"); `reason` says in a
+    sentence why it was chosen; `latency` how late the readings were, where that was found and
+    undone; `verdict` is "good", "check" or "refused" and `status` the sentence that goes with it.
     """
 
     samples: Samples
@@ -41,23 +44,50 @@ class Calibrated:
     reason: str
     verdict: str
     status: str
+    latency: LatencyFit | None = None
+
+    @property
+    def cleaned(self) -> Array:
+        """The readings (n, 3) without what known sources on board add to them."""
+        calibration = self.fit.calibration
+        return calibration.cleaned(self.samples.field, **beside(calibration, self.samples))
+
+    @property
+    def corrected(self) -> Array:
+        """The field (n, 3) by the calibration."""
+        return apply(self.fit.calibration, self.samples).field
 
 
-def calibrate(samples: Samples, reference: Reference | None = None, **settings: Any) -> Calibrated:
+def calibrate(
+    samples: Samples,
+    reference: Reference | None = None,
+    *,
+    kind: Kind = "auto",
+    **settings: Any,
+) -> Calibrated:
     """Calibrate one magnetometer and verify it on held-out parts of its own log.
 
     The log is cut into blocks of time; each row is judged by a fit to the blocks that do not hold
     it (two folds of alternate blocks). The calibration itself uses all rows.
 
-    Parameters: samples, reference and settings as in `fit_ellipsoid`. Raises `CoverageError` where
-    nothing can be fitted at all.
+    Parameters
+    ----------
+    samples, reference : as in `fit_ellipsoid`, `fit_levelled` and `fit_vector`.
+    kind : "ellipsoid", "levelled", "vector", "interference", or "auto": vector where an
+        independent heading is known, levelled where roll and pitch are, each with the field of the
+        place; ellipsoid otherwise. A latency that stands out is undone first, and a current on
+        board joins the fit where it matters.
+    settings : those of the fit.
+
+    Raises `CoverageError` where nothing can be fitted at all.
 
     >>> from agonic.simulation import simulate
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    fit = fit_ellipsoid(samples, reference, **settings)
-    folds = _folds(samples, reference, {**settings, "model": fit.calibration.model})
+    choice = choose(samples, reference, kind, settings)
+    samples, fit = choice.samples, choice.fit
+    folds = _folds(samples, reference, choice.again)
     gain = float(np.trace(fit.calibration.matrix) / 3)
     believed = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
     verification = verify(
@@ -69,7 +99,7 @@ def calibrate(samples: Samples, reference: Reference | None = None, **settings: 
         held_out=believed if believed.any() else None,
     )
     checks = (*verification.checks, _agreement(folds))
-    return _judged(samples, fit, replace(verification, checks=checks))
+    return _judged(choice, replace(verification, checks=checks))
 
 
 def judge(
@@ -85,9 +115,25 @@ def judge(
     """
     if not isinstance(calibration, Affine):
         raise AgonicError(f"a {calibration.kind} calibration cannot be reported yet; an affine can")
-    fit = evaluate(calibration, samples, reference, **settings)
+    method = str(calibration.provenance.settings.get("fit", "ellipsoid"))
+    settings["by_magnitude"] = method == "ellipsoid"
+    fit = _evidence(calibration, samples, reference, settings)
     known = reference if calibration.unit_out == "nT" else None
-    return _judged(samples, fit, verify(calibration, samples, known))
+    given = Choice(samples, fit, method, "the calibration was made before", fit_ellipsoid)
+    return _judged(given, verify(calibration, samples, known))
+
+
+def _evidence(
+    calibration: Affine, samples: Samples, reference: Reference | None, settings: dict[str, Any]
+) -> Fit:
+    """What the samples say of a calibration; sources on board are taken at their mean."""
+    if not isinstance(calibration, Interference):
+        return evaluate(calibration, samples, reference, **settings)
+    mean = stacked(calibration.sources, beside(calibration, samples)).mean(axis=0)
+    held = calibration.cleaned(samples.field, **beside(calibration, samples))
+    steady = samples.with_columns(field=held + calibration.coefficients @ mean)
+    fit = evaluate(calibration.at(mean), steady, reference, **settings)
+    return replace(fit, calibration=calibration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +145,7 @@ class _Folds:
 
 
 def _folds(
-    samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
+    samples: Samples, reference: Reference | None, again: Callable[..., Fit]
 ) -> _Folds | None:
     """Fits to the odd and to the even blocks of time, each applied to all rows."""
     block = np.arange(len(samples)) * BLOCKS // len(samples)
@@ -107,20 +153,12 @@ def _folds(
     fields = []
     for rows in (even, ~even):
         try:
-            known = _part(reference, rows)
-            part = fit_ellipsoid(samples.select(rows), known, **settings).calibration
+            part = again(samples.select(rows), reference.select(rows) if reference else None)
+            fields.append(apply(part.calibration, samples).field)
         except AgonicError:
             return None
-        fields.append(correct(samples.field, part.bias, part.matrix))
     unseen = np.where(even[:, None], fields[1], fields[0])
     return _Folds(unseen, np.where(even[:, None], fields[0], fields[1]))
-
-
-def _part(reference: Reference | None, rows: NDArray[np.bool_]) -> Reference | None:
-    """The reference of some of the rows."""
-    if reference is None or len(reference.values) == 1:
-        return reference
-    return replace(reference, values=reference.values[rows])
 
 
 def _agreement(folds: _Folds | None) -> Check:
@@ -152,21 +190,25 @@ def _agreement(folds: _Folds | None) -> Check:
     )
 
 
-def _judged(samples: Samples, fit: Fit, verification: Verification) -> Calibrated:
+def _judged(choice: Choice, verification: Verification) -> Calibrated:
     """The verdict: refused by the fit, to be checked for a failed check, or good."""
+    fit = choice.fit
     failed = [check for check in verification.checks if check.passed is False]
     verdict, said = fit.verdict, [fit.status]
     if verdict != "refused" and failed:
         verdict = "check"
         said += [f"On held-out parts {_of(check)}: {check.meaning}." for check in failed]
+    if choice.latency is not None and verdict != "refused":
+        said.append(choice.latency.status)
     return Calibrated(
-        samples=samples,
+        samples=choice.samples,
         fit=fit,
         verification=verification,
-        method="ellipsoid",
-        reason="the log holds no reference but the magnitude of the field",
+        method=choice.method,
+        reason=choice.reason,
         verdict=verdict,
         status=" ".join(said),
+        latency=choice.latency,
     )
 
 

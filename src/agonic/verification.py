@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.base import Calibration, apply
 from agonic.kernels.angles import angle_deg
 from agonic.kernels.leastsq import robust_scale
+from agonic.kernels.rotation import down_b
+from agonic.kernels.tilt import heading_by_vectors_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -19,6 +21,7 @@ SPREAD_LIMIT = 0.03
 """Spread of the calibrated magnitude that still allows a heading of about a degree."""
 NOISE_LIMIT = 1.5
 MAGNITUDE_LIMIT = 0.03
+DIP_LIMIT_DEG = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +105,8 @@ def verify(
         checks.append(_noise_check(residual_rms / noise))
     if reference is not None:
         checks.append(_magnitude_check(float(np.median(ratio[rows])) - 1, reference.source))
+        if calibration.frame_out == "b":
+            checks += _attitude_checks(field, rows, samples, reference)
     if samples.logged is not None:
         logged = samples.logged
         old = (samples.field - logged.bias) @ logged.matrix.T
@@ -182,6 +187,57 @@ def _magnitude_check(error: float, source: str) -> Check:
         if good
         else f"the magnitude differs from the reference ({source}): iron nearby, a wrong place or "
         "a wrong unit",
+    )
+
+
+def _attitude_checks(
+    field: Array, rows: NDArray[np.bool_], samples: Samples, reference: Reference
+) -> list[Check]:
+    """Dip and heading of the corrected field against the attitude of the log and the reference."""
+    if samples.roll_deg is None or samples.pitch_deg is None:
+        return []
+    if reference.kind not in ("vector", "horizontal-vertical"):
+        return []
+    down = down_b(samples.roll_deg, samples.pitch_deg)
+    horizontal, vertical = reference.horizontal_and_vertical(len(samples)).T
+    below = np.einsum("ni,ni->n", field, down)
+    level = np.sqrt(np.maximum(np.einsum("ni,ni->n", field, field) - below**2, 0.0))
+    dip = np.degrees(np.arctan2(below, level) - np.arctan2(vertical, horizontal))
+    checks = [_dip_check(robust_scale(dip[rows]))]
+    if samples.heading_deg is not None and reference.kind == "vector":
+        east, north = reference.values[:, 1], reference.values[:, 0]
+        true = heading_by_vectors_deg(field, down) + np.degrees(np.arctan2(east, north))
+        difference = (true - samples.heading_deg + 180.0) % 360.0 - 180.0
+        checks.append(_heading_check(difference[rows], samples.heading_estimated))
+    return checks
+
+
+def _dip_check(error: float) -> Check:
+    good = error <= DIP_LIMIT_DEG
+    return Check(
+        name="dip against the reference",
+        value=error,
+        limit=DIP_LIMIT_DEG,
+        unit="°",
+        passed=good,
+        meaning="the field dips as it should, by the roll and pitch of the log"
+        if good
+        else "the field does not dip as it should: roll and pitch are wrong or late, or the field "
+        "is disturbed",
+    )
+
+
+def _heading_check(difference: Array, estimated: bool) -> Check:
+    rms = float(np.sqrt(np.mean(difference**2)))
+    whose = "the autopilot's own, which follows its compasses" if estimated else "the log's"
+    return Check(
+        name="heading against the log",
+        value=rms,
+        limit=None,
+        unit="°",
+        passed=None,
+        meaning=f"rms difference between the true heading and {whose}; its mean is "
+        f"{float(difference.mean()):.1f}°",
     )
 
 

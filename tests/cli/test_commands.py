@@ -44,8 +44,8 @@ def test_calibrate_finds_the_truth_and_writes_what_it_says(log, capsys) -> None:
     assert np.all(np.abs(error) < 4 * np.array(sensor["bias_sd_nT"]))
     assert sensor["verdict"] == "good"
     assert sensor["spread_after"] < 0.01 < 0.1 < sensor["spread_before"]
-    assert {Path(f).suffix for f in sensor["files"]} == {".json", ".h", ".html"}
-    assert all(Path(f).stat().st_size > 500 for f in sensor["files"])
+    assert {Path(f).suffix for f in sensor["files"]} == {".json", ".h", ".toml", ".html"}
+    assert all(Path(f).stat().st_size > 150 for f in sensor["files"])
 
 
 def test_the_surface_of_a_sensor_record_is_stable(log, capsys) -> None:

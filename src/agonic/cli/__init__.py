@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from typer import Typer
 
 COMMANDS = (
-    "calibrate", "info", "fit", "apply", "verify", "export", "report", "field", "simulate", "cite",
-    "demo",
+    "calibrate", "info", "fit", "apply", "verify", "heading", "export", "report", "field", "plan",
+    "simulate", "cite", "demo",
 )  # fmt: skip
 """In the order in which `agonic --help` lists them; each is a file here."""
 

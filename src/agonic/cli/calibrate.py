@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from agonic.cli.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit, log_and_sensors
+from agonic.cli.options import (
+    At,
+    Between,
+    Date,
+    Json,
+    LogPath,
+    Magnitude,
+    Sensor,
+    Unit,
+    log_and_sensors,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from agonic.calibrated import Calibrated
@@ -32,6 +42,10 @@ def calibrate(
     at: At = None,
     date: Date = None,
     field: Magnitude = None,
+    method: Annotated[
+        str, typer.Option(help="auto (by what the log holds), ellipsoid, levelled or vector.")
+    ] = "auto",
+    between: Between = None,
     as_json: Json = False,
 ) -> int:
     """Calibrate every magnetometer in a log, verify it on held-out parts, and report.
@@ -43,9 +57,9 @@ def calibrate(
     from agonic.report.record import record
     from agonic.report.text import summary
 
-    recording, sensors = log_and_sensors(log, sensor, unit)
+    recording, sensors = log_and_sensors(log, sensor, unit, between)
     folder = out or Path(f"{log.name}-agonic")
-    results, failures = _results(sensors, at, date, field)
+    results, failures = _results(sensors, at, date, field, method)
     written = write(results, recording, folder)
     if as_json:
         records = [record(result, *written[result.samples.name]) for result in results]
@@ -62,21 +76,26 @@ def calibrate(
 
 
 def _results(
-    sensors: tuple[Samples, ...], at: str | None, date: str | None, field: float | None
+    sensors: tuple[Samples, ...],
+    at: str | None,
+    date: str | None,
+    field: float | None,
+    method: str,
 ) -> tuple[list[Calibrated], list[dict[str, object]]]:
     """The sensors that could be fitted, and records of those that could not."""
     from agonic.calibrated import calibrate as run
     from agonic.cli.place import expected
     from agonic.cli.progress import progress
-    from agonic.errors import CoverageError
+    from agonic.errors import CoverageError, check_choice
     from agonic.report.record import unfitted
 
+    check_choice("--method", method, ("auto", "ellipsoid", "levelled", "vector"))
     results: list[Calibrated] = []
     failures: list[dict[str, object]] = []
     for samples in progress(sensors, "Calibrating"):
         try:
             reference, settings = expected(samples, at, date, field)
-            results.append(run(samples, reference, **settings))
+            results.append(run(samples, reference, kind=method, **settings))  # type: ignore[arg-type]
         except CoverageError as error:
             failures.append(unfitted(samples.name, str(error)))
     return results, failures
@@ -97,9 +116,30 @@ def write(results: list[Calibrated], log: Log, folder: Path) -> dict[str, Writte
     make_folder(folder)
     written = {result.samples.name: _sensor_files(result, log.stack, folder) for result in results}
     files = {name: of_sensor.files for name, of_sensor in written.items()}
+    setup = _setup(results, written, folder)
     page = str(folder / "report.html")
     write_atomically(page, render(results, title=log.path.name, exports=files))
-    return {name: Written([*w.files, page], w.warnings) for name, w in written.items()}
+    return {name: Written([*w.files, *setup, page], w.warnings) for name, w in written.items()}
+
+
+def _setup(results: list[Calibrated], written: dict[str, Written], folder: Path) -> list[str]:
+    """The setup of the vehicle, for `agonic heading`, where its compasses can be used as such."""
+    from agonic.calibration.setup import Compass, Setup
+    from agonic.io.setupfile import save_setup
+
+    compasses = {
+        result.samples.name: Compass(
+            calibration=result.fit.calibration,
+            latency_s=result.latency.latency_s if result.latency else 0.0,
+        )
+        for result in results
+        if written[result.samples.name].files and result.fit.calibration.unit_out == "nT"
+    }
+    if not compasses:
+        return []
+    saved = {name: Path(written[name].files[0]).name for name in compasses}
+    setup = Setup(compasses=tuple(compasses.values()))
+    return [str(save_setup(setup, folder / "setup.toml", saved=saved))]
 
 
 def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:

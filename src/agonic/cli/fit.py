@@ -3,26 +3,66 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit, log_and_sensors
+from agonic.cli import fit_deviation, fit_latency
+from agonic.cli.options import (
+    At,
+    Between,
+    Date,
+    Json,
+    LogPath,
+    Magnitude,
+    Sensor,
+    Unit,
+    log_and_sensors,
+)  # fmt: skip
 from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.samples import Samples
+
+Out = Annotated[
+    Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
+]
+Robust = Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")]
+SoftIron = Annotated[
+    float, typer.Option(help="Prior on soft iron, standard deviation; 0 for none.")
+]
+Model = Annotated[str, typer.Option(help="sphere, diagonal or full.")]
+FreeGauge = Annotated[
+    str, typer.Option(help="symmetric; free (a turn of the sensor as well); or auto.")
+]
+Turn = Annotated[
+    float, typer.Option(help="Prior on that turn, degrees, standard deviation; 0 for none.")
+]
+Sources = Annotated[
+    str,
+    typer.Option(
+        "--with", metavar="NAMES", help="What disturbs on board: current_A, throttle, second."
+    ),
+]
+Second = Annotated[
+    str | None,
+    typer.Option("--second", metavar="SENSOR", help="The second magnetometer, for --with second."),
+]
 
 
 def add_to(app: typer.Typer) -> None:
     """Register the command and its kinds."""
     kinds = typer.Typer(help="Fit one kind of calibration to a log.", no_args_is_help=True)
-    kinds.command("ellipsoid")(ellipsoid)
+    for kind in (ellipsoid, levelled, vector, interference):
+        kinds.command(kind.__name__)(kind)
+    fit_deviation.add_to(kinds)
+    fit_latency.add_to(kinds)
     app.add_typer(kinds, name="fit", rich_help_panel=None)
 
 
 def ellipsoid(
     log: LogPath,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
-    ] = None,
+    out: Out = None,
     sensor: Sensor = None,
     unit: Unit = None,
     at: At = None,
@@ -33,13 +73,122 @@ def ellipsoid(
         str, typer.Option(help="likelihood, adjusted, li-griffiths or linear.")
     ] = "likelihood",
     gauge: Annotated[str, typer.Option(help="symmetric, or triangular.")] = "symmetric",
-    robust: Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")] = True,
-    soft_iron_sd: Annotated[
-        float, typer.Option(help="Prior on soft iron, standard deviation; 0 for none.")
-    ] = 0.1,
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    between: Between = None,
     as_json: Json = False,
 ) -> int:
     """Bias and matrix from the magnitude alone."""
+    samples = _sensor(log, sensor, unit, between)
+    settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
+    settings["soft_iron_sd"] = soft_iron_sd or None
+    return _run("ellipsoid", samples, (at, date, field), settings, out, as_json)
+
+
+def levelled(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    sources: Sources = "",
+    second: Second = None,
+    model: Model = "full",
+    gauge: FreeGauge = "auto",
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    turn_sd_deg: Turn = 2.0,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the place."""
+    settings = _taught(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
+    samples = _sensor(log, sensor, unit, between, second)
+    return _run("levelled", samples, (at, date, None), settings, out, as_json)
+
+
+def vector(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    sources: Sources = "",
+    second: Second = None,
+    model: Model = "full",
+    gauge: FreeGauge = "auto",
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    turn_sd_deg: Turn = 2.0,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """Bias and matrix where the whole attitude is known, heading included."""
+    settings = _taught(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
+    samples = _sensor(log, sensor, unit, between, second)
+    return _run("vector", samples, (at, date, None), settings, out, as_json)
+
+
+def interference(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    sources: Sources = "current_A",
+    second: Second = None,
+    model: Model = "full",
+    gauge: FreeGauge = "auto",
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    turn_sd_deg: Turn = 2.0,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """What currents on board, or a second magnetometer, say of the disturbance."""
+    settings = _taught(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
+    samples = _sensor(log, sensor, unit, between, second)
+    return _run("interference", samples, (at, date, field), settings, out, as_json)
+
+
+def _taught(
+    sources: str, model: str, gauge: str, robust: bool, soft_iron_sd: float, turn_sd_deg: float
+) -> dict[str, Any]:
+    """The settings of the fits that the attitude teaches."""
+    return {
+        "sources": tuple(name.strip() for name in sources.split(",") if name.strip()),
+        "model": model,
+        "gauge": gauge,
+        "robust": robust,
+        "soft_iron_sd": soft_iron_sd or None,
+        "turn_sd_deg": turn_sd_deg or None,
+    }
+
+
+def _sensor(
+    log: Path, sensor: str | None, unit: str | None, between: str | None, second: str | None = None
+) -> Samples:
+    """The sensor of the log that was asked for, or its only one, perhaps beside a second."""
+    recording, sensors = log_and_sensors(log, sensor, unit, between)
+    if len(sensors) > 1:
+        names = ", ".join(samples.name for samples in sensors)
+        raise AgonicError(f"the log holds {names}; choose one with --sensor")
+    return sensors[0] if second is None else sensors[0].with_second(recording.sensor(second))
+
+
+def _run(
+    kind: str,
+    samples: Samples,
+    place: tuple[str | None, str | None, float | None],
+    settings: dict[str, Any],
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Fit, verify, write, and say so."""
     from agonic.calibrated import calibrate
     from agonic.cli.output import print_json, say
     from agonic.cli.place import expected
@@ -47,15 +196,8 @@ def ellipsoid(
     from agonic.report.record import record
     from agonic.report.text import summary
 
-    _, sensors = log_and_sensors(log, sensor, unit)
-    if len(sensors) > 1:
-        names = ", ".join(samples.name for samples in sensors)
-        raise AgonicError(f"the log holds {names}; choose one with --sensor")
-    reference, settings = expected(sensors[0], at, date, field)
-    result = calibrate(
-        sensors[0], reference, model=model, method=method, gauge=gauge, robust=robust,
-        soft_iron_sd=soft_iron_sd or None, **settings,
-    )  # fmt: skip
+    reference, of_place = expected(samples, *place)
+    result = calibrate(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
     files = [str(save(result.fit.calibration, out))] if out and result.verdict != "refused" else []
     if as_json:
         print_json("agonic/fit@1", record(result, files))

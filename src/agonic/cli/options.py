@@ -42,11 +42,41 @@ Magnitude = Annotated[
 ]
 
 
+Between = Annotated[
+    str | None,
+    typer.Option(
+        "--between", metavar="S,S", help="Only this stretch, seconds since the first reading."
+    ),
+]
+
+
 def log_and_sensors(
-    path: Path, sensor: str | None, unit: str | None
+    path: Path, sensor: str | None, unit: str | None, between: str | None = None
 ) -> tuple[Log, tuple[Samples, ...]]:
-    """A log, and the sensor that was asked for or all of them."""
+    """A log, and the sensor that was asked for or all of them, whole or a stretch of it."""
     from agonic.io.read import open_log
 
     log = open_log(path, unit=unit)
-    return log, log.sensors if sensor is None else (log.sensor(sensor),)
+    sensors = log.sensors if sensor is None else (log.sensor(sensor),)
+    return log, tuple(stretch(samples, between) for samples in sensors)
+
+
+def stretch(samples: Samples, between: str | None) -> Samples:
+    """The readings between two moments of "START,STOP", seconds since the first reading."""
+    from agonic.errors import AgonicError
+
+    if between is None:
+        return samples
+    try:
+        start, stop = (float(part) for part in between.split(","))
+    except ValueError:
+        raise AgonicError(f"--between {between!r} is not START,STOP in seconds") from None
+    if samples.time is None:
+        raise AgonicError(f"--between needs times and {samples.name} was logged without")
+    since = samples.time - samples.time[0]
+    rows = (since >= start) & (since <= stop)
+    if not rows.any():
+        raise AgonicError(
+            f"--between {between} holds no reading of {samples.name}, which lasts {since[-1]:.1f} s"
+        )
+    return samples.select(rows)

@@ -1,4 +1,4 @@
-"""The magnitude and dip to expect where a log was recorded."""
+"""The field to expect where a log was recorded."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 
 CONSTANT_WITHIN = 0.003
-"""A track whose field varies by less than this share is given one magnitude."""
+"""A track whose field varies by less than this share of it is given one vector."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expected:
-    """The reference magnitude at a place, and the dip there, degrees, positive down."""
+    """The reference field at a place (north, east, down), and the dip, degrees, positive down."""
 
     reference: Reference
     inclination_deg: float
@@ -42,23 +42,22 @@ def field_at(
 
     >>> s = Samples(field=[[0, 0, 1.0]])
     >>> expected = field_at(52.0, 5.0, 0.0, "2026-03-01", s)
-    >>> expected.reference.values.round(), round(expected.inclination_deg, 1)
+    >>> expected.reference.magnitudes(1).round(), round(expected.inclination_deg, 1)
     (array([49464.]), 67.2)
     """
     when = date or (samples.epoch or datetime.now(UTC)).date().isoformat()
     model = model_for(float(decimal_year(when)))
     here = model.at(latitude_deg, longitude_deg, altitude_m, when)
     source = f"{model.name} at {latitude_deg:g}°, {longitude_deg:g}°, {altitude_m:g} m on {when}"
-    reference = Reference.constant(
-        float(here.magnitude), sd=model.uncertainty.component, source=source
-    )
+    vector = [float(part) for part in (here.north, here.east, here.down)]
+    reference = Reference.vector(vector, frame="n", sd=model.uncertainty.component, source=source)
     return Expected(reference=reference, inclination_deg=float(here.inclination_deg))
 
 
 def field_along(samples: Samples, date: str | None = None) -> Expected | None:
     """What to expect along a log's own track; None where it has no position or no date.
 
-    One magnitude where the field hardly varies along the track, else one per sample.
+    One vector where the field hardly varies along the track, else one per sample.
     """
     epoch = datetime.fromisoformat(date).replace(tzinfo=UTC) if date else samples.epoch
     if samples.latitude_deg is None or samples.longitude_deg is None or epoch is None:
@@ -76,10 +75,11 @@ def field_along(samples: Samples, date: str | None = None) -> Expected | None:
         vectors = model.along(track)
     except LogError:
         return None
-    magnitudes = vectors.magnitudes(rows)
-    dip = np.degrees(np.arcsin(vectors.values[:, 2] / magnitudes))
+    values = vectors.values
+    size = np.linalg.norm(values, axis=1)
+    dip = np.degrees(np.arcsin(values[:, 2] / size))
     source = f"{model.name} at the log's own place, {middle.date().isoformat()}"
-    if np.ptp(magnitudes) < CONSTANT_WITHIN * magnitudes.mean():
-        magnitudes = magnitudes.mean(keepdims=True)
-    reference = Reference.magnitude(magnitudes, sd=vectors.sd, source=source)
+    if np.ptp(values, axis=0).max() < CONSTANT_WITHIN * size.mean():
+        values = values.mean(axis=0)
+    reference = Reference.vector(values, frame="n", sd=vectors.sd, source=source)
     return Expected(reference=reference, inclination_deg=float(np.median(dip)))

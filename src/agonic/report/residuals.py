@@ -78,12 +78,12 @@ def level(result: Calibrated) -> float:
 def _distances(result: Calibrated) -> Array:
     calibration = result.fit.calibration
     return magnitude_residual(
-        result.samples.field, calibration.bias, calibration.matrix, level(result)
+        result.cleaned, calibration.bias, calibration.matrix, level(result)
     )[0]
 
 
 def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:
-    cells = cells_of(result.fit.calibration.correct(result.samples.field))
+    cells = cells_of(result.corrected)
     total = np.bincount(cells, weights, minlength=80)
     sums = np.bincount(cells, weights * values, minlength=80)
     means = np.full(80, np.nan)

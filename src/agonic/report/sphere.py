@@ -34,7 +34,7 @@ def sphere_data(result: Calibrated, residuals: Residuals, most: int) -> dict[str
     `levelRaw` before and `level` after; `counts` and `means` (null where few) are per cell.
     """
     calibration = result.fit.calibration
-    centred = (result.samples.field - calibration.bias)[thinned(len(result.samples), most)]
+    centred = (result.cleaned - calibration.bias)[thinned(len(result.samples), most)]
     radius = float(np.median(np.linalg.norm(centred, axis=1))) or 1.0
     points, step = _quantised(centred, radius)
     return {

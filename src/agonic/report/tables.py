@@ -46,12 +46,13 @@ def mark(verdict: str, *words: str) -> Markup:
 
 def numbers(result: Calibrated) -> Markup:
     """Every number with its standard error, beside what the log held."""
-    bias, matrix, *views = quantities(result)
+    groups = quantities(result)
+    first, views = groups[:-2], groups[-2:]
     compared = result.samples.logged is not None
     quality_rows = quality(result).items()
     return element(
         "div",
-        _numbers([bias, matrix], compared),
+        _numbers(first, compared),
         element(
             "div",
             _numbers(views, compared),
@@ -112,7 +113,8 @@ def method(result: Calibrated) -> Markup:
     chosen = element(
         "p",
         f"Method: {result.method}. {sentence(result.reason)} "
-        f"Model: {calibration.model}, {calibration.gauge} matrix.",
+        f"Model: {calibration.model}, {calibration.gauge} matrix."
+        + (f" {sentence(result.latency.status)}" if result.latency else ""),
     )
     if not fit.tests:
         return chosen

@@ -1,0 +1,172 @@
+"""`Choice`: which fit suits a log, and that fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from agonic.errors import AgonicError, CoverageError, check_choice
+from agonic.fit import Fit
+from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
+from agonic.fitting.ellipsoid import fit_ellipsoid
+from agonic.fitting.latency import LatencyFit, fit_latency, undelayed
+from agonic.kernels.leastsq import inverse
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+Kind = Literal["auto", "ellipsoid", "levelled", "vector", "interference"]
+
+_FITS: Mapping[str, Callable[..., Fit]] = {
+    "levelled": fit_levelled,
+    "vector": fit_vector,
+    "interference": fit_interference,
+}
+
+MATTERS = 0.003
+"""A current joins the fit when its usual changes move the readings by this share of the field."""
+SIGNIFICANT = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A fit with the word for its method and the reason for choosing it.
+
+    `samples` are those that were fitted, with the latency undone where there was one; `again`
+    repeats the fit with the same choices on other samples.
+    """
+
+    samples: Samples
+    fit: Fit
+    method: str
+    reason: str
+    again: Callable[..., Fit]
+    latency: LatencyFit | None = None
+
+
+def choose(
+    samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit that a log allows, or the one that was asked for."""
+    check_choice("kind", kind, get_args(Kind))
+    method, reason = _method(samples, reference) if kind == "auto" else (kind, "it was asked for")
+    if method == "ellipsoid":
+        return _ellipsoid(samples, reference, reason, settings)
+    if reference is None:
+        raise AgonicError(
+            f"a {method} fit needs the field of the place: give it (--at LAT,LON, --date), or a "
+            "reference with horizontal and vertical intensity"
+        )
+    taught = _taught(samples, reference, method, reason, settings)
+    if kind != "auto" or taught.fit.verdict != "refused":
+        return taught
+    return _or_by_magnitude(taught, samples, reference, settings)
+
+
+def _method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
+    """The word of the method, and why."""
+    if reference is None:
+        return "ellipsoid", "the log holds no place, so only the steadiness of the magnitude counts"
+    if reference.kind not in ("vector", "horizontal-vertical"):
+        return "ellipsoid", "no reference but the magnitude of the field is known"
+    if samples.roll_deg is None or samples.pitch_deg is None:
+        return "ellipsoid", "the log holds no roll and pitch, so only the magnitude counts"
+    if samples.heading_deg is None or samples.heading_estimated or reference.kind != "vector":
+        return "levelled", "roll and pitch were recorded and the field of the place is known"
+    return "vector", "the whole attitude was recorded and the field of the place is known"
+
+
+def _ellipsoid(
+    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit to the magnitude; its latency matters to a heading, not to the fit."""
+    fit = fit_ellipsoid(samples, reference, **settings)
+    again = partial(fit_ellipsoid, **{**settings, "model": fit.calibration.model})
+    return Choice(samples, fit, "ellipsoid", reason, again)
+
+
+def _taught(
+    samples: Samples, reference: Reference, method: str, reason: str, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit to magnitude, dip and perhaps azimuth, delay undone, a current joined."""
+    run = _FITS[method]
+    latency = _latency(samples)
+    if latency is not None:
+        late = samples
+        samples = undelayed(samples, latency.latency_s)
+        reference = _of_rows(reference, late, samples)
+    fit = run(samples, reference, **settings)
+    if "sources" not in settings and _varies(samples.current_A):
+        joined = run(samples, reference, **settings, sources=("current_A",))
+        if _current_matters(joined, samples):
+            fit = joined
+            reason += ", and the current moves the readings"
+    again = partial(
+        run,
+        **{**settings, "gauge": fit.calibration.gauge, "sources": fit.calibration.needs},
+    )
+    return Choice(samples, fit, method, reason, again, latency)
+
+
+def _or_by_magnitude(
+    taught: Choice, samples: Samples, reference: Reference, settings: Mapping[str, Any]
+) -> Choice:
+    """Where the attitude does not fit the readings, the magnitude alone may still do."""
+    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
+    try:
+        alone = _ellipsoid(samples, reference, "", own)
+    except CoverageError:
+        return taught
+    if alone.fit.verdict == "refused":
+        return taught
+    why = taught.fit.findings[0].what
+    return Choice(
+        samples, alone.fit, alone.method, f"a {taught.method} fit was refused ({why})", alone.again
+    )
+
+
+def _latency(samples: Samples) -> LatencyFit | None:
+    """The delay of the readings, where the log can tell and it stands out."""
+    if samples.time is None:
+        return None
+    try:
+        latency = fit_latency(samples)
+    except AgonicError:
+        return None
+    return latency if latency.significant else None
+
+
+def _of_rows(reference: Reference, before: Samples, after: Samples) -> Reference:
+    """The reference of the rows that are left, which keep their order in time."""
+    assert before.time is not None
+    assert after.time is not None
+    rows = np.searchsorted(before.time, after.time)
+    return reference.select(np.minimum(rows, len(before) - 1))
+
+
+def _varies(current: Array | None) -> bool:
+    return current is not None and float(np.ptp(current)) > 0.0
+
+
+def _current_matters(joined: Fit, samples: Samples) -> bool:
+    """Whether a current moves the readings, beyond chance and by more than a trifle.
+
+    Wald's test by an F distribution, since what lasts is known from few independent readings.
+    """
+    calibration = joined.calibration
+    assert calibration.covariance is not None
+    assert calibration.magnitude is not None
+    assert samples.current_A is not None
+    slope = calibration.cleaned(np.zeros(3), current_A=-1.0)
+    statistic = float(slope @ inverse(calibration.covariance[-3:, -3:]) @ slope)
+    independent = max(joined.n / joined.correlation - 3, 1.0)
+    low, high = np.percentile(samples.current_A, (5, 95))
+    moved = float(np.linalg.norm(calibration.matrix @ slope)) * (high - low)
+    chance = float(fdtrc(3, independent, statistic / 3))
+    return chance < SIGNIFICANT and moved > MATTERS * calibration.magnitude

@@ -1,0 +1,225 @@
+"""`agonic fit deviation SWING`: the deviation card of a compass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.cli.options import Between, Json, Sensor, Unit, stretch
+
+if TYPE_CHECKING:
+    from agonic.fitting.deviation import DeviationFit
+    from agonic.io.swing import Swing
+
+
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind of fit."""
+    kinds.command("deviation")(deviation)
+
+
+def deviation(
+    swing: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SWING",
+            help="Compass and reference headings, a row a reading; with --setup, a log.",
+        ),
+    ],
+    setup: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SETUP",
+            help="Take SWING for a log with a heading of its own, and the compass heading from "
+            "this setup or calibration.",
+        ),
+    ] = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    between: Between = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
+    ] = None,
+    card: Annotated[
+        Path | None,
+        typer.Option("--card", metavar="FILE", help="Card to write: .html, .txt, or .svg (chart)."),
+    ] = None,
+    declination: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="East positive, where the reference is true heading."),
+    ] = None,
+    power_state: Annotated[
+        str | None, typer.Option(help="What was switched on; the card is valid with it.")
+    ] = None,
+    current: Annotated[
+        float | None, typer.Option(metavar="A", help="The current drawn during the swing.")
+    ] = None,
+    terms: Annotated[str, typer.Option(help="Terms to fit; the others are held at 0.")] = "ABCDE",
+    heel: Annotated[
+        bool | None, typer.Option(help="Heel terms; default: where roll was noted in a swing.")
+    ] = None,
+    noise_deg: Annotated[
+        float | None, typer.Option("--noise-deg", metavar="DEG", help="Of one reading, if known.")
+    ] = None,
+    robust: Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")] = True,
+    step: Annotated[float, typer.Option(help="Degrees between the rows of the card.")] = 15.0,
+    paper: Annotated[str, typer.Option(help="A4 or A5, for printing.")] = "A4",
+    as_json: Json = False,
+) -> int:
+    """Deviation of a compass, A to E, from a swing; the card as text, page or picture.
+
+    Exit status 1 where the headings do not determine it or something is to be looked at.
+    """
+    from agonic.calibration.deviation import Deviation
+    from agonic.cli.output import print_json, say
+    from agonic.fitting.deviation import fit_deviation
+    from agonic.io.swing import read_swing
+    from agonic.report.card import card_text
+
+    read = read_swing(swing) if setup is None else _of_log(swing, setup, sensor, unit, between)
+    fit = fit_deviation(
+        read.compass_deg,
+        read.reference_deg,
+        heel=_heel(read, heel if setup is None else heel or False),
+        declination_deg=_declination(read, declination),
+        terms=terms,
+        robust=robust,
+        noise_deg=read.number("noise_deg") if noise_deg is None else noise_deg,
+        power_state=read.remarks.get("power_state", "") if power_state is None else power_state,
+        current_A=read.number("current_A") if current is None else current,
+        sensor=read.remarks.get("compass", "compass"),
+        source=read.source,
+    )
+    details = {n.capitalize(): read.remarks[n] for n in ("date", "place") if n in read.remarks}
+    shown: dict[str, Any] = {"step_deg": step, "details": details}
+    text = card_text(fit, **shown)
+    files = []
+    if card is not None:
+        files.append(_written(card, fit, text, paper, shown))
+    if out is not None and fit.verdict != "refused":
+        files.append(_saved(fit.calibration, out))
+    assert isinstance(fit.calibration, Deviation)
+    if as_json:
+        print_json("agonic/fit-deviation@1", {**record(fit), "files": files, "blank": read.blank})
+    else:
+        say(text)
+        say(f"\nWritten   {', '.join(files)}" if files else "\nNothing was written.")
+    return 0 if fit.verdict == "good" else 1
+
+
+def _of_log(
+    log: Path, setup: Path, sensor: str | None, unit: str | None, between: str | None
+) -> Swing:
+    """The swing that a log with a heading of its own is."""
+    from agonic.headings.swung import swung
+    from agonic.io.read import open_log
+    from agonic.io.setupfile import load_setup
+    from agonic.io.swing import Swing
+    from agonic.provenance import Input
+
+    compasses = load_setup(setup)
+    samples = open_log(log, unit=unit).sensor(sensor or compasses.compasses[0].sensor)
+    found = swung(stretch(samples, between), compasses)
+    remarks = {"power_state": found.power_state, "compass": samples.name}
+    if found.current_A is not None:
+        remarks["current_A"] = repr(found.current_A)
+    return Swing(
+        compass_deg=found.compass_deg,
+        reference_deg=found.true_deg - found.declination_deg,
+        reference="magnetic",
+        roll_deg=found.heel[:, 0],
+        pitch_deg=found.heel[:, 1],
+        remarks=remarks,
+        source=samples.source or Input.of_array(samples.name, samples.field),
+    )
+
+
+def _heel(read: Swing, wanted: bool | None) -> Any:
+    from agonic.errors import AgonicError
+
+    if wanted and read.heel is None:
+        raise AgonicError("--heel was asked for and the swing has no column roll_deg; add it")
+    return None if wanted is False else read.heel
+
+
+def _declination(read: Swing, given: float | None) -> float | None:
+    """The declination where the reference is true heading."""
+    from agonic.errors import AgonicError
+
+    if read.reference == "magnetic":
+        if given is not None:
+            raise AgonicError(
+                "the reference is a magnetic heading already; leave --declination out, or call "
+                "the column true_deg"
+            )
+        return None
+    declination = read.number("declination_deg") if given is None else given
+    if declination is None:
+        raise AgonicError(
+            "the reference is true heading; give --declination DEG, east positive "
+            "(agonic field --at LAT,LON --date DATE prints it)"
+        )
+    return declination
+
+
+def _written(path: Path, fit: DeviationFit, text: str, paper: str, shown: dict[str, Any]) -> str:
+    """The card in the form that its name asks for."""
+    from agonic.errors import AgonicError
+    from agonic.io.atomic import write_atomically
+    from agonic.report.card_chart import picture
+    from agonic.report.card_page import card_page
+
+    kind = path.suffix.lower()
+    if kind in (".html", ".htm"):
+        made = card_page(fit, paper=paper, **shown)  # type: ignore[arg-type]
+    elif kind == ".svg":
+        made = picture(fit)
+    elif kind == ".txt":
+        made = text + "\n"
+    else:
+        raise AgonicError(f"--card {path} is no kind of card; name it .html, .svg or .txt")
+    return str(write_atomically(path, made))
+
+
+def _saved(calibration: Any, out: Path) -> str:
+    from agonic.io.calfile import save
+
+    return str(save(calibration, out))
+
+
+def record(fit: DeviationFit) -> dict[str, Any]:
+    """The fit as one flat object for programs."""
+    from dataclasses import asdict
+
+    from agonic.calibration.deviation import PARAMETERS
+
+    card = fit.calibration
+    values = [
+        *card.coefficients.tolist(),
+        *(4 * [0.0] if card.heel is None else card.heel.tolist()),
+    ]
+    fitted = [name in card.terms or sd > 0.0 for name, sd in zip(PARAMETERS, fit.sd, strict=True)]
+    named = zip(PARAMETERS, values, fit.sd.tolist(), fitted, strict=True)
+    return {
+        "sensor": card.sensor,
+        "method": "deviation",
+        "verdict": fit.verdict,
+        "status": fit.status,
+        "n": fit.n,
+        "coefficients": {name: value for name, value, _, there in named if there},
+        "sd": {
+            n: s for n, s, there in zip(PARAMETERS, fit.sd.tolist(), fitted, strict=True) if there
+        },
+        "classical": fit.classical,
+        "noise_deg": fit.noise_deg,
+        "correlation": fit.correlation,
+        "condition": fit.condition,
+        "residual_rms_deg": float((fit.residuals_deg**2).mean() ** 0.5),
+        "heading_sd_deg": float(card.sd_at(range(360)).max()),
+        "power_state": card.power_state,
+        "current_A": card.current_A,
+        "largest_gap_deg": card.largest_gap_deg,
+        "equation": card.equation,
+        "findings": [asdict(finding) for finding in fit.findings],
+    }

@@ -1,0 +1,59 @@
+"""`agonic fit latency LOG`: how late a magnetometer's readings are."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from agonic.cli.options import Json, LogPath, Sensor, Unit, log_and_sensors
+
+
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind."""
+    kinds.command("latency")(latency)
+
+
+def latency(
+    log: LogPath,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    method: Annotated[str, typer.Option(help="auto, attitude or gyro.")] = "auto",
+    limit_ms: Annotated[
+        float, typer.Option("--limit", metavar="MS", help="Largest latency sought, ms.")
+    ] = 300.0,
+    as_json: Json = False,
+) -> int:
+    """How late the readings are beside the attitude or the gyro of the log."""
+    from typing import Any, cast
+
+    from agonic.cli.output import print_json, say
+    from agonic.fitting.latency import fit_latency
+
+    _, sensors = log_and_sensors(log, sensor, unit)
+    fits = {
+        samples.name: fit_latency(samples, method=cast(Any, method), limit_s=limit_ms / 1000)
+        for samples in sensors
+    }
+    if as_json:
+        print_json("agonic/fit-latency@1", {
+            "log": str(log),
+            "sensors": [
+                {
+                    "sensor": name, "latency_ms": 1000 * fit.latency_s,
+                    "latency_sd_ms": 1000 * fit.sd_s, "significant": fit.significant,
+                    "known": fit.known, "method": fit.method, "n": fit.n, "unit": fit.unit,
+                    "residual_before": fit.residual_before, "residual_after": fit.residual_after,
+                    "status": fit.status,
+                }
+                for name, fit in fits.items()
+            ],
+        })  # fmt: skip
+    else:
+        for name, fit in fits.items():
+            say(f"{name}: {fit.status}")
+            say(
+                f"  {fit.n} readings; residual {fit.residual_before:.4g} {fit.unit} without, "
+                f"{fit.residual_after:.4g} {fit.unit} with the latency"
+            )
+    return 0 if all(fit.known for fit in fits.values()) else 1

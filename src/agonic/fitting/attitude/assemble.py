@@ -1,0 +1,83 @@
+"""From samples to a `Fit` taught by the attitude: the choice of gauge, the estimate, the fit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from agonic.errors import CoverageError
+from agonic.fit import Fit, ModelTest
+from agonic.fitting.attitude import restored
+from agonic.fitting.attitude.evidence import with_evidence
+from agonic.fitting.attitude.normalised import normalise
+from agonic.fitting.attitude.settings import Settings
+from agonic.health import FEWEST, figure, usable_rows
+from agonic.kernels import taught
+from agonic.kernels.affine import FREE, SYMMETRIC
+from agonic.kernels.leastsq import inverse
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+TURN_SIGNIFICANT = 1e-4
+"""A turn between sensor and vehicle is kept when chance would make it this seldom."""
+
+
+def fitted(
+    samples: Samples,
+    reference: Reference,
+    kinds: tuple[str, ...],
+    settings: Settings,
+    name: str,
+) -> Fit:
+    """The fit of a calibration to the kinds of residual that are known; `name` is for the record.
+
+    Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
+    of the fit where the readings ask for it. A known heading determines it; the magnitude alone
+    never shows it.
+    """
+    usable = usable_rows(samples.field)
+    if usable.sum() < FEWEST:
+        raise CoverageError(
+            f"{int(usable.sum())} usable readings are too few for a fit with the attitude",
+            turns="record a few minutes of turning through all headings",
+        )
+    gauge: str = settings.gauge
+    if gauge == "auto":
+        gauge = SYMMETRIC if "dip" not in kinds else FREE
+    problem, scale = normalise(samples, reference, kinds, gauge, settings)
+    estimate = _estimated(problem, usable, settings)
+    tests: tuple[ModelTest, ...] = ()
+    if settings.gauge == "auto" and "dip" in kinds and "azimuth" not in kinds:
+        tests = (_turn_test(problem, estimate),)
+        if tests[0].p_value > TURN_SIGNIFICANT:
+            problem = problem._replace(gauge=SYMMETRIC)
+            estimate = _estimated(problem, usable, settings)
+    affine = restored.calibration(estimate, problem, scale, samples, settings, name)
+    return with_evidence(affine, estimate, problem, scale, samples, usable, tests, settings)
+
+
+def _estimated(
+    problem: taught.Problem, usable: NDArray[np.bool_], settings: Settings
+) -> taught.Estimate:
+    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
+    robust = settings.robust and len(part.points) >= 2 * FEWEST
+    return taught.estimate(part, robust=robust, seed=settings.seed)
+
+
+def _turn_test(problem: taught.Problem, estimate: taught.Estimate) -> ModelTest:
+    """Wald's test that the matrix is symmetric: no turn between the sensor and the attitude."""
+    turn, covariance = taught.turn(problem, estimate.solution)
+    statistic = float(turn @ inverse(covariance) @ turn)
+    # errors of the attitude last, and what lasts is known from few independent readings (F test)
+    independent = len(problem.points) / estimate.noise["dip"].correlation
+    p = float(fdtrc(3, max(independent - 3, 1.0), statistic / 3))
+    degrees = figure(float(np.degrees(np.linalg.norm(turn))))
+    words = (
+        f"the sensor sits turned by {degrees}° against the axes of roll and pitch"
+        if p <= TURN_SIGNIFICANT
+        else "no sign of a turn between the sensor and the axes of roll and pitch"
+    )
+    return ModelTest(smaller=SYMMETRIC, larger=FREE, statistic=statistic, p_value=p, sentence=words)

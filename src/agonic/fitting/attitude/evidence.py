@@ -1,0 +1,180 @@
+"""What a fit taught by the attitude rests on: residuals by kind, coverage, findings, remarks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.coverage import Coverage, cover
+from agonic.fit import Channel, Fit, ModelTest
+from agonic.fitting.attitude import restored
+from agonic.fitting.attitude.normalised import Scale
+from agonic.fitting.attitude.settings import Settings
+from agonic.health import Evidence, Finding, examine_taught, figure, inspect, mounted
+from agonic.kernels import taught
+from agonic.kernels.coverage import visits
+from agonic.kernels.tilt import heading_by_vectors_deg
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+ATTITUDE_DOUBTFUL_DEG = 5.0
+WIDEST_GAP_DEG = 60.0
+LEAST_TILT_DEG = 10.0
+
+
+def with_evidence(
+    affine: Affine, estimate: taught.Estimate, problem: taught.Problem, scale: Scale,
+    samples: Samples, usable: NDArray[np.bool_], tests: tuple[ModelTest, ...], settings: Settings,
+) -> Fit:  # fmt: skip
+    """The fit with residuals of every row, coverage, findings and remarks."""
+    weights = np.zeros(len(samples))
+    weights[usable] = estimate.weight
+    plain = restored.effective(estimate, problem, scale, samples)
+    cleaned = samples.field - taught.added(problem, estimate.solution.params) * scale.size
+    coverage = _coverage(plain, cleaned, weights > 0, problem, settings)
+    channels = {
+        kind: Channel(
+            residuals=taught.residuals(problem, kind, estimate.solution.params) * scale.size,
+            noise=noise.sd * scale.size,
+            correlation=noise.correlation,
+        )
+        for kind, noise in estimate.noise.items()
+    }
+    magnitude = channels["magnitude"]
+    normals = taught.normals(problem, estimate.solution.params)
+    gain = float(np.trace(plain.matrix) / 3)
+    evidence = Evidence(
+        readings=cleaned[usable],
+        time=None if samples.time is None else samples.time[usable],
+        residuals=magnitude.residuals[usable],
+        weights=weights[usable],
+        normals=normals[usable],
+        bias=plain.bias,
+        shape=plain.matrix / gain,
+        radius=scale.magnitude / gain,
+        noise=magnitude.noise,
+        correlation=magnitude.correlation,
+        coverage=coverage,
+        unit=samples.unit,
+    )
+    fit = Fit(
+        calibration=affine,
+        n=int(usable.sum()),
+        residuals=magnitude.residuals,
+        weights=weights,
+        noise=magnitude.noise,
+        correlation=max(channel.correlation for channel in channels.values()),
+        condition=estimate.solution.condition,
+        iterations=estimate.solution.iterations,
+        converged=estimate.solution.converged,
+        coverage=coverage,
+        channels=channels,
+        tests=tests,
+    )
+    tilt_sd = _tilt_sd_deg(channels, evidence.radius)
+    found = _findings(samples, evidence, problem, cleaned, tilt_sd)
+    fit = replace(fit, findings=found)
+    said = _remarks(fit, tilt_sd, problem)
+    return fit if fit.verdict == "refused" else replace(fit, remarks=said)
+
+
+def _coverage(
+    plain: Affine, cleaned: Array, believed: NDArray[np.bool_], problem: taught.Problem,
+    settings: Settings,
+) -> Coverage:  # fmt: skip
+    """Coverage and heading uncertainty with the sources at their mean, at the dip of the place."""
+    assert plain.covariance is not None
+    assert plain.magnitude is not None
+    dip = settings.inclination_deg
+    if dip is None and problem.down is not None:
+        dip = float(np.degrees(np.arctan2(problem.vertical.mean(), problem.horizontal.mean())))
+    field = plain.correct(cleaned[believed])
+    coverage = cover(
+        visits(field), plain.magnitude, plain.bias, plain.matrix, plain.covariance,
+        gauge=plain.gauge, inclination_deg=60.0 if dip is None else dip,
+    )  # fmt: skip
+    if problem.down is None:
+        return coverage
+    return replace(coverage, turns=turns_of_a_vehicle(field, problem.down[believed]))
+
+
+def turns_of_a_vehicle(field: Array, down: Array) -> str:
+    """The headings and the tilt that a vehicle would have to add.
+
+    Parameters: field and down (n, 3) in body axes, of the readings that were believed.
+
+    >>> level = np.tile([0.0, 0.0, 1.0], (2, 1))
+    >>> turns_of_a_vehicle(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)
+    'turn through all headings (seen: 0° to 105°), and bank and pitch by 20° or more on the way'
+    """
+    heading = heading_by_vectors_deg(field, down)
+    visited = np.unique((heading // 15).astype(int) % 24)
+    gaps = np.diff(np.append(visited, visited[0] + 24)) - 1
+    widest = int(np.argmax(gaps))
+    tilt = float(np.degrees(np.arccos(np.clip(np.percentile(down[:, 2], 5), -1.0, 1.0))))
+    said = []
+    if 15 * gaps[widest] > WIDEST_GAP_DEG:
+        first, last = 15 * visited[(widest + 1) % len(visited)], 15 * (visited[widest] + 1)
+        said.append(f"turn through all headings (seen: {first}° to {last % 360}°)")
+    if tilt < LEAST_TILT_DEG:
+        said.append("bank and pitch by 20° or more on the way")
+    return ", and ".join(said)
+
+
+def _tilt_sd_deg(channels: dict[str, Channel], radius: float) -> float | None:
+    """What the dip scatters by beyond the noise of the readings: errors of roll and pitch."""
+    if "dip" not in channels:
+        return None
+    excess = channels["dip"].noise ** 2 - channels["magnitude"].noise ** 2
+    return float(np.degrees(np.sqrt(max(excess, 0.0)) / radius))
+
+
+def _findings(
+    samples: Samples, evidence: Evidence, problem: taught.Problem, cleaned: Array,
+    tilt_sd: float | None,
+) -> tuple[Finding, ...]:  # fmt: skip
+    """What is wrong with readings and fit, refusals first; one cause is not reported twice."""
+    seen = inspect(samples)
+    if any(finding.severity == "refuse" for finding in seen):
+        return seen
+    misplaced = None if problem.down is None else mounted(cleaned, problem.down)
+    if misplaced is not None:
+        return (misplaced, *seen)
+    found = [*seen, *examine_taught(evidence)]
+    if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
+        found.append(
+            Finding(
+                "attitude",
+                "check",
+                f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model: "
+                "roll and pitch are wrong, late, or the field is disturbed",
+                "check the attitude, its axes and its delay; fly gentle turns",
+            )
+        )
+    order = ("refuse", "check", "note")
+    return tuple(sorted(found, key=lambda finding: order.index(finding.severity)))
+
+
+def _remarks(fit: Fit, tilt_sd: float | None, problem: taught.Problem) -> tuple[str, ...]:
+    """How good the result is, in words."""
+    said = [
+        f"bias known to {figure(float(fit.sd[:3].max()))} {fit.calibration.unit_in}, a level "
+        f"heading to {figure(fit.coverage.heading_sd_deg)}° at "
+        f"{fit.coverage.inclination_deg:.0f}° dip",
+        *(test.sentence for test in fit.tests),
+    ]
+    if tilt_sd is not None:
+        said.append(f"roll and pitch are good to {figure(max(tilt_sd, 0.01))}° by the field's dip")
+    if (
+        "azimuth" not in problem.kinds
+        and "dip" in problem.kinds
+        and fit.calibration.gauge != "free"
+    ):
+        said.append(
+            "a turn of the sensor about the vertical cannot be seen without a known heading"
+        )
+    return tuple(said)

@@ -1,0 +1,71 @@
+"""`fit_interference`: what currents on board do, and what a second magnetometer makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from agonic.errors import AgonicError
+from agonic.fit import Fit
+from agonic.fitting.attitude.assemble import fitted
+from agonic.fitting.attitude.placement import placement
+from agonic.fitting.attitude.settings import Settings
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+
+def fit_interference(
+    samples: Samples,
+    reference: Reference,
+    sources: Sequence[str] = ("current_A",),
+    **settings: Any,
+) -> Fit:
+    """Bias, matrix, and how much field each ampere (or other source) adds to the readings.
+
+        field = W (raw − bias − K x)
+
+    with x the current, the throttle, several of them, or the readings of a second magnetometer
+    (then this is the 3×6 mix of two sensors by least squares). Taught by all that is known: the
+    magnitude, with roll and pitch the dip, with an independent heading the azimuth.
+
+    Parameters
+    ----------
+    samples : with the columns named in `sources`, which must vary.
+    reference : as for `fit_vector`, `fit_levelled` or `fit_ellipsoid`; with the attitude in the
+        samples it decides which residuals are used.
+    sources : "current_A", "throttle", "second".
+    The settings as in `fit_levelled`.
+
+    Returns a `Fit` whose calibration is an `Interference`; with a second magnetometer and a
+    current, the finding "placement" says whether the two sit where a mix can work. Raises
+    `LogError` where a source is not recorded, `CoverageError` where it never changes.
+
+    Examples
+    --------
+    >>> from agonic.simulation import simulate
+    >>> flown = simulate("flight", n=4000, noise=50.0, stray_nT_A=(60.0, -35.0, 90.0))
+    >>> fit = fit_interference(flown.samples, Reference.horizontal_vertical(25_000.0, 43_301.27))
+    >>> added = flown.truth.matrix @ fit.calibration.coefficients[:, 0]  # nT per ampere
+    >>> bool((abs(added - [60.0, -35.0, 90.0]) < 4.0).all())
+    True
+    """
+    if not sources:
+        raise AgonicError("sources is empty; name what disturbs: current_A, throttle or second")
+    chosen = Settings(**settings, sources=tuple(sources))
+    known = kinds(samples, reference)
+    fit = fitted(samples, reference, known, chosen, "interference")
+    if "second" not in sources:
+        return fit
+    found = placement(samples, reference, known, chosen)
+    return fit if found is None else replace(fit, findings=(*fit.findings, found))
+
+
+def kinds(samples: Samples, reference: Reference) -> tuple[str, ...]:
+    """The kinds of residual that samples and reference allow."""
+    levelled = samples.roll_deg is not None and samples.pitch_deg is not None
+    if not levelled or reference.kind in ("constant", "magnitude"):
+        return ("magnitude",)
+    if samples.heading_deg is None or samples.heading_estimated or reference.kind != "vector":
+        return ("magnitude", "dip")
+    return ("magnitude", "dip", "azimuth")

@@ -1,0 +1,55 @@
+"""`fit_levelled`: for vehicles that cannot tumble, from roll, pitch and the field of the place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agonic.fit import Fit
+from agonic.fitting.attitude.assemble import fitted
+from agonic.fitting.attitude.settings import Settings
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+
+def fit_levelled(samples: Samples, reference: Reference, **settings: Any) -> Fit:
+    """Bias and matrix that give every reading the magnitude and the dip of the place.
+
+    With d the direction of down by roll and pitch, u = W (raw − bias), z = u·d, h = |u − z d|:
+
+        √(z² + h²) = F,   H z − Z h = 0,   F² = H² + Z²,
+
+    both as distances in raw space, each weighted by the scatter of its own residuals. This is the
+    pair z = Z, h = H, turned so that errors of roll and pitch stay in one of the two. The heading
+    never enters, so it may be wrong or missing.
+
+    Parameters
+    ----------
+    samples : with `roll_deg` and `pitch_deg`.
+    reference : horizontal and vertical intensity: `Reference.horizontal_vertical`, or a vector in
+        the frame n as `ag.wmm().along(samples)` gives it.
+    model : "full" (default), "diagonal" or "sphere".
+    gauge : "symmetric" (nine numbers), "free" (twelve: a small turn between the sensor and the
+        axes of roll and pitch as well), or "auto": free where the readings ask for it.
+    sources : what disturbs on board, recorded in the samples: "current_A", "throttle", "second"
+        (a second magnetometer); the result is then an `Interference`.
+    robust : meet outliers with Tukey's loss when a reading stands out.
+    soft_iron_sd : standard deviation of the prior on the symmetric part of W/gain − identity.
+    turn_sd_deg : that of the prior on the turn, about each axis.
+    inclination_deg : dip at which the heading's standard error is stated; default: the place's.
+
+    Returns a `Fit`. Raises `LogError` without roll and pitch, `UnitError` for a reference that is a
+    magnitude only, and `CoverageError` where nothing can be fitted at all.
+
+    Source: maximum likelihood with Huber's sandwich covariance (Huber 1981).
+
+    Examples
+    --------
+    >>> from agonic.simulation import simulate
+    >>> flown = simulate("flight", n=4000, noise=20.0, stray_nT_A=(0.0, 0.0, 0.0))
+    >>> place = Reference.horizontal_vertical(25_000.0, 43_301.27)
+    >>> fit = fit_levelled(flown.samples, place)
+    >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
+    True
+    """
+    chosen = Settings(**settings)
+    return fitted(samples, reference, ("magnitude", "dip"), chosen, "levelled")

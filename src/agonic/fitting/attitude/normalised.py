@@ -1,0 +1,124 @@
+"""From samples to what the kernel takes: points of about one, terms, directions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.interference import stacked
+from agonic.errors import AgonicError, CoverageError, LogError
+from agonic.fitting.attitude.settings import Settings
+from agonic.kernels import taught
+from agonic.kernels.rotation import down_b, rot_nb
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+class Scale(NamedTuple):
+    """From normalised numbers back to readings.
+
+    reading = centre + size · point, term = middle + spread · normalised term, field = magnitude ·
+    normalised field; `sd` is the uncertainty of the magnitude.
+    """
+
+    centre: Array
+    size: float
+    magnitude: float
+    sd: float
+    middle: Array
+    spread: Array
+
+
+def normalise(
+    samples: Samples, reference: Reference, kinds: tuple[str, ...], gauge: str, settings: Settings
+) -> tuple[taught.Problem, Scale]:
+    """The problem that samples and reference pose to the kernel, all rows, and its scale."""
+    n = len(samples)
+    centre = samples.field.mean(axis=0)
+    size = float(np.linalg.norm(samples.field - centre) / np.sqrt(n))
+    if size == 0.0:
+        raise CoverageError(
+            "the readings never change: the sensor did not turn, or it is stuck",
+            turns="turn the vehicle through all headings, banking both ways, while recording",
+        )
+    x = terms(samples, settings.sources)
+    middle, spread = x.mean(axis=0), x.std(axis=0)
+    if (spread < 1e-9 * (np.abs(middle) + 1e-9)).any():
+        raise CoverageError(
+            f"{', '.join(settings.sources)} never changes, so what it does to the readings cannot "
+            "be told from the bias",
+            turns="record with the motors at several powers, or fit without it",
+        )
+    if "dip" in kinds:
+        horizontal, vertical = reference.horizontal_and_vertical(n).T
+    else:
+        horizontal = reference.magnitudes(n)
+        vertical = np.zeros_like(horizontal)
+    magnitude = float(np.hypot(horizontal, vertical).mean())
+    attitude = rot_nb(*_angles(samples, kinds)) if "azimuth" in kinds else None
+    problem = taught.Problem(
+        points=(samples.field - centre) / size,
+        terms=(x - middle) / spread,
+        horizontal=horizontal / magnitude,
+        vertical=vertical / magnitude,
+        down=down_b(*_angles(samples, kinds)[:2]) if "dip" in kinds else None,
+        across=None if attitude is None else _across(attitude, reference),
+        model=settings.model,
+        gauge=gauge,
+        soft_iron_sd=settings.soft_iron_sd,
+        turn_sd=None if settings.turn_sd_deg is None else float(np.radians(settings.turn_sd_deg)),
+    )
+    return problem, Scale(centre, size, magnitude, reference.sd, middle, spread)
+
+
+def terms(samples: Samples, sources: tuple[str, ...]) -> Array:
+    """What joins the bias, (n, k): currents as they are, of a second magnetometer the difference.
+
+    Two sensors see the same field, so their difference tells of disturbance only, whatever the
+    attitude; the readings themselves would say the same thing twice.
+    """
+    if not sources:
+        return np.zeros((len(samples), 0))
+    columns = samples.columns()
+    missing = [name for name in sources if name not in columns]
+    if missing:
+        raise LogError(
+            f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
+            "recorded beside the readings (for second: samples.with_second(other))"
+        )
+    known = {name: columns[name] for name in sources}
+    if "second" in known:
+        known["second"] = known["second"] - samples.field
+    return stacked(sources, known)
+
+
+def _angles(samples: Samples, kinds: tuple[str, ...]) -> tuple[Array, Array, Array]:
+    """Roll, pitch and heading, as far as they are needed."""
+    angles = {"roll": samples.roll_deg, "pitch": samples.pitch_deg}
+    if "azimuth" in kinds:
+        angles["heading"] = samples.heading_deg
+    missing = [name for name, values in angles.items() if values is None]
+    if missing:
+        raise LogError(
+            f"{samples.name}: the log holds no {', '.join(missing)}; this fit needs the attitude "
+            "recorded beside the readings; fit the magnitude alone with fit_ellipsoid"
+        )
+    known = [values for values in angles.values() if values is not None]
+    return known[0], known[1], known[-1]
+
+
+def _across(attitude: Array, reference: Reference) -> Array:
+    """Horizontal unit vectors square to the field, in body axes, (n, 3)."""
+    if reference.kind != "vector" or reference.frame != "n":
+        raise AgonicError(
+            "a fit to the full vector needs the field's components north, east, down: "
+            "Reference.vector(…, frame='n'), as the world model gives them"
+        )
+    north, east = reference.values[:, 0], reference.values[:, 1]
+    level = np.hypot(north, east)
+    side = np.stack([-east / level, north / level, np.zeros_like(north)], axis=1)
+    return np.asarray(np.einsum("nji,nj->ni", attitude, np.broadcast_to(side, (len(attitude), 3))))

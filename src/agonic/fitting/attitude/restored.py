@@ -1,0 +1,140 @@
+"""From the kernel's parameters back to a calibration in the units of the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity
+from agonic.calibration.interference import Interference, signals
+from agonic.fitting.attitude.normalised import Scale
+from agonic.fitting.attitude.settings import Settings
+from agonic.kernels.affine import FREE, model_basis, split
+from agonic.kernels.taught import Estimate, Problem
+from agonic.provenance import Input, Provenance
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+Numbers = NDArray[Any]  # real, or complex to differentiate
+
+_STEP = 1e-30  # of a complex step: its square is nothing beside one, so derivatives are exact
+
+
+def calibration(
+    estimate: Estimate, problem: Problem, scale: Scale, samples: Samples, settings: Settings,
+    name: str,
+) -> Affine:  # fmt: skip
+    """The calibration, with the joint covariance of all that was estimated."""
+    mixed = "second" in settings.sources
+    gauge = FREE if mixed else problem.gauge
+    m = problem.basis.shape[1]
+
+    def numbers(params: Numbers) -> Numbers:
+        bias, matrix, slopes = _physical(params, problem, scale)
+        bias = bias - slopes @ scale.middle
+        if mixed:
+            bias, matrix, slopes = _of_readings(bias, matrix, slopes, settings.sources)
+        return np.concatenate([bias, _entries(matrix, gauge), slopes.ravel()])
+
+    found, covariance = _moved(numbers, estimate)
+    size = model_basis("full", gauge).shape[1]
+    plain = _affine(found[:size], gauge, covariance[:size, :size], estimate, scale, samples)
+    facts = {f.name: getattr(plain, f.name) for f in fields(Affine)} | {
+        "model": problem.model,
+        "frame_out": "b" if problem.down is not None else samples.frame,
+        "provenance": Provenance(
+            inputs=(samples.source or Input.of_array(samples.name, samples.field),),
+            settings={"fit": name, **settings.recorded()},
+            method=("huber-1981",),
+        ),
+    }
+    if m == len(estimate.solution.params):
+        return Affine(**facts)
+    grown = _stretched(covariance, found, size, scale)
+    slopes = found[size:].reshape(3, -1)
+    return Interference(
+        **facts | {"covariance": grown}, sources=settings.sources, coefficients=slopes
+    )
+
+
+def effective(estimate: Estimate, problem: Problem, scale: Scale, samples: Samples) -> Affine:
+    """The affine calibration that this is while the sources stay at their mean."""
+
+    def numbers(params: Numbers) -> Numbers:
+        bias, matrix, _ = _physical(params, problem, scale)
+        return np.concatenate([bias, _entries(matrix, problem.gauge)])
+
+    found, covariance = _moved(numbers, estimate)
+    return _affine(found, problem.gauge, covariance, estimate, scale, samples)
+
+
+def _affine(
+    found: Array, gauge: str, covariance: Array, estimate: Estimate, scale: Scale, samples: Samples
+) -> Affine:
+    bias, matrix = split(model_basis("full", gauge) @ found)
+    warm = samples.temperature
+    return Affine(
+        bias=bias,
+        matrix=matrix,
+        covariance=_stretched(covariance, found, len(found), scale),
+        unit_in=samples.unit,
+        unit_out="nT",
+        gauge=gauge,
+        magnitude=scale.magnitude,
+        noise=estimate.noise["magnitude"].sd * scale.size,
+        sensor=samples.name,
+        device_id=samples.device_id,
+        frame_in=samples.frame,
+        frame_out=samples.frame,
+        validity=Validity(
+            largest_reading=float(np.abs(samples.field).max()),
+            temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
+        ),
+    )
+
+
+def _physical(params: Numbers, problem: Problem, scale: Scale) -> tuple[Numbers, Numbers, Numbers]:
+    """Bias at the mean of the sources, matrix, and slopes (3, k), in the units of the readings."""
+    m = problem.basis.shape[1]
+    bias, matrix = split(problem.basis @ params[:m])
+    slopes = scale.size * params[m:].reshape(3, -1) / scale.spread
+    return scale.centre + scale.size * bias, matrix * (scale.magnitude / scale.size), slopes
+
+
+def _of_readings(
+    bias: Numbers, matrix: Numbers, slopes: Numbers, sources: tuple[str, ...]
+) -> tuple[Numbers, Numbers, Numbers]:
+    """From slopes on the difference second − raw to slopes on the second reading itself.
+
+    W (raw − b − K (second − raw)) = W (1 + K) (raw − (1 + K)⁻¹ b − (1 + K)⁻¹ K second)
+    """
+    names = signals(sources)
+    of_second = [names.index(f"second_{axis}") for axis in "xyz"]
+    one = np.eye(3) + slopes[:, of_second]
+    return np.linalg.solve(one, bias), matrix @ one, np.linalg.solve(one, slopes)
+
+
+def _entries(matrix: Numbers, gauge: str) -> Numbers:
+    """The entries of a matrix in the order of a calibration's covariance."""
+    entries = matrix[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return np.concatenate([entries, matrix[[1, 2, 2], [0, 0, 1]]]) if gauge == FREE else entries
+
+
+def _moved(numbers: Callable[[Numbers], Numbers], estimate: Estimate) -> tuple[Array, Array]:
+    """A function of the kernel's parameters and the covariance of its values."""
+    params = estimate.solution.params
+    steps = params + 1j * _STEP * np.eye(len(params))
+    change = np.stack([numbers(step).imag / _STEP for step in steps], axis=1)
+    return numbers(params + 0j).real, change @ estimate.solution.covariance @ change.T
+
+
+def _stretched(covariance: Array, found: Array, size: int, scale: Scale) -> Array:
+    """The covariance with what the uncertain magnitude of the reference adds to the matrix."""
+    stretch = np.zeros(len(found))
+    stretch[3:size] = found[3:size] * scale.sd / scale.magnitude
+    return covariance + np.outer(stretch, stretch)

@@ -1,0 +1,41 @@
+"""`fit_vector`: where the whole attitude is known, heading included."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agonic.fit import Fit
+from agonic.fitting.attitude.assemble import fitted
+from agonic.fitting.attitude.settings import Settings
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+
+def fit_vector(samples: Samples, reference: Reference, **settings: Any) -> Fit:
+    """Bias and matrix that turn every reading into the field of the place in body axes.
+
+    Beside magnitude and dip as in `fit_levelled`, the azimuth: u·e = 0 with e horizontal, in body
+    axes by the known attitude, and square to the field. Each kind of residual is weighted by its
+    own scatter, so a heading of poor quality does no harm to what roll and pitch determine.
+
+    Parameters
+    ----------
+    samples : with `roll_deg`, `pitch_deg` and `heading_deg`; the heading must not come from the
+        magnetometer itself.
+    reference : `Reference.vector` in the frame n.
+    The settings as in `fit_levelled`; the matrix is free by default.
+
+    Returns a `Fit`. Raises as `fit_levelled`.
+
+    Source: maximum likelihood with Huber's sandwich covariance (Huber 1981).
+
+    Examples
+    --------
+    >>> from agonic.simulation import simulate
+    >>> flown = simulate("flight", n=2000, stray_nT_A=(0.0, 0.0, 0.0))
+    >>> fit = fit_vector(flown.samples, Reference.vector(flown.field_n, frame="n"))
+    >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
+    True
+    """
+    chosen = Settings(**settings)
+    return fitted(samples, reference, ("magnitude", "dip", "azimuth"), chosen, "vector")

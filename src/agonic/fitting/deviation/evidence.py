@@ -1,0 +1,247 @@
+"""What a swing leaves to be examined: headings that are missing, strays, what the curve omits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, stdtr
+
+from agonic.calibration.deviation import Deviation, heading_name
+from agonic.health import Finding, figure
+from agonic.kernels import deviation as kernel
+from agonic.kernels import swing
+from agonic.kernels.leastsq import correlation_length
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+AMPLIFIED_REFUSED = 10.0  # standard error over that of as many headings evenly spread
+AMPLIFIED_DOUBTFUL = 3.0
+GAP_REFUSED_DEG = 180.0  # the headings lie in one half
+GAP_DOUBTFUL_DEG = 120.0
+CURVE_REFUSED_DEG = 10.0  # standard error of the curve, rms over all headings
+CURVE_DOUBTFUL_DEG = 2.0
+HEEL_LEAST_DEG = 1.0  # rms of heel that no other term explains
+SCATTER_DOUBTFUL_DEG = 5.0
+STRAY_LEAST_DEG = 0.5
+STRAY_REFUSED_DEG = 5.0  # where too few others outweigh it
+STRAYS_DOUBTFUL = 0.1
+THIRD_DOUBTFUL_DEG = 1.0
+SIGNIFICANT = 0.01
+
+_CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """The readings (n,), their rows (n, k), the solution, and the card made of it.
+
+    `level` (5,) and `chosen` (9,) mark the terms that were fitted; `weighted` says whether the
+    robust loss was free to leave out strays.
+    """
+
+    compass_deg: Array
+    rows: Array
+    solved: kernel.Solved
+    card: Deviation
+    level: Mask
+    chosen: Mask
+    stated_noise_deg: float | None
+    left_out: int
+    weighted: bool
+
+
+def examine(evidence: Evidence) -> tuple[Finding, ...]:
+    """The findings, the gravest first; one cause is not reported twice."""
+    shape = _headings(evidence) or _heel(evidence)
+    if shape is not None and shape.severity == "refuse":
+        return (shape,)
+    stray = _stray(evidence)
+    spread = (_uncertain(evidence), _scatter(evidence))
+    if stray is not None and not evidence.weighted:  # it is the cause of both
+        spread = (None, None)
+    others = (_folded(evidence), shape, stray, *spread, _third(evidence), _left_out(evidence))
+    order = ("refuse", "check", "note")
+    return tuple(sorted((f for f in others if f), key=lambda f: order.index(f.severity)))
+
+
+def listed(headings_deg: Array) -> str:
+    """Headings in words.
+
+    >>> listed(np.array([45.0, 135.0, 180.0]))
+    '045° NE, 135° SE and 180° S'
+    """
+    names = [heading_name(float(h)) for h in headings_deg]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _headings(evidence: Evidence) -> Finding | None:
+    """Headings that do not go round, or too few of them."""
+    headings = swing.visited(evidence.compass_deg)
+    n, terms = len(headings), evidence.card.terms
+    gap = swing.largest_gap_deg(headings)
+    amplified = swing.amplification(headings, evidence.level)
+    half = gap >= GAP_REFUSED_DEG and terms != "A"
+    missing = swing.missing_deg(headings, evidence.level, 2.0)
+    move = f"steer also {listed(missing)}" if len(missing) else "steer twice as many headings"
+    seen = f"what was steered ({n} heading{'' if n == 1 else 's'}, widest gap {gap:.0f}°)"
+    if half or amplified > AMPLIFIED_REFUSED:
+        return Finding("headings", "refuse", f"{seen} does not determine {_terms(terms)}", move)
+    readings, k = evidence.rows.shape
+    if (n <= len(terms) or readings <= k) and evidence.stated_noise_deg is None:
+        return Finding(
+            "headings",
+            "refuse",
+            f"{readings} readings on {n} headings for {k} terms leave nothing to judge the card by",
+            f"{move}, or state the noise of one reading",
+        )
+    if amplified > AMPLIFIED_DOUBTFUL or gap > GAP_DOUBTFUL_DEG:
+        return Finding("headings", "check", f"{seen} hardly determines {_terms(terms)}", move)
+    return None
+
+
+def _terms(terms: str) -> str:
+    return "A to E" if terms == "ABCDE" else ", ".join(terms)
+
+
+def _heel(evidence: Evidence) -> Finding | None:
+    """Heel that is too small, or goes with the heading so that a level term explains it."""
+    own = int(evidence.level.sum())
+    names = np.array(kernel.HEEL)[evidence.chosen[5:]]
+    for k, name in enumerate(names, start=own):
+        others = np.delete(evidence.rows, k, axis=1)
+        explained = others @ np.linalg.lstsq(others, evidence.rows[:, k], rcond=None)[0]
+        left = float(np.sqrt(np.mean((evidence.rows[:, k] - explained) ** 2)))
+        if left < HEEL_LEAST_DEG:
+            way = name.split("_")[0]
+            both = "to port and to starboard" if way == "roll" else "nose up and nose down"
+            return Finding(
+                "heel",
+                "refuse",
+                f"the swing does not determine what {way} does: only {left:.1f}° of it is "
+                "independent of the heading",
+                f"on each heading tilt the vehicle {both}, 5° or more, or leave {way} out",
+            )
+    return None
+
+
+def _folded(evidence: Evidence) -> Finding | None:
+    """A deviation that changes faster than the heading, so that a reading has several meanings."""
+    if evidence.card.least_turn > 0:
+        return None
+    return Finding(
+        "folded",
+        "refuse",
+        "the compass turns back while the vehicle turns on, so one reading stands for several "
+        "headings",
+        "move the compass away from iron and magnets, or calibrate the magnetometer first",
+    )
+
+
+def _uncertain(evidence: Evidence) -> Finding | None:
+    """A curve whose standard error is large, whatever the reason."""
+    sd = float(np.sqrt(np.mean(evidence.card.sd_at(_CIRCLE_DEG) ** 2)))
+    if sd < CURVE_DOUBTFUL_DEG:
+        return None
+    length = evidence.solved.correlation
+    slow = f"; {figure(length)} readings in a row count as one" if length > 2 else ""
+    return Finding(
+        "uncertain",
+        "refuse" if sd >= CURVE_REFUSED_DEG else "check",
+        f"the standard error of the curve is {figure(sd)}°{slow}",
+        "stay longer on headings all round, or swing again in calmer conditions",
+    )
+
+
+def _stray(evidence: Evidence) -> Finding | None:
+    """Readings far from the curve of the others."""
+    if evidence.weighted:
+        share = float(np.mean(evidence.solved.weights == 0))
+        if share == 0.0:
+            return None
+        return Finding(
+            "stray headings",
+            "check" if share > STRAYS_DOUBTFUL else "note",
+            f"{figure(100 * share)} % of the readings are strays and were left out",
+            "look for moments when the vehicle turned or a current was switched",
+        )
+    worst, off = _deleted(evidence)
+    if worst is None:
+        return None
+    return Finding(
+        "stray headings",
+        "refuse" if off >= STRAY_REFUSED_DEG else "check",
+        f"the reading at compass {heading_name(float(evidence.compass_deg[worst]))} is "
+        f"{figure(off)}° from the curve of the others",
+        "look for a slip (east for west, a wrong figure) and steer that heading again",
+    )
+
+
+def _deleted(evidence: Evidence) -> tuple[int | None, float]:
+    """The reading that the curve of all others does not explain, and how far it is from it.
+
+    Externally studentised residuals against Student's t, with Bonferroni's bound for the largest.
+    """
+    rows, e = evidence.rows, evidence.solved.residuals
+    n, k = rows.shape
+    if n - k < 2:
+        return None, 0.0
+    free = np.maximum(1 - np.einsum("ij,jk,ik->i", rows, np.linalg.pinv(rows.T @ rows), rows), 1e-9)
+    rest = np.maximum(e @ e - e**2 / free, 1e-12) / (n - k - 1)
+    t = np.abs(e) / np.sqrt(rest * free)
+    worst = int(t.argmax())
+    off = float(abs(e[worst]) / free[worst])
+    chance = 2 * n * float(stdtr(n - k - 1, -t[worst]))
+    return (worst, off) if chance < SIGNIFICANT and off > STRAY_LEAST_DEG else (None, 0.0)
+
+
+def _scatter(evidence: Evidence) -> Finding | None:
+    """Residuals that are large, or larger than the stated noise."""
+    noise, stated = evidence.solved.noise, evidence.stated_noise_deg
+    exceeded = stated is not None and evidence.card.freedom is not None
+    if noise <= SCATTER_DOUBTFUL_DEG and not exceeded:
+        return None
+    beyond = f", more than the {figure(stated)}° that were stated" if stated and exceeded else ""
+    return Finding(
+        "scatter",
+        "check",
+        f"readings scatter by {figure(noise)}° about the curve{beyond}",
+        "hold each heading until the compass is at rest, away from other iron",
+    )
+
+
+def _third(evidence: Evidence) -> Finding | None:
+    """A third harmonic in the residuals of many readings: more than A to E can hold."""
+    if not evidence.weighted or "D" not in evidence.card.terms:
+        return None
+    psi, w = np.radians(evidence.compass_deg), evidence.solved.weights
+    rows = np.column_stack([evidence.rows, np.sin(3 * psi), np.cos(3 * psi)])
+    inverse = np.linalg.pinv((rows * w[:, None]).T @ rows)
+    found = inverse @ (rows * w[:, None]).T @ evidence.solved.residuals
+    left = evidence.solved.residuals - rows @ found  # its noise is not that with the pattern in it
+    variance = float(w @ left**2) / max(float(w.sum()) - rows.shape[1], 1.0)
+    covariance = inverse[-2:, -2:] * variance * correlation_length(left, w)
+    found = found[-2:]
+    chance = float(chdtrc(2, found @ np.linalg.pinv(covariance) @ found))
+    size = float(np.hypot(*found))
+    if size < THIRD_DOUBTFUL_DEG or chance > SIGNIFICANT:
+        return None
+    return Finding(
+        "third harmonic",
+        "check",
+        f"a part of {figure(size)}° that changes three times round the circle remains",
+        "the deviation is too large for A to E: compensate the compass, or calibrate the "
+        "magnetometer, and swing again",
+    )
+
+
+def _left_out(evidence: Evidence) -> Finding | None:
+    if not evidence.left_out:
+        return None
+    return Finding(
+        "incomplete readings",
+        "note",
+        f"{evidence.left_out} readings lack a number and were left out",
+    )

@@ -1,0 +1,262 @@
+"""`fit_deviation`: the deviation card from compass headings and what they should have been."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtrc
+
+from agonic.calibration.deviation import PARAMETERS, Deviation, east_west, heading_name
+from agonic.errors import AgonicError
+from agonic.fitting.deviation.evidence import Evidence, examine
+from agonic.fitting.deviation.readings import Readings, complete
+from agonic.health import Finding, figure
+from agonic.kernels import deviation as kernel
+from agonic.kernels import swing
+from agonic.provenance import Input, Provenance
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CITATIONS = ("nga-2004", "huber-1981", "beaton-tukey-1974")
+READINGS_PER_TERM = 4
+"""With fewer readings for each term a stray cannot be told from the rest by its weight."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DeviationFit:
+    """A deviation card and what it rests on.
+
+    `compass_deg`, `deviation_deg`, `residuals_deg` and `weights` (n,) are the readings that were
+    used, in their order: what the compass read, reference less compass, that less the curve, and
+    what the robust loss left of each. `classical` holds A to E by the eight-heading formulas where
+    all eight were steered; `noise_deg` is the standard deviation of one reading, NaN where there
+    are as many terms as readings; `correlation` is how many successive readings count as one, and
+    `condition` that of the scaled information matrix.
+    """
+
+    calibration: Deviation
+    classical: Mapping[str, float] | None
+    compass_deg: Array
+    deviation_deg: Array
+    residuals_deg: Array
+    weights: Array
+    noise_deg: float
+    correlation: float
+    condition: float
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """How many readings were used."""
+        return len(self.compass_deg)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (9, 9) of A to E in degrees, then the heel terms in degrees per degree."""
+        covariance = self.calibration.covariance
+        assert covariance is not None, "a fit always carries a covariance"
+        return covariance
+
+    @property
+    def sd(self) -> Array:
+        """Standard errors (9,) of the same; 0 for terms that were not fitted."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def verdict(self) -> str:
+        """`good`, `check` or `refused`."""
+        severities = {finding.severity for finding in self.findings}
+        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+
+    @property
+    def ok(self) -> bool:
+        """Nothing to object."""
+        return self.verdict == "good"
+
+    @property
+    def status(self) -> str:
+        """The result in words: what stands in the way, or how good it is."""
+        said = (*(finding.sentence for finding in self.findings), *self.remarks)
+        return ". ".join(text[:1].upper() + text[1:] for text in said) + "."
+
+
+def fit_deviation(
+    compass_deg: ArrayLike,
+    reference_deg: ArrayLike,
+    *,
+    heel: ArrayLike | None = None,
+    declination_deg: ArrayLike | None = None,
+    terms: str = "ABCDE",
+    robust: bool = True,
+    noise_deg: float | None = None,
+    power_state: str = "",
+    current_A: float | None = None,
+    sensor: str = "compass",
+    source: Input | None = None,
+) -> DeviationFit:
+    """The coefficients A to E of a compass's deviation, and its heel terms.
+
+    Least squares on δ = A + B sin ψ + C cos ψ + D sin 2ψ + E cos 2ψ + heel terms, where ψ is the
+    compass heading and δ the magnetic heading less ψ.
+
+    Parameters
+    ----------
+    compass_deg : (n,) what the compass read, in the order it was read.
+    reference_deg : (n,) magnetic heading of the vehicle at the same moments; true heading where
+        `declination_deg` (one, or (n,)) is given.
+    heel : (n,) roll, or (n, 2) roll and pitch, degrees: adds roll × cos ψ, roll × sin ψ and the
+        same of pitch. `None` for a level swing.
+    terms : the level terms to fit; the others are held at zero. Never chosen for you.
+    robust : meet gross errors with Tukey's loss where one stands out of many readings.
+    noise_deg : standard deviation of one reading where it is known; else the residuals tell.
+    power_state, current_A : what was switched on and the current it drew; the card belongs to it.
+    sensor, source : whose headings, and the file they came from.
+
+    Returns a `DeviationFit`; `fit.ok` and `fit.status` say whether to use it, and a refusal names
+    the headings to add. Raises `AgonicError` where the columns do not fit together and
+    `CoverageError` where there is no reading at all.
+
+    Source: Handbook of Magnetic Compass Adjustment (NGA 2004), chapters III and V; covariance by
+    Huber (1981).
+
+    Examples
+    --------
+    >>> compass = np.arange(0, 360, 45.0)
+    >>> deviation = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])
+    >>> fit = fit_deviation(compass, compass + deviation, power_state="engine on")
+    >>> fit.calibration.coefficients.round(3).tolist(), fit.classical["B"]
+    ([1.0, 11.94, 7.96, 5.0, 1.5], 12.0)
+    """
+    level = level_terms(terms)
+    readings = complete(compass_deg, reference_deg, heel, declination_deg)
+    chosen = np.concatenate([level, np.repeat(np.arange(2) < readings.tilt.shape[1], 2)])
+    rows = readings.rows[:, chosen]
+    weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
+    solved, as_stated = _solved(rows, readings.difference, weighted, noise_deg)
+    asked = {
+        "terms": terms, "robust": robust, "noise_deg": noise_deg,
+        "declination_deg": None if declination_deg is None else readings.declination,
+        "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
+    }  # fmt: skip
+    whence = source or Input.of_array(sensor, readings.columns)
+    card = Deviation(
+        **_spread(solved, chosen),
+        terms=terms,
+        noise_deg=_noise(solved, noise_deg if as_stated else None),
+        freedom=None if as_stated else _freedom(solved),
+        power_state=power_state,
+        current_A=current_A,
+        largest_gap_deg=swing.largest_gap_deg(swing.visited(readings.compass)),
+        largest_heel_deg=_largest(readings.tilt),
+        sensor=sensor,
+        provenance=Provenance(inputs=(whence,), settings=asked, method=CITATIONS),
+    )
+    evidence = Evidence(
+        compass_deg=readings.compass, rows=rows, solved=solved, card=card, level=level,
+        chosen=chosen, stated_noise_deg=noise_deg, left_out=readings.left_out, weighted=weighted,
+    )  # fmt: skip
+    return _finished(evidence, _classical(readings))
+
+
+def _finished(evidence: Evidence, classical: Mapping[str, float] | None) -> DeviationFit:
+    """The fit with its findings; a refused one boasts of no accuracy."""
+    solved, card, findings = evidence.solved, evidence.card, examine(evidence)
+    refused = any(finding.severity == "refuse" for finding in findings)
+    return DeviationFit(
+        calibration=card,
+        classical=classical,
+        compass_deg=evidence.compass_deg,
+        deviation_deg=kernel.wrapped_deg(solved.residuals + evidence.rows @ solved.params),
+        residuals_deg=solved.residuals,
+        weights=solved.weights,
+        noise_deg=np.nan if card.noise_deg is None else card.noise_deg,
+        correlation=solved.correlation,
+        condition=solved.condition,
+        findings=findings,
+        remarks=() if refused else _remarks(card),
+    )
+
+
+def level_terms(terms: str) -> Mask:
+    """Which of A to E were asked for, (5,)."""
+    known = "".join(kernel.LEVEL)
+    if not terms or any(term not in known for term in terms) or len(set(terms)) < len(terms):
+        raise AgonicError(f"terms {terms!r} are not known; use some of {known}, each once")
+    if "A" not in terms:
+        raise AgonicError(f"terms {terms!r} lack A: a compass is never mounted exactly; add A")
+    return np.array([term in terms for term in known])
+
+
+def _solved(
+    rows: Array, difference: Array, robust: bool, noise_deg: float | None
+) -> tuple[kernel.Solved, bool]:
+    """The solution, and whether the stated noise holds: it does not where residuals exceed it.
+
+    Where as many terms as readings leave no residuals, a noise of 1° is taken for unknown.
+    """
+    freedom = len(rows) - rows.shape[1]
+    if noise_deg is None:
+        assumed = 1.0 if freedom < 1 else None
+        return kernel.solve(rows, difference, robust=robust, noise_deg=assumed), False
+    if not noise_deg > 0.0:
+        raise AgonicError(
+            f"noise_deg is {noise_deg}; give the standard deviation of a reading, > 0"
+        )
+    solved = kernel.solve(rows, difference, robust=robust, noise_deg=noise_deg)
+    if freedom < 1 or chdtrc(freedom, freedom * (solved.noise / noise_deg) ** 2) > 0.01:
+        return solved, True
+    return kernel.solve(rows, difference, robust=robust), False
+
+
+def _noise(solved: kernel.Solved, stated: float | None) -> float | None:
+    """The noise of one reading; `None` where nothing is left to see it by."""
+    left = len(solved.residuals) > len(solved.params)
+    return solved.noise if stated is None and left else stated
+
+
+def _spread(solved: kernel.Solved, chosen: Mask) -> dict[str, Any]:
+    """The solution in the order of `PARAMETERS`, zero where a term was not fitted."""
+    params, covariance = np.zeros(len(PARAMETERS)), np.zeros((len(PARAMETERS),) * 2)
+    params[chosen] = solved.params
+    covariance[np.ix_(chosen, chosen)] = solved.covariance
+    heel = params[5:] if chosen[5:].any() else None
+    return {"coefficients": params[:5], "heel": heel, "covariance": covariance}
+
+
+def _freedom(solved: kernel.Solved) -> float:
+    """Degrees of freedom of the noise: readings that count, less terms."""
+    counted = float((solved.weights > 0).sum()) / solved.correlation
+    return max(counted - len(solved.params), 1.0)
+
+
+def _largest(tilt: Array) -> tuple[float, float] | None:
+    if tilt.shape[1] == 0:
+        return None
+    roll, *pitch = np.abs(tilt).max(axis=0).tolist()
+    return roll, pitch[0] if pitch else 0.0
+
+
+def _classical(readings: Readings) -> dict[str, float] | None:
+    at = kernel.on_rose(readings.compass, kernel.wrapped_deg(readings.difference))
+    if at is None:
+        return None
+    return dict(zip(kernel.LEVEL, kernel.classical(at).tolist(), strict=True))
+
+
+def _remarks(card: Deviation) -> tuple[str, ...]:
+    """How large the deviation is, and how well the card is known."""
+    circle = np.arange(0.0, 360.0)
+    curve, sd = card.at(circle), float(card.sd_at(circle).max())
+    worst = int(np.abs(curve).argmax())
+    return (
+        f"the deviation is largest, {east_west(float(curve[worst]))}, at compass "
+        f"{heading_name(float(circle[worst]))}",
+        f"a level heading corrected with this card is known to {figure(sd)}° (standard error of "
+        "the curve at the worst heading)",
+    )

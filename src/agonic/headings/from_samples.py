@@ -1,0 +1,186 @@
+"""`heading`: from samples and a setup to true headings with their standard errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.setup import Compass, Setup
+from agonic.errors import LogError
+from agonic.headings.attitude import Attitude, attitude
+from agonic.headings.indicated import (
+    UNKNOWN_SD_DEG,
+    Indicated,
+    Readings,
+    indicated,
+    readings_at,
+)
+from agonic.headings.judged import chosen, disagreement_deg, judged
+from agonic.headings.record import FLAGS, Heading
+from agonic.headings.surroundings import Surroundings, surroundings
+from agonic.kernels import tilt as kernel
+from agonic.samples import Samples
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+WEAKEST_HORIZONTAL = 2000.0
+"""nT: below it lies the blackout zone of the World Magnetic Model, where no compass works."""
+
+
+class _Taken(NamedTuple):
+    """A compass, its readings, what it indicates, and how far that is from what is expected."""
+
+    compass: Compass
+    readings: Readings
+    indicated: Indicated
+    distance: Array | None
+
+
+def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
+    """The true heading at each sample, with its standard error and where not to trust it.
+
+        compass = atan2(−y₂, x₂) of the levelled field,
+        magnetic = compass + deviation(compass),   true = magnetic + declination
+
+    Parameters
+    ----------
+    samples : readings of the magnetometer, or of several of one vehicle, matched to the compasses
+        of the setup by name. Headings are at the times of the first compass, whose samples also
+        give the attitude, the place and the date.
+    setup : calibrations, deviations, where the tilt and the declination come from.
+
+    Returns
+    -------
+    Heading, (n,) columns. Each row is taken from the first compass of the setup whose field is the
+    expected one within the limits, or from the one nearest to it where none is. The standard error
+    is carried through the chain by its Jacobian; about level an error of tilt counts with the
+    tangent of the dip.
+
+    Raises
+    ------
+    LogError where a sensor, the attitude, or the place and date are missing; ValidityError where
+    the date is outside the world models; UnitError, FrameError where readings and calibration do
+    not meet; MissingExtraError where the gyro filter is asked for and not installed.
+
+    Source: Caruso (2000), Applications of magnetic sensors for low cost compass systems, IEEE
+    Position Location and Navigation Symposium, 177–184, doi 10.1109/PLANS.2000.838300.
+
+    Examples
+    --------
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[0, 0, 0], matrix=np.eye(3), covariance=np.zeros((9, 9)), noise=100.0)
+    >>> setup = Setup(compasses=(Compass(calibration=mag),), declination_deg=3.0, tilt_sd_deg=0.0)
+    >>> east = Samples(field=[[0.0, -20_000.0, 40_000.0]], roll_deg=[0.0], pitch_deg=[0.0])
+    >>> found = heading(east, setup)
+    >>> found.true_deg.round(6).tolist(), found.sd_deg.round(3).tolist()
+    ([93.0], [0.286])
+    """
+    pairs = matched((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
+    first = pairs[0][1]
+    read = [readings_at(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
+    tilt = attitude(first, setup, pairs[0][0].calibration)
+    around = surroundings(first, setup)
+    notes = [*tilt.notes, *around.notes]
+    taken = []
+    for (compass, _), readings in zip(pairs, read, strict=True):
+        found, unknown = indicated(readings, compass, tilt, around, setup)
+        verdict = judged(compass, found, around, setup, tilt.source)
+        notes += [*unknown, *verdict.notes]
+        taken.append(_Taken(compass, readings, found, verdict.distance))
+    return _assembled(first, setup, tilt, taken, around, tuple(notes))
+
+
+def matched(samples: tuple[Samples, ...], setup: Setup) -> tuple[tuple[Compass, Samples], ...]:
+    """Each compass with the samples of its sensor; one of each go together whatever their names."""
+    if len(samples) == 1 == len(setup.compasses):
+        return ((setup.compasses[0], samples[0]),)
+    by_name = {one.name: one for one in samples}
+    missing = [c.sensor for c in setup.compasses if c.sensor not in by_name]
+    if missing:
+        raise LogError(
+            f"the setup has a compass for {', '.join(missing)} and the samples are of "
+            f"{', '.join(by_name) or 'no sensor'}; give those samples, or a setup without it"
+        )
+    return tuple((compass, by_name[compass.sensor]) for compass in setup.compasses)
+
+
+def _on_the_clock_of(first: Samples, other: Samples) -> Samples:
+    """Samples whose times count from the epoch of the first."""
+    if first.epoch is None or other.epoch is None or other.time is None:
+        return other
+    late = (other.epoch - first.epoch).total_seconds()
+    return other if late == 0.0 else other.with_columns(time=other.time + late, epoch=first.epoch)
+
+
+def _assembled(
+    first: Samples,
+    setup: Setup,
+    tilt: Attitude,
+    taken: list[_Taken],
+    around: Surroundings,
+    notes: tuple[str, ...],
+) -> Heading:
+    """Each row from the compass to believe, with declination, standard error and flags."""
+    n = len(first)
+    used = chosen([one.distance for one in taken], [one.readings.missing for one in taken], n)
+    each = zip(*(one.indicated for one in taken), strict=True)
+    found = Indicated(*(_of(used, values) for values in each))
+    total = found.lasting + found.random + around.declination_sd_deg**2
+    sd, random_sd = (np.fmin(np.sqrt(v), UNKNOWN_SD_DEG) for v in (total, found.random))
+    magnetic = found.magnetic_deg
+    unknown = ~np.isfinite(magnetic)
+    if unknown.any():
+        sd[unknown] = random_sd[unknown] = np.nan
+    return Heading(
+        time=first.time,
+        compass_deg=found.compass_deg,
+        magnetic_deg=magnetic,
+        true_deg=kernel.turn_deg(magnetic + around.declination_deg),
+        sd_deg=sd,
+        random_sd_deg=random_sd,
+        disagreement_deg=disagreement_deg([one.indicated.magnetic_deg for one in taken]),
+        used=used,
+        flags=_flags(setup, tilt, taken, used, found),
+        roll_deg=np.broadcast_to(tilt.roll_deg, n),
+        pitch_deg=np.broadcast_to(tilt.pitch_deg, n),
+        declination_deg=np.broadcast_to(around.declination_deg, n),
+        sensors=tuple(one.compass.sensor for one in taken),
+        tilt=tilt.source,
+        notes=notes,
+    )
+
+
+def _of(used: NDArray[np.intp], values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Row by row, the value of the compass that is used."""
+    return values[0] if len(values) == 1 else np.take_along_axis(np.stack(values), used[None], 0)[0]
+
+
+def _flags(
+    setup: Setup,
+    tilt: Attitude,
+    taken: list[_Taken],
+    used: NDArray[np.intp],
+    found: Indicated,
+) -> Mapping[str, Rows]:
+    """The rows that each of `FLAGS` marks."""
+    nowhere = np.zeros(len(used), dtype=bool)
+    unread = [nowhere if one.readings.missing is None else one.readings.missing for one in taken]
+    far = [nowhere if one.distance is None else one.distance > 1.0 for one in taken]
+    scaled = [np.full(len(used), one.compass.calibration.unit_out != RAW) for one in taken]
+    upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
+    marked = (
+        _of(used, unread),
+        tilt.missing,
+        upright < np.cos(np.radians(setup.tilt_limit_deg)),
+        (found.horizontal < WEAKEST_HORIZONTAL) & _of(used, scaled),
+        _of(used, far),
+        tilt.accelerated,
+    )
+    flags = zip(FLAGS, (nowhere if rows is None else rows for rows in marked), strict=True)
+    return MappingProxyType({name: np.broadcast_to(rows, nowhere.shape) for name, rows in flags})

@@ -1,0 +1,184 @@
+"""What one compass indicates at given times: heading, its variance, and the field it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.base import beside
+from agonic.calibration.deviation import Deviation
+from agonic.calibration.setup import Compass, Setup
+from agonic.errors import FrameError, LogError, UnitError
+from agonic.headings.attitude import LEVEL, Attitude
+from agonic.headings.propagation import Step, passed, steps_of, unknowns, variances
+from agonic.headings.surroundings import Surroundings
+from agonic.kernels import tilt as kernel
+from agonic.kernels.deviation import slope
+from agonic.samples import VECTORS, Samples
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+PIECE = 8192
+"""Rows worked on together: their intermediate arrays stay in the cache."""
+UNKNOWN_SD_DEG = 180.0 / 3**0.5
+"""Standard deviation of a heading of which nothing is known."""
+LONGEST_BRIDGE = 3.0
+"""Readings further apart than this many periods are not joined."""
+
+
+class Readings(NamedTuple):
+    """Readings brought to common times: raw (n, 3), columns beside them, rows without any.
+
+    `averaged` (n,) is what interpolation leaves of the variance of the noise.
+    """
+
+    raw: Array
+    columns: Mapping[str, Array]
+    averaged: Array | None = None
+    missing: Rows | None = None
+
+
+class Indicated(NamedTuple):
+    """Headings of one compass in degrees, (n,); variances in degrees²; measured intensities, nT."""
+
+    compass_deg: Array
+    magnetic_deg: Array
+    random: Array
+    lasting: Array
+    horizontal: Array
+    vertical: Array
+
+
+def readings_at(samples: Samples, compass: Compass, time: Array | None) -> Readings:
+    """The readings that belong to the moments `time` (n,), by linear interpolation.
+
+    A reading recorded at t shows the field of t − latency. Between readings more than
+    `LONGEST_BRIDGE` periods apart, and outside them, there is none.
+    """
+    _check(samples, compass)
+    columns = beside(compass.calibration, samples)
+    if time is samples.time and compass.latency_s == 0.0:
+        return Readings(samples.field, columns)
+    if samples.time is None or time is None:
+        raise LogError(
+            f"readings of {samples.name} have to be brought to other times and have none of their "
+            "own; give the log a time column"
+        )
+    late = time + compass.latency_s  # when these moments show in the readings
+    field = _interpolated(late, samples.time, samples.field)
+    moved = {
+        name: _interpolated(late if name in VECTORS else time, samples.time, values)
+        for name, values in columns.items()
+    }
+    after = np.clip(np.searchsorted(samples.time, late), 1, max(len(samples) - 1, 1))
+    before = after - 1
+    width = samples.time[after] - samples.time[before]
+    share = np.clip((late - samples.time[before]) / width, 0.0, 1.0)
+    period = float(np.median(np.diff(samples.time)))
+    outside = (late < samples.time[0] - 1e-6) | (late > samples.time[-1] + 1e-6)
+    missing = outside | ((width > LONGEST_BRIDGE * period) & (share * (1 - share) > 1e-9))
+    return Readings(field, moved, share**2 + (1 - share) ** 2, missing)
+
+
+def _check(samples: Samples, compass: Compass) -> None:
+    """Raise where readings and calibration do not meet."""
+    calibration = compass.calibration
+    if samples.unit != calibration.unit_in:
+        raise UnitError(
+            f"the calibration of {compass.sensor} takes readings in {calibration.unit_in} and "
+            f"these are in {samples.unit}; read the log with the unit the calibration was made in"
+        )
+    if samples.frame != calibration.frame_in:
+        raise FrameError(
+            f"the calibration of {compass.sensor} was made in other axes",
+            left=samples.frame,
+            right=calibration.frame_in,
+        )
+
+
+def _interpolated(wanted: Array, time: Array, values: Array) -> Array:
+    if len(time) < 2:
+        raise LogError("a single reading cannot be brought to other times; give a longer log")
+    if values.ndim == 1:
+        return np.interp(wanted, time, values)
+    return np.stack([np.interp(wanted, time, axis) for axis in values.T], axis=1)
+
+
+def indicated(
+    readings: Readings, compass: Compass, attitude: Attitude, around: Surroundings, setup: Setup
+) -> tuple[Indicated, tuple[str, ...]]:
+    """The headings of one compass, piece by piece, and what their standard error leaves out."""
+    steps = steps_of(compass.calibration)
+    n = len(readings.raw)
+    result = Indicated(*(np.empty(n) for _ in Indicated._fields))
+    notes = list(unknowns(steps, compass.sensor))
+    if compass.deviation is not None and compass.deviation.covariance is None:
+        notes.append(f"the deviation card of {compass.sensor} has no covariance: not in the sd")
+    expected = around.vertical if attitude.source == LEVEL else None
+    if attitude.source == LEVEL and expected is None and not readings.raw[:, 2].any():
+        notes.append("the vertical intensity is not known, so errors of tilt are not in the sd")
+    for start in range(0, n, PIECE):
+        rows = slice(start, start + PIECE)
+        for whole, part in zip(
+            result, _piece(readings, rows, steps, compass, attitude, expected, setup), strict=True
+        ):
+            whole[rows] = part
+    if readings.missing is not None:
+        result.compass_deg[readings.missing] = np.nan
+        result.magnetic_deg[readings.missing] = np.nan
+    return result, tuple(notes)
+
+
+def _piece(
+    readings: Readings,
+    rows: slice,
+    steps: tuple[Step, ...],
+    compass: Compass,
+    attitude: Attitude,
+    expected_vertical: Array | None,
+    setup: Setup,
+) -> Indicated:
+    columns = {name: values[rows] for name, values in readings.columns.items()}
+    values = passed(steps, readings.raw[rows], columns)
+    tilt = kernel.Tilt(*(part_of(part, rows) for part in attitude.tilt))
+    field = np.ascontiguousarray(values[-1].T)
+    if attitude.source == LEVEL and expected_vertical is not None:
+        field[2] = part_of(expected_vertical, rows)
+    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
+        turned = kernel.turned(field.T, tilt, attitude.order)
+        lasting, random = variances(steps, values, columns, turned.by_field)
+        tilt_sd = np.radians(setup.tilt_sd_deg)
+        lasting += tilt_sd**2 * (turned.by_roll**2 + turned.by_pitch**2)
+    if readings.averaged is not None:
+        random *= readings.averaged[rows]
+    lasting, random = np.degrees(np.degrees(lasting)), np.degrees(np.degrees(random))
+    magnetic = turned.heading_deg
+    if compass.deviation is not None:
+        heeled = compass.deviation.heel is not None
+        heel = kernel.roll_pitch_deg(tilt) if heeled else (0.0, 0.0)
+        magnetic, gain, own = _deviated(compass.deviation, turned.heading_deg, *heel)
+        lasting, random = gain**2 * lasting + own, gain**2 * random
+    return Indicated(
+        turned.heading_deg, magnetic, random, lasting, turned.horizontal, turned.vertical
+    )
+
+
+def _deviated(
+    card: Deviation, heading_deg: Array, roll_deg: Array | float, pitch_deg: Array | float
+) -> tuple[Array, Array, Array]:
+    """Magnetic heading, d(magnetic)/d(compass), and the variance of the deviation, degrees²."""
+    heel = np.zeros(4) if card.heel is None else card.heel
+    gain = 1 + slope(np.append(card.coefficients, heel), heading_deg, roll_deg, pitch_deg)
+    magnetic = kernel.turn_deg(heading_deg + card.at(heading_deg, roll_deg, pitch_deg))
+    if card.covariance is None:
+        return magnetic, gain, np.zeros(1)
+    return magnetic, gain, card.sd_at(heading_deg, roll_deg, pitch_deg) ** 2
+
+
+def part_of(values: Array, rows: slice) -> Array:
+    """The rows of a column, or the one value that holds for all."""
+    return values if len(values) == 1 else values[rows]

@@ -1,0 +1,107 @@
+"""Which compass to believe at each moment: what each measured against what the field should be."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain
+from agonic.calibration.setup import Compass, Setup
+from agonic.headings.attitude import LEVEL
+from agonic.headings.indicated import Indicated
+from agonic.headings.surroundings import Surroundings
+from agonic.kernels.deviation import wrapped_deg
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+
+class Judged(NamedTuple):
+    """How far a compass's field is from the expected one, 1 being the limit, (n,).
+
+    `None` where nothing is known to compare with.
+    """
+
+    distance: Array | None
+    notes: tuple[str, ...] = ()
+
+
+def judged(
+    compass: Compass, indicated: Indicated, around: Surroundings, setup: Setup, tilt: str
+) -> Judged:
+    """The larger of the differences of magnitude and dip, each over its limit.
+
+    A level compass knows its horizontal intensity only, one calibrated to a magnitude alone has no
+    dip to compare with, and one in raw units no magnitude.
+    """
+    h, z = indicated.horizontal, indicated.vertical
+    raw = compass.calibration.unit_out == RAW
+    if around.horizontal is None or around.vertical is None:
+        size = magnitude_of(compass.calibration)
+        if size is None or tilt == LEVEL:
+            return Judged(None, (_unseen(compass, "no field to compare it with is known"),))
+        return Judged(_over(np.sqrt(h * h + z * z) / size - 1, setup.magnitude_limit))
+    if tilt == LEVEL:
+        if raw:
+            return Judged(None, (_unseen(compass, "its calibration gives raw units"),))
+        return Judged(_over(h / around.horizontal - 1, setup.magnitude_limit))
+    dip = np.degrees(np.arctan2(z, h) - np.arctan2(around.vertical, around.horizontal))
+    distance = _over(dip, setup.dip_limit_deg)
+    if not raw:
+        expected = np.hypot(around.horizontal, around.vertical)
+        off = _over(np.sqrt(h * h + z * z) / expected - 1, setup.magnitude_limit)
+        distance = np.maximum(distance, off)
+    return Judged(distance)
+
+
+def _unseen(compass: Compass, why: str) -> str:
+    return f"disturbances of {compass.sensor} were not looked for: {why}"
+
+
+def _over(difference: Array, limit: float) -> Array:
+    return np.abs(difference) / max(limit, 1e-12)
+
+
+def magnitude_of(calibration: Calibration) -> float | None:
+    """The magnitude of the field that a calibration was scaled to."""
+    steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
+    affine = [step for step in steps if isinstance(step, Affine)]
+    return affine[-1].magnitude if affine else None
+
+
+def chosen(distances: list[Array | None], missing: list[Rows | None], n: int) -> NDArray[np.intp]:
+    """Which compass each row is taken from, (n,).
+
+    The first that was read and is not disturbed; where all are, the one nearest to the expected
+    field. A compass that cannot be judged counts as undisturbed.
+    """
+    if len(distances) == 1:
+        return np.zeros(n, dtype=np.intp)
+    score = np.empty((len(distances), n))
+    for k, (row, distance, gone) in enumerate(zip(score, distances, missing, strict=True)):
+        far = np.zeros(n) if distance is None else distance
+        row[:] = np.where(far <= 1.0, -1.0 + 1e-6 * k, far)
+        row[~np.isfinite(row)] = np.inf
+        if gone is not None:
+            row[gone] = np.inf
+    return np.asarray(np.argmin(score, axis=0))
+
+
+def disagreement_deg(magnetic_deg: list[Array]) -> Array | None:
+    """The largest difference between the headings of two sensors, (n,); NaN where fewer were read.
+
+    >>> disagreement_deg([np.array([359.0]), np.array([2.0]), np.array([np.nan])]).tolist()
+    [3.0]
+    """
+    if len(magnetic_deg) == 1:
+        return None
+    largest = np.full(len(magnetic_deg[0]), np.nan)
+    for i, one in enumerate(magnetic_deg):
+        for other in magnetic_deg[:i]:
+            largest = np.fmax(largest, np.abs(wrapped_deg(one - other)))
+    return largest

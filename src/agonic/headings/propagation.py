@@ -1,0 +1,134 @@
+"""How the errors of a calibration and the noise of its sensor reach one component of the field.
+
+For a row g of ∂heading/∂field, var = g C gᵀ without ever forming the (n, 3, 3) covariances: the
+gradient is carried back through the steps of the calibration, and each step adds |Lᵀ a|², where
+a = g ∂field/∂parameters and L Lᵀ is the covariance of its parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain
+from agonic.calibration.interference import Interference, stacked
+from agonic.errors import AgonicError
+from agonic.kernels.affine import model_basis
+
+Array = NDArray[np.float64]
+
+
+class Step(NamedTuple):
+    """A calibration and L (p, k), the root of its covariance; `None` where it has none."""
+
+    calibration: Affine | Alignment
+    root: Array | None
+
+
+def steps_of(calibration: Calibration) -> tuple[Step, ...]:
+    """The steps of a calibration, each with the root of its covariance."""
+    plain = calibration.steps if isinstance(calibration, Chain) else (calibration,)
+    return tuple(Step(_known(step), _root(_known(step))) for step in plain)
+
+
+def _known(step: Calibration) -> Affine | Alignment:
+    if isinstance(step, Affine | Alignment):
+        return step
+    raise AgonicError(
+        f"a {step.kind} calibration cannot serve a compass yet; give an affine, an interference, "
+        "an alignment or a chain of them"
+    )
+
+
+def _root(step: Affine | Alignment) -> Array | None:
+    """L with L Lᵀ the covariance of what `_row` multiplies: local numbers, or the turn."""
+    if step.covariance is None:
+        return None
+    covariance = np.asarray(step.covariance)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.where(sd > 0, sd, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    if isinstance(step, Alignment):
+        return np.asarray(root)
+    local = model_basis("full", step.gauge)
+    spread = np.zeros((len(local) + len(root) - local.shape[1], len(root)))
+    spread[: len(local), : local.shape[1]] = local
+    spread[len(local) :, local.shape[1] :] = np.eye(len(root) - local.shape[1])
+    return np.asarray(spread @ root)
+
+
+def passed(steps: tuple[Step, ...], raw: Array, columns: Mapping[str, Array]) -> list[Array]:
+    """The readings (n, 3), what each step makes of them, and at last the field."""
+    values = [raw]
+    for step in steps:
+        values.append(step.calibration.correct(values[-1], **columns))
+    return values
+
+
+def variances(
+    steps: tuple[Step, ...], values: list[Array], columns: Mapping[str, Array], gradient: Array
+) -> tuple[Array, Array]:
+    """Variance of gradient · field (n,) from the calibration, and from the noise of one reading.
+
+    `values` as `passed` gives them, gradient (3, n).
+    """
+    lasting = np.zeros(gradient.shape[1])
+    noise: float | None = None
+    for step, given, made in zip(reversed(steps), values[-2::-1], values[:0:-1], strict=True):
+        calibration, root = step
+        back = (
+            calibration.rotation.as_matrix()
+            if isinstance(calibration, Alignment)
+            else (calibration.matrix)
+        )
+        before = back.T @ gradient
+        if root is not None:
+            row = (
+                _turn_row(made, gradient)
+                if isinstance(calibration, Alignment)
+                else _affine_row(calibration, given, columns, gradient, before)
+            )
+            parts = root.T @ row
+            lasting += np.einsum("ij,ij->j", parts, parts)
+        if isinstance(calibration, Affine):
+            noise = calibration.noise
+        gradient = before
+    return lasting, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
+
+
+def _turn_row(made: Array, gradient: Array) -> Array:
+    """∂(g · R f)/∂(rotation vector) = R f × g, (3, n)."""
+    return np.cross(made.T, gradient, axis=0)
+
+
+def _affine_row(
+    step: Affine, given: Array, columns: Mapping[str, Array], gradient: Array, before: Array
+) -> Array:
+    """∂(g · W (raw − bias − K x))/∂(bias, W, K) = (−Wᵀg, g ⊗ (raw − bias − K x), −Wᵀg ⊗ x)."""
+    reach = given.T - step.bias[:, None]
+    blocks = [-before]
+    if isinstance(step, Interference):
+        x = stacked(step.sources, columns).T
+        reach = reach - step.coefficients @ x
+    blocks.append((gradient[:, None] * reach[None]).reshape(9, -1))
+    if isinstance(step, Interference):
+        blocks.append(-(before[:, None] * x[None]).reshape(3 * len(x), -1))
+    return np.concatenate(blocks)
+
+
+def unknowns(steps: tuple[Step, ...], sensor: str) -> tuple[str, ...]:
+    """What the standard error of a heading has to leave out, in sentences."""
+    affine = [step for step in steps if isinstance(step.calibration, Affine)]
+    notes = []
+    if any(step.root is None for step in affine):
+        notes.append(f"the calibration of {sensor} has no covariance: its errors are not in the sd")
+    if affine and affine[0].calibration.noise is None:  # type: ignore[union-attr]
+        notes.append(f"the noise of {sensor} is not known and not in the sd")
+    return tuple(notes)

@@ -1,0 +1,89 @@
+"""`Heading`: the headings of a log, how far to trust each, and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+FLAGS: Mapping[str, str] = MappingProxyType({
+    "no reading": "no magnetometer was read at that time",
+    "no attitude": "roll and pitch are not known",
+    "tilted": "the vehicle is tilted too far for its nose to have a heading",
+    "vertical field": "next to nothing of the field is horizontal: near a magnetic pole",
+    "disturbed": "the field is not the one that is expected there",
+    "accelerated": "the accelerometer feels more or less than gravity, so its tilt is wrong",
+})  # fmt: skip
+"""Why a heading may mean nothing, in the order of `Heading.flags`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Heading:
+    """Headings, a row a sample, 0…360° clockwise; NaN where there is none.
+
+    Parameters
+    ----------
+    time : (n,) s, or `None` as in the samples.
+    compass_deg : (n,) what the compass used reads, from its field and the tilt.
+    magnetic_deg : (n,) compass + deviation. true_deg : (n,) magnetic + declination.
+    sd_deg : (n,) standard error of `true_deg`: noise, calibration, tilt, deviation, declination.
+    random_sd_deg : (n,) the part of it that the noise of the sensor makes, new in every row; the
+        rest lasts and does not average out.
+    disagreement_deg : (n,) largest difference between the magnetic headings of two sensors, or
+        `None` with a single one.
+    used : (n,) which of `sensors` the row is from.
+    flags : `FLAGS` and the rows (n,) that each marks, those that could not be judged left out.
+    roll_deg, pitch_deg : (n,) the tilt that was compensated.
+    declination_deg : (n,) east positive.
+    sensors : names, in the order of the setup. tilt : where roll and pitch came from.
+    notes : sentences on what could not be done or known.
+    """
+
+    time: Array | None
+    compass_deg: Array
+    magnetic_deg: Array
+    true_deg: Array
+    sd_deg: Array
+    random_sd_deg: Array
+    disagreement_deg: Array | None
+    used: NDArray[np.intp]
+    flags: Mapping[str, Rows]
+    roll_deg: Array
+    pitch_deg: Array
+    declination_deg: Array
+    sensors: tuple[str, ...]
+    tilt: str
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.true_deg)
+
+    @property
+    def trusted(self) -> Rows:
+        """The rows that no flag marks, (n,)."""
+        return np.asarray(~np.logical_or.reduce(list(self.flags.values())))
+
+    def columns(self) -> dict[str, Array]:
+        """The columns of numbers that are there, by name, in writing order."""
+        names = (
+            "time", "compass_deg", "magnetic_deg", "true_deg", "sd_deg", "random_sd_deg",
+            "disagreement_deg", "roll_deg", "pitch_deg", "declination_deg",
+        )  # fmt: skip
+        return {name: c for name in names if (c := getattr(self, name)) is not None}
+
+    def flag_names(self) -> list[str]:
+        """The flags of each row as text, joined by "+"; "" for a row to trust."""
+        names, bits = list(self.flags), np.zeros(len(self), dtype=np.intp)
+        for k, rows in enumerate(self.flags.values()):
+            bits |= rows.astype(np.intp) << k
+        text = {
+            int(code): "+".join(name for k, name in enumerate(names) if code >> k & 1)
+            for code in np.unique(bits)
+        }
+        return [text[int(code)] for code in bits]

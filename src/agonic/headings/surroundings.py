@@ -1,0 +1,112 @@
+"""What the field should be at each sample, and the declination there."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.setup import Setup
+from agonic.errors import LogError, ValidityError
+from agonic.field.decimal_year import decimal_year
+from agonic.field.place import model_for
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+NODES = 257
+"""Rows at which the world model is asked; between them it is linear."""
+
+
+class Surroundings(NamedTuple):
+    """Declination and its sd, degrees, and intensities to expect, nT or `None`; (n,) or (1,)."""
+
+    declination_deg: Array
+    declination_sd_deg: Array
+    horizontal: Array | None
+    vertical: Array | None
+    notes: tuple[str, ...] = ()
+
+
+class World(NamedTuple):
+    """What the world model says along a track, (n,) each."""
+
+    declination_deg: Array
+    declination_sd_deg: Array
+    horizontal: Array
+    vertical: Array
+
+
+def surroundings(samples: Samples, setup: Setup) -> Surroundings:
+    """Declination and intensities: the setup's own, else those of the world model on the track.
+
+    Raises LogError where the declination has to come from the model and the samples lack place or
+    date, ValidityError where the date is outside every model.
+    """
+    world, notes = _world_if_needed(samples, setup)
+    if setup.declination_deg is not None:
+        declination = np.array([setup.declination_deg])
+        sd = np.array([setup.declination_sd_deg or 0.0])
+    elif world is not None:
+        declination, sd = world.declination_deg, world.declination_sd_deg
+    else:
+        raise LogError(_what_is_missing(samples))
+    if setup.horizontal is not None and setup.vertical is not None:
+        h, z = np.array([setup.horizontal]), np.array([setup.vertical])
+        return Surroundings(declination, sd, h, z, notes)
+    if world is not None:
+        return Surroundings(declination, sd, world.horizontal, world.vertical, notes)
+    return Surroundings(declination, sd, None, None, notes)
+
+
+def _world_if_needed(samples: Samples, setup: Setup) -> tuple[World | None, tuple[str, ...]]:
+    """The world model where the setup leaves something open and the samples tell place and date."""
+    if setup.declination_deg is not None and setup.horizontal is not None:
+        return None, ()
+    try:
+        return along(samples), ()
+    except ValidityError as error:
+        if setup.declination_deg is None:
+            raise
+        return None, (f"what the field should be is not known: {error}",)
+
+
+def along(samples: Samples) -> World | None:
+    """The world model along the track of the samples; `None` where they lack place or date."""
+    latitude, longitude, epoch = samples.latitude_deg, samples.longitude_deg, samples.epoch
+    if latitude is None or longitude is None or epoch is None:
+        return None
+    n = len(samples)
+    rows = np.unique(np.linspace(0, n - 1, NODES).round().astype(np.intp))
+    time = np.zeros(n) if samples.time is None else samples.time
+    altitude = np.zeros(n) if samples.altitude_m is None else samples.altitude_m
+    ends = decimal_year([epoch + timedelta(seconds=float(s)) for s in time[rows[[0, -1]]]])
+    share = (time[rows] - time[0]) / max(time[-1] - time[0], 1e-9)
+    years = ends[0] + share * (ends[1] - ends[0])
+    there = model_for(float(years[len(years) // 2])).at(
+        latitude[rows], longitude[rows], altitude[rows], years
+    )
+    where = np.arange(n)
+    nodes = (
+        np.unwrap(there.declination_deg, period=360.0), there.declination_sd_deg,
+        there.horizontal, there.down,
+    )  # fmt: skip
+    return World(*(np.interp(where, rows, values) for values in nodes))
+
+
+def _what_is_missing(samples: Samples) -> str:
+    missing = [
+        what
+        for what, value in (
+            ("position", samples.latitude_deg if samples.longitude_deg is not None else None),
+            ("date", samples.epoch),
+        )
+        if value is None
+    ]
+    return (
+        f"true heading needs the declination and the samples of {samples.name} have no "
+        f"{' and no '.join(missing)} to take it from: give the place and date, or a declination in "
+        "the setup (0 for headings from magnetic north)"
+    )

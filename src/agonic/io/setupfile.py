@@ -1,0 +1,300 @@
+"""The setup file: TOML that names the calibrations of a vehicle's compasses, and the rest.
+
+[[compass]]
+calibration = "MAG1.json"       # beside this file
+deviation = "MAG1-card.json"    # may be left out, as all below
+sensor = "MAG1"                 # its name in the log, where the calibration has another
+latency_s = 0.014
+
+[tilt]
+source = "log"                  # auto, log, accelerometer, gyro or level
+order = "roll-pitch"            # or pitch-roll
+sd_deg = 0.5
+settling_s = 10.0               # of the gyro filter
+
+[declination]
+degrees = 2.7                   # east positive, or "model"
+sd_deg = 0.4
+
+[field]                         # to expect; else from the world model
+horizontal_nT = 19100
+vertical_nT = 45600
+
+[limits]                        # beyond which a heading is flagged
+magnitude = 0.1
+dip_deg = 10
+tilt_deg = 80
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+import msgspec
+from msgspec import Struct
+
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain
+from agonic.calibration.deviation import Deviation
+from agonic.calibration.setup import Compass, Setup, Tilt
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import load, read_bytes, save
+from agonic.kernels.tilt import Order
+
+Made = TypeVar("Made")
+
+
+class CompassSection(Struct, forbid_unknown_fields=True):
+    """One [[compass]]."""
+
+    calibration: str
+    deviation: str | None = None
+    sensor: str | None = None
+    latency_s: float = 0.0
+
+
+class TiltSection(Struct, forbid_unknown_fields=True):
+    """[tilt]"""
+
+    source: Tilt = "auto"
+    order: Order = "roll-pitch"
+    sd_deg: float = 0.5
+    settling_s: float = 10.0
+
+
+class DeclinationSection(Struct, forbid_unknown_fields=True):
+    """[declination]"""
+
+    degrees: float | Literal["model"] = "model"
+    sd_deg: float | None = None
+
+
+class FieldSection(Struct, forbid_unknown_fields=True):
+    """[field]"""
+
+    horizontal_nT: float
+    vertical_nT: float
+
+
+class LimitsSection(Struct, forbid_unknown_fields=True):
+    """[limits]"""
+
+    magnitude: float = 0.1
+    dip_deg: float = 10.0
+    tilt_deg: float = 80.0
+
+
+SECTIONS: Mapping[str, type[Struct]] = {
+    "tilt": TiltSection,
+    "declination": DeclinationSection,
+    "field": FieldSection,
+    "limits": LimitsSection,
+}
+ATTRIBUTES: Mapping[str, tuple[str, str]] = {
+    "tilt": ("tilt", "source"),
+    "tilt_order": ("tilt", "order"),
+    "tilt_sd_deg": ("tilt", "sd_deg"),
+    "settling_s": ("tilt", "settling_s"),
+    "declination_deg": ("declination", "degrees"),
+    "declination_sd_deg": ("declination", "sd_deg"),
+    "horizontal": ("field", "horizontal_nT"),
+    "vertical": ("field", "vertical_nT"),
+    "magnitude_limit": ("limits", "magnitude"),
+    "dip_limit_deg": ("limits", "dip_deg"),
+    "tilt_limit_deg": ("limits", "tilt_deg"),
+}
+"""Where each attribute of a `Setup` stands in the file."""
+
+
+def load_setup(path: Path | str) -> Setup:
+    """Read a setup file; a calibration file alone is the setup of one compass.
+
+    Paths in the file are relative to it. Raises `LogError` that names every mistake at once.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from agonic.calibration.affine import Affine
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = save(Affine(bias=[1, 2, 3], matrix=np.eye(3)), folder + "/mag.json")
+    ...     text = '[[compass]]\\ncalibration = "mag.json"\\n[declination]\\ndegrees = 2.7\\n'
+    ...     _ = Path(folder, "setup.toml").write_text(text)
+    ...     load_setup(folder + "/setup.toml").declination_deg
+    2.7
+    """
+    file = Path(path)
+    data = read_bytes(file)
+    if data.lstrip().startswith(b"{"):
+        return Setup(compasses=(Compass(calibration=_calibration(file)),))
+    try:
+        table = tomllib.loads(data.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise LogError(
+            f"neither a setup (TOML) nor a calibration file (JSON): {error}", path=file
+        ) from None
+    mistakes: list[str] = []
+    setup = _setup(table, file.parent, mistakes)
+    if setup is None or mistakes:
+        raise LogError("; ".join(mistakes), path=file)
+    return setup
+
+
+def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup | None:
+    """The setup, or `None` with what is wrong added to `mistakes`."""
+    unknown = [name for name in table if name not in (*SECTIONS, "compass")]
+    if unknown:
+        known = ", ".join(f"[{name}]" for name in SECTIONS)
+        mistakes.append(f"{', '.join(unknown)}: not part of a setup; it has [[compass]], {known}")
+    values: dict[str, Any] = {}
+    for name, kind in SECTIONS.items():
+        if name in table:
+            values[name] = _tried(partial(_section, table[name], kind), f"[{name}]", mistakes)
+    listed = table.get("compass", [])
+    if not isinstance(listed, list) or not listed:
+        mistakes.append("it needs at least one [[compass]] with its calibration")
+        listed = []
+    compasses = [
+        _tried(partial(_compass, one, folder), f"[[compass]] {k}", mistakes)
+        for k, one in enumerate(listed, start=1)
+    ]
+    if mistakes:
+        return None
+    given = {
+        attribute: getattr(values[section], key)
+        for attribute, (section, key) in ATTRIBUTES.items()
+        if section in values
+    }
+    if given.get("declination_deg") == "model":
+        given["declination_deg"] = None
+    found = tuple(filter(None, compasses))
+    return _tried(partial(Setup, compasses=found, **given), "", mistakes)
+
+
+def _tried(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
+    """What is made, or `None` and its mistake noted."""
+    try:
+        return make()
+    except AgonicError as error:
+        mistakes.append(f"{where} {error}".strip())
+        return None
+
+
+def _section(table: Any, kind: type[Struct]) -> Struct:
+    """A section as it should be, or an `AgonicError` in terms of its keys."""
+    try:
+        return msgspec.convert(table, kind)
+    except msgspec.ValidationError as error:
+        text = str(error)
+        for theirs, ours in _WORDING.items():
+            text = text.replace(theirs, ours)
+        if named := re.search(r"Invalid enum value (.*) at `(\w+)`", text):
+            choices = ", ".join(_CHOICES[named[2]])
+            text = f"{named[2]} {named[1]} is not known; use one of {choices}"
+        known = ", ".join(kind.__struct_fields__)
+        raise AgonicError(f"{text} (its keys: {known})") from None
+
+
+_CHOICES = {"source": get_args(Tilt), "order": get_args(Order), "degrees": ("a number", "model")}
+_WORDING = {
+    "Object contains unknown field": "has no key",
+    "Object missing required field": "needs the key",
+    "Expected `object`": "expected a section",
+    "Expected": "expected",
+    " - at `$.": " at `",
+}
+
+
+def _compass(table: Any, folder: Path) -> Compass:
+    section = _section(table, CompassSection)
+    assert isinstance(section, CompassSection)
+    calibration = _calibration(folder / section.calibration)
+    card = None if section.deviation is None else _card(folder / section.deviation)
+    if section.sensor is not None and section.sensor != calibration.sensor:
+        calibration = _renamed(calibration, section.sensor)
+    return Compass(calibration=calibration, deviation=card, latency_s=section.latency_s)
+
+
+def _calibration(path: Path) -> Calibration:
+    found = load(path)
+    if isinstance(found, Deviation):
+        raise LogError("a deviation card stands where a calibration is needed", path=path)
+    return found
+
+
+def _card(path: Path) -> Deviation:
+    found: object = load(path)
+    if not isinstance(found, Deviation):
+        raise LogError("a calibration stands where a deviation card is needed", path=path)
+    return found
+
+
+def _renamed(calibration: Any, sensor: str) -> Calibration:
+    """The same calibration for the sensor of another name."""
+    if isinstance(calibration, Chain):
+        first, *rest = calibration.steps
+        return replace(calibration, steps=(replace(first, sensor=sensor), *rest))
+    renamed: Calibration = replace(calibration, sensor=sensor)
+    return renamed
+
+
+def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | None = None) -> Path:
+    """Write a setup as TOML, and its calibrations and deviation cards as JSON beside it.
+
+    They are named after the file and the sensor: `boat.toml`, `boat-MAG1.json`,
+    `boat-MAG1-deviation.json`; calibrations in `saved` (file name by sensor) lie beside it
+    already. Returns the path of the TOML file.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from agonic.calibration.affine import Affine
+    >>> mag = Affine(bias=[1, 2, 3], matrix=np.eye(3), sensor="MAG1")
+    >>> with TemporaryDirectory() as folder:
+    ...     path = save_setup(Setup(compasses=(Compass(calibration=mag),)), folder + "/boat.toml")
+    ...     sorted(file.name for file in Path(folder).iterdir()), load_setup(path).tilt
+    (['boat-MAG1.json', 'boat.toml'], 'auto')
+    """
+    file = Path(path)
+    lines: list[str] = []
+    for compass in setup.compasses:
+        stem = "".join(c if c.isalnum() or c in "-_" else "_" for c in compass.sensor)
+        beside: dict[str, Any] = {
+            "calibration": compass.calibration,
+            "deviation": compass.deviation,
+        }
+        lines.append("[[compass]]")
+        for key, part in beside.items():
+            if part is not None:
+                name = f"{file.stem}-{stem}{'' if key == 'calibration' else '-deviation'}.json"
+                if key == "calibration" and saved and compass.sensor in saved:
+                    name = saved[compass.sensor]
+                else:
+                    save(part, file.with_name(name))
+                lines.append(f"{key} = {_quoted(name)}")
+        if compass.latency_s:
+            lines.append(f"latency_s = {compass.latency_s!r}")
+        lines.append("")
+    for section in SECTIONS:
+        lines += _written(section, setup)
+    return write_atomically(file, "\n".join(lines).rstrip() + "\n")
+
+
+def _written(section: str, setup: Setup) -> list[str]:
+    """The lines of a section; none where it has nothing to say."""
+    said = [
+        f"{key} = {_quoted(value) if isinstance(value, str) else repr(float(value))}"
+        for attribute, (of, key) in ATTRIBUTES.items()
+        if of == section and (value := getattr(setup, attribute)) is not None
+    ]
+    return [f"[{section}]", *said, ""] if said else []
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string; JSON's escapes are a part of TOML's."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

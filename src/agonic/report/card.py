@@ -1,0 +1,168 @@
+"""The deviation card: what a compass reads wrong on each heading, as a table in plain text."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from agonic.calibration.deviation import Deviation, east_west, heading_name
+from agonic.errors import AgonicError
+from agonic.fitting.deviation import DeviationFit
+from agonic.report.digits import NO_BREAK, grouped, with_sd
+from agonic.report.text import SIGNS
+from agonic.report.verdict import MEANINGS, sentence
+
+LIMITS = ((3.0, "new"), (5.0, "in service"))
+"""What a compass may be off on any heading, degrees: as an adjuster leaves it, and before it has to
+be adjusted again (flag states: 5°, for instance Marshall Islands marine notice 2-011-32)."""
+MEANT = {"new": "of a compass just adjusted", "in service": "of a compass in service"}
+
+STEPS = (5.0, 10.0, 15.0, 30.0, 45.0)
+WITHOUT_STATE = "the state of the swing, which was not noted"
+
+_WIDTH = 76
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One heading of a card, degrees: as a compass reading, and as a heading to make good."""
+
+    heading: float
+    deviation: float
+    band: float | None
+    magnetic: float
+    steer: float
+
+
+def rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
+    """The rows of a card, north first.
+
+    >>> rows(Deviation(coefficients=[2.0, 0, 0, 0, 0]), 45)[2]
+    Row(heading=90.0, deviation=2.0, band=None, magnetic=92.0, steer=88.0)
+    """
+    if step_deg not in STEPS:
+        known = ", ".join(f"{step:g}" for step in STEPS)
+        raise AgonicError(f"a card in steps of {step_deg:g}° is not made; use {known}")
+    heading = np.arange(0.0, 360.0, step_deg)
+    bands = [None] * len(heading) if card.covariance is None else card.band_at(heading).tolist()
+    columns = (heading, card.at(heading), card.magnetic(heading), card.steer(heading))
+    return [
+        Row(heading=h, deviation=d, band=b, magnetic=m, steer=s)
+        for (h, d, m, s), b in zip(
+            zip(*(c.tolist() for c in columns), strict=True), bands, strict=True
+        )
+    ]
+
+
+def power_state(card: Deviation) -> str:
+    """What the card is valid with.
+
+    >>> power_state(Deviation(coefficients=[0.0] * 5, power_state="engine on", current_A=12.0))
+    'engine on, 12 A'
+    """
+    drawn = [] if card.current_A is None else [f"{card.current_A:g} A"]
+    return ", ".join([*([card.power_state] if card.power_state else []), *drawn]) or WITHOUT_STATE
+
+
+def judgement(card: Deviation) -> str:
+    """The largest deviation against the limits, and what the card leaves of it, in words."""
+    heading = np.arange(0.0, 360.0)
+    curve = card.at(heading)
+    worst = int(np.abs(curve).argmax())
+    size = float(abs(curve[worst]))
+    passed = [(limit, name) for limit, name in LIMITS if size <= limit]
+    limit, name = passed[0] if passed else LIMITS[-1]
+    against = f"{'within' if passed else 'beyond'} {limit:g}°, the limit {MEANT[name]}"
+    said = (
+        f"Before: at most {east_west(float(curve[worst]))}, at compass "
+        f"{heading_name(float(heading[worst]))}; {against}."
+    )
+    if card.covariance is None:
+        return said
+    left = float(card.band_at(heading).max())
+    return f"{said} After: the card is right to ±{left:.1f}° (95 %)."
+
+
+def coefficient_rows(
+    card: Deviation, classical: Mapping[str, float] | None = None
+) -> list[tuple[str, str, str]]:
+    """A to E and the heel terms that were fitted: name, least squares, eight headings.
+
+    >>> coefficient_rows(Deviation(coefficients=[2.0, 0, 0, 0, 0], terms="A"), {"A": -1.98})
+    [('A', '2.000', '−1.98')]
+    """
+    eight = classical or {}
+    names = ("A", "B", "C", "D", "E", "roll · cos", "roll · sin", "pitch · cos", "pitch · sin")
+    values = [*card.coefficients, *([] if card.heel is None else card.heel)]
+    sd = [None] * len(names) if card.sd is None else card.sd.tolist()
+    return [
+        (name, with_sd(float(value), error), grouped(eight[name], 2) if name in eight else "")
+        for name, value, error in zip(names, values, sd, strict=False)
+        if name in card.terms or (len(name) > 1 and error != 0.0)
+    ]
+
+
+def verdict_words(fit: DeviationFit) -> str:
+    """The verdict and what stands in the way, without the figures that the card shows anyway."""
+    word, meaning = MEANINGS[fit.verdict]
+    return " ".join([f"{word}: {meaning}.", *(sentence(f.sentence) for f in fit.findings)])
+
+
+def card_text(
+    result: Deviation | DeviationFit,
+    *,
+    step_deg: float = 30.0,
+    title: str = "",
+    details: Mapping[str, str] | None = None,
+) -> str:
+    """The card as plain text, at most 76 columns wide.
+
+    `result` is a card or the fit it came from; a refused fit has no table. `details` are lines to
+    add at the head, such as date and place.
+
+    >>> print(card_text(Deviation(coefficients=[2.0, 0, 0, 0, 0]), step_deg=45).splitlines()[6])
+    045° NE         2.0° E             047.0°  |  045° NE             043.0°
+    """
+    card = result.calibration if isinstance(result, DeviationFit) else result
+    lines = [f"DEVIATION CARD   {title or card.sensor}", f"Valid only with  {power_state(card)}"]
+    lines += [f"{name.capitalize():<16} {text}" for name, text in (details or {}).items()]
+    if isinstance(result, DeviationFit):
+        lines += textwrap.wrap(f"{SIGNS[result.verdict]} {verdict_words(result)}", _WIDTH)
+        if result.verdict == "refused":
+            return "\n".join(lines)
+    lines += ["", *_table(card, step_deg), ""]
+    lines += textwrap.wrap(judgement(card), _WIDTH)
+    made = coefficient_rows(card)
+    classical = result.classical if isinstance(result, DeviationFit) else None
+    fitted = "  ".join(f"{name} {value}".replace(" ", NO_BREAK) for name, value, _ in made)
+    lines += textwrap.wrap(f"Least squares    {fitted}", _WIDTH, subsequent_indent=" " * 17)
+    if classical:
+        eight = "  ".join(f"{name} {grouped(value, 2)}" for name, value in classical.items())
+        lines.append(f"Eight headings   {eight}")
+    return "\n".join(lines)
+
+
+def _table(card: Deviation, step_deg: float) -> list[str]:
+    head = f"{'Compass':<10}{'Deviation':>12}{'± 95 %':>8}{'Magnetic':>11}  |  "
+    head += f"{'To make good':<16}{'Steer':>10}"
+    lines = [head, "-" * len(head)]
+    for row in rows(card, step_deg):
+        band = "" if row.band is None else f"{row.band:.1f}"
+        lines.append(
+            f"{heading_name(row.heading):<10}{east_west(row.deviation):>12}{band:>8}"
+            f"{degrees3(row.magnetic):>11}  |  {heading_name(row.heading):<16}"
+            f"{degrees3(row.steer):>10}"
+        )
+    return lines
+
+
+def degrees3(heading_deg: float) -> str:
+    """A heading to a tenth with three whole figures.
+
+    >>> degrees3(7.04), degrees3(359.97)
+    ('007.0°', '000.0°')
+    """
+    return f"{round(heading_deg, 1) % 360.0:05.1f}°"

@@ -1,0 +1,196 @@
+"""The chart of a deviation card as SVG: before, after, the band of the curve, and the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.deviation import POINTS, Deviation, heading_name
+from agonic.fitting.deviation import DeviationFit
+from agonic.report.card import LIMITS, judgement
+from agonic.report.figures import Axis
+from agonic.report.markup import Markup, element
+
+Array = NDArray[np.float64]
+
+WIDTH, LEFT, RIGHT = 760.0, 64.0, 112.0
+MOST_DOTS = 1500
+_CIRCLE_DEG = np.arange(0.0, 361.0, 2.0)
+
+
+class Panel:
+    """One of the two areas: the pixels it takes and the deviations it shows."""
+
+    def __init__(self, top: float, height: float, largest: float) -> None:
+        self.top, self.height = top, height
+        self.axis = Axis("", -largest, largest)
+
+    def right(self, heading_deg: Array) -> Array:
+        """Pixels from the left of headings."""
+        return np.asarray(LEFT + (WIDTH - LEFT - RIGHT) * heading_deg / 360.0)
+
+    def down(self, deviation_deg: Array) -> Array:
+        """Pixels from the top of deviations; east is up."""
+        return np.asarray(self.top + self.height * (1 - self.axis.share(deviation_deg)))
+
+
+def chart(result: Deviation | DeviationFit, **attributes: str) -> Markup:
+    """The chart as an SVG element; its colours come from `chart_style`."""
+    card = result.calibration if isinstance(result, DeviationFit) else result
+    heading, residuals = _dots(result)
+    curve = card.at(_CIRCLE_DEG)
+    band = np.zeros_like(curve) if card.covariance is None else card.band_at(_CIRCLE_DEG)
+    measured = card.at(heading) + residuals
+    before = Panel(34.0, 250.0, _largest(curve, measured, cap=180.0))
+    after = Panel(344.0, 150.0, _largest(band, residuals, cap=30.0))
+    parts = [
+        *_frame(before, "Before: deviation of the compass"),
+        *_limits(before),
+        _band(before, curve - band, curve + band),
+        _line(before, curve, "curve"),
+        _points(before, heading, measured),
+        *_frame(after, "After: what the card leaves, with the 95 % band of the curve"),
+        *_limits(after),
+        _band(after, -band, band),
+        _points(after, heading, residuals),
+        *_rose(after),
+    ]
+    return element(
+        "svg", *parts, class_="card-chart", viewBox=f"0 0 {WIDTH:g} 548", role="img",
+        aria_label=judgement(card), **attributes,
+    )  # fmt: skip
+
+
+def picture(result: Deviation | DeviationFit) -> str:
+    """The chart as a file of its own, dark and light, which any program that draws SVG can show.
+
+    >>> picture(Deviation(coefficients=[2.0, 0, 0, 0, 0])).startswith("<svg xmlns=")
+    True
+    """
+    drawn = chart(result, width=f"{WIDTH:g}", height="548")
+    style = element("style", Markup(chart_style()))
+    ground = element("rect", width="100%", height="100%", class_="paper")
+    inside = drawn.partition(">")
+    return f'<svg xmlns="http://www.w3.org/2000/svg"{inside[0][4:]}>{style}{ground}{inside[2]}\n'
+
+
+def chart_style() -> str:
+    """The style sheet of the chart."""
+    return (files("agonic.report") / "static" / "card_chart.css").read_text(encoding="utf-8")
+
+
+def _dots(result: Deviation | DeviationFit) -> tuple[Array, Array]:
+    """Headings and residuals of the readings that counted, at most `MOST_DOTS` of them."""
+    if not isinstance(result, DeviationFit):
+        return np.empty(0), np.empty(0)
+    used = np.flatnonzero(result.weights > 0)
+    used = used[:: max(1, -(-len(used) // MOST_DOTS))]
+    return result.compass_deg[used], result.residuals_deg[used]
+
+
+def _largest(*shown: Array, cap: float) -> float:
+    """What the panel must reach: everything shown, and the limits."""
+    reach = max(float(np.abs(values).max(initial=0.0)) for values in shown)
+    return min(1.08 * max(reach, 1.12 * LIMITS[-1][0]), cap)
+
+
+def _frame(panel: Panel, title: str) -> list[Markup]:
+    """Title, grid and the numbers at the left."""
+    ticks = panel.axis.ticks(8 if panel.height > 200 else 4)
+    places = panel.down(ticks)
+    end, zero = WIDTH - RIGHT, float(panel.down(np.zeros(1))[0])
+    across = [f"M{LEFT:g} {at:.1f}H{end:g}" for at in places]
+    along = [
+        f"M{x:.1f} {panel.top:g}v{panel.height:g}" for x in panel.right(np.arange(0, 361, 45.0))
+    ]
+    return [
+        element("text", title, class_="title", x=LEFT, y=panel.top - 12),
+        element("path", d="".join([*across, *along]), class_="grid"),
+        element("path", d=f"M{LEFT:g} {zero:.1f}H{end:g}", class_="zero"),
+        *(
+            element("text", _side(float(tick)), class_="tick", x=LEFT - 8, y=round(float(y) + 4, 1),
+                    text_anchor="end")
+            for tick, y in zip(ticks, places, strict=True)
+        ),
+    ]  # fmt: skip
+
+
+def _side(deviation_deg: float) -> str:
+    """A tick of the deviation: 5° E.
+
+    >>> _side(-2.5), _side(0.0)
+    ('2.5° W', '0°')
+    """
+    side = " E" if deviation_deg > 0 else " W" if deviation_deg < 0 else ""
+    return f"{abs(deviation_deg):g}°{side}"
+
+
+def _limits(panel: Panel) -> list[Markup]:
+    """Lines at the limits, named once at the right."""
+    parts = []
+    for limit, name in LIMITS:
+        at = panel.down(np.array([limit, -limit]))
+        kind = "limit " + name.replace(" ", "-")
+        path = "".join(f"M{LEFT:g} {y:.1f}H{WIDTH - RIGHT:g}" for y in at)
+        parts.append(element("path", d=path, class_=kind))
+        label = f"{limit:g}° {name}"
+        shift = 9.0 if limit == LIMITS[0][0] and panel.height > 200 else 4.0
+        parts.append(
+            element(
+                "text", label, class_=kind, x=WIDTH - RIGHT + 6, y=round(float(at[0]) + shift, 1)
+            )
+        )
+    return parts
+
+
+def _rose(panel: Panel) -> list[Markup]:
+    """Headings along the foot."""
+    foot = panel.top + panel.height
+    parts = [
+        element("text", "what the compass reads", class_="tick", x=WIDTH - RIGHT, y=foot + 50,
+                text_anchor="end")
+    ]  # fmt: skip
+    for heading in range(0, 361, 45):
+        x = round(float(panel.right(np.array(float(heading)))), 1)
+        degrees, point = f"{heading % 360:03d}°", POINTS[heading % 360 * 2 // 45]
+        for text, kind, y in ((degrees, "tick degrees", foot + 17), (point, "point", foot + 32)):
+            parts.append(element("text", text, class_=kind, x=x, y=y, text_anchor="middle"))
+    return parts
+
+
+def _line(panel: Panel, values: Array, name: str) -> Markup:
+    """A curve round the circle, broken where it wraps."""
+    x, y = panel.right(_CIRCLE_DEG), panel.down(values)
+    jumps = np.append(False, np.abs(np.diff(values)) > 180.0)
+    steps = (f"{'M' if j or k == 0 else 'L'}{a:.1f} {b:.1f}" for k, (a, b, j) in
+             enumerate(zip(x, y, jumps, strict=True)))  # fmt: skip
+    return element("path", d="".join(steps), class_=name)
+
+
+def _band(panel: Panel, low: Array, high: Array) -> Markup:
+    x = panel.right(_CIRCLE_DEG)
+    there = _joined(x, panel.down(high))
+    back = _joined(x[::-1], panel.down(low)[::-1])
+    return element("path", d=f"M{there}L{back}Z", class_="band")
+
+
+def _joined(right: Array, down: Array) -> str:
+    return "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(right, down, strict=True))
+
+
+def _points(panel: Panel, heading: Array, values: Array) -> Markup:
+    """Dots as one path; few of them are drawn larger and are named for those who cannot see."""
+    places: Sequence[tuple[float, float]] = list(
+        zip(panel.right(heading % 360.0), panel.down(values), strict=True)
+    )
+    name = "dots few" if len(places) <= 72 else "dots"
+    said = ", ".join(
+        f"{heading_name(float(h))} {v:+.1f}°" for h, v in zip(heading, values, strict=True)
+    )
+    return element(
+        "path", element("title", said) if name == "dots few" else "",
+        d="".join(f"M{x:.1f} {y:.1f}h0" for x, y in places), class_=name,
+    )  # fmt: skip

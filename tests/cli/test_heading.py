@@ -1,0 +1,174 @@
+"""`agonic heading` as a person or a script would run it, from an empty folder."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.setup import Compass, Setup
+from agonic.cli import run
+from agonic.cli.heading import COLUMNS
+from agonic.field import wmm
+from agonic.fitting.ellipsoid import fit_ellipsoid
+from agonic.io.calfile import save
+from agonic.io.read import sensors
+from agonic.io.setupfile import save_setup
+from agonic.io.write_csv import write_csv
+from agonic.reference import Reference
+from agonic.simulation import magnet_attached, simulate
+
+WHERE = {"latitude_deg": 52.0, "longitude_deg": 5.0, "altitude_m": 100.0}
+WHEN = "2026-03-01"
+HERE = wmm().at(*WHERE.values(), WHEN)
+FIELD = {"magnitude": float(HERE.magnitude), "inclination_deg": float(HERE.inclination_deg),
+         "declination_deg": float(HERE.declination_deg)}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A calibrated vehicle and another flight of it, without a date."""
+    monkeypatch.chdir(tmp_path)
+    made = simulate("tumble", n=1500, seed=1, noise=100.0, **FIELD)
+    fit = fit_ellipsoid(made.samples, Reference.constant(FIELD["magnitude"]))
+    save(fit.calibration, "mag.json")
+    flight = simulate("flight", n=1500, seed=2, noise=100.0, calibration=made.truth,
+                      stray_nT_A=(0.0, 0.0, 0.0), **FIELD, **WHERE)  # fmt: skip
+    write_csv(flight.samples, "flight.csv")
+    save_setup(
+        Setup(compasses=(Compass(calibration=fit.calibration),), declination_deg=2.69,
+              declination_sd_deg=0.1), "setup.toml",
+    )  # fmt: skip
+    lost = dict.fromkeys(WHERE)
+    write_csv(flight.samples.with_columns(**lost), "placeless.csv")
+    bare = flight.samples.with_columns(roll_deg=None, pitch_deg=None, acceleration=None)
+    write_csv(bare, "bare.csv")
+    return tmp_path
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
+    capsys.readouterr()
+    status = run(["heading", *arguments, "-o", "out.csv", "--json"])
+    return status, json.loads(capsys.readouterr().out)
+
+
+def rows() -> list[dict[str, str]]:
+    with Path("out.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_calibration_alone_gives_true_headings_by_the_world_model(capsys) -> None:
+    status, said = answer(capsys, "mag.json", "flight.csv", "--date", WHEN)
+    assert (status, said["schema"], said["n"], said["trusted"]) == (
+        0,
+        "agonic/heading@1",
+        1500,
+        1500,
+    )
+    assert said["declination_deg"] == pytest.approx(FIELD["declination_deg"], abs=0.01)
+    against = said["against_log"]
+    assert abs(against["mean_deg"]) < 3 * said["sd_deg"]
+    assert against["rms_deg"] < 1.0
+    table = rows()
+    assert tuple(table[0]) == COLUMNS
+    assert len(table) == 1500
+    logged = np.genfromtxt("flight.csv", delimiter=",", names=True)["heading_deg"]
+    found = np.array([float(row["true_deg"]) for row in table])
+    assert np.abs((found - logged + 180) % 360 - 180).max() < 3.0
+    assert float(table[7]["time_s"]) == pytest.approx(0.14)
+    assert {(row["sensor"], row["flags"], row["disagreement_deg"]) for row in table} == {
+        ("mag", "", "")
+    }
+
+
+def test_a_setup_needs_neither_place_nor_date(capsys) -> None:
+    status, said = answer(capsys, "setup.toml", "placeless.csv")
+    assert (status, said["declination_deg"]) == (0, 2.69)
+    assert abs(said["against_log"]["mean_deg"]) < 1.0
+
+
+def test_the_place_may_be_given(capsys) -> None:
+    _, given = answer(capsys, "mag.json", "placeless.csv", "--at", "52,5,100", "--date", WHEN)
+    _, logged = answer(capsys, "mag.json", "flight.csv", "--date", WHEN)
+    assert given["declination_deg"] == pytest.approx(logged["declination_deg"], abs=0.01)
+    status, today = answer(capsys, "mag.json", "placeless.csv", "--at", "52,5")
+    assert (status, len(today["notes"])) == (0, 0)
+
+
+def test_a_log_in_which_nothing_can_be_trusted_is_exit_status_1(capsys) -> None:
+    log = simulate("flight", n=200, seed=2, **FIELD, **WHERE,
+                   defects=[magnet_attached(0.0, [60_000.0, 60_000.0, 60_000.0])])  # fmt: skip
+    write_csv(log.samples, "magnet.csv")
+    status, said = answer(capsys, "mag.json", "magnet.csv", "--date", WHEN)
+    assert (status, said["trusted"], said["flagged"]["disturbed"]) == (1, 0, 200)
+    assert said["sd_deg"] is None
+    assert rows()[0]["flags"] == "disturbed"
+
+
+def test_two_sensors_are_compared(capsys) -> None:
+    log = simulate("flight", n=300, seed=3, noise=0.0, **FIELD, **WHERE)
+    header = "time_s,roll_deg,pitch_deg,heading_deg,mag1_x_nT,mag1_y_nT,mag1_z_nT," + (
+        "mag2_x_nT,mag2_y_nT,mag2_z_nT"
+    )
+    s = log.samples
+    turned = log.field_b @ np.array([[1, 0.02, 0], [-0.02, 1, 0], [0, 0, 1.0]]).T
+    values = [s.time, s.roll_deg, s.pitch_deg, s.heading_deg, *log.field_b.T, *turned.T]
+    np.savetxt("two.csv", np.stack(values, axis=1), delimiter=",", header=header, comments="")
+    names = sensors("two.csv")
+    compasses = tuple(
+        Compass(calibration=Affine(bias=np.zeros(3), matrix=np.eye(3), sensor=n)) for n in names
+    )
+    save_setup(Setup(compasses=compasses, declination_deg=0.0), "two.toml")
+    status, said = answer(capsys, "two.toml", "two.csv")
+    assert (status, said["sensors"]) == (0, list(names))
+    assert said["disagreement_deg"] == pytest.approx(np.degrees(0.02), rel=0.2)
+    assert said["used"] == {names[0]: 300, names[1]: 0}
+    status, alone = answer(capsys, "two.toml", "two.csv", "--sensor", names[1])
+    assert (status, alone["sensors"], alone["disagreement_deg"]) == (0, [names[1]], None)
+
+
+def test_it_says_in_words_what_it_found(capsys) -> None:
+    assert run(["heading", "mag.json", "flight.csv", "-o", "out.csv", "--date", WHEN]) == 0
+    said = capsys.readouterr().out
+    for part in ("1500 of mag, 1500 to trust", "tilt: log", "true − logged heading", "out.csv"):
+        assert part in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["mag.json", "flight.csv"], "no date"),
+        (["mag.json", "placeless.csv", "--date", WHEN], "no position"),
+        (["mag.json", "bare.csv", "--date", WHEN], "neither roll and pitch nor an accelerometer"),
+        (["mag.json", "flight.csv", "--date", "1850-01-01"], "holds from 1900.0"),
+        (["mag.json", "flight.csv", "--date", "soon"], "is not a date"),
+        (["mag.json", "flight.csv", "--at", "91,0"], "no place on Earth"),
+        (["mag.json", "flight.csv", "--sensor", "MAG9"], "no sensor 'MAG9'"),
+        (["mag.json", "counts.csv", "--date", WHEN], "readings in nT and these are in raw"),
+        (["mag.json", "flight.csv", "--unit", "furlong"], "furlong"),
+        (["mag.json", "gone.csv"], "no such file"),
+        (["gone.toml", "flight.csv"], "cannot be read"),
+        (["flight.csv", "flight.csv"], "neither a setup (TOML) nor a calibration file"),
+        (["wrong.toml", "flight.csv"], "has no key `colour`"),
+        (["other.toml", "flight.csv"], "a compass for MAG7, MAG8 and flight.csv holds mag"),
+        (["other.toml", "flight.csv", "--sensor", "mag"], "none for mag"),
+    ],
+)
+def test_bad_input_is_exit_status_2_and_one_line(arguments, said, capsys) -> None:
+    Path("counts.csv").write_text("mag_x,mag_y,mag_z,roll_deg,pitch_deg\n1,2,3,0,0\n2,3,4,0,0\n")
+    Path("wrong.toml").write_text('[[compass]]\ncalibration = "mag.json"\ncolour = "red"\n')
+    Path("other.toml").write_text(
+        '[[compass]]\ncalibration = "mag.json"\nsensor = "MAG7"\n'
+        '[[compass]]\ncalibration = "mag.json"\nsensor = "MAG8"\n'
+    )
+    capsys.readouterr()
+    for more in ([], ["--json"]):
+        assert run(["heading", *arguments, "-o", "out.csv", *more]) == 2
+        heard = capsys.readouterr()
+        assert heard.out == ""
+        assert heard.err.startswith("agonic: ")
+        assert heard.err.count("\n") == 1
+        assert said in heard.err
+    assert not Path("out.csv").exists()

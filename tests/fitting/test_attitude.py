@@ -1,0 +1,225 @@
+"""Levelled, vector and interference fits: truth, honesty, what they refuse, real flights."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+import agonic as ag
+from agonic.field.place import field_along
+from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
+from agonic.kernels.gauge import entries
+from agonic.kernels.rotation import down_b
+from agonic.kernels.tilt import heading_by_vectors_deg
+from agonic.simulation import simulate
+
+PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)
+STRAY = (60.0, -35.0, 90.0)
+
+
+def flown(seed: int = 0, *, stray=(0.0, 0.0, 0.0), tilt_sd_deg: float = 0.0, n=3000, **settings):
+    """A banked flight; the logged roll and pitch may wander by `tilt_sd_deg` over two seconds."""
+    made = simulate("flight", n=n, rate_Hz=25.0, stray_nT_A=stray, seed=seed, **settings)
+    samples = made.samples
+    if tilt_sd_deg:
+        kept = np.exp(-1 / 50)
+        white = np.random.default_rng(seed + 999).standard_normal((n, 2))
+        white[1:] *= np.sqrt(1 - kept**2)
+        wrong = tilt_sd_deg * lfilter([1.0], [1.0, -kept], white, axis=0)
+        samples = samples.with_columns(
+            roll_deg=samples.roll_deg + wrong[:, 0], pitch_deg=samples.pitch_deg + wrong[:, 1]
+        )
+    return made, samples
+
+
+def error_deg(samples: ag.Samples, field: np.ndarray, declination_deg: float = 0.0) -> np.ndarray:
+    """The heading by the field less the logged one."""
+    down = down_b(samples.roll_deg, samples.pitch_deg)
+    heading = heading_by_vectors_deg(field, down) + declination_deg
+    return (heading - samples.heading_deg + 180.0) % 360.0 - 180.0
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def test_another_flight_keeps_its_heading_within_the_stated_error() -> None:
+    """Bank ±27°, one magnetometer, 20 nT noise, full matrix and bias."""
+    errors, stated = [], []
+    for seed in range(12):
+        made, samples = flown(seed, noise=20.0, tilt_sd_deg=0.3)
+        fit = fit_levelled(samples, PLACE, gauge="symmetric")
+        other, _ = flown(seed + 500, noise=0.0, calibration=made.truth)
+        field = fit.calibration.correct(other.samples.field)
+        errors.append(rms(error_deg(other.samples, field)))
+        spread = fit.calibration.uncertainty(other.samples.field)
+        down = down_b(other.samples.roll_deg, other.samples.pitch_deg)
+        east = np.cross(down, field)
+        size = np.linalg.norm(east, axis=1)
+        east /= size[:, None]
+        variance = np.einsum("ni,nij,nj->n", east, spread, east)
+        stated.append(float(np.degrees(np.sqrt(np.mean(variance / size**2)))))
+    assert max(errors) < 0.3
+    assert rms(np.array(errors)) < 1.1 * rms(np.array(stated)) * 1.25  # twelve flights scatter so
+
+
+def draws(kind: str, k: int, **settings: Any) -> np.ndarray:
+    """Errors over standard errors of `k` flights, (k, m)."""
+    z = []
+    for seed in range(k):
+        stray = STRAY if kind == "interference" else (0.0, 0.0, 0.0)
+        made, samples = flown(seed, stray=stray, n=2000, noise=100.0, **settings)
+        if kind == "vector":
+            fit = fit_vector(samples, ag.Reference.vector(made.field_n, frame="n"))
+        elif kind == "levelled":
+            fit = fit_levelled(samples, PLACE)
+        else:
+            fit = fit_interference(samples, PLACE)
+        found, truth = fit.calibration, made.truth
+        error = np.concatenate([found.bias - truth.bias, entries(found.matrix - truth.matrix)])
+        sd = fit.sd[:9]
+        if kind == "interference":
+            slope = np.linalg.solve(truth.matrix, STRAY)
+            error = np.append(error, found.coefficients[:, 0] - slope)
+            sd = np.append(sd, fit.sd[-3:])
+        z.append(error / sd)
+    return np.array(z)
+
+
+@pytest.mark.parametrize(
+    ("kind", "tilt_sd_deg"),
+    [("levelled", 0.0), ("levelled", 0.5), ("vector", 0.5), ("interference", 0.0)],
+)
+def test_error_over_sd_is_standard_normal(kind: str, tilt_sd_deg: float) -> None:
+    z = draws(kind, 30, tilt_sd_deg=tilt_sd_deg)
+    # nine or twelve correlated numbers of 30 flights scatter as some 100: 0.07
+    assert rms(z) == pytest.approx(1.0, abs=0.2)
+    assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(30)
+
+
+def test_a_turn_of_the_sensor_is_found_where_it_is_and_only_there() -> None:
+    _, samples = flown(1)
+    assert fit_levelled(samples, PLACE).calibration.gauge == "symmetric"
+    turn = Rotation.from_euler("yx", [3.0, 2.0], degrees=True)
+    turned = samples.with_columns(field=samples.field @ turn.as_matrix().T)
+    fit = fit_levelled(turned, PLACE)
+    assert fit.calibration.gauge == "free"
+    assert "turned by" in fit.status
+    assert len(fit.sd) == 12
+    assert rms(error_deg(turned, fit.calibration.correct(turned.field))) < 1.0
+
+
+def test_a_mix_of_two_sensors_cancels_what_the_current_does_to_both() -> None:
+    made, samples = flown(2, stray=STRAY, n=4000)
+    rng = np.random.default_rng(3)
+    opposite = made.field_b - np.outer(samples.current_A, STRAY)
+    second = opposite @ np.diag([1.05, 0.95, 1.1]) + [900.0, -300.0, 4000.0]
+    both = samples.with_columns(second=second + 200.0 * rng.normal(size=second.shape))
+    plain = fit_levelled(samples, PLACE)
+    mix = fit_interference(both, PLACE, ["second"])
+    before = rms(error_deg(both, plain.calibration.correct(both.field)))
+    after = rms(error_deg(both, ag.apply(mix.calibration, both).field))
+    assert after < 0.5 * before
+    assert [f.name for f in mix.findings if f.name == "placement"] == ["placement"]
+    assert "opposite ways" in mix.status
+
+
+def test_the_magnitude_alone_finds_a_current_too() -> None:
+    rng = np.random.default_rng(4)
+    made = simulate("tumble", n=4000, noise=50.0)
+    current = rng.uniform(0.0, 30.0, 4000)
+    field = made.samples.field + np.outer(current, [40.0, -20.0, 10.0])
+    samples = made.samples.with_columns(field=field, current_A=current, roll_deg=None)
+    fit = fit_interference(samples, ag.Reference.constant(50_000.0))
+    assert fit.calibration.coefficients[:, 0] == pytest.approx([40.0, -20.0, 10.0], abs=2.0)
+    assert fit.ok
+
+
+@pytest.mark.parametrize(
+    ("changed", "reference", "error", "words"),
+    [
+        ({"roll_deg": None}, PLACE, ag.LogError, "no roll"),
+        ({}, ag.Reference.constant(50_000.0), ag.UnitError, "--at"),
+        ({"current_A": None}, PLACE, ag.LogError, "no current_A"),
+        ({"current_A": np.full(3000, 7.0)}, PLACE, ag.CoverageError, "never changes"),
+        ({"field": np.ones((3000, 3))}, PLACE, ag.CoverageError, "never change"),
+    ],
+)
+def test_what_is_missing_is_named(changed, reference, error, words) -> None:
+    samples = flown(0)[1].with_columns(**changed)
+    with pytest.raises(error, match=words):
+        fit_levelled(samples, reference, sources=("current_A",))
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    samples = flown(0)[1]
+    with pytest.raises(ag.AgonicError, match="gauge"):
+        fit_levelled(samples, PLACE, gauge="tight")
+    with pytest.raises(ag.AgonicError, match="above zero"):
+        fit_levelled(samples, PLACE, turn_sd_deg=-1.0)
+    with pytest.raises(ag.CoverageError, match="too few"):
+        fit_levelled(samples.select(np.arange(5)), PLACE)
+    with pytest.raises(ag.AgonicError, match="frame='n'"):
+        fit_vector(samples, PLACE)
+
+
+def test_a_sensor_mounted_by_another_right_angle_is_refused_with_the_mounting() -> None:
+    samples = flown(5)[1]
+    mounted = samples.with_columns(field=samples.field[:, [1, 0, 2]] * [1.0, -1.0, 1.0])
+    fit = fit_levelled(mounted, PLACE)
+    assert fit.verdict == "refused"
+    assert fit.findings[0].name == "mounting"
+    assert "x points left, y forward, z down" in fit.status or "x points right" in fit.status
+
+
+def test_a_flight_without_turns_is_told_to_turn() -> None:
+    made = simulate("circle", n=1500, tilt_deg=2.0, period_s=600.0, noise=300.0)
+    samples = made.samples
+    fit = fit_levelled(samples.select(samples.time < 20.0), PLACE, soft_iron_sd=None)
+    assert fit.verdict == "refused"
+    assert "turn through all headings" in fit.status
+
+
+# ---- a quadrotor: what its log gives, scored against the logged yaw --------------------------
+
+
+@pytest.fixture(scope="module")
+def quadrotor(recordings) -> dict[str, ag.Samples]:
+    log = ag.open_log(recordings / "vehicle" / "ardupilot" / "log171.bin")
+    return {s.name: s.select((s.time >= 84.0) & (s.time <= 236.0)) for s in log.sensors}
+
+
+def held_out(samples: ag.Samples, fit, **settings) -> np.ndarray:
+    """Heading errors of alternate 8 s blocks by the fit to the others, and the declination."""
+    expected = field_along(samples)
+    north, east, _ = np.atleast_2d(expected.reference.values).mean(axis=0)
+    block = ((samples.time - samples.time[0]) // 8).astype(int) % 2 == 0
+    errors = []
+    for rows in (block, ~block):
+        found = fit(samples.select(rows), expected.reference.select(rows), **settings)
+        rest = samples.select(~rows)
+        field = ag.apply(found.calibration, rest).field
+        errors.append(error_deg(rest, field, np.degrees(np.arctan2(east, north))))
+    return np.concatenate(errors)
+
+
+@pytest.mark.recordings
+def test_a_real_flight_is_put_right_without_its_yaw(quadrotor) -> None:
+    samples = quadrotor["MAG2"]
+    as_flown = (samples.field - samples.logged.bias) @ samples.logged.matrix.T
+    assert 19.0 < rms(error_deg(samples, as_flown, 12.39)) < 24.0
+    levelled = held_out(samples, fit_levelled, sources=("current_A",))
+    assert rms(levelled) < 6.5  # measured 5.2
+    pair = samples.with_second(quadrotor["MAG3"])
+    mix = held_out(pair, fit_interference, sources=("second",))
+    assert rms(mix) < 5.5  # measured 5.0
+
+
+@pytest.mark.recordings
+def test_the_placement_of_a_real_pair_is_told(quadrotor) -> None:
+    pair = quadrotor["MAG2"].with_second(quadrotor["MAG3"])
+    fit = fit_interference(pair, field_along(pair).reference, ["second"])
+    told = next(f for f in fit.findings if f.name == "placement")
+    assert "neither alike nor opposite" in told.what

@@ -1,0 +1,251 @@
+"""The deviation of a compass: the handbook's example, truth, honesty, refusals, a real flight."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import kstest, norm
+from scipy.stats import t as student
+
+import agonic as ag
+from agonic.errors import AgonicError, CoverageError
+from agonic.fitting.deviation import fit_deviation, plan_swing
+from agonic.kernels.deviation import basis, wrapped_deg
+
+ROSE = np.arange(0, 360, 45.0)
+HANDBOOK = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])
+TRUTH = np.array([1.0, -6.0, 4.0, 2.0, -1.0])
+
+
+def reference(compass: np.ndarray, noise: np.ndarray | float = 0.0) -> np.ndarray:
+    """Magnetic heading of a compass whose deviation is `TRUTH`."""
+    return (compass + basis(compass)[:, :5] @ TRUTH + noise) % 360
+
+
+def names(fit) -> dict[str, str]:
+    return {finding.name: finding.severity for finding in fit.findings}
+
+
+def test_the_example_of_the_handbook() -> None:
+    fit = fit_deviation(ROSE, ROSE + HANDBOOK)
+    assert fit.calibration.coefficients == pytest.approx([1.0, 11.9397, 7.9598, 5.0, 1.5], abs=1e-4)
+    assert list(fit.classical.values()) == pytest.approx([1.0, 12.0, 8.0, 5.0, 1.5])
+    assert np.sqrt(np.mean(fit.residuals_deg**2)) == pytest.approx(0.051, abs=5e-4)
+    assert fit.ok
+    assert "largest, 20.1° E, at compass 045° NE" in fit.status
+
+
+def test_true_headings_need_the_declination() -> None:
+    fit = fit_deviation(ROSE, ROSE + HANDBOOK + 12.4, declination_deg=12.4)
+    assert fit.calibration.coefficients[0] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_heel_terms_are_found_and_only_where_the_vehicle_heeled() -> None:
+    rng = np.random.default_rng(2)
+    compass, roll, pitch = rng.uniform(0, 360, 400), rng.normal(0, 12, 400), rng.normal(0, 4, 400)
+    heel = np.array([-0.07, 0.02, 0.05, 0.0])
+    rows = basis(compass, roll, pitch)
+    measured = compass + rows @ np.append(TRUTH, heel) + rng.normal(0, 0.5, 400)
+    fit = fit_deviation(compass, measured, heel=np.stack([roll, pitch], axis=1))
+    assert np.all(np.abs(fit.calibration.heel - heel) < 4 * fit.sd[5:])
+    assert fit.sd[5] < 0.01
+    upright = fit_deviation(compass, measured, heel=0.05 * roll)
+    assert upright.verdict == "refused"
+    assert "independent of the heading" in upright.status
+    always = fit_deviation(compass, measured, heel=np.full(400, 12.0))
+    assert names(always) == {"heel": "refuse"}
+    assert "to port and to starboard" in always.status
+
+
+def test_errors_over_sd_are_students_t_for_eight_headings() -> None:
+    z = []
+    for seed in range(300):
+        noise = np.random.default_rng(seed).normal(size=8)
+        fit = fit_deviation(ROSE, reference(ROSE, noise))
+        z.append((fit.calibration.coefficients - TRUTH) / fit.sd[:5])
+    assert kstest(np.ravel(z), student(3).cdf).pvalue > 0.01
+    assert np.mean(np.abs(z) < student(3).ppf(0.975)) == pytest.approx(0.95, abs=0.02)
+
+
+def test_errors_over_sd_are_gaussian_where_the_noise_is_known() -> None:
+    z = []
+    for seed in range(300):
+        noise = np.random.default_rng(seed).normal(size=8)
+        fit = fit_deviation(ROSE, reference(ROSE, noise), noise_deg=1.0)
+        z.append((fit.calibration.coefficients - TRUTH) / fit.sd[:5])
+    assert kstest(np.ravel(z), norm.cdf).pvalue > 0.01
+    assert np.std(z) == pytest.approx(1.0, abs=0.06)
+
+
+def test_one_in_ten_strays_costs_nothing() -> None:
+    z = []
+    for seed in range(120):
+        rng = np.random.default_rng(seed)
+        compass = rng.uniform(0, 360, 1000)
+        noise = rng.normal(size=1000) * np.where(rng.random(1000) < 0.1, 40.0, 1.0)
+        fit = fit_deviation(compass, reference(compass, noise))
+        z.append((fit.calibration.coefficients - TRUTH) / fit.sd[:5])
+        assert fit.noise_deg < 1.4
+    assert np.std(z) == pytest.approx(1.0, abs=0.12)
+
+
+@pytest.mark.parametrize("turns", [2, 4])
+def test_noise_that_lasts_is_counted_once(turns: int) -> None:
+    """Three thousand rows at 10 Hz whose errors last five seconds: worth some thirty readings."""
+    z = []
+    for seed in range(80):
+        white = np.random.default_rng(seed).normal(size=3500)
+        noise = 2 * lfilter([np.sqrt(1 - 0.96**2)], [1, -0.96], white)[500:]
+        compass = np.linspace(0, 360 * turns, 3000) % 360
+        fit = fit_deviation(compass, reference(compass, noise))
+        z.append((fit.calibration.coefficients - TRUTH) / fit.sd[:5])
+    assert 0.75 < np.std(z) < 1.2  # without the correlation length it would be about 7
+
+
+def test_a_slip_on_one_of_eight_headings_is_named() -> None:
+    slipped = HANDBOOK.copy()
+    slipped[1] = -20.0
+    fit = fit_deviation(ROSE, ROSE + slipped)
+    assert names(fit) == {"stray headings": "refuse"}
+    assert "at compass 045° NE is 40° from the curve of the others" in fit.status
+
+
+@pytest.mark.parametrize(
+    ("headings", "add"),
+    [
+        ([0.0, 90.0, 180.0], ["135° SE", "225° SW", "270° W", "315° NW"]),
+        ([0.0, 90.0, 180.0, 270.0], ["045° NE", "135° SE", "225° SW", "315° NW"]),
+        (np.arange(0, 181, 2.0), ["225° SW", "270° W", "315° NW"]),
+        ([90.0], ["000° N", "180° S"]),
+    ],
+)
+def test_headings_that_do_not_determine_it_are_refused_with_those_to_add(headings, add) -> None:
+    compass = np.asarray(headings, dtype=float)
+    fit = fit_deviation(compass, reference(compass))
+    assert names(fit) == {"headings": "refuse"}
+    assert not fit.ok
+    assert all(heading in fit.status for heading in add)
+    assert "known to" not in fit.status
+
+
+def test_as_many_terms_as_headings_need_a_known_noise() -> None:
+    five = np.arange(0, 360, 72.0)
+    assert names(fit_deviation(five, reference(five))) == {"headings": "refuse"}
+    known = fit_deviation(five, reference(five), noise_deg=0.5)
+    assert known.ok
+    assert known.sd[:5] == pytest.approx(0.5 * np.sqrt([1 / 5, *4 * [2 / 5]]), rel=1e-4)
+
+
+def test_fewer_terms_are_a_choice_of_the_user() -> None:
+    cardinal = ROSE[::2]
+    fit = fit_deviation(cardinal, ROSE[::2] + HANDBOOK[::2], terms="ABC", noise_deg=2.0)
+    assert fit.calibration.terms == "ABC"
+    assert fit.calibration.coefficients == pytest.approx([1.0, 12.0, 8.0, 0.0, 0.0], abs=1e-3)
+    assert (fit.sd[3:] == 0).all()
+
+
+def test_a_third_harmonic_is_named() -> None:
+    compass = np.arange(0, 360, 2.0)
+    noise = np.random.default_rng(0).normal(size=180) * 0.3 + 2 * np.sin(3 * np.radians(compass))
+    assert "third harmonic" in names(fit_deviation(compass, reference(compass, noise)))
+
+
+def test_a_compass_that_turns_back_is_refused() -> None:
+    psi = np.arange(0, 360, 10.0)
+    fit = fit_deviation(psi, psi + 70 * np.sin(np.radians(psi)))
+    assert names(fit)["folded"] == "refuse"
+
+
+def test_noise_beyond_what_was_stated_is_used_and_named() -> None:
+    noise = np.random.default_rng(1).normal(size=36)
+    compass = np.arange(0, 360, 10.0)
+    fit = fit_deviation(compass, reference(compass, noise), noise_deg=0.2)
+    assert names(fit) == {"scatter": "check"}
+    assert fit.noise_deg == pytest.approx(1.0, abs=0.3)
+
+
+def test_the_plan_is_what_a_swing_then_gives() -> None:
+    plan = plan_swing(12, heel_deg=10.0, noise_deg=0.4, rounds=2)
+    assert len(plan.compass_deg) == 48
+    errors = []
+    for seed in range(400):
+        noise = np.random.default_rng(seed).normal(0, 0.4, 48)
+        fit = fit_deviation(
+            plan.compass_deg, reference(plan.compass_deg, noise), heel=plan.roll_deg
+        )
+        errors.append(np.append(fit.calibration.coefficients - TRUTH, fit.calibration.heel))
+    assert np.std(errors, axis=0)[:7] == pytest.approx(plan.sd[:7], rel=0.12)
+    assert plan.heading_sd_deg == pytest.approx(0.4 * np.sqrt(5 / 48), rel=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [{"headings": 3}, {"rounds": 0}, {"noise_deg": 0.0},
+                                   {"heel_deg": 0.1}, {"terms": "F"}])  # fmt: skip
+def test_a_plan_that_cannot_work_is_an_error(wrong) -> None:
+    with pytest.raises(AgonicError):
+        plan_swing(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"terms": "ABX"}, "use some of ABCDE"),
+        ({"terms": "BC"}, "lack A"),
+        ({"heel": np.zeros(7)}, "heel has shape"),
+        ({"noise_deg": -1.0}, "> 0"),
+        ({"declination_deg": [1.0, 2.0]}, "declination_deg must be"),
+        ({"reference_deg": np.zeros(5)}, "alike"),
+    ],
+)
+def test_bad_input_says_what_is_needed(wrong, says) -> None:
+    given = {"compass_deg": ROSE, "reference_deg": ROSE, **wrong}
+    with pytest.raises(AgonicError, match=says):
+        fit_deviation(**given)
+
+
+def test_rows_with_nan_are_left_out_and_counted() -> None:
+    compass, measured = np.append(ROSE, np.nan), np.append(ROSE + HANDBOOK, 3.0)
+    fit = fit_deviation(compass, measured)
+    assert fit.n == 8
+    assert names(fit) == {"incomplete readings": "note"}
+    assert fit.ok
+    with pytest.raises(CoverageError, match="no complete reading"):
+        fit_deviation([np.nan], [1.0])
+
+
+def level_heading(samples) -> np.ndarray:
+    """Compass heading of readings in body axes, by roll and pitch."""
+    roll, pitch = np.radians(samples.roll_deg), np.radians(samples.pitch_deg)
+    x, y, z = samples.field.T
+    right = y * np.cos(roll) - z * np.sin(roll)
+    down = y * np.sin(roll) + z * np.cos(roll)
+    forward = x * np.cos(pitch) + down * np.sin(pitch)
+    return np.degrees(np.arctan2(-right, forward)) % 360
+
+
+@pytest.mark.recordings
+def test_a_real_quadrotor(recordings: Path) -> None:
+    """Half the flight teaches, the other half scores; one compass never sweeps the circle."""
+    log = recordings / "vehicle" / "ardupilot" / "log171.bin"
+    for sensor, block, verdict in (
+        ("MAG2", 1, "check"),
+        ("MAG3", 0, "refused"),
+        ("MAG3", 1, "refused"),
+    ):
+        samples = ag.read(log, sensor=sensor)
+        samples = samples.select((samples.time >= 84) & (samples.time <= 236))
+        if samples.logged is not None:  # as flown
+            corrected = (samples.field - samples.logged.bias) @ samples.logged.matrix.T
+            samples = samples.with_columns(field=corrected)
+        compass, magnetic = level_heading(samples), samples.heading_deg - 12.39
+        taught = (samples.time - samples.time[0]) // 8 % 2 == block
+        fit = fit_deviation(compass[taught], magnetic[taught], power_state="hover")
+        assert fit.verdict == verdict
+        if verdict == "refused":
+            assert "does not determine A to E; steer also" in fit.status
+            continue
+        before = wrapped_deg(magnetic - compass)[~taught]
+        after = before - fit.calibration.at(compass)[~taught]
+        assert fit.correlation > 5
+        assert np.sqrt(np.mean(before**2)) > 20
+        assert np.sqrt(np.mean(wrapped_deg(after) ** 2)) < 5.5
