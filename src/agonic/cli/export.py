@@ -1,13 +1,23 @@
-"""`agonic export CAL --to TARGET`: a calibration for where it flies."""
+"""`agonic export CAL --to TARGET`: a calibration, or a whole setup, for where it flies."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import CalibrationPath, Json
+from agonic.cli.options import Date, Json
+from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.calibration.setup import Setup
+    from agonic.io.export import Export
+    from agonic.io.firmware import DeclinationGrid
+
+Source = Annotated[
+    Path, typer.Argument(metavar="CAL|SETUP", help="A calibration file, or a setup for c.")
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -16,13 +26,14 @@ def add_to(app: typer.Typer) -> None:
 
 
 def export(
-    cal: CalibrationPath,
+    cal: Source,
     to: Annotated[
         str,
         typer.Option("--to", help="ardupilot, px4, c, motioncal, matlab, ros or table."),
     ],
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="File; default beside CAL.")
+        Path | None,
+        typer.Option("-o", "--out", metavar="PATH", help="File, or folder; default beside CAL."),
     ] = None,
     number: Annotated[
         int | None,
@@ -35,23 +46,131 @@ def export(
     device_id: Annotated[
         int | None, typer.Option(help="PX4 device id; default: the calibration's own.")
     ] = None,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="c: from readings to heading, also for a CAL alone.")
+    ] = False,
+    name: Annotated[str, typer.Option(help="c: what the names of a setup start with.")] = "compass",
+    declination: Annotated[
+        float | None, typer.Option(help="c: degrees, east positive; default: the setup's own.")
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="LAT,LON[,ALT]", help="c: declination and field of the model there."),
+    ] = None,
+    box: Annotated[
+        str | None,
+        typer.Option(metavar="S,N,W,E", help="c: a table of the model's declination, degrees."),
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(metavar="DEG", help="c: how far that table may be off the model.")
+    ] = 0.1,
+    date: Date = None,
     as_json: Json = False,
 ) -> int:
-    """Write a calibration in another program's own form, with what that form cannot hold."""
-    from agonic.cli.output import print_json, say
-    from agonic.io.calfile import load
+    """Write a calibration in another program's own form, with what that form cannot hold.
+
+    A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading.
+    """
+    from agonic.io.calfile import load, read_bytes, require_calibration
+    from agonic.io.firmware import write_firmware
+    from agonic.io.setupfile import load_setup
     from agonic.io.targets import SUFFIXES
     from agonic.io.targets import write as write_target
 
-    path = out or cal.with_suffix(SUFFIXES.get(to, ""))
-    written = write_target(to, load(cal), path, number=number, device_id=device_id)
-    if as_json:
-        print_json(
-            "agonic/export@1",
-            {"target": to, "files": [str(written.path)], "warnings": written.warnings},
+    is_setup = not read_bytes(cal).lstrip().startswith(b"{")
+    if (is_setup or whole) and to != "c":
+        raise AgonicError(
+            f"{to} takes one calibration and not a setup; export the calibration files that the "
+            "setup names, one by one"
+        )
+    if is_setup or whole:
+        setup, source = _placed(load_setup(cal), declination, at, box, tolerance, date)
+        written: Export = write_firmware(
+            setup, out or cal.with_suffix(""), name=name, declination=source
         )
     else:
-        say(f"Written   {written.path}")
-        for warning in written.warnings:
-            say(f"Warning   {warning}")
+        path = out or cal.with_suffix(SUFFIXES.get(to, ""))
+        calibration = require_calibration(load(cal))
+        written = write_target(to, calibration, path, number=number, device_id=device_id)
+    _report(written, as_json)
     return 0
+
+
+def _placed(
+    setup: Setup,
+    declination: float | None,
+    at: str | None,
+    box: str | None,
+    tolerance: float,
+    date: str | None,
+) -> tuple[Setup, float | DeclinationGrid | None]:
+    """The setup with the field to expect, and where the controller has its declination from."""
+    from dataclasses import replace
+    from datetime import UTC, datetime
+
+    from agonic.cli.place import position
+    from agonic.field.decimal_year import decimal_year
+    from agonic.field.place import model_for
+    from agonic.io.firmware import declination_grid
+
+    if sum(choice is not None for choice in (declination, at, box)) > 1:
+        raise AgonicError("--declination, --at and --box exclude each other; give one of them")
+    when = date or datetime.now(UTC).date().isoformat()
+    if box is not None:
+        south, north, west, east = _edges(box)
+        return setup, declination_grid((south, north), (west, east), when, tolerance_deg=tolerance)
+    if at is None:
+        return setup, declination
+    here = model_for(float(decimal_year(when))).at(*position(at), when)
+    if setup.horizontal is None:
+        setup = replace(setup, horizontal=float(here.horizontal), vertical=float(here.down))
+    return setup, float(here.declination_deg)
+
+
+def _edges(text: str) -> tuple[float, float, float, float]:
+    """South, north, west and east of "S,N,W,E".
+
+    >>> _edges("45, 55,0,20")
+    (45.0, 55.0, 0.0, 20.0)
+    """
+    try:
+        south, north, west, east = map(float, text.split(","))
+    except ValueError:
+        raise AgonicError(
+            f"--box {text!r} is not S,N,W,E: the latitudes of two edges, then two longitudes"
+        ) from None
+    return south, north, west, east
+
+
+def _report(written: Export, as_json: bool) -> None:
+    """Say what was written and how large it is."""
+    from dataclasses import asdict
+
+    from agonic.cli.output import print_json, say
+    from agonic.io.firmware import Firmware
+
+    firmware = written if isinstance(written, Firmware) else None
+    files = [str(file) for file in (firmware.files if firmware else (written.path,))]
+    sizes = firmware.sizes if firmware else {}
+    if as_json:
+        values: dict[str, Any] = {
+            "target": written.target,
+            "files": files,
+            "warnings": written.warnings,
+        }
+        if firmware:
+            values["constants"] = firmware.constants
+            values["sizes"] = {name: asdict(size) for name, size in sizes.items()}
+        print_json("agonic/export@1", values)
+        return
+    for file in files:
+        say(f"Written   {file}")
+    for name, size in sizes.items():
+        say(
+            f"Size      {name}: {size.code} bytes of code, {size.constants} of constants, "
+            f"{size.variables} of variables ({size.compiler})"
+        )
+    if firmware and not sizes:
+        say(f"Size      {firmware.constants} float constants; no compiler here to measure the code")
+    for warning in written.warnings:
+        say(f"Warning   {warning}")

@@ -1,0 +1,154 @@
+"""`Plan`: a setup as the numbers that the generated C holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.deviation import Deviation
+from agonic.calibration.interference import WIDTH, Interference, signals
+from agonic.calibration.setup import Setup
+from agonic.errors import AgonicError
+from agonic.io.export import composed
+from agonic.io.firmware.grid import DeclinationGrid
+from agonic.kernels.tilt import Order
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+TiltInput = Literal["angles", "acceleration", "level"]
+
+TILT_INPUT: dict[str, TiltInput] = {
+    "auto": "angles", "log": "angles", "gyro": "angles",
+    "accelerometer": "acceleration", "level": "level",
+}  # fmt: skip
+"""What the controller is given for each `tilt` of a setup."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """The setup and its declination."""
+
+    setup: Setup
+    declination: float | DeclinationGrid
+
+    @cached_property
+    def calibrations(self) -> tuple[Affine, ...]:
+        """The calibration of each compass as one step."""
+        return tuple(composed(compass.calibration) for compass in self.setup.compasses)
+
+    @property
+    def bias(self) -> Array:
+        """(k, 3)"""
+        return np.array([c.bias for c in self.calibrations])
+
+    @property
+    def matrix(self) -> Array:
+        """(k, 3, 3)"""
+        return np.array([c.matrix for c in self.calibrations])
+
+    @property
+    def tilt(self) -> TiltInput:
+        """What tells the controller its tilt."""
+        return TILT_INPUT[self.setup.tilt]
+
+    @property
+    def order(self) -> Order:
+        """The order of roll and pitch; down from an accelerometer has the nose's heading."""
+        return self.setup.tilt_order if self.tilt == "angles" else "roll-pitch"
+
+    @property
+    def steepest(self) -> float:
+        """The cosine of the largest tilt."""
+        return float(np.cos(np.radians(self.setup.tilt_limit_deg)))
+
+    @property
+    def cards(self) -> tuple[Deviation | None, ...]:
+        """The deviation of each compass."""
+        return tuple(compass.deviation for compass in self.setup.compasses)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """What any of the compasses needs beside its readings, in the order of `WIDTH`."""
+        needed = {name for c in self.calibrations for name in c.needs}
+        if needed - set(WIDTH):
+            raise AgonicError(
+                f"a calibration needs {', '.join(sorted(needed - set(WIDTH)))}, which the "
+                "firmware does not know"
+            )
+        return tuple(name for name in WIDTH if name in needed)
+
+    @property
+    def coefficients(self) -> Array:
+        """(k, 3, signals), zero where a compass does without a signal."""
+        names = signals(self.sources)
+        table = np.zeros((len(self.calibrations), 3, len(names)))
+        for rows, calibration in zip(table, self.calibrations, strict=True):
+            if isinstance(calibration, Interference):
+                own = [names.index(name) for name in signals(calibration.sources)]
+                rows[:, own] = calibration.coefficients
+        return table
+
+    @property
+    def dip(self) -> float | None:
+        """The dip that the setup expects, radians; not to be seen by a compass without tilt."""
+        h, v = self.setup.horizontal, self.setup.vertical
+        if h is None or v is None or self.tilt == "level":
+            return None
+        return float(np.arctan2(v, h))
+
+    @property
+    def expected(self) -> tuple[float | None, ...]:
+        """The strength that each compass should read: horizontal where it stays level.
+
+        From the setup, else the magnitude of the calibration; `None` where neither tells.
+        """
+        return tuple(self._expected(calibration) for calibration in self.calibrations)
+
+    def _expected(self, calibration: Affine) -> float | None:
+        h, v = self.setup.horizontal, self.setup.vertical
+        if h is None or v is None:
+            return None if self.tilt == "level" else calibration.magnitude
+        if calibration.unit_out == RAW:
+            return None
+        return h if self.tilt == "level" else float(np.hypot(h, v))
+
+    @property
+    def magnitudes(self) -> tuple[float, ...]:
+        """The field of each compass where nothing disturbs it, for the self-test."""
+        h, v = self.setup.horizontal, self.setup.vertical
+        if h is not None and v is not None and self.calibrations[0].unit_out != RAW:
+            return (float(np.hypot(h, v)),) * len(self.calibrations)
+        return tuple(calibration.magnitude or 50_000.0 for calibration in self.calibrations)
+
+    @property
+    def deviations(self) -> Array | None:
+        """(k, 9) A to E, degrees, and the heel terms, degrees per degree; `None` without any."""
+        if all(card is None for card in self.cards):
+            return None
+        table = np.zeros((len(self.cards), 9))
+        for row, card in zip(table, self.cards, strict=True):
+            if card is not None:
+                row[:5] = card.coefficients
+                row[5:] = 0.0 if card.heel is None else card.heel
+        return table
+
+    @property
+    def heeled(self) -> bool:
+        """Whether a deviation depends on roll or pitch; a setup that stays level has neither."""
+        table = self.deviations
+        return table is not None and bool(table[:, 5:].any()) and self.tilt != "level"
+
+    @property
+    def constants(self) -> int:
+        """How many float32 the tables of the C hold."""
+        tables = [self.bias, self.matrix, np.zeros(len(self.expected)), self.coefficients]
+        if self.deviations is not None:
+            tables.append(self.deviations if self.heeled else self.deviations[:, :5])
+        if isinstance(self.declination, DeclinationGrid):
+            tables.append(self.declination.north)  # two 16-bit numbers a node
+        return sum(table.size for table in tables)

@@ -1,0 +1,124 @@
+"""What the generated C must give: the same chain in double precision, from the parts themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.io.firmware.grid import DeclinationGrid
+from agonic.io.firmware.plan import Plan
+from agonic.kernels import tilt as kernel
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.int64]
+
+DISTURBED, STEEP, VERTICAL, OUTSIDE, ACCELERATED = 1, 2, 4, 8, 16
+"""Bits of the status, as in the header."""
+WEAKEST_HORIZONTAL = 2000.0
+"""nT: below it lies the blackout zone of the World Magnetic Model, where no compass works."""
+GRAVITY_M_S2 = 9.80665
+GRAVITY_SHARE = 0.05
+"""A specific force this much off gravity is more than a poor accelerometer reads at rest."""
+FAR = 3e38
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """The outputs of the firmware, a row for each input: (n,) and field (n, 3)."""
+
+    field: Array
+    magnitude: Array
+    inclination_deg: Array
+    compass_deg: Array
+    magnetic_deg: Array
+    declination_deg: Array
+    true_deg: Array
+    disturbance: Array
+    used: NDArray[np.int64]
+    status: Flags
+
+
+def predict(plan: Plan, inputs: Mapping[str, Array]) -> Prediction:
+    """The outputs for inputs as `compass_heading` takes them, raw and second (n, k, 3)."""
+    each = [predict_one(plan, which, inputs) for which in range(len(plan.calibrations))]
+    distance = np.array([one.disturbance for one in each])
+    used = np.where((distance <= 1).any(axis=0), (distance <= 1).argmax(axis=0), distance.argmin(0))
+    rows = np.arange(len(used))
+    return Prediction(**{
+        f.name: np.array([getattr(one, f.name) for one in each])[used, rows]
+        for f in fields(Prediction)
+    })  # fmt: skip
+
+
+def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Prediction:
+    """The outputs by one of the compasses."""
+    compass, card = plan.setup.compasses[which], plan.cards[which]
+    columns = {name: inputs[name] for name in compass.calibration.needs}
+    if "second" in columns:
+        columns["second"] = columns["second"][:, which]
+    field = compass.calibration.correct(inputs["raw"][:, which], **columns)
+    tilt, status = tilt_of(plan, inputs, len(field))
+    level = kernel.turned(field, tilt, plan.order)
+    heading = level.heading_deg
+    magnitude = np.linalg.norm(field, axis=1)
+    inclination = np.degrees(np.arctan2(level.vertical, level.horizontal))
+    strength = level.horizontal if plan.tilt == "level" else magnitude
+    distance = disturbance(plan, which, strength, inclination)
+    status |= np.where(distance <= 1, 0, DISTURBED)
+    status |= np.where(level.horizontal >= weakest(plan), 0, VERTICAL)
+    magnetic = heading if card is None else card.magnetic(heading, *kernel.roll_pitch_deg(tilt))
+    if isinstance(plan.declination, DeclinationGrid):
+        declination, outside = plan.declination.at(inputs["latitude_deg"], inputs["longitude_deg"])
+        status |= np.where(outside, OUTSIDE, 0)
+    else:
+        declination = np.full(len(field), plan.declination)
+    return Prediction(
+        field=field,
+        magnitude=magnitude,
+        inclination_deg=inclination,
+        compass_deg=heading,
+        magnetic_deg=magnetic,
+        declination_deg=declination,
+        true_deg=(magnetic + declination) % 360.0,
+        disturbance=distance,
+        used=np.full(len(field), which),
+        status=status,
+    )
+
+
+def tilt_of(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kernel.Tilt, Flags]:
+    """The tilt of each row from what the controller is given, and where it is not to be trusted."""
+    status = np.zeros(n, dtype=np.int64)
+    if plan.tilt == "level":
+        return kernel.of_angles(np.zeros(n), np.zeros(n)), status
+    if plan.tilt == "acceleration":
+        force = inputs["acceleration"]
+        share = np.linalg.norm(force, axis=1) / GRAVITY_M_S2 - 1
+        tilt = kernel.of_down(kernel.down_of_force(force))
+        status |= np.where(np.abs(share) <= GRAVITY_SHARE, 0, ACCELERATED)
+    else:
+        tilt = kernel.of_angles(inputs["roll_deg"], inputs["pitch_deg"])
+    upright = tilt.cos_roll * tilt.cos_pitch  # cosine between down and the body's own down
+    return tilt, status | np.where(upright >= plan.steepest, 0, STEEP)
+
+
+def disturbance(plan: Plan, which: int, strength: Array, inclination_deg: Array) -> Array:
+    """How far the field is from the one to expect, 1 being the limit; 0 where none is known."""
+    expected, setup = plan.expected[which], plan.setup
+    distance = np.zeros(len(strength))
+    if plan.dip is not None:
+        distance = np.abs(inclination_deg - np.degrees(plan.dip)) / max(setup.dip_limit_deg, 1e-12)
+    if expected is not None:
+        off = np.abs(strength / expected - 1) / max(setup.magnitude_limit, 1e-12)
+        distance = np.maximum(distance, off)
+    return np.where(distance <= FAR, distance, FAR)
+
+
+def weakest(plan: Plan) -> float:
+    """The least horizontal field; none where a calibration has no scale."""
+    raw = any(calibration.unit_out == RAW for calibration in plan.calibrations)
+    return 0.0 if raw else WEAKEST_HORIZONTAL

@@ -1,0 +1,127 @@
+"""The table of known readings: what goes in is drawn here, what must come out is predicted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.io.firmware.ctext import comment, filled, literal
+from agonic.io.firmware.grid import DeclinationGrid
+from agonic.io.firmware.plan import Plan
+from agonic.io.firmware.prediction import Prediction, predict
+from agonic.io.firmware.sources import about
+from agonic.kernels.rotation import rot_nb
+
+Array = NDArray[np.float64]
+
+TOLERANCE_DEG = 0.01
+SHARE = 1e-5  # of the magnitude: a hundred roundings of float32
+EDGES = (
+    (0.0, 0.0, 0.0), (0.0, 0.0, 90.0), (0.0, 0.0, 180.0), (0.0, 0.0, 270.0), (0.0, 0.0, 359.99),
+    (79.0, 0.0, 33.0), (-79.0, 0.0, 123.0), (0.0, 79.0, 213.0), (0.0, -79.0, 303.0),
+    (50.0, -60.0, 77.0), (-30.0, 85.0, 10.0), (180.0, 0.0, 45.0),
+)  # fmt: skip
+"""Roll, pitch, heading: the quarters, the steepest that is allowed, and beyond it."""
+
+
+def known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str, Array]:
+    """Inputs in float32: the edges first, then attitudes up to 80° of tilt, the last disturbed.
+
+    The magnetometers read the field of a place with the dip that the setup expects, or 60°, turned
+    into body axes and back through each calibration.
+    """
+    rng = np.random.default_rng(seed)
+    random = attitudes(rng, max(count - len(EDGES), 3))
+    roll, pitch, heading = np.concatenate([EDGES, random]).T
+    n, k = len(roll), len(plan.calibrations)
+    inputs = {"roll_deg": roll, "pitch_deg": pitch}
+    turn = rot_nb(roll, pitch, heading)
+    inputs["acceleration"] = -9.81 * turn[:, 2]
+    inputs["acceleration"][-3] *= 1.3
+    inputs["current_A"], inputs["throttle"] = rng.uniform(0, 30, n), rng.uniform(0, 1, n)
+    inputs["second"] = rng.normal(size=(n, k, 3)) * _reading_sizes(plan)[:, None]
+    inputs |= _places(plan.declination, rng, n)
+    dip = np.pi / 3 if plan.dip is None else plan.dip
+    field_b = np.einsum("nij,i->nj", turn, [np.cos(dip), 0.0, np.sin(dip)])
+    push = np.ones((n, k, 1))
+    push[-2:, :, 0] = 1.5 + 2 * plan.setup.magnitude_limit + 0.1 * np.arange(k)
+    if k > 1:
+        push[-5:-3, 0] = 1.5 + 2 * plan.setup.magnitude_limit  # so the second is used
+    inputs["raw"] = np.stack(
+        [_raw(plan, which, field_b * push[:, which], inputs) for which in range(k)], axis=1
+    )
+    return {name: v.astype(np.float32).astype(np.float64) for name, v in inputs.items()}
+
+
+def attitudes(rng: np.random.Generator, n: int, largest_tilt_deg: float = 80.0) -> Array:
+    """Roll, pitch, heading (n, 3) with down anywhere within the tilt, in the body's own axes."""
+    z = rng.uniform(np.cos(np.radians(largest_tilt_deg)), 1.0, n)
+    around = rng.uniform(0.0, 2 * np.pi, n)
+    across = np.sqrt(1 - z**2)
+    roll = np.degrees(np.arctan2(across * np.sin(around), z))
+    pitch = np.degrees(np.arcsin(-across * np.cos(around)))
+    return np.column_stack([roll, pitch, rng.uniform(0.0, 360.0, n)])
+
+
+def _reading_sizes(plan: Plan) -> Array:
+    """About what each magnetometer reads on an axis (k,), in its own unit."""
+    gains = np.cbrt(np.abs(np.linalg.det(plan.matrix)))
+    return np.asarray(np.array(plan.magnitudes) / gains / np.sqrt(3))
+
+
+def _raw(plan: Plan, which: int, direction_b: Array, inputs: dict[str, Array]) -> Array:
+    """The readings that the calibration turns into that field."""
+    calibration = plan.calibrations[which]
+    size = plan.magnitudes[which]
+    names = {name: inputs[name] for name in calibration.needs}
+    if "second" in names:
+        names["second"] = names["second"][:, which]
+    offset = calibration.correct(np.zeros((len(direction_b), 3)), **names)
+    return np.asarray(np.linalg.solve(calibration.matrix, (size * direction_b - offset).T).T)
+
+
+def _places(grid: float | DeclinationGrid, rng: np.random.Generator, n: int) -> dict[str, Array]:
+    """Places all over the grid, close to its corners, and some beyond it."""
+    if not isinstance(grid, DeclinationGrid):
+        return {"latitude_deg": np.zeros(n), "longitude_deg": np.zeros(n)}
+    rows, columns = grid.north.shape
+    up, along = rng.uniform(0.0, 1.0, (2, n))
+    up[:4], along[:4] = [1e-3, 1e-3, 0.999, 0.999], [1e-3, 0.999, 0.999, 1e-3]
+    up[4:6] = [-0.1, 1.1]
+    latitude = grid.south + up * (rows - 1) * grid.latitude_step
+    longitude = grid.west + along * (columns - 1) * grid.longitude_step
+    return {"latitude_deg": latitude, "longitude_deg": (longitude + 180.0) % 360.0 - 180.0}
+
+
+def selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None) -> str:
+    """The text of the self-test."""
+    given = known_readings(plan) if inputs is None else inputs
+    expected = predict(plan, given)
+    lines = [_entry(plan, given, expected, row) for row in range(len(expected.used))]
+    return filled("selftest.c.in", {
+        "name": name,
+        "GUARD": name.upper(),
+        "about": comment(about(plan)),
+        "tolerance": literal(TOLERANCE_DEG),
+        "share": literal(SHARE),
+        "tests": str(len(lines)),
+        "table": "\n".join(lines),
+    })  # fmt: skip
+
+
+def _entry(plan: Plan, given: dict[str, Array], expected: Prediction, row: int) -> str:
+    """One known reading, in the order of the structs."""
+    tilt = {"angles": ("roll_deg", "pitch_deg"), "acceleration": ("acceleration",), "level": ()}
+    names = ["raw", *tilt[plan.tilt], *plan.sources]
+    if isinstance(plan.declination, DeclinationGrid):
+        names += ["latitude_deg", "longitude_deg"]
+    values = ", ".join(_nested(given[name][row]) for name in names)
+    outputs = (expected.magnitude, expected.compass_deg, expected.magnetic_deg, expected.true_deg)
+    numbers = ", ".join(literal(float(column[row])) for column in outputs)
+    return f"    {{{{{values}}}, {numbers}, {expected.used[row]}, {expected.status[row]}}},"
+
+
+def _nested(value: Array) -> str:
+    if value.ndim == 0:
+        return literal(float(value))
+    return "{" + ", ".join(map(_nested, value)) + "}"

@@ -1,0 +1,122 @@
+"""Writing the firmware of a setup."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from agonic.calibration.setup import Setup
+from agonic.errors import AgonicError
+from agonic.io.atomic import make_folder, write_atomically
+from agonic.io.export import Export
+from agonic.io.firmware.ctext import filled, require_identifier
+from agonic.io.firmware.grid import DeclinationGrid
+from agonic.io.firmware.plan import Plan
+from agonic.io.firmware.selftest import selftest
+from agonic.io.firmware.size import Size, measured
+from agonic.io.firmware.sources import header, source
+
+
+@dataclass(frozen=True, kw_only=True)
+class Firmware(Export):
+    """The C files of a setup: `path` is their folder; sizes by file, where they were compiled."""
+
+    files: tuple[Path, ...] = ()
+    constants: int = 0
+    sizes: dict[str, Size]
+
+
+def write_firmware(
+    setup: Setup,
+    folder: Path | str,
+    *,
+    name: str = "compass",
+    declination: float | DeclinationGrid | None = None,
+) -> Firmware:
+    """Write a setup as C99 for a controller: readings in, compass, magnetic and true heading out.
+
+        field = matrix (raw − bias − added x),   levelled by the tilt,   ψ = atan2(east, north),
+        magnetic = ψ + deviation(ψ),   true = magnetic + declination
+
+    in float32, without allocation, variables of its own, or a library but math.h. Written are
+    `{name}.h`, `{name}.c`, `{name}_selftest.c` with known readings, and beside them a calibration
+    that runs on the controller, `{name}_fit.h` and `{name}_fit.c`.
+
+    Parameters
+    ----------
+    setup : compasses, where the tilt comes from, in which order, and the limits beyond which the
+        status says that a heading is not to be trusted. A tilt from "auto", "log" or "gyro" means
+        that the controller is given roll and pitch.
+    folder : made where it is not there.
+    name : what the C names start with.
+    declination : degrees east, or a table (`declination_grid`); default that of the setup.
+
+    Raises `AgonicError` where no declination is known.
+
+    >>> import numpy as np
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.calibration.affine import Affine
+    >>> from agonic.calibration.setup import Compass
+    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3), frame_in="b", frame_out="b")
+    >>> with TemporaryDirectory() as folder:
+    ...     written = write_firmware(Setup(compasses=(Compass(calibration=mag),)), folder,
+    ...                              declination=2.5)
+    >>> [path.name for path in written.files]
+    ['compass.h', 'compass.c', 'compass_selftest.c', 'compass_fit.h', 'compass_fit.c']
+    """
+    plan = Plan(setup=setup, declination=_declination(setup, declination))
+    values = {"name": require_identifier(name), "GUARD": name.upper()}
+    texts = {
+        f"{name}.h": header(plan, name),
+        f"{name}.c": source(plan, name),
+        f"{name}_selftest.c": selftest(plan, name),
+        f"{name}_fit.h": filled("fit.h.in", values),
+        f"{name}_fit.c": filled("fit.c.in", values),
+    }
+    place = make_folder(folder)
+    files = tuple(write_atomically(place / file, text) for file, text in texts.items())
+    sizes = {f"{part}.c": measured(place / f"{part}.c") for part in (name, f"{name}_fit")}
+    return Firmware(
+        path=place,
+        target="c",
+        warnings=_warnings(plan),
+        files=files,
+        constants=plan.constants,
+        sizes={file: size for file, size in sizes.items() if size is not None},
+    )
+
+
+def _declination(
+    setup: Setup, declination: float | DeclinationGrid | None
+) -> float | DeclinationGrid:
+    chosen = setup.declination_deg if declination is None else declination
+    if chosen is None:
+        raise AgonicError(
+            "the controller needs a declination and the setup has none: give one in degrees, or "
+            "a table made with declination_grid for where the vehicle goes"
+        )
+    return chosen if isinstance(chosen, DeclinationGrid) else float(chosen)
+
+
+def _warnings(plan: Plan) -> tuple[str, ...]:
+    """What the controller cannot know or do."""
+    said = []
+    for compass, size in zip(plan.setup.compasses, plan.expected, strict=True):
+        if size is None and plan.dip is None:
+            said.append(
+                f"the field to expect of {compass.sensor} is not known: disturbances will not be "
+                "noticed; give the setup its horizontal and vertical intensity"
+            )
+        if compass.latency_s:
+            said.append(
+                f"the readings of {compass.sensor} are {1e3 * compass.latency_s:.0f} ms late: give "
+                "the tilt of that long before they arrive"
+            )
+        if compass.calibration.frame_out == "m":
+            said.append(
+                f"the calibration of {compass.sensor} is in sensor axes, which were taken for "
+                "forward, right, down; give it an alignment where they differ"
+            )
+    if plan.tilt == "acceleration":
+        said.append("an accelerometer tells the tilt of a vehicle at rest only")
+    return tuple(said)

@@ -1,0 +1,121 @@
+"""`agonic export SETUP --to c`: the whole chain as C, from a terminal."""
+
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.calibration.deviation import Deviation
+from agonic.calibration.setup import Compass, Setup
+from agonic.cli import run
+from agonic.io.setupfile import save_setup
+
+FILES = ["compass.c", "compass.h", "compass_fit.c", "compass_fit.h", "compass_selftest.c"]
+LEVEL_NORTH = "{.raw = {{19100.0f, 0.0f, 45600.0f}}}"
+
+
+@pytest.fixture(autouse=True)
+def setup_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    mag = ag.Affine(bias=np.zeros(3), matrix=np.eye(3), frame_in="b", frame_out="b", sensor="MAG1")
+    card = Deviation(coefficients=[2.0, 0, 1.0, 0, 0.5])  # 3.5 degrees at a compass heading of 0
+    save_setup(Setup(compasses=(Compass(calibration=mag, deviation=card),)), "boat.toml")
+    return "boat.toml"
+
+
+def declination_of(folder: str, place: str = "") -> float:
+    """What the C adds to a magnetic heading of 3.5°, compiled and run."""
+    main = (
+        '#include <stdio.h>\n#include "compass.h"\nint main(void) { compass_output out;\n'
+        f"compass_input in = {LEVEL_NORTH};\n{place}\n"
+        'compass_heading(&in, &out); printf("%.6f %d", (double)out.true_deg, out.status);\n'
+        "return compass_self_test(); }\n"
+    )
+    Path(folder, "main.c").write_text(main)
+    sources = [str(Path(folder, name)) for name in ("main.c", "compass.c", "compass_selftest.c")]
+    subprocess.run(["cc", "-std=c99", *sources, "-o", "program", "-lm"], check=True)
+    done = subprocess.run(["./program"], check=True, capture_output=True, text=True)
+    true_deg, status = done.stdout.split()
+    assert status == "0"
+    return (float(true_deg) - 3.5 + 180) % 360 - 180
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
+    capsys.readouterr()
+    status = run([*arguments, "--json"])
+    return status, json.loads(capsys.readouterr().out)
+
+
+def test_a_declination_is_written_into_the_firmware(setup_file, capsys) -> None:
+    status, said = answer(capsys, "export", setup_file, "--to", "c", "--declination", "-7.25")
+    assert (status, said["schema"], said["target"]) == (0, "agonic/export@1", "c")
+    assert sorted(Path(file).name for file in said["files"]) == FILES
+    assert {Path(file).parent.name for file in said["files"]} == {"boat"}
+    assert said["sizes"]["compass.c"]["code"] > 300
+    assert any("disturbances will not be noticed" in w for w in said["warnings"])
+    assert declination_of("boat") == pytest.approx(-7.25, abs=1e-4)
+
+
+def test_a_place_gives_declination_and_field(setup_file, capsys) -> None:
+    arguments = ("export", setup_file, "--to", "c", "-o", "fw", "--at", "52,5", "--date",
+                 "2026-05-01")  # fmt: skip
+    status, said = answer(capsys, *arguments)
+    there = ag.wmm().at(52.0, 5.0, 0.0, "2026-05-01")
+    assert (status, said["warnings"]) == (0, [])
+    assert declination_of("fw") == pytest.approx(float(there.declination_deg), abs=1e-3)
+
+
+def test_a_box_gives_a_table(setup_file, capsys) -> None:
+    arguments = ("export", setup_file, "--to", "c", "-o", "fw", "--box", "45,56,-3,17", "--date",
+                 "2026-05-01", "--tolerance", "0.05")  # fmt: skip
+    status, said = answer(capsys, *arguments)
+    there = ag.wmm().at(51.0, 4.0, 0.0, "2026-05-01")
+    assert status == 0
+    assert said["sizes"]["compass.c"]["constants"] > 150
+    found = declination_of("fw", "in.latitude_deg = 51.0f; in.longitude_deg = 4.0f;")
+    assert found == pytest.approx(float(there.declination_deg), abs=0.05)
+
+
+def test_sizes_are_said(setup_file, capsys) -> None:
+    assert run(["export", setup_file, "--to", "c", "--declination", "0", "--name", "nav"]) == 0
+    said = capsys.readouterr().out
+    assert "Written   boat/nav_selftest.c" in said
+    assert "Size      nav.c: " in said
+    assert re.search(r", 0 of variables \((cc|\S+-gcc .*) -Os\)", said)
+
+
+def test_a_calibration_alone_is_a_header_or_the_whole_chain(capsys) -> None:
+    status, said = answer(capsys, "export", "boat-MAG1.json", "--to", "c")
+    assert (status, said["files"], "sizes" in said) == (0, ["boat-MAG1.h"], False)
+    whole = ("export", "boat-MAG1.json", "--to", "c", "--whole", "--declination", "1", "-o", "fw")
+    status, said = answer(capsys, *whole)
+    assert (status, sorted(path.name for path in Path("fw").iterdir())) == (0, FILES)
+
+
+WRONG = {
+    "needs a declination": ["boat.toml", "--to", "c"],
+    "takes one calibration": ["boat.toml", "--to", "px4"],
+    "exclude each other": ["boat.toml", "--to", "c", "--at", "52,5", "--declination", "3"],
+    "is not S,N,W,E": ["boat.toml", "--to", "c", "--box", "1,2,3"],
+    "no box": ["boat.toml", "--to", "c", "--box", "56,45,0,9"],
+    "no place on Earth": ["boat.toml", "--to", "c", "--at", "99,5"],
+    "identifier": ["boat.toml", "--to", "c", "--declination", "0", "--name", "2nd"],
+    "1800": ["boat.toml", "--to", "c", "--at", "52,5", "--date", "1800-01-01"],
+    "corrects headings": ["boat-MAG1-deviation.json", "--to", "c"],
+    "cannot be read": ["gone.toml", "--to", "c"],
+}
+
+
+@pytest.mark.parametrize(("reason", "arguments"), WRONG.items(), ids=WRONG)
+def test_bad_input_is_exit_status_2_and_one_line(reason, arguments, capsys) -> None:
+    for more in ([], ["--json"]):
+        assert run(["export", *arguments, *more]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert reason in said.err
+        assert said.err.count("\n") == 1
+    assert not Path("boat").exists()

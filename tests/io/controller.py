@@ -1,0 +1,70 @@
+"""A controller for tests: compiles generated C without a warning and calls it."""
+
+import ctypes
+import shutil
+import subprocess
+from ctypes import POINTER, byref, c_float, c_int
+from pathlib import Path
+
+import numpy as np
+
+STRICT = (
+    "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wdouble-promotion",
+    "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef", "-Wcast-qual",
+)  # fmt: skip
+OUTPUTS = (
+    "magnitude", "inclination_deg", "compass_deg", "magnetic_deg", "declination_deg", "true_deg",
+    "disturbance",
+)  # fmt: skip
+VECTORS = {"raw", "second"}  # a row a magnetometer
+
+
+def compiled(folder: Path, *sources: str, flags: tuple[str, ...] = ("-O2",)) -> Path:
+    """Sources of a folder as a program, or as a library where a flag says -shared."""
+    assert shutil.which("cc"), "these tests need a C compiler: install cc"
+    target = folder / "-".join(["built", *(s.removesuffix(".c") for s in sources)])
+    files = [folder / source for source in sources]
+    subprocess.run(["cc", *STRICT, *flags, *files, "-o", target, "-lm"], check=True)
+    return target
+
+
+def library(folder: Path, *sources: str, flags: tuple[str, ...] = ()) -> ctypes.CDLL:
+    """Sources of a folder, loaded."""
+    return ctypes.CDLL(str(compiled(folder, *sources, flags=("-O2", "-shared", "-fPIC", *flags))))
+
+
+class Controller:
+    """`compass_heading` of a folder, with inputs of the given names."""
+
+    def __init__(self, folder: Path, inputs: tuple[str, ...], *, compasses: int = 1) -> None:
+        self.run = library(folder, "compass.c")
+        vector = c_float * 3
+        kinds = {**dict.fromkeys(VECTORS, vector * compasses), "acceleration": vector}
+
+        class Input(ctypes.Structure):
+            _fields_ = [(name, kinds.get(name, c_float)) for name in inputs]
+
+        class Output(ctypes.Structure):
+            _fields_ = [
+                ("field", vector),
+                *((name, c_float) for name in OUTPUTS),
+                ("used", c_int),
+                ("status", c_int),
+            ]
+
+        self.Input, self.Output = Input, Output
+        self.run.compass_heading.argtypes = [POINTER(Input), POINTER(Output)]
+
+    def heading(self, **columns: np.ndarray) -> dict[str, np.ndarray]:
+        """The outputs for columns of inputs, a row each."""
+        given = np.zeros(len(columns["raw"]), np.dtype(self.Input))
+        for name in given.dtype.names:
+            given[name] = columns[name]
+        got = np.zeros(len(given), np.dtype(self.Output))
+        for i in range(len(given)):
+            record = self.Input.from_buffer(given[i : i + 1])
+            status = self.run.compass_heading(
+                byref(record), self.Output.from_buffer(got[i : i + 1])
+            )
+            assert status == got["status"][i]
+        return {name: got[name].astype(float, copy=False) for name in got.dtype.names}
