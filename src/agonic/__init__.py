@@ -28,9 +28,11 @@ Modules
 -------
 samples, reference            what was measured, and what it should have been
 fitting                       `fit_*(samples, reference, *, settings) -> Fit`
-calibration                   what gets saved: `Affine`, `Alignment`, `Chain`
+calibration                   what gets saved: `Affine`, `Interference`, `Alignment`, `Chain`,
+                              `Deviation`, and the `Setup` of a vehicle
 health, coverage, fit         what a result rests on, and what is wrong with it
 verification, calibrated      named checks on data the fit has not seen
+headings                      `heading(samples, setup)`: compass, magnetic, true, how sure
 io                            readers by content, the calibration file, exports
 field                         the world model: IGRF and WMM
 simulation                    readings with known truth
@@ -52,6 +54,11 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.calibration.alignment import Alignment as Alignment
     from agonic.calibration.base import apply as apply
     from agonic.calibration.chain import Chain as Chain
+    from agonic.calibration.deviation import Deviation as Deviation
+    from agonic.calibration.interference import Interference as Interference
+    from agonic.calibration.interference import mean_of as mean_of
+    from agonic.calibration.setup import Compass as Compass
+    from agonic.calibration.setup import Setup as Setup
     from agonic.coverage import Coverage as Coverage
     from agonic.errors import (
         AgonicError as AgonicError,
@@ -84,18 +91,37 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.field import wmm as wmm
     from agonic.field import wmmhr as wmmhr
     from agonic.fit import Fit as Fit
+    from agonic.fitting.attitude import fit_interference as fit_interference
+    from agonic.fitting.attitude import fit_levelled as fit_levelled
+    from agonic.fitting.attitude import fit_vector as fit_vector
+    from agonic.fitting.deviation import DeviationFit as DeviationFit
+    from agonic.fitting.deviation import SwingPlan as SwingPlan
+    from agonic.fitting.deviation import fit_deviation as fit_deviation
+    from agonic.fitting.deviation import plan_swing as plan_swing
     from agonic.fitting.ellipsoid import fit_ellipsoid as fit_ellipsoid
     from agonic.fitting.ellipsoid import fit_moments as fit_moments
+    from agonic.fitting.latency import LatencyFit as LatencyFit
+    from agonic.fitting.latency import fit_latency as fit_latency
+    from agonic.fitting.latency import undelayed as undelayed
+    from agonic.headings import Heading as Heading
+    from agonic.headings import heading as heading
     from agonic.health import Finding as Finding
     from agonic.io.calfile import load as load
     from agonic.io.calfile import save as save
+    from agonic.io.firmware import DeclinationGrid as DeclinationGrid
+    from agonic.io.firmware import declination_grid as declination_grid
+    from agonic.io.firmware import write_firmware as write_firmware
     from agonic.io.log import Log as Log
     from agonic.io.read import open_log as open_log
     from agonic.io.read import read as read
     from agonic.io.read import sensors as sensors
+    from agonic.io.setupfile import load_setup as load_setup
+    from agonic.io.setupfile import save_setup as save_setup
+    from agonic.io.swing import read_swing as read_swing
     from agonic.io.write_ardupilot import write_ardupilot as write_ardupilot
     from agonic.io.write_c import write_c as write_c
     from agonic.io.write_csv import write_csv as write_csv
+    from agonic.io.write_csv import write_sensors as write_sensors
     from agonic.io.write_matlab import write_matlab as write_matlab
     from agonic.io.write_motioncal import write_motioncal as write_motioncal
     from agonic.io.write_px4 import write_px4 as write_px4
@@ -104,9 +130,13 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.moments import Moments as Moments
     from agonic.provenance import Provenance as Provenance
     from agonic.reference import Reference as Reference
+    from agonic.report.card import card_text as card_text
+    from agonic.report.card_page import card_page as card_page
     from agonic.report.html import render as render
     from agonic.samples import Samples as Samples
+    from agonic.simulation import SimulatedVehicle as SimulatedVehicle
     from agonic.simulation import simulate as simulate
+    from agonic.simulation import simulate_vehicle as simulate_vehicle
     from agonic.verification import Verification as Verification
     from agonic.verification import verify as verify
 
@@ -116,6 +146,9 @@ _HOMES = {
     "calibration.alignment": ("Alignment",),
     "calibration.base": ("apply",),
     "calibration.chain": ("Chain",),
+    "calibration.deviation": ("Deviation",),
+    "calibration.interference": ("Interference", "mean_of"),
+    "calibration.setup": ("Compass", "Setup"),
     "coverage": ("Coverage",),
     "errors": (
         "AgonicError", "AgonicWarning", "ConvergenceError", "CoverageError", "FrameError",
@@ -123,14 +156,21 @@ _HOMES = {
     ),
     "field": ("igrf", "wmm", "wmmhr"),
     "fit": ("Fit",),
+    "fitting.attitude": ("fit_interference", "fit_levelled", "fit_vector"),
+    "fitting.deviation": ("DeviationFit", "SwingPlan", "fit_deviation", "plan_swing"),
     "fitting.ellipsoid": ("fit_ellipsoid", "fit_moments"),
+    "fitting.latency": ("LatencyFit", "fit_latency", "undelayed"),
+    "headings": ("Heading", "heading"),
     "health": ("Finding",),
     "io.calfile": ("load", "save"),
+    "io.firmware": ("DeclinationGrid", "declination_grid", "write_firmware"),
     "io.log": ("Log",),
     "io.read": ("open_log", "read", "sensors"),
+    "io.setupfile": ("load_setup", "save_setup"),
+    "io.swing": ("read_swing",),
     "io.write_ardupilot": ("write_ardupilot",),
     "io.write_c": ("write_c",),
-    "io.write_csv": ("write_csv",),
+    "io.write_csv": ("write_csv", "write_sensors"),
     "io.write_matlab": ("write_matlab",),
     "io.write_motioncal": ("write_motioncal",),
     "io.write_px4": ("write_px4",),
@@ -139,9 +179,11 @@ _HOMES = {
     "moments": ("Moments",),
     "provenance": ("Provenance",),
     "reference": ("Reference",),
+    "report.card": ("card_text",),
+    "report.card_page": ("card_page",),
     "report.html": ("render",),
     "samples": ("Samples",),
-    "simulation": ("simulate",),
+    "simulation": ("SimulatedVehicle", "simulate", "simulate_vehicle"),
     "verification": ("Verification", "verify"),
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}

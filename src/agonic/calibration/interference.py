@@ -37,6 +37,7 @@ class Interference(Affine):
     sources : names of the columns in x: "current_A", "throttle", "second" (three numbers).
     coefficients : (3, k), readings per unit of x.
     covariance : (m, m) of `parameters`: those of an `Affine`, then the coefficients row by row.
+
     The others as in `Affine`; `bias` is that with x = 0.
 
     Examples

@@ -1,13 +1,22 @@
-"""`agonic field --at … --date …`: the world model at a place."""
+"""`agonic field`: the world model at a place, or at the points of a table."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from agonic.cli.options import Date, Json
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, LogError, ValidityError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from agonic.field.model import Model
+    from agonic.field.worldfield import WorldField
+    from agonic.io.points import Points
 
 
 def add_to(app: typer.Typer) -> None:
@@ -17,29 +26,57 @@ def add_to(app: typer.Typer) -> None:
 
 def field(
     at: Annotated[
-        str, typer.Option("--at", metavar="LAT,LON[,ALT]", help="Degrees, and metres above WGS-84.")
-    ],
+        str | None,
+        typer.Option("--at", metavar="LAT,LON[,ALT]", help="Degrees, and metres above WGS-84."),
+    ] = None,
+    points: Annotated[
+        Path | None,
+        typer.Option(metavar="CSV", help="Table of latitude_deg, longitude_deg, altitude_m, date."),
+    ] = None,
     date: Date = None,
     model: Annotated[
         str | None, typer.Option(help="igrf, wmm or wmmhr; default: wmm where valid, else igrf.")
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="CSV", help="Table to write, of points.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Print the elements of the geomagnetic field and their change in a year."""
-    from datetime import UTC, datetime
+    if (at is None) == (points is None):
+        raise AgonicError(
+            "give a place with --at LAT,LON[,ALT], or a table with --points, not both"
+        )
+    if at is not None:
+        if out is not None:
+            raise AgonicError("-o writes the table of --points; a place is printed")
+        return _place(at, date, model, as_json)
+    assert points is not None, "one of the two is given"
+    return _table(points, date, model, out, as_json)
 
+
+def _chosen(model: str | None, year: float) -> Model:
+    """The model of that name, or the one that holds in a year."""
     from agonic import field as models
-    from agonic.cli.output import print_json, say
-    from agonic.cli.place import position
-    from agonic.field.decimal_year import decimal_year
     from agonic.field.place import model_for
 
-    when = date or datetime.now(UTC).date().isoformat()
     known = {"igrf": models.igrf, "wmm": models.wmm, "wmmhr": models.wmmhr}
     if model is not None and model not in known:
         raise AgonicError(f"--model {model!r} is not known; use one of {', '.join(known)}")
-    chosen = known[model]() if model else model_for(float(decimal_year(when)))
+    return known[model]() if model else model_for(year)
+
+
+def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
+    """The elements at one place."""
+    from datetime import UTC, datetime
+
+    from agonic.cli.output import print_json, say
+    from agonic.cli.place import position
+    from agonic.field.decimal_year import decimal_year
+
+    when = date or datetime.now(UTC).date().isoformat()
     latitude, longitude, altitude = position(at)
+    chosen = _chosen(model, float(decimal_year(when)))
     here = chosen.at(latitude, longitude, altitude, when)
     elements, change = here.elements(), here.elements_per_year()
     if as_json:
@@ -56,3 +93,56 @@ def field(
         say(f"  {label:<12}{float(value):12.3f} {unit:<3}{float(change[name]):+10.3f} {unit}/year")
     say(f"  declination is good to {float(here.declination_sd_deg):.2f}° (one standard deviation)")
     return 0
+
+
+def _table(path: Path, date: str | None, model: str | None, out: Path | None, as_json: bool) -> int:
+    """The elements at every point of a table, each by the model that holds then."""
+    from agonic.cli.output import print_json, say
+    from agonic.io.points import header_of, read_points, text_of_points, write_points
+
+    points = read_points(path, date)
+    models, answers = _answers(points, model)
+    files = [str(write_points(points, models, answers, out))] if out else []
+    if as_json:
+        columns = {header_of(name): values for name, values in answers.items()}
+        print_json("agonic/field-points@1", {
+            "n": len(points), "files": files, "latitude_deg": points.latitude_deg,
+            "longitude_deg": points.longitude_deg, "altitude_m": points.altitude_m,
+            "date": points.dates, "model": models, **columns,
+        })  # fmt: skip
+    elif out:
+        say(f"{len(points)} points: {out}")
+    else:
+        print(text_of_points(points, models, answers), end="")
+    return 0
+
+
+def _answers(points: Points, model: str | None) -> tuple[list[str], dict[str, NDArray[np.float64]]]:
+    """The name of the model of each point, and elements, yearly changes and errors (n,) by name."""
+    import numpy as np
+
+    years, of_row = np.unique(points.years, return_inverse=True)
+    names = np.array([_chosen(model, year).name for year in years])[of_row]
+    answers: dict[str, NDArray[np.float64]] = {}
+    for name in np.unique(names):
+        rows = np.flatnonzero(names == name)
+        there = _at_rows(_chosen(model, points.years[rows[0]]), points, rows)
+        change = {f"{key}_per_year": value for key, value in there.elements_per_year().items()}
+        every = {**there.elements(), **change, "declination_sd_deg": there.declination_sd_deg}
+        for key, values in every.items():
+            answers.setdefault(key, np.empty(len(points)))[rows] = values
+    return names.tolist(), answers
+
+
+def _at_rows(model: Model, points: Points, rows: NDArray[np.intp]) -> WorldField:
+    """The field at some of the points; an error names the first row that the model refuses."""
+    try:
+        return model.at(
+            points.latitude_deg[rows],
+            points.longitude_deg[rows],
+            points.altitude_m[rows],
+            points.years[rows],
+        )
+    except ValidityError as error:
+        first = rows if error.mask is None else rows[error.mask]
+        raise LogError(str(error), path=points.path, row=int(points.rows[first[0]])) from None

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from agonic.cli.options import Json
+
+if TYPE_CHECKING:
+    from agonic.simulation import Defect
 
 
 def add_to(app: typer.Typer) -> None:
@@ -17,18 +20,31 @@ def add_to(app: typer.Typer) -> None:
 
 def simulate(
     kind: Annotated[
-        str, typer.Argument(help="tumble, sphere, belt, hand, circle, flight or static.")
+        str,
+        typer.Argument(help="tumble, sphere, belt, hand, circle, flight, static or vehicle."),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="CSV file to write.")],
     n: Annotated[int, typer.Option("-n", help="Readings.", min=1)] = 3000,
     noise: Annotated[float, typer.Option(help="Noise per axis, nT.", min=0)] = 200.0,
-    field: Annotated[float, typer.Option(help="Magnitude of the field, nT.")] = 50_000.0,
+    field: Annotated[
+        float | None,
+        typer.Option(help="Magnitude of the field, nT; default: 50000, a vehicle's by its place."),
+    ] = None,
     outliers: Annotated[float, typer.Option(help="Share of gross outliers.", min=0, max=1)] = 0.0,
     step: Annotated[float, typer.Option(help="Quantisation, nT; 0 for none.", min=0)] = 0.0,
     clip: Annotated[float, typer.Option(help="Full scale, nT; 0 for none.", min=0)] = 0.0,
     tilt: Annotated[
         float | None, typer.Option(help="Largest tilt of belt and circle, degrees.")
     ] = None,
+    bank: Annotated[
+        float | None, typer.Option(help="Steepest bank of a vehicle's turns, degrees.")
+    ] = None,
+    latency: Annotated[
+        float | None, typer.Option(metavar="MS", help="How late a vehicle's readings are, ms.")
+    ] = None,
+    opposite: Annotated[
+        bool, typer.Option("--opposite", help="A vehicle's second sensor is disturbed oppositely.")
+    ] = False,
     sensor: Annotated[
         Path | None,
         typer.Option("--truth", metavar="CAL", help="Whose readings; default: drawn by the seed."),
@@ -36,7 +52,41 @@ def simulate(
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     as_json: Json = False,
 ) -> int:
-    """Write readings of a simulated sensor, and beside them the calibration that would undo it."""
+    """Write readings of a simulated sensor or vehicle, and beside them what would undo it."""
+    from agonic.errors import AgonicError
+
+    others = {"--field": field, "--tilt": tilt, "--truth": sensor}
+    flown = {"--bank": bank, "--latency": latency, "--opposite": opposite or None}
+    misfits = others if kind == "vehicle" else flown
+    if given := [name for name, value in misfits.items() if value is not None]:
+        raise AgonicError(f"{', '.join(given)}: not an option of the kind {kind!r}")
+    defects = _defects(outliers, step, clip, seed)
+    if kind == "vehicle":
+        return _vehicle(
+            out, defects, as_json, n=n, noise=noise, seed=seed,
+            placing="opposite" if opposite else "apart",
+            **({} if bank is None else {"bank_deg": bank}),
+            **({} if latency is None else {"latency_s": latency / 1000}),
+        )  # fmt: skip
+    return _sensor(
+        kind, out, sensor, as_json, n=n, noise=noise, seed=seed, defects=defects,
+        **({} if field is None else {"magnitude": field}),
+        **({} if tilt is None else {"tilt_deg": tilt}),
+    )  # fmt: skip
+
+
+def _defects(outliers: float, step: float, clip: float, seed: int) -> list[Defect]:
+    from agonic import simulation
+
+    return [
+        *([simulation.with_outliers(outliers, seed=seed)] if outliers else []),
+        *([simulation.quantised(step)] if step else []),
+        *([simulation.clipped(clip)] if clip else []),
+    ]
+
+
+def _sensor(kind: str, out: Path, sensor: Path | None, as_json: bool, **settings: Any) -> int:
+    """One sensor: its table and its calibration."""
     from agonic import simulation
     from agonic.calibration.affine import Affine
     from agonic.cli.output import print_json, say
@@ -44,19 +94,10 @@ def simulate(
     from agonic.io.calfile import load, save
     from agonic.io.write_csv import write_csv
 
-    defects = [
-        *([simulation.with_outliers(outliers, seed=seed)] if outliers else []),
-        *([simulation.quantised(step)] if step else []),
-        *([simulation.clipped(clip)] if clip else []),
-    ]
     calibration = None if sensor is None else load(sensor)
     if not (calibration is None or isinstance(calibration, Affine)):
         raise AgonicError(f"{sensor} is a {calibration.kind}; the truth must be an affine one")
-    made = simulation.simulate(
-        kind, n=n, noise=noise, magnitude=field, seed=seed, defects=defects,
-        calibration=calibration,
-        **({} if tilt is None else {"tilt_deg": tilt}),
-    )  # fmt: skip
+    made = simulation.simulate(kind, calibration=calibration, **settings)
     write_csv(made.samples, out)
     truth = save(made.truth, out.with_suffix(".truth.json"))
     if as_json:
@@ -66,4 +107,31 @@ def simulate(
         })  # fmt: skip
     else:
         say(f"{len(made.samples)} readings: {out}\nThe truth: {truth}")
+    return 0
+
+
+def _vehicle(out: Path, defects: list[Defect], as_json: bool, **settings: Any) -> int:
+    """Two sensors of a vehicle in one table, and the calibration of each."""
+    from agonic.cli.output import print_json, say
+    from agonic.io.calfile import save
+    from agonic.io.write_csv import write_sensors
+    from agonic.simulation import simulate_vehicle
+
+    made = simulate_vehicle(**settings)
+    sensors = list(made.samples)
+    for defect in defects:
+        sensors = [defect(samples) for samples in sensors]
+    write_sensors(sensors, out)
+    truths = [save(t, out.with_suffix(f".{t.sensor}.truth.json")) for t in made.truths]
+    if as_json:
+        print_json("agonic/simulate@1", {
+            "kind": "vehicle", "n": len(made.heading_deg),
+            "files": [str(out), *map(str, truths)],
+            "bias_nT": [t.bias for t in made.truths], "matrix": [t.matrix for t in made.truths],
+            "stray_nT_A": [t.matrix @ t.coefficients[:, 0] for t in made.truths],
+            "latency_ms": 1000 * made.latency_s,
+        })  # fmt: skip
+    else:
+        say(f"{len(made.heading_deg)} readings of two sensors: {out}")
+        say(f"The truths: {', '.join(map(str, truths))}")
     return 0

@@ -17,10 +17,12 @@ from agonic.simulation.defects import (
 )
 from agonic.simulation.draws import random_calibration
 from agonic.simulation.sensor import Simulated, kinds, simulate
+from agonic.simulation.vehicle import SimulatedVehicle, simulate_vehicle
 
 __all__ = [
     "Defect",
     "Simulated",
+    "SimulatedVehicle",
     "clipped",
     "delayed",
     "drifting",
@@ -32,6 +34,7 @@ __all__ = [
     "quantised",
     "random_calibration",
     "simulate",
+    "simulate_vehicle",
     "with_correlated_noise",
     "with_gap",
     "with_nan",

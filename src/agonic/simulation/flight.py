@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,19 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
+from agonic.kernels.rotation import yaw_pitch_roll
 from agonic.simulation.draws import wander
 from agonic.simulation.motions import (
     GRAVITY_M_S2,
+    Attitude,
     Motion,
     rate_of_change,
     rotation_rate,
-    yaw_pitch_roll,
 )
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
+Vehicle = Literal["plane", "copter"]
 
 EARTH_RADIUS_M = 6_371_008.8  # IUGG mean radius; a sphere is enough for the columns of a flight
 
@@ -29,12 +31,20 @@ _SPEED_AND_LEAN = {"plane": (18.0, 3.0), "copter": (8.0, -12.0)}  # m/s, degrees
 _TURN_DEG_S = 15.0
 
 
+class Flown(NamedTuple):
+    """A flight as functions of time: attitude, velocity in n (m/s), throttle 0…1."""
+
+    attitude: Attitude
+    velocity_n: Function
+    throttle: Function
+
+
 def flight(
     time: Array,
     rng: np.random.Generator,
     field_n: Array,
     *,
-    vehicle: Literal["plane", "copter"] = "plane",
+    vehicle: Vehicle = "plane",
     leg_s: float = 12.0,
     stray_nT_A: tuple[float, float, float] = (60.0, -35.0, 90.0),
     full_current_A: float = 25.0,
@@ -47,14 +57,40 @@ def flight(
     The bank of a turn is tan φ = V·χ̇/g. Climbing and turning cost throttle, throttle costs
     current, and the current adds the field `stray_nT_A`·I in sensor axes.
     """
+    flown = fly(rng, time[-1], vehicle=vehicle, leg_s=leg_s)
+    current = drawn_A(flown.throttle(time), full_current_A)
+    place = position(time, flown.velocity_n(time), (latitude_deg, longitude_deg, altitude_m))
+    return Motion(
+        rot_nb=flown.attitude(time),
+        rotation_rate=rotation_rate(flown.attitude, time),
+        acceleration_n=rate_of_change(flown.velocity_n, time),
+        stray_b=np.outer(current, stray_nT_A),
+        columns={"current_A": current, "throttle": flown.throttle(time), **place},
+    )
+
+
+def fly(
+    rng: np.random.Generator,
+    duration_s: float,
+    *,
+    vehicle: Vehicle = "plane",
+    leg_s: float = 12.0,
+    bank_deg: float | None = None,
+) -> Flown:
+    """A flight of legs and coordinated turns; `bank_deg` is the steepest bank of its turns.
+
+    Without a bank the turns are flown at 15°/s.
+    """
     if vehicle not in _SPEED_AND_LEAN:
         raise AgonicError(f"no vehicle {vehicle!r}; choose from {', '.join(_SPEED_AND_LEAN)}")
     speed, lean_deg = _SPEED_AND_LEAN[vehicle]
-    course_deg = _course(rng, time[-1], leg_s)
-    climb_deg = wander(rng, time[-1], sd=3.0, pace_s=15.0)
-    gusts = [wander(rng, time[-1], sd=sd, pace_s=0.7) for sd in (1.0, 1.5, 2.0)]
+    rate_deg_s = _TURN_DEG_S if bank_deg is None else _turn_rate(bank_deg, speed)
+    course_deg = _course(rng, duration_s, leg_s, rate_deg_s)
+    climb_deg = wander(rng, duration_s, sd=3.0, pace_s=15.0)
+    gusts = [wander(rng, duration_s, sd=sd, pace_s=0.7) for sd in (1.0, 1.5, 2.0)]
+    surge = wander(rng, duration_s, sd=0.05, pace_s=3.0)
 
-    def bank_deg(at: Array) -> Array:
+    def banked_deg(at: Array) -> Array:
         turn = np.radians(rate_of_change(course_deg, at))
         return np.degrees(np.arctan(speed * turn / GRAVITY_M_S2))
 
@@ -62,7 +98,7 @@ def flight(
         return yaw_pitch_roll(
             course_deg(at) + gusts[0](at),
             climb_deg(at) + lean_deg + gusts[1](at),
-            bank_deg(at) + gusts[2](at),
+            banked_deg(at) + gusts[2](at),
         )
 
     def velocity_n(at: Array) -> Array:
@@ -70,23 +106,33 @@ def flight(
         north, east = np.cos(climb) * np.cos(course), np.cos(climb) * np.sin(course)
         return speed * np.stack([north, east, -np.sin(climb)], axis=1)
 
-    throttle = _throttle(rng, time, climb_deg(time), bank_deg(time))
-    current = full_current_A * (0.05 + 0.95 * throttle**1.5)  # P ∝ thrust^1.5, momentum theory
-    position = _position(time, velocity_n(time), (latitude_deg, longitude_deg, altitude_m))
-    return Motion(
-        rot_nb=attitude(time),
-        rotation_rate=rotation_rate(attitude, time),
-        acceleration_n=rate_of_change(velocity_n, time),
-        stray_b=np.outer(current, stray_nT_A),
-        columns={"current_A": current, "throttle": throttle, **position},
-    )
+    def throttle(at: Array) -> Array:
+        """What climbing, the load factor 1/cos φ and gusts ask for, 0.05…1."""
+        load = 1 / np.cos(np.radians(banked_deg(at))) - 1
+        return np.clip(0.45 + 0.05 * climb_deg(at) + 0.4 * load + surge(at), 0.05, 1.0)
+
+    return Flown(attitude, velocity_n, throttle)
 
 
-def _course(rng: np.random.Generator, duration_s: float, leg_s: float) -> Function:
+def drawn_A(throttle: Array, full_current_A: float) -> Array:
+    """The current that a throttle draws: P ∝ thrust^1.5 (momentum theory), and a little always."""
+    return np.asarray(full_current_A * (0.05 + 0.95 * throttle**1.5))
+
+
+def _turn_rate(bank_deg: float, speed: float) -> float:
+    """Mean °/s of a turn whose steepest bank is given: the quintic step's peak rate is 15/8."""
+    if not 0 < bank_deg < 80:
+        raise AgonicError(f"bank_deg is {bank_deg}; a coordinated turn needs 0 to 80°")
+    return float(np.degrees(GRAVITY_M_S2 * np.tan(np.radians(bank_deg)) / speed) / (15 / 8))
+
+
+def _course(
+    rng: np.random.Generator, duration_s: float, leg_s: float, rate_deg_s: float
+) -> Function:
     """The course in degrees: constant on legs, turning smoothly between them."""
     n = int(np.ceil(duration_s / leg_s)) + 1
     turns = rng.uniform(60.0, 210.0, n) * rng.choice([-1.0, 1.0], n)
-    lasting = np.abs(turns) / _TURN_DEG_S
+    lasting = np.abs(turns) / rate_deg_s
     starts = leg_s + np.concatenate([[0.0], np.cumsum(lasting + leg_s)[:-1]])
     headings = rng.uniform(0, 360) + np.concatenate([[0.0], np.cumsum(turns)[:-1]])
 
@@ -99,16 +145,7 @@ def _course(rng: np.random.Generator, duration_s: float, leg_s: float) -> Functi
     return course_deg
 
 
-def _throttle(rng: np.random.Generator, time: Array, climb_deg: Array, bank_deg: Array) -> Array:
-    """The throttle, 0.05…1, that climbing, the load factor 1/cos φ and gusts ask for."""
-    load = 1 / np.cos(np.radians(bank_deg)) - 1
-    gust = wander(rng, time[-1], sd=0.05, pace_s=3.0)(time)
-    return np.clip(0.45 + 0.05 * climb_deg + 0.4 * load + gust, 0.05, 1.0)
-
-
-def _position(
-    time: Array, velocity_n: Array, start: tuple[float, float, float]
-) -> dict[str, Array]:
+def position(time: Array, velocity_n: Array, start: tuple[float, float, float]) -> dict[str, Array]:
     """Latitude, longitude and altitude along a velocity (n, 3) in north, east, down."""
     north, east, down = cumulative_trapezoid(velocity_n, time, axis=0, initial=0).T
     parallel = EARTH_RADIUS_M * np.cos(np.radians(start[0]))

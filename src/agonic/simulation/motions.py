@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from agonic.kernels.rotation import yaw_pitch_roll
 from agonic.simulation.draws import directions, knot_times, wander
 
 Array = NDArray[np.float64]
@@ -49,21 +50,6 @@ def rotation_rate(attitude: Attitude, time: Array) -> Array:
 def rate_of_change(function: Callable[[Array], Array], time: Array) -> Array:
     """The derivative of a function of time by central differences."""
     return (function(time + _STEP_S) - function(time - _STEP_S)) / (2 * _STEP_S)
-
-
-def yaw_pitch_roll(heading_deg: Array, pitch_deg: Array, roll_deg: Array) -> Rotation:
-    """rot_nb of aerospace attitudes: heading about down, then pitch, then roll.
-
-    The product of the three half-angle quaternions, written out: five times the speed of
-    `Rotation.from_euler("ZYX", …)`.
-    """
-    halves = [np.radians(angle) / 2 for angle in (heading_deg, pitch_deg, roll_deg)]
-    (cy, cp, cr), (sy, sp, sr) = np.cos(halves), np.sin(halves)
-    x = sr * cp * cy - cr * sp * sy
-    y = cr * sp * cy + sr * cp * sy
-    z = cr * cp * sy - sr * sp * cy
-    w = cr * cp * cy + sr * sp * sy
-    return Rotation.from_quat(np.stack([x, y, z, w], axis=-1))
 
 
 def tumble(time: Array, rng: np.random.Generator, field_n: Array, *, pace_s: float = 1.0) -> Motion:

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
+from agonic.kernels.rotation import angles_deg, yaw_pitch_roll
 from agonic.samples import Samples
 from agonic.simulation import motions
 from agonic.simulation.defects import Defect
@@ -186,7 +187,7 @@ def _in_counts(truth: Affine, counts_per_nT: float) -> Affine:
 
 def _recorded(time: Array, raw: Array, truth: Affine, motion: motions.Motion) -> Samples:
     """The columns that a logger would have written."""
-    roll, pitch, heading = _angles_deg(motion.rot_nb)
+    roll, pitch, heading = angles_deg(motion.rot_nb.as_matrix())
     specific_force_n = motion.acceleration_n - np.array([0.0, 0.0, motions.GRAVITY_M_S2])
     return Samples(
         time=time,
@@ -203,21 +204,9 @@ def _recorded(time: Array, raw: Array, truth: Affine, motion: motions.Motion) ->
     ).with_columns(**motion.columns)
 
 
-def _angles_deg(rot_nb: Rotation) -> tuple[Array, Array, Array]:
-    """Roll, pitch and heading (0…360) of aerospace attitudes; roll is 0 with the nose on end."""
-    m = rot_nb.as_matrix()
-    level = np.hypot(m[:, 0, 0], m[:, 1, 0])
-    on_end = level < 1e-9  # roll and heading turn about the same line there
-    roll = np.where(on_end, 0.0, np.arctan2(m[:, 2, 1], m[:, 2, 2]))
-    pitch = np.arctan2(-m[:, 2, 0], level)
-    side = np.arctan2(-m[:, 0, 1], m[:, 1, 1])
-    heading = np.where(on_end, side, np.arctan2(m[:, 1, 0], m[:, 0, 0]))
-    return np.degrees(roll), np.degrees(pitch), np.degrees(heading) % 360.0
-
-
 def _rot_nb(samples: Samples) -> Rotation:
     """The attitude of each row, as recorded."""
     heading, pitch, roll = samples.heading_deg, samples.pitch_deg, samples.roll_deg
     if heading is None or pitch is None or roll is None:
         raise AgonicError("a defect took the attitude away; take it from the finished samples")
-    return motions.yaw_pitch_roll(heading, pitch, roll)
+    return yaw_pitch_roll(heading, pitch, roll)

@@ -35,6 +35,7 @@ def fit_interference(
     reference : as for `fit_vector`, `fit_levelled` or `fit_ellipsoid`; with the attitude in the
         samples it decides which residuals are used.
     sources : "current_A", "throttle", "second".
+
     The settings as in `fit_levelled`.
 
     Returns a `Fit` whose calibration is an `Interference`; with a second magnetometer and a

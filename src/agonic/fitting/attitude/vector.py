@@ -23,6 +23,7 @@ def fit_vector(samples: Samples, reference: Reference, **settings: Any) -> Fit:
     samples : with `roll_deg`, `pitch_deg` and `heading_deg`; the heading must not come from the
         magnetometer itself.
     reference : `Reference.vector` in the frame n.
+
     The settings as in `fit_levelled`; the matrix is free by default.
 
     Returns a `Fit`. Raises as `fit_levelled`.
