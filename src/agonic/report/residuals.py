@@ -77,9 +77,9 @@ def level(result: Calibrated) -> float:
 
 def _distances(result: Calibrated) -> Array:
     calibration = result.fit.calibration
-    return magnitude_residual(
-        result.cleaned, calibration.bias, calibration.matrix, level(result)
-    )[0]
+    return magnitude_residual(result.cleaned, calibration.bias, calibration.matrix, level(result))[
+        0
+    ]
 
 
 def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:
