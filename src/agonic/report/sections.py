@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -164,8 +165,26 @@ def _residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
             {"before": "before", "after": "after the correction"},
         ),
         _strip("Residuals over time", figures.residual_strip(result, residuals), over_time),
+        *_other_kinds(result, residuals, over_time),
         element("div", _histogram(residuals, noise), _residual_sphere(residuals), class_="pair"),
     ]
+
+
+def _other_kinds(
+    result: Calibrated, residuals: Residuals, legend: Mapping[str, str]
+) -> list[Markup]:
+    """The residuals that the attitude gives: how far the field is from its dip and its azimuth."""
+    strips = []
+    for kind, channel in result.fit.channels.items():
+        if kind == "magnitude":
+            continue
+        own = replace(residuals, values=channel.residuals, noise=channel.noise)
+        noise = quantity(channel.noise, residuals.unit, 2)
+        keys = {**legend, "noise": f"± scatter, {noise}: the sensor’s noise and the attitude’s"}
+        strips.append(
+            _strip(f"Residuals of the {kind} over time", figures.residual_strip(result, own), keys)
+        )
+    return strips
 
 
 def _histogram(residuals: Residuals, noise: str) -> Markup:
