@@ -42,6 +42,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     other = ag.simulate("hand", calibration=made.truth, seed=2)
     ag.write_csv(made.samples, folder / "flight.csv")
     ag.write_csv(made.samples.with_columns(name="MAG[0]"), folder / "flight.bin")
+    hour = ag.simulate_vehicle(n=1000, rate_Hz=0.2, sensors=1, noise=50.0)
+    ag.write_csv(hour.samples[0], folder / "orbit.csv")
     fit = ag.fit_ellipsoid(other.samples, ag.Reference.constant(50_000))
     ag.save(fit.calibration, folder / "mag.json")
     return folder

@@ -100,6 +100,8 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.fitting.deviation import plan_swing as plan_swing
     from agonic.fitting.ellipsoid import fit_ellipsoid as fit_ellipsoid
     from agonic.fitting.ellipsoid import fit_moments as fit_moments
+    from agonic.fitting.inflight import InflightFit as InflightFit
+    from agonic.fitting.inflight import fit_inflight as fit_inflight
     from agonic.fitting.latency import LatencyFit as LatencyFit
     from agonic.fitting.latency import fit_latency as fit_latency
     from agonic.fitting.latency import undelayed as undelayed
@@ -159,6 +161,7 @@ _HOMES = {
     "fitting.attitude": ("fit_interference", "fit_levelled", "fit_vector"),
     "fitting.deviation": ("DeviationFit", "SwingPlan", "fit_deviation", "plan_swing"),
     "fitting.ellipsoid": ("fit_ellipsoid", "fit_moments"),
+    "fitting.inflight": ("InflightFit", "fit_inflight"),
     "fitting.latency": ("LatencyFit", "fit_latency", "undelayed"),
     "headings": ("Heading", "heading"),
     "health": ("Finding",),

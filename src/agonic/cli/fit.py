@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli import fit_deviation, fit_latency
+from agonic.cli import fit_deviation, fit_inflight, fit_latency
 from agonic.cli.options import (
     At,
     Between,
@@ -56,6 +56,7 @@ def add_to(app: typer.Typer) -> None:
     for kind in (ellipsoid, levelled, vector, interference):
         kinds.command(kind.__name__)(kind)
     fit_deviation.add_to(kinds)
+    fit_inflight.add_to(kinds)
     fit_latency.add_to(kinds)
     app.add_typer(kinds, name="fit", rich_help_panel=None)
 

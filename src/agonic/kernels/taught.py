@@ -194,9 +194,9 @@ def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimat
     if n > _ENOUGH:
         rows = np.sort(np.random.default_rng(seed).choice(n, _ENOUGH, replace=False))
         few = problem.subset(rows)
-    found = [_refine(few, _relax(few, start, robust), robust) for start in _starts(few, seed)]
+    found = [refined(few, _relax(few, start, robust), robust) for start in _starts(few, seed)]
     best = min(found, key=lambda e: sum(np.log(noise.sd) for noise in e.noise.values()))
-    return best if few is problem else _refine(problem, best.solution.params, robust)
+    return best if few is problem else refined(problem, best.solution.params, robust)
 
 
 def _starts(few: Problem, seed: int) -> list[Array]:
@@ -238,9 +238,12 @@ def residuals(problem: Problem, kind: str, params: Array) -> Array:
     return np.concatenate([r for r, _ in pieces(problem, kind)(params)])
 
 
-def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
-    """The minimum on all readings, with noise and correlation of each channel taken from them."""
-    prior = prior_of(problem, problem.soft_iron_sd)
+def refined(
+    problem: Problem, params: Array, robust: bool, prior: leastsq.Prior | None = None
+) -> Estimate:
+    """The minimum on all readings from a near start, noise and correlation of each channel taken
+    from its residuals; without a prior of its own, with that on soft iron, turn and terms."""
+    prior = prior or prior_of(problem, problem.soft_iron_sd)
     seen = {kind: residuals(problem, kind, params) for kind in problem.kinds}
     for _ in range(12):
         noise = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}

@@ -1,0 +1,182 @@
+"""`fit_inflight`: truth in simulated orbits, honest errors, named mistakes, a real record."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+import agonic as ag
+from agonic.calibration.affine import Affine
+from agonic.fitting.inflight import fit_inflight
+
+START = datetime(2024, 3, 1, tzinfo=UTC)
+TRUTH = Affine(
+    bias=[3000.0, -1500.0, 800.0],
+    matrix=[[1.02, 0.01, -0.02], [0.01, 0.97, 0.015], [-0.02, 0.015, 1.01]],
+)
+
+
+@cache
+def track(n: int, step_s: float) -> ag.Samples:
+    """A circular orbit 500 km high, inclined by 80°; no field yet."""
+    time = np.arange(n) * step_s
+    along = 2 * np.pi * time / 5670.0
+    latitude = np.degrees(np.arcsin(np.sin(np.radians(80.0)) * np.sin(along)))
+    longitude = np.degrees(np.arctan2(np.cos(np.radians(80.0)) * np.sin(along), np.cos(along)))
+    longitude = (longitude - time * 360.0 / 86164.0 + 180.0) % 360.0 - 180.0
+    return ag.Samples(
+        time=time, epoch=START, field=np.ones((n, 3)), latitude_deg=latitude,
+        longitude_deg=longitude, altitude_m=np.full(n, 500e3), name="sat",
+    )  # fmt: skip
+
+
+@cache
+def model_n(n: int, step_s: float) -> np.ndarray:
+    return ag.igrf().along(track(n, step_s)).values.copy()
+
+
+def orbit(seed=0, *, n=3000, step_s=10.0, noise=100.0, external=0.0, moved=None) -> ag.Samples:
+    """Readings of a slowly tumbling satellite; `external` nT of field that lasts ten minutes."""
+    rng = np.random.default_rng(seed)
+    field_n = model_n(n, step_s)
+    if external:
+        kept = np.exp(-step_s / 600.0)
+        white = rng.normal(size=(n, 3)) * external
+        white[1:] *= np.sqrt(1 - kept**2)
+        field_n = field_n + lfilter([1.0], [1.0, -kept], white, axis=0)
+    turns = Rotation.from_rotvec(np.outer(np.arange(n) * step_s, [0.011, 0.007, -0.005]))
+    field_b = (Rotation.random(random_state=seed) * turns).apply(field_n)
+    bias = TRUTH.bias if moved is None else TRUTH.bias + moved
+    raw = field_b @ np.linalg.inv(TRUTH.matrix).T + bias + noise * rng.normal(size=(n, 3))
+    return track(n, step_s).with_columns(field=raw)
+
+
+GROUND = replace(TRUTH, covariance=np.diag([100.0] * 3 + [1e-6] * 6), magnitude=40_000.0)
+
+
+def test_a_bias_that_moved_since_the_ground_is_found() -> None:
+    shift = np.array([2000.0, -700.0, 400.0])
+    fit = fit_inflight(orbit(moved=shift), ground=GROUND)
+    assert fit.ok, fit.status
+    assert fit.solve == "bias"
+    assert not fit.drift.changes
+    assert fit.calibration.bias == pytest.approx(TRUTH.bias + shift, abs=15.0)
+    assert fit.calibration.matrix == pytest.approx(TRUTH.matrix, abs=1e-9)
+    assert "moved by 2200 nT" in fit.status
+
+
+def test_gains_and_all_nine_are_found_with_the_ground_as_prior() -> None:
+    wrong = replace(GROUND, matrix=TRUTH.matrix @ np.diag([1.01, 0.995, 1.004]))
+    for solve, limit in (("gains", 0.003), ("full", 0.002)):
+        fit = fit_inflight(orbit(seed=1), ground=wrong, solve=solve)
+        product = fit.calibration.matrix.T @ fit.calibration.matrix
+        assert product == pytest.approx(TRUTH.matrix.T @ TRUTH.matrix, abs=2 * limit)
+        assert fit.calibration.covariance.shape == (12, 12)
+    alone = fit_inflight(orbit(seed=1))
+    assert alone.solve == "full"
+    assert alone.calibration.bias == pytest.approx(TRUTH.bias, abs=5 * alone.sd[:3].max())
+
+
+def test_errors_of_the_model_that_last_are_inside_the_standard_error() -> None:
+    z = []
+    for seed in range(40):
+        fit = fit_inflight(orbit(seed, n=2000, external=60.0), ground=GROUND, drift_knots=0)
+        z.append((fit.change.bias) / fit.sd[:3])
+        assert fit.correlation > 5.0
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.25)
+    assert np.abs(np.mean(z, axis=0)).max() < 4 / np.sqrt(40)
+
+
+def test_a_drifting_bias_is_followed_and_a_steady_one_is_not_made_to_drift() -> None:
+    n, step = 6000, 10.0
+    drift = np.outer(np.linspace(-1, 1, n) ** 2, [600.0, -400.0, 200.0])
+    fit = fit_inflight(orbit(n=n, step_s=step, moved=drift), ground=GROUND)
+    assert fit.drift.changes
+    assert min(fit.held_out, key=fit.held_out.get) >= 1
+    bias, sd = fit.bias_at(track(n, step).time)
+    error = bias - drift
+    assert np.sqrt(np.mean(error**2)) < 25.0
+    assert np.sqrt(np.mean((error / sd) ** 2)) < 2.0
+    assert "drifted by" in fit.status
+
+
+def test_rows_are_left_out_as_asked() -> None:
+    samples = orbit()
+    disturbed = np.zeros(len(samples), dtype=bool)
+    disturbed[500:1500] = True
+    spoilt = samples.with_columns(field=samples.field + disturbed[:, None] * [9000.0, 0, 0])
+    fit = fit_inflight(spoilt, ground=GROUND, exclude=disturbed)
+    assert fit.ok
+    assert fit.n == 2000
+    assert np.all(fit.weights[disturbed] == 0)
+    low = fit_inflight(samples, ground=GROUND, latitude_deg=(-50.0, 50.0))
+    assert 1000 < low.n < 2500
+    with pytest.raises(ag.AgonicError, match="exclude has"):
+        fit_inflight(samples, ground=GROUND, exclude=disturbed[:10])
+    with pytest.raises(ag.CoverageError, match="too few"):
+        fit_inflight(samples, ground=GROUND, latitude_deg=(89.0, 90.0))
+
+
+def test_a_scalar_instrument_may_teach() -> None:
+    samples = orbit(noise=0.3, n=4000)
+    scalar = np.linalg.norm(model_n(4000, 10.0), axis=1)
+    fit = fit_inflight(
+        samples, ag.Reference.magnitude(scalar), ground=GROUND, solve="full", drift_knots=0
+    )
+    assert fit.noise == pytest.approx(0.3, rel=0.1)
+    assert fit.calibration.bias == pytest.approx(TRUTH.bias, abs=0.1)
+
+
+MISTAKES = {
+    "longitudes counted west": lambda s: s.with_columns(longitude_deg=-s.longitude_deg),
+    "positions in radians": lambda s: s.with_columns(
+        latitude_deg=np.radians(s.latitude_deg), longitude_deg=np.radians(s.longitude_deg)
+    ),
+    "where nothing orbits": lambda s: s.with_columns(altitude_m=s.altitude_m / 1000.0),
+    "latitudes with the sign reversed": lambda s: s.with_columns(latitude_deg=-s.latitude_deg),
+    "an hour off": lambda s: s.select(np.arange(len(s)) < len(s) - 360).with_columns(
+        latitude_deg=s.latitude_deg[360:], longitude_deg=s.longitude_deg[360:]
+    ),
+    "a date near 20": lambda s: s.with_columns(epoch=datetime(1964, 3, 1, tzinfo=UTC)),
+}
+
+
+@pytest.mark.parametrize("words", MISTAKES)
+def test_a_mistake_in_the_track_is_named(words: str) -> None:
+    fit = fit_inflight(MISTAKES[words](orbit()), drift_knots=0)
+    assert fit.verdict != "good"
+    assert words in fit.status
+
+
+def test_what_is_missing_is_named() -> None:
+    samples = orbit()
+    with pytest.raises(ag.AgonicError, match="moves a ground calibration"):
+        fit_inflight(samples, solve="bias")
+    with pytest.raises(ag.AgonicError, match="use one of"):
+        fit_inflight(samples, ground=GROUND, solve="all")
+    with pytest.raises(ag.AgonicError, match="positions"):
+        fit_inflight(samples.with_columns(latitude_deg=None), ground=GROUND)
+    with pytest.raises(ag.AgonicError, match="needs times"):
+        fit_inflight(samples.with_columns(time=None), ground=GROUND)
+
+
+@pytest.mark.recordings
+def test_the_space_station(recordings) -> None:
+    """Nine parameters of hobby hardware; half fitted, the other half predicted."""
+    log = ag.open_log(recordings / "orbit" / "iss_2021-04-16_all_photos_classified.csv", unit="uT")
+    samples = log.sensors[0]
+    samples = samples.select(np.arange(len(samples)) >= 60)
+    if samples.altitude_m is None:
+        samples = samples.with_columns(altitude_m=np.full(len(samples), 420e3))
+    wanted = ag.igrf().along(samples).magnitudes(len(samples))
+    whole = fit_inflight(samples, drift_knots=0)
+    assert np.sqrt(np.mean(whole.residuals**2)) < 310.0
+    first = np.arange(len(samples)) < len(samples) // 2
+    for rows, limit in ((first, 820.0), (~first, 950.0)):
+        part = fit_inflight(samples.select(rows), drift_knots=0)
+        unseen = np.linalg.norm(part.change.correct(samples.field[~rows]), axis=1) - wanted[~rows]
+        assert np.sqrt(np.mean(unseen**2)) < limit  # measured 600 and 848
