@@ -199,7 +199,7 @@ def _judged(choice: Choice, verification: Verification) -> Calibrated:
         verdict = "check"
         said += [f"On held-out parts {_of(check)}: {check.meaning}." for check in failed]
     if choice.latency is not None and verdict != "refused":
-        said.append(choice.latency.status)
+        said.append(choice.undone)
     return Calibrated(
         samples=choice.samples,
         fit=fit,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -49,6 +49,18 @@ class Choice:
     again: Callable[..., Fit]
     latency: LatencyFit | None = None
 
+    @property
+    def undone(self) -> str:
+        """What is done about the latency, in a sentence."""
+        return undone(self.latency) if self.latency else ""
+
+
+def undone(latency: LatencyFit) -> str:
+    """What is done about a latency, in a sentence."""
+    late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms"
+    way = "late" if latency.latency_s > 0 else "early"
+    return f"The readings came {late} {way} beside the attitude; the setup keeps it."
+
 
 def choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
@@ -85,10 +97,10 @@ def _method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
 def _ellipsoid(
     samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
-    """The fit to the magnitude; its latency matters to a heading, not to the fit."""
+    """The fit to the magnitude; its latency matters to a heading, and is told with it."""
     fit = fit_ellipsoid(samples, reference, **settings)
     again = partial(fit_ellipsoid, **{**settings, "model": fit.calibration.model})
-    return Choice(samples, fit, "ellipsoid", reason, again)
+    return Choice(samples, fit, "ellipsoid", reason, again, _latency(samples))
 
 
 def _taught(
@@ -126,9 +138,7 @@ def _or_by_magnitude(
     if alone.fit.verdict == "refused":
         return taught
     why = taught.fit.findings[0].what
-    return Choice(
-        samples, alone.fit, alone.method, f"a {taught.method} fit was refused ({why})", alone.again
-    )
+    return replace(alone, reason=f"a {taught.method} fit was refused ({why})")
 
 
 def _latency(samples: Samples) -> LatencyFit | None:

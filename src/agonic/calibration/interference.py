@@ -58,6 +58,8 @@ class Interference(Affine):
         if unknown or not self.sources:
             given = ", ".join(unknown) or "none"
             raise AgonicError(f"sources must be some of {', '.join(WIDTH)}; given: {given}")
+        if len(set(self.sources)) < len(self.sources):
+            raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
         shape = (3, sum(WIDTH[name] for name in self.sources))
         object.__setattr__(self, "sources", tuple(self.sources))
         object.__setattr__(

@@ -65,7 +65,8 @@ def calibrate(
         records = [record(result, *written[result.samples.name]) for result in results]
         print_json("agonic/calibrate@1", {"sensors": records + failures})
     else:
-        say(summary(results))
+        if results or not failures:
+            say(summary(results))
         for failure in failures:
             say(f"\n✗ {failure['sensor']}: refused\n  {failure['status']}")
         for of_sensor in written.values():

@@ -113,6 +113,8 @@ def _placed(
     from agonic.field.place import model_for
     from agonic.io.firmware import declination_grid
 
+    if declination is not None and not abs(declination) <= 180.0:
+        raise AgonicError(f"--declination {declination:g} must lie within ±180°, east positive")
     if sum(choice is not None for choice in (declination, at, box)) > 1:
         raise AgonicError("--declination, --at and --box exclude each other; give one of them")
     when = date or datetime.now(UTC).date().isoformat()

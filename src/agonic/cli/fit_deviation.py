@@ -71,12 +71,17 @@ def deviation(
 
     Exit status 1 where the headings do not determine it or something is to be looked at.
     """
+    import math
+
     from agonic.calibration.deviation import Deviation
     from agonic.cli.output import print_json, say
+    from agonic.errors import AgonicError
     from agonic.fitting.deviation import fit_deviation
     from agonic.io.swing import read_swing
     from agonic.report.card import card_text
 
+    if current is not None and not math.isfinite(current):
+        raise AgonicError(f"--current {current} is no current")
     read = read_swing(swing) if setup is None else _of_log(swing, setup, sensor, unit, between)
     fit = fit_deviation(
         read.compass_deg,

@@ -96,4 +96,8 @@ def degrees(angle_deg: float) -> str:
 
 def _decimals(value: float, digits: int) -> int:
     """Decimal places that show so many significant digits of a value; negative: tens, hundreds."""
-    return 0 if value == 0.0 else digits - 1 - math.floor(math.log10(abs(value)))
+    return (
+        0
+        if value == 0.0 or not math.isfinite(value)
+        else digits - 1 - math.floor(math.log10(abs(value)))
+    )

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agonic.calibrated import Calibrated
+from agonic.choice import undone
 from agonic.citations import CITATIONS
 from agonic.fit import Fit
 from agonic.report.digits import grouped, percent, quantity, rounded, signed, with_sd
@@ -114,7 +115,7 @@ def method(result: Calibrated) -> Markup:
         "p",
         f"Method: {result.method}. {sentence(result.reason)} "
         f"Model: {calibration.model}, {calibration.gauge} matrix."
-        + (f" {sentence(result.latency.status)}" if result.latency else ""),
+        + (f" {undone(result.latency)}" if result.latency else ""),
     )
     if not fit.tests:
         return chosen

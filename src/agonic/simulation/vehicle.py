@@ -158,6 +158,9 @@ def simulate_vehicle(
 
 def _check(facts: Mapping[str, Any], sensors: int, calibrations: Sequence[Affine] | None) -> None:
     check_choice("placing", facts["placing"], ("apart", "opposite"))
+    for name, value in facts.items():
+        if isinstance(value, float) and not np.isfinite(value):
+            raise AgonicError(f"{name} is {value}; a simulation needs a number")
     if sensors not in (1, 2):
         raise AgonicError(f"sensors is {sensors}; a simulated vehicle has 1 or 2")
     if calibrations is not None and len(calibrations) != sensors:

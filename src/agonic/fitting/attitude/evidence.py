@@ -22,6 +22,8 @@ from agonic.samples import Samples
 Array = NDArray[np.float64]
 
 ATTITUDE_DOUBTFUL_DEG = 5.0
+HEADING_DOUBTFUL_DEG = 5.0
+HEADING_REFUSED_DEG = 20.0
 WIDEST_GAP_DEG = 60.0
 LEAST_TILT_DEG = 10.0
 
@@ -59,6 +61,7 @@ def with_evidence(
         noise=magnitude.noise,
         correlation=magnitude.correlation,
         coverage=coverage,
+        known_radius=scale.magnitude,
         unit=samples.unit,
     )
     fit = Fit(
@@ -76,7 +79,7 @@ def with_evidence(
         tests=tests,
     )
     tilt_sd = _tilt_sd_deg(channels, evidence.radius)
-    found = _findings(samples, evidence, problem, cleaned, tilt_sd)
+    found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd)
     fit = replace(fit, findings=found)
     said = _remarks(fit, tilt_sd, problem)
     return fit if fit.verdict == "refused" else replace(fit, remarks=said)
@@ -133,9 +136,17 @@ def _tilt_sd_deg(channels: dict[str, Channel], radius: float) -> float | None:
     return float(np.degrees(np.sqrt(max(excess, 0.0)) / radius))
 
 
+def _heading_sd_deg(evidence: Evidence, channels: dict[str, Channel]) -> float | None:
+    """What the azimuth scatters by over the level part of the field: errors of the heading."""
+    if "azimuth" not in channels:
+        return None
+    level = evidence.radius * np.cos(np.radians(evidence.coverage.inclination_deg))
+    return float(np.degrees(channels["azimuth"].noise / max(level, 1e-9)))
+
+
 def _findings(
     samples: Samples, evidence: Evidence, problem: taught.Problem, cleaned: Array,
-    tilt_sd: float | None,
+    channels: dict[str, Channel], tilt_sd: float | None,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """What is wrong with readings and fit, refusals first; one cause is not reported twice."""
     seen = inspect(samples)
@@ -144,6 +155,15 @@ def _findings(
     misplaced = None if problem.down is None else mounted(cleaned, problem.down)
     if misplaced is not None:
         return (misplaced, *seen)
+    gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
+    if samples.unit == "nT" and not 0.5 < gain < 2.0:
+        found_scale = Finding(
+            "scale",
+            "check",
+            f"readings had to be multiplied by {figure(gain)} to reach the stated field",
+            "check the unit of the log and the reference magnitude",
+        )
+        seen = (*seen, found_scale)
     found = [*seen, *examine_taught(evidence)]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(
@@ -153,6 +173,17 @@ def _findings(
                 f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model: "
                 "roll and pitch are wrong, late, or the field is disturbed",
                 "check the attitude, its axes and its delay; fly gentle turns",
+            )
+        )
+    turned = _heading_sd_deg(evidence, channels)
+    if turned is not None and turned > HEADING_DOUBTFUL_DEG:
+        found.append(
+            Finding(
+                "heading",
+                "refuse" if turned > HEADING_REFUSED_DEG else "check",
+                f"the field's azimuth scatters by {figure(turned)}° about that of the known "
+                "heading: it is wrong, late, or in radians",
+                "check the heading, its unit and its zero, or fit without it (levelled)",
             )
         )
     order = ("refuse", "check", "note")
@@ -167,8 +198,8 @@ def _remarks(fit: Fit, tilt_sd: float | None, problem: taught.Problem) -> tuple[
         f"{fit.coverage.inclination_deg:.0f}° dip",
         *(test.sentence for test in fit.tests),
     ]
-    if tilt_sd is not None:
-        said.append(f"roll and pitch are good to {figure(max(tilt_sd, 0.01))}° by the field's dip")
+    if tilt_sd:
+        said.append(f"roll and pitch are good to {figure(tilt_sd)}° by the field's dip")
     if (
         "azimuth" not in problem.kinds
         and "dip" in problem.kinds

@@ -40,7 +40,7 @@ def normalise(
     n = len(samples)
     centre = samples.field.mean(axis=0)
     size = float(np.linalg.norm(samples.field - centre) / np.sqrt(n))
-    if size == 0.0:
+    if size <= 1e-9 * float(np.linalg.norm(centre)):
         raise CoverageError(
             "the readings never change: the sensor did not turn, or it is stuck",
             turns="turn the vehicle through all headings, banking both ways, while recording",

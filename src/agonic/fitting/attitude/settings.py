@@ -29,6 +29,8 @@ class Settings:
         check_choice("model", self.model, get_args(Model))
         check_choice("gauge", self.gauge, get_args(Gauge))
         object.__setattr__(self, "sources", tuple(self.sources))
+        if len(set(self.sources)) < len(self.sources):
+            raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
         for name in ("soft_iron_sd", "turn_sd_deg"):
             value = getattr(self, name)
             if value is not None and not value > 0:

@@ -50,6 +50,8 @@ def complete(
             f"{reference.shape}"
         )
     declination = np.asarray(0.0 if declination_deg is None else declination_deg, dtype=np.float64)
+    if not (np.abs(declination) <= 180.0).all():
+        raise AgonicError("declination_deg must lie within ±180°, east positive")
     if declination.shape not in ((), compass.shape):
         raise AgonicError(f"declination_deg must be one or (n,), not {declination.shape}")
     tilt = np.empty((len(compass), 0)) if heel is None else np.asarray(heel, dtype=np.float64)

@@ -119,7 +119,7 @@ def _normalised(
     readings = samples.field[rows_of(usable)]
     centre = np.ones(len(readings)) @ readings / len(readings)
     size = float(np.linalg.norm(readings - centre) / np.sqrt(len(readings)))
-    if size == 0.0:
+    if size <= 1e-9 * float(np.linalg.norm(centre)):
         raise CoverageError(
             "the readings never change: the sensor did not turn, or it is stuck",
             turns="turn it about all three axes while recording",
