@@ -59,6 +59,12 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.calibration.interference import mean_of as mean_of
     from agonic.calibration.setup import Compass as Compass
     from agonic.calibration.setup import Setup as Setup
+    from agonic.calibration.thermal import Thermal as Thermal
+    from agonic.calibration.tracking import TrackerParams as TrackerParams
+    from agonic.calibration.tracking import TrackerState as TrackerState
+    from agonic.campaign import Campaign as Campaign
+    from agonic.campaign import check_campaign as check_campaign
+    from agonic.campaign import plan_thermal as plan_thermal
     from agonic.coverage import Coverage as Coverage
     from agonic.errors import (
         AgonicError as AgonicError,
@@ -105,11 +111,16 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.fitting.latency import LatencyFit as LatencyFit
     from agonic.fitting.latency import fit_latency as fit_latency
     from agonic.fitting.latency import undelayed as undelayed
+    from agonic.fitting.thermal import ThermalFit as ThermalFit
+    from agonic.fitting.thermal import fit_thermal as fit_thermal
+    from agonic.fitting.tracking import WalkChoice as WalkChoice
+    from agonic.fitting.tracking import choose_walk as choose_walk
     from agonic.headings import Heading as Heading
     from agonic.headings import heading as heading
     from agonic.health import Finding as Finding
     from agonic.io.calfile import load as load
     from agonic.io.calfile import save as save
+    from agonic.io.campaign import read_campaign as read_campaign
     from agonic.io.firmware import DeclinationGrid as DeclinationGrid
     from agonic.io.firmware import declination_grid as declination_grid
     from agonic.io.firmware import write_firmware as write_firmware
@@ -120,8 +131,10 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.io.setupfile import load_setup as load_setup
     from agonic.io.setupfile import save_setup as save_setup
     from agonic.io.swing import read_swing as read_swing
+    from agonic.io.tle import positions_from_tle as positions_from_tle
     from agonic.io.write_ardupilot import write_ardupilot as write_ardupilot
     from agonic.io.write_c import write_c as write_c
+    from agonic.io.write_campaign import write_campaign as write_campaign
     from agonic.io.write_csv import write_csv as write_csv
     from agonic.io.write_csv import write_sensors as write_sensors
     from agonic.io.write_matlab import write_matlab as write_matlab
@@ -139,6 +152,8 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.simulation import SimulatedVehicle as SimulatedVehicle
     from agonic.simulation import simulate as simulate
     from agonic.simulation import simulate_vehicle as simulate_vehicle
+    from agonic.simulation.campaign import simulate_campaign as simulate_campaign
+    from agonic.tracker import Tracker as Tracker
     from agonic.verification import Verification as Verification
     from agonic.verification import verify as verify
 
@@ -151,6 +166,9 @@ _HOMES = {
     "calibration.deviation": ("Deviation",),
     "calibration.interference": ("Interference", "mean_of"),
     "calibration.setup": ("Compass", "Setup"),
+    "calibration.thermal": ("Thermal",),
+    "calibration.tracking": ("TrackerParams", "TrackerState"),
+    "campaign": ("Campaign", "check_campaign", "plan_thermal"),
     "coverage": ("Coverage",),
     "errors": (
         "AgonicError", "AgonicWarning", "ConvergenceError", "CoverageError", "FrameError",
@@ -163,14 +181,19 @@ _HOMES = {
     "fitting.ellipsoid": ("fit_ellipsoid", "fit_moments"),
     "fitting.inflight": ("InflightFit", "fit_inflight"),
     "fitting.latency": ("LatencyFit", "fit_latency", "undelayed"),
+    "fitting.thermal": ("ThermalFit", "fit_thermal"),
+    "fitting.tracking": ("WalkChoice", "choose_walk"),
     "headings": ("Heading", "heading"),
     "health": ("Finding",),
     "io.calfile": ("load", "save"),
     "io.firmware": ("DeclinationGrid", "declination_grid", "write_firmware"),
     "io.log": ("Log",),
+    "io.campaign": ("read_campaign",),
+    "io.write_campaign": ("write_campaign",),
     "io.read": ("open_log", "read", "sensors"),
     "io.setupfile": ("load_setup", "save_setup"),
     "io.swing": ("read_swing",),
+    "io.tle": ("positions_from_tle",),
     "io.write_ardupilot": ("write_ardupilot",),
     "io.write_c": ("write_c",),
     "io.write_csv": ("write_csv", "write_sensors"),
@@ -187,6 +210,8 @@ _HOMES = {
     "report.html": ("render",),
     "samples": ("Samples",),
     "simulation": ("SimulatedVehicle", "simulate", "simulate_vehicle"),
+    "simulation.campaign": ("simulate_campaign",),
+    "tracker": ("Tracker",),
     "verification": ("Verification", "verify"),
 }  # fmt: skip
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}

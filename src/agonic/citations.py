@@ -10,6 +10,10 @@ CITATIONS: dict[str, str] = {
         "on band-spectroscopic data. Technometrics 16(2), 147–185, 1974. "
         "doi:10.1080/00401706.1974.10489171"
     ),
+    "bierman-1977": (
+        "G. J. Bierman: Factorization Methods for Discrete Sequential Estimation. Academic Press, "
+        "New York, 1977. ISBN 0-12-097350-2"
+    ),
     "caruso-2000": (
         "M. J. Caruso: Applications of magnetic sensors for low cost compass systems. IEEE "
         "Position Location and Navigation Symposium, 177–184, 2000. "

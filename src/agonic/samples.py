@@ -22,7 +22,7 @@ VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
     "time", "field", "temperature", "roll_deg", "pitch_deg", "heading_deg", "acceleration",
     "rotation_rate", "current_A", "throttle", "latitude_deg", "longitude_deg", "altitude_m",
-    "second", "station",
+    "second", "station", "scalar", "flagged",
 )  # fmt: skip
 """Every per-row column, in the order they are written."""
 
@@ -62,6 +62,8 @@ class Samples:
     second : (n, 3) readings of a second magnetometer of the vehicle at the same moments, in the
         unit of `field` (see `with_second`).
     station : (n,) number of the static position.
+    scalar : (n,) reading of an absolute scalar magnetometer at the same moments, nT always.
+    flagged : (n,) not 0 where a fit should leave the row out, as when torquers are on.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
     device_id : the number by which an autopilot knows the sensor.
     heading_estimated : the heading is an estimate that follows the magnetometer itself.
@@ -94,6 +96,8 @@ class Samples:
     altitude_m: FloatArray | None = None
     second: FloatArray | None = None
     station: FloatArray | None = None
+    scalar: FloatArray | None = None
+    flagged: FloatArray | None = None
     name: str = "mag"
     frame: str = "m"
     device_id: int | None = None

@@ -206,7 +206,7 @@ def test_unknown_fields_are_passed_over(file):
         (edited(put("matrix", [[1, 0, 0], [0, 1, 0]])), "matrix"),
         (edited(put("matrix", [[1, 0, 0], [0, None, 0], [0, 0, 1]])), "matrix[1][1]"),
         (edited(put("covariance", [[1.0] * 9] * 8)), "covariance"),
-        (edited(put("kind", "thermal")), "thermal"),
+        (edited(put("kind", "tidal")), "tidal"),
         (edited(put("unit_in", "uT")), "unit_in"),
         (edited(put("frame_out", "c")), "c does not meet m"),
         (encode(AFFINE).replace(b"1.5,", b"NaN,"), "malformed"),

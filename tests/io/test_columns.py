@@ -47,6 +47,11 @@ NAMES = {
     "Lat_deg": ("latitude_deg", "", "", "deg"),
     "gps_alt_m": ("altitude_m", "", "", "m"),
     "current_mA": ("current_A", "", "", "ma"),
+    "mag_nT[0]": ("field", "x", "", "nT"),
+    "magn_y_uT": ("field", "y", "", "uT"),
+    "scalar_nT": ("scalar", "", "", "nt"),
+    "Scalar field (uT)": ("scalar", "", "", "ut"),
+    "torquers on": ("flagged", "", "", None),
 }
 OTHERS = (
     "index", "Hz", "max", "min", "m", "B_total", "accuracy", "mag_norm", "mag_heading", "cpu_temp",
@@ -66,7 +71,8 @@ def test_other_names_are_not_mistaken(header):
 
 
 def test_canonical_names_are_understood_as_what_they_are():
-    for column in ("time", "temperature", "heading_deg", "current_A", "throttle", "station"):
+    for column in ("time", "temperature", "heading_deg", "current_A", "throttle", "station",
+                   "scalar", "flagged"):  # fmt: skip
         found = understood(canonical_header(column))
         assert (found.quantity.column, found.rank) == (column, CANONICAL)
     assert understood(canonical_header("field", "y", "nT")).rank == CANONICAL

@@ -19,6 +19,9 @@ RECORDINGS = (
     "vehicle/fusion/sensor_data.csv",
     "vehicle/broad/34_disturbed_attached_magnet_3cm.mat",
     "orbit/iss_2021-04-16_all_photos_classified.csv",
+    "orbit/swarmA_MAGA_LR_1B_20160101_10s.cdf",
+    "orbit/swarmA_MAGA_LR_1B_20160101_10s.csv",
+    "observatory/BOU20200101vsec.sec",
     "pointclouds/aleksandrbazhin_mag_out.txt",
 )
 NANS = "t,mag_x_nT,mag_y_nT,mag_z_nT\n" + "nan,nan,nan,nan\n" * 50
@@ -57,6 +60,13 @@ MAGICS = {
     "matlab 7.3": b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n",
     "npz": b"PK\x03\x04".ljust(26, b"\0") + b"\x07\0\0\0mag.npy",
     "parquet": b"PAR1",
+    "cdf": bytes.fromhex("cdf300010000ffff"),
+    "compressed cdf": bytes.fromhex("cdf30001cccc0001"),
+    "old cdf": bytes.fromhex("cdf260020000ffff"),
+    "netcdf 3": b"CDF\x01",
+    "hdf5": b"\x89HDF\r\n\x1a\n",
+    "iaga-2002": b" Format                 IAGA-2002                                    |\n",
+    "vires": b"Timestamp,B_NEC\n2016-01-01T00:28:00Z,{1;2;3}\n",
     "utf-8": b"\xef\xbb\xbf",
 }
 

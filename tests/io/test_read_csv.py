@@ -152,6 +152,16 @@ def test_units_of_the_other_columns(table):
     np.testing.assert_allclose(samples.altitude_m, [30.48])
 
 
+def test_a_scalar_instrument_and_rows_to_leave_out(table):
+    header = "time_s,mag_x_uT,mag_y_uT,mag_z_uT,scalar_uT,torquers"
+    samples = read(table(text(header, [[0, 20, 1, 43, 47.5, 0], [1, 21, 1, 43, 47.6, 1]])))
+    np.testing.assert_allclose(samples.scalar, [47_500, 47_600])
+    assert samples.flagged.tolist() == [0, 1]
+    unnamed = read(table(text(header.replace("scalar_uT", "scalar"), [[0, 20, 1, 43, 47.5, 0]])))
+    assert unnamed.scalar is None
+    assert any("scalar left out: its header names no unit" in note for note in unnamed.notes)
+
+
 def test_without_a_unit_gravity_tells_and_nothing_else_does(table):
     acc, gyro = np.tile([0.1, 0.0, 1.0], (4, 1)), np.full((4, 3), 0.5)
     header = "t,mx,my,mz,ax,ay,az,gx,gy,gz,roll"
@@ -346,6 +356,7 @@ def test_recorded_space_station(recordings):
     np.testing.assert_allclose(samples.field[0], [178.826957941055, -2260.56790351868, 11203.2423],
                                rtol=1e-6)  # fmt: skip
     assert samples.latitude_deg[0] == pytest.approx(28 + 48 / 60 + 17.8 / 3600)
+    assert samples.longitude_deg[0] == pytest.approx(-(107 + 7 / 60 + 22.5 / 3600))
     assert samples.latitude_deg[73] == pytest.approx(-(21 / 60 + 57.8 / 3600))
     # the inclination of the orbit, 51.6°, bounds the latitude
     assert np.abs(samples.latitude_deg).max() == pytest.approx(51.6, abs=0.3)

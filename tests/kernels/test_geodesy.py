@@ -44,3 +44,24 @@ def test_earth_fixed_undoes_north_east_down() -> None:
     where = geodesy.directions(*PLACES)
     there = geodesy.north_east_down(vectors, where)
     assert np.abs(geodesy.earth_fixed(there, where) - vectors).max() < 1e-14
+
+
+@pytest.mark.parametrize("height", [-10e3, 0.0, 500e3, 36e6, 1e9])
+def test_positions_come_back_from_earth_fixed(height: float) -> None:
+    latitude = np.array([90.0, -90.0, 89.9999999, 0.0, 1e-9, 45.0, -52.3, 37.4])
+    longitude = np.array([0.0, 0.0, 179.0, -180.0, 12.0, 0.0, 100.0, -122.2])
+    where = geodesy.directions(latitude, longitude)
+    back = geodesy.geodetic(geodesy.earth_fixed_position(where, height))
+    np.testing.assert_allclose(back[0], latitude, atol=1e-12)
+    np.testing.assert_allclose((back[1] - longitude + 180) % 360, 180, atol=1e-8)
+    np.testing.assert_allclose(back[2], height, atol=1e-6)  # m
+
+
+def test_geocentric_positions_are_on_the_same_ray() -> None:
+    """The radius is the distance from the centre, and tan φ′ = z / ρ."""
+    latitude, longitude, radius = np.array([-60.0, 0.0, 45.0]), np.array([10.0, 200.0, -5.0]), 6.8e6
+    geodetic = geodesy.from_geocentric(latitude, longitude, radius)
+    x, y, z = geodesy.earth_fixed_position(geodesy.directions(*geodetic[:2]), geodetic[2])
+    np.testing.assert_allclose(np.sqrt(x**2 + y**2 + z**2), radius)
+    np.testing.assert_allclose(np.degrees(np.arctan2(z, np.hypot(x, y))), latitude)
+    np.testing.assert_allclose(geodetic[1], [10.0, -160.0, -5.0])

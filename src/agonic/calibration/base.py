@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
+from agonic.kernels.series import rates
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
@@ -63,11 +64,15 @@ def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
 def beside(calibration: Calibration, samples: Samples) -> dict[str, Array]:
     """The columns of the samples that the calibration needs beside the readings, by name.
 
+    The rate at which the temperature changes, °C/s, is taken from time and temperature.
+
     >>> from agonic.calibration.affine import Affine
     >>> beside(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]]))
     {}
     """
     there = samples.columns()
+    if "temperature_rate" in calibration.needs and {"time", "temperature"} <= set(there):
+        there["temperature_rate"] = rates(there["time"], there["temperature"])
     missing = [name for name in calibration.needs if name not in there]
     if missing:
         raise LogError(

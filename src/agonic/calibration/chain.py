@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.interference import WIDTH, Interference
+from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.provenance import Provenance
 
@@ -33,7 +34,7 @@ class Chain:
 
     kind: ClassVar[str] = "chain"
 
-    steps: tuple[Affine | Alignment, ...]
+    steps: tuple[Affine | Thermal | Alignment, ...]
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
@@ -61,9 +62,22 @@ class Chain:
             values = step.correct(values, **columns)
         return values
 
+    def at(self, temperature_C: float) -> Chain:
+        """The chain that this is while the temperature stays at a value, °C.
+
+        >>> Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3)),)).at(20.0).steps[0].kind
+        'affine'
+        """
+        held = tuple(
+            step.at(temperature_C) if isinstance(step, Thermal) else step for step in self.steps
+        )
+        return replace(self, steps=held)
+
     @property
     def composed(self) -> Affine:
         """The whole chain as one step, without covariance: an `Interference` where a step is one.
+
+        Raises `AgonicError` where a step depends on temperature; `at` holds that.
 
         Bias and coefficients of a step, seen through the matrix P of all steps before it:
 
@@ -81,6 +95,11 @@ class Chain:
             if isinstance(step, Alignment):
                 matrix = step.rotation.as_matrix() @ matrix
                 continue
+            if isinstance(step, Thermal):
+                raise AgonicError(
+                    "a step of this chain changes with temperature, so the chain is no single "
+                    "affine; hold it at a temperature first: chain.at(20.0).composed"
+                )
             back = _inverse(matrix)
             bias = bias + back @ step.bias
             for name, block in _blocks(step).items():

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 COMMANDS = (
     "calibrate", "info", "fit", "apply", "verify", "heading", "export", "report", "field", "plan",
-    "simulate", "cite", "demo",
+    "simulate", "track", "cite", "demo",
 )  # fmt: skip
 """In the order in which `agonic --help` lists them; each is a file here."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli import fit_deviation, fit_inflight, fit_latency
+from agonic.cli import fit_deviation, fit_inflight, fit_latency, fit_thermal
 from agonic.cli.options import (
     At,
     Between,
@@ -58,6 +58,7 @@ def add_to(app: typer.Typer) -> None:
     fit_deviation.add_to(kinds)
     fit_inflight.add_to(kinds)
     fit_latency.add_to(kinds)
+    fit_thermal.add_to(kinds)
     app.add_typer(kinds, name="fit", rich_help_panel=None)
 
 

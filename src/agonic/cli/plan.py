@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from agonic.cli import plan_thermal
 from agonic.cli.options import Json
 
 
@@ -15,8 +16,8 @@ def add_to(app: typer.Typer) -> None:
     kinds = typer.Typer(
         help="Plan the data to take, with the standard errors to expect.", no_args_is_help=True
     )
-    kinds.callback()(lambda: None)  # a single kind still needs its name
     kinds.command("swing")(swing)
+    plan_thermal.add_to(kinds)
     app.add_typer(kinds, name="plan", rich_help_panel=None)
 
 

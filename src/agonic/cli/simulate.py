@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from agonic.cli import simulate_campaign, simulate_orbit
 from agonic.cli.options import Json
+from agonic.cli.simulate_campaign import FAULTS
 
 if TYPE_CHECKING:
     from agonic.simulation import Defect
@@ -19,13 +22,23 @@ def add_to(app: typer.Typer) -> None:
 
 
 def simulate(
+    context: typer.Context,
     kind: Annotated[
         str,
-        typer.Argument(help="tumble, sphere, belt, hand, circle, flight, static or vehicle."),
+        typer.Argument(
+            help="tumble, sphere, belt, hand, circle, flight, static, vehicle, orbit; or campaign."
+        ),
     ],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="CSV file to write.")],
-    n: Annotated[int, typer.Option("-n", help="Readings.", min=1)] = 3000,
-    noise: Annotated[float, typer.Option(help="Noise per axis, nT.", min=0)] = 200.0,
+    out: Annotated[
+        Path,
+        typer.Option("-o", "--out", metavar="FILE", help="CSV file; of a campaign the folder."),
+    ],
+    n: Annotated[
+        int, typer.Option("-n", help="Readings; default of an orbit: 86400, a day.", min=1)
+    ] = 3000,
+    noise: Annotated[
+        float, typer.Option(help="Noise per axis, nT; default of an orbit: 100.", min=0)
+    ] = 200.0,
     field: Annotated[
         float | None,
         typer.Option(help="Magnitude of the field, nT; default: 50000, a vehicle's by its place."),
@@ -50,16 +63,67 @@ def simulate(
         typer.Option("--truth", metavar="CAL", help="Whose readings; default: drawn by the seed."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    sensors: Annotated[
+        str, typer.Option(metavar="LIST", help="Of a campaign: 2xMMC5883MA,3xMPU-9255.")
+    ] = "2xMMC5883MA,3xMPU-9255",
+    rate: Annotated[
+        float,
+        typer.Option(metavar="HZ", help="Of a campaign or an orbit: readings a second.", min=0.001),
+    ] = 1.0,
+    fault: Annotated[
+        list[str] | None, typer.Option(metavar="FAULT", help=f"Of a campaign: {FAULTS}.")
+    ] = None,
+    format: Annotated[str, typer.Option(help="Of a campaign: csv or parquet.")] = "csv",
+    drift: Annotated[
+        float | None, typer.Option(metavar="NT", help="Of an orbit: drift of the bias, nT.")
+    ] = None,
+    moved: Annotated[
+        float | None, typer.Option(metavar="NT", help="Of an orbit: bias moved since the ground.")
+    ] = None,
+    jump: Annotated[
+        float | None, typer.Option(metavar="NT", help="Of an orbit: step of the bias half-way.")
+    ] = None,
+    external: Annotated[
+        float | None, typer.Option(metavar="NT", help="Of an orbit: sd of the ring current.")
+    ] = None,
+    torquer: Annotated[
+        float | None, typer.Option(metavar="NT", help="Of an orbit: field of the torquers.")
+    ] = None,
+    scalar: Annotated[
+        float | None, typer.Option(metavar="SD", help="Of an orbit: a scalar sensor's noise, nT.")
+    ] = None,
+    pointing: Annotated[str | None, typer.Option(help="Of an orbit: nadir or tumble.")] = None,
     as_json: Json = False,
 ) -> int:
     """Write readings of a simulated sensor or vehicle, and beside them what would undo it."""
-    from agonic.errors import AgonicError
-
+    if kind == "campaign":
+        own_noise = noise if _stated(context, "noise") else None
+        return simulate_campaign.campaign(
+            out, sensors=sensors, rate=rate, noise=own_noise, field=field or 48_000.0,
+            fault=fault or [], format=format, seed=seed, as_json=as_json,
+        )  # fmt: skip
+    aloft = {
+        "drift": drift, "moved": moved, "jump": jump, "external": external, "torquer": torquer,
+        "scalar_sd": scalar, "pointing": pointing,
+    }  # fmt: skip
+    if kind == "orbit":
+        _refuse(kind, {
+            "--field": field, "--tilt": tilt, "--truth": sensor, "--bank": bank,
+            "--latency": latency, "--opposite": opposite or None,
+            "--outliers": outliers or None, "--clip": clip or None,
+        })  # fmt: skip
+        aloft |= {
+            "n": n if _stated(context, "n") else None,
+            "rate_Hz": rate if _stated(context, "rate") else None,
+            "noise": noise if _stated(context, "noise") else None,
+        }
+        given = {name: value for name, value in aloft.items() if value is not None}
+        return simulate_orbit.orbit(out, as_json, seed=seed, step=step, **given)
+    _refuse(kind, {f"--{name.removesuffix('_sd')}": value for name, value in aloft.items()})
     others = {"--field": field, "--tilt": tilt, "--truth": sensor}
     flown = {"--bank": bank, "--latency": latency, "--opposite": opposite or None}
     misfits = others if kind == "vehicle" else flown
-    if given := [name for name, value in misfits.items() if value is not None]:
-        raise AgonicError(f"{', '.join(given)}: not an option of the kind {kind!r}")
+    _refuse(kind, misfits)
     defects = _defects(outliers, step, clip, seed)
     if kind == "vehicle":
         return _vehicle(
@@ -73,6 +137,14 @@ def simulate(
         **({} if field is None else {"magnitude": field}),
         **({} if tilt is None else {"tilt_deg": tilt}),
     )  # fmt: skip
+
+
+def _refuse(kind: str, misfits: Mapping[str, Any]) -> None:
+    """Raise where an option was given that this kind does not have."""
+    from agonic.errors import AgonicError
+
+    if given := [name for name, value in misfits.items() if value is not None]:
+        raise AgonicError(f"{', '.join(given)}: not an option of the kind {kind!r}")
 
 
 def _defects(outliers: float, step: float, clip: float, seed: int) -> list[Defect]:
@@ -135,3 +207,9 @@ def _vehicle(out: Path, defects: list[Defect], as_json: bool, **settings: Any) -
         say(f"{len(made.heading_deg)} readings of two sensors: {out}")
         say(f"The truths: {', '.join(map(str, truths))}")
     return 0
+
+
+def _stated(context: typer.Context, name: str) -> bool:
+    """Whether an option was given, and is not its default."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"

@@ -24,6 +24,7 @@ from agonic.calibration.base import Calibration, Validity
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
+from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError
 from agonic.fit import Fit
 from agonic.io.atomic import write_atomically
@@ -36,6 +37,7 @@ from agonic.io.calrecords import (
     DeviationRecord,
     InterferenceRecord,
     ProvenanceRecord,
+    ThermalRecord,
 )  # fmt: skip
 from agonic.provenance import Provenance
 
@@ -76,7 +78,7 @@ def encode(calibration: Calibration | Deviation) -> bytes:
     return _rows_on_one_line(msgspec.json.format(msgspec.json.encode(record), indent=2)) + b"\n"
 
 
-def load(path: Path | str) -> Affine | Alignment | Chain | Deviation:
+def load(path: Path | str) -> Affine | Thermal | Alignment | Chain | Deviation:
     """Read a calibration file.
 
     Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
@@ -106,20 +108,20 @@ def schema() -> dict[str, Any]:
     }
 
 
-def require_calibration(value: object) -> Affine | Alignment | Chain:
+def require_calibration(value: object) -> Affine | Thermal | Alignment | Chain:
     """The value itself, or an error that says what to give instead."""
-    if isinstance(value, Affine | Alignment | Chain):
+    if isinstance(value, Affine | Thermal | Alignment | Chain):
         return value
     if isinstance(value, Deviation):
         raise AgonicError(
-            "a Deviation corrects headings and a calibration of readings is needed: an Affine, an "
-            "Alignment or a Chain of them"
+            "a Deviation corrects headings and a calibration of readings is needed: an Affine, a "
+            "Thermal, an Alignment or a Chain of them"
         )
     if isinstance(value, Fit):
         raise AgonicError("a Fit was given and a calibration is needed: give fit.calibration")
     raise AgonicError(
         f"a {type(value).__name__} was given and a calibration is needed: "
-        "an Affine, an Alignment or a Chain of them"
+        "an Affine, a Thermal, an Alignment or a Chain of them"
     )
 
 
@@ -174,7 +176,7 @@ def _require_known_version(text: str) -> None:
         )
 
 
-def _restored(record: AnyRecord) -> Affine | Alignment | Chain | Deviation:
+def _restored(record: AnyRecord) -> Affine | Thermal | Alignment | Chain | Deviation:
     if isinstance(record, DeviationRecord):
         values = msgspec.structs.asdict(record)
         return Deviation(**{**values, "provenance": _provenance(record.provenance)})
@@ -184,11 +186,15 @@ def _restored(record: AnyRecord) -> Affine | Alignment | Chain | Deviation:
     return _restored_step(record)
 
 
-def _restored_step(record: AffineRecord | AlignmentRecord) -> Affine | Alignment:
+def _restored_step(
+    record: AffineRecord | ThermalRecord | AlignmentRecord,
+) -> Affine | Thermal | Alignment:
     values = msgspec.structs.asdict(record)
     values["provenance"] = _provenance(record.provenance)
-    if isinstance(record, AffineRecord):
+    if isinstance(record, AffineRecord | ThermalRecord):
         values["validity"] = msgspec.convert(record.validity, Validity, from_attributes=True)
+        if isinstance(record, ThermalRecord):
+            return Thermal(**values)
         return (Interference if isinstance(record, InterferenceRecord) else Affine)(**values)
     values["rotation"] = _rotation(record.rotation.quat_wxyz)
     if record.covariance is not None:

@@ -107,6 +107,51 @@ class InterferenceRecord(AffineRecord, frozen=True, kw_only=True, tag="interfere
     ]
 
 
+class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="thermal"):
+    """field = matrix(T) @ (raw − bias(T) − rate dT/dt), powers of x = (T − centre)/half range."""
+
+    sensor: Sensor
+    unit_in: Unit
+    unit_out: Unit
+    frame_in: Frame
+    frame_out: Frame
+    gauge: Annotated[
+        Literal["symmetric", "triangular", "free"],
+        Meta(description="How the rotation that magnitude alone leaves open was fixed."),
+    ]
+    centre_C: Annotated[float, Meta(description="Temperature at x = 0, °C.")]
+    half_range_C: Annotated[float, Meta(gt=0, description="From x = 0 to x = 1, °C.")]
+    bias: Annotated[
+        tuple[Vector, ...], Meta(min_length=1, description="Of each power of x, in unit_in.")
+    ]
+    matrix: Annotated[
+        tuple[Matrix, ...],
+        Meta(min_length=1, description="Of each power of x, row by row, unit_out per unit_in."),
+    ]
+    rate: Annotated[
+        Vector | None, Meta(description="Added to the bias, unit_in per °C/s; null: none.")
+    ] = None
+    covariance: Annotated[
+        tuple[Row, ...] | None,
+        Meta(
+            description=f"Of {', '.join(PARAMETERS)}; in the gauge free, {', '.join(LOWER)} after "
+            "them; each with all its powers, the rates last."
+        ),
+    ] = None
+    magnitude: Annotated[
+        NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
+    ] = None
+    noise: Annotated[
+        NotNegative | None,
+        Meta(description="Standard deviation of one reading on one axis, in unit_in."),
+    ] = None
+    device_id: Annotated[
+        int | None, Meta(description="The number by which an autopilot knows the sensor.")
+    ] = None
+    validity: ValidityRecord = ValidityRecord()
+    provenance: ProvenanceRecord
+
+
 class RotationRecord(Struct, frozen=True):
     """A rotation as a unit quaternion, Hamilton, scalar first."""
 
@@ -131,7 +176,8 @@ class ChainRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="chai
     """Calibrations applied one after the other, in this order."""
 
     steps: Annotated[
-        tuple[AffineRecord | InterferenceRecord | AlignmentRecord, ...], Meta(min_length=1)
+        tuple[AffineRecord | InterferenceRecord | ThermalRecord | AlignmentRecord, ...],
+        Meta(min_length=1),
     ]
     provenance: ProvenanceRecord
 
@@ -166,7 +212,14 @@ class DeviationRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="
     provenance: ProvenanceRecord
 
 
-AnyRecord = AffineRecord | InterferenceRecord | AlignmentRecord | ChainRecord | DeviationRecord
+AnyRecord = (
+    AffineRecord
+    | InterferenceRecord
+    | ThermalRecord
+    | AlignmentRecord
+    | ChainRecord
+    | DeviationRecord
+)
 
 
 class CalibrationFile(Struct, frozen=True):

@@ -133,6 +133,16 @@ QUANTITIES: tuple[Quantity, ...] = (
         aliases="secondmag secondfield",
     ),
     Quantity(column="station", name="station", aliases="stationid pose"),
+    Quantity(
+        column="scalar", name="scalar", unit="nT",
+        units={"nt": (1, 0), "ut": (1e3, 0), "mt": (1e6, 0), "t": (1e9, 0), "g": (1e5, 0),
+               "mg": (100, 0)},
+        aliases="scalarfield scalarmag scalarmagnetometer fscalar",
+    ),
+    Quantity(
+        column="flagged", name="flagged",
+        aliases="excluded torquers torquerson mtq mtqon magnetorquers magnetorquerson",
+    ),
     Quantity(column="sensor", name="sensor", aliases="sensorid sensorname magid"),
     Quantity(column="frame", name="frame"),
 )  # fmt: skip
@@ -181,9 +191,11 @@ def _either(words: Iterable[str]) -> str:
     return "|".join(sorted(words, key=len, reverse=True))
 
 
+_NAME = _either(_NAMES).replace("|magn|", "|magn(?!t[xyz]?$)|")
+"""magnT is mag in nT, as mag_nT[0], not magn in T."""
 _PATTERN = re.compile(
     r"(?:raw|imu(?P<imu>\d*)|sensor|field|data|msg|message)*?"
-    rf"(?P<before>[xyz])?(?P<name>{_either(_NAMES)})(?:raw)?(?P<number>\d*)(?P<axis>[xyz])?(?:axis)?"
+    rf"(?P<before>[xyz])?(?P<name>{_NAME})(?:raw)?(?P<number>\d*)(?P<axis>[xyz])?(?:axis)?"
     rf"(?P<after>\d*)(?:in)?(?P<unit>{_either(_UNITS)})?(?P<last>[xyz])?",
     re.IGNORECASE,
 )

@@ -118,6 +118,8 @@ def _scale(axes: Mapping[str, Column], values: FloatArray) -> tuple[Linear | Non
         return _by_gravity(values)
     if quantity.column == "rotation_rate" or quantity.column in ATTITUDE:
         return None, "its header names neither degrees nor radians"
+    if quantity.column == "scalar":
+        return None, "its header names no unit"
     return (1.0, 0.0), ""
 
 

@@ -21,6 +21,7 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference, signals
+from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.io.calfile import encode, require_calibration
 
@@ -47,7 +48,7 @@ def composed(calibration: Calibration) -> Affine:
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     """
     known = require_calibration(calibration)
-    if isinstance(known, Alignment):
+    if not isinstance(known, Affine | Chain):
         known = Chain(steps=(known,))
     one = known.composed if isinstance(known, Chain) else known
     if np.linalg.matrix_rank(one.matrix) < 3:
@@ -178,7 +179,7 @@ def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     for step in _steps(calibration):
         if isinstance(step, Alignment):
             turn = step.rotation * turn
-        elif step.frame_in != step.frame_out:
+        elif isinstance(step, Affine) and step.frame_in != step.frame_out:
             turn = symmetric_part(step.matrix)[1] * turn
     warning = (
         f"the mounting of {np.degrees(turn.magnitude()):.2f} deg inside the calibration is left "
@@ -187,7 +188,7 @@ def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     return turn if calibration.frame_in == "m" else turn.inv(), warning
 
 
-def _steps(calibration: Calibration) -> tuple[Affine | Alignment, ...]:
+def _steps(calibration: Calibration) -> tuple[Affine | Thermal | Alignment, ...]:
     known = require_calibration(calibration)
     return known.steps if isinstance(known, Chain) else (known,)
 

@@ -14,13 +14,16 @@ from agonic.provenance import Input, sha256_of
 from agonic.samples import Samples
 from agonic.units import canonical
 
-MARKED = ("read_tlog", "read_dataflash", "read_ulog", "read_mat", "read_npz", "read_parquet")
+MARKED = (
+    "read_tlog", "read_dataflash", "read_ulog", "read_mat", "read_npz", "read_parquet", "read_cdf",
+    "read_netcdf", "read_iaga2002", "read_vires",
+)  # fmt: skip
 """Readers of files that begin with a mark."""
 UNMARKED = "read_csv"
 UNIT_FIXED = ("read_tlog", "read_dataflash", "read_ulog")
 FORMATS = (
     "ArduPilot dataflash (.bin, .log), PX4 ULog (.ulg), MAVLink telemetry (.tlog), text tables "
-    "(.csv, .tsv, .txt), Parquet, MATLAB (.mat) and NumPy archives (.npz)"
+    "(.csv, .tsv, .txt), Parquet, MATLAB (.mat), NumPy archives (.npz), CDF, netCDF and IAGA-2002"
 )
 
 SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
@@ -38,15 +41,10 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"SQLite format 3", "an SQLite database"),
     (0, b"#ROSBAG", "a ROS 1 bag"),
     (0, b"\x89MCAP", "an MCAP recording"),
-    (0, b"\xcd\xf3\x00\x01", "a CDF file"),
-    (0, b"\xcd\xf2\x60\x02", "a CDF file"),
-    (0, b"CDF\x01", "a netCDF file"),
-    (0, b"\x89HDF", "an HDF5 or netCDF-4 file"),
     (0, b"\x93NUMPY", "a single NumPy array (save it with numpy.savez and name it mag_uT)"),
     (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
     (0, b"<", "a web page or XML"),
     (0, b"{", "JSON"),
-    (0, b" Format                 IAGA-2002", "an IAGA-2002 observatory file"),
 )
 """Where the mark of a kind of file stands, the mark, and what such a file is."""
 

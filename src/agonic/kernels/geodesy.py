@@ -70,3 +70,49 @@ def earth_fixed(vectors_n: Array, where: Array) -> Array:
     turned[..., 1, :] = sin_longitude * outward + cos_longitude * east
     turned[..., 2, :] = cos_latitude * north - sin_latitude * down
     return turned
+
+
+def geodetic(position_e: Array) -> tuple[Array, Array, Array]:
+    """Geodetic latitude and longitude, degrees, and height, m, of Earth-fixed positions (3, n).
+
+    tan φ = (z + e′² b sin³ β) / (ρ − e² a cos³ β) with tan β = (1 − f) tan φ, begun with
+    tan β = z (b + e′² b² / r) / (a ρ) and repeated once: below 1e-11 degrees from 10 km under the
+    ground to 1e9 m above it (Bowring, Survey Review 28, 1985).
+
+    >>> where = directions([52.0], [-5.0])
+    >>> [part.round(6).tolist() for part in geodetic(earth_fixed_position(where, [4e5]))]
+    [[52.0], [-5.0], [400000.0]]
+    """
+    x, y, z = position_e
+    from_axis, distance = np.hypot(x, y), np.sqrt(x**2 + y**2 + z**2)
+    semi_minor = SEMI_MAJOR_M * (1.0 - FLATTENING)
+    eccentricity2 = FLATTENING * (2.0 - FLATTENING)
+    second2 = eccentricity2 / (1.0 - eccentricity2)
+    rise = z * (semi_minor + second2 * semi_minor**2 / distance)
+    beta = np.arctan2(rise, SEMI_MAJOR_M * from_axis)
+    for _ in range(2):
+        up = z + second2 * semi_minor * np.sin(beta) ** 3
+        out = from_axis - eccentricity2 * SEMI_MAJOR_M * np.cos(beta) ** 3
+        beta = np.arctan2((1.0 - FLATTENING) * up, out)
+    latitude = np.arctan2(up, out)
+    sine, cosine = np.sin(latitude), np.cos(latitude)
+    surface = SEMI_MAJOR_M * np.sqrt(1.0 - eccentricity2 * sine**2)
+    height = from_axis * cosine + z * sine - surface
+    return np.degrees(latitude), np.degrees(np.arctan2(y, x)), height
+
+
+def from_geocentric(
+    latitude_deg: ArrayLike, longitude_deg: ArrayLike, radius_m: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Geodetic latitude, longitude and height of geocentric latitude, longitude and radius.
+
+    The latitudes differ by up to 0.19°, and a radius is no height by 6 357 to 6 378 km.
+
+    >>> latitude, _, height = from_geocentric([45.0], [0.0], [6_800_000.0])
+    >>> latitude.round(4).tolist(), height.round(1).tolist()
+    ([45.1802], [432580.0])
+    """
+    outward = directions(latitude_deg, longitude_deg)
+    sin_latitude, cos_latitude, sin_longitude, cos_longitude = outward
+    axes = np.stack([cos_latitude * cos_longitude, cos_latitude * sin_longitude, sin_latitude])
+    return geodetic(np.asarray(radius_m, dtype=np.float64) * axes)

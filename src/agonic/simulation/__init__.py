@@ -16,12 +16,16 @@ from agonic.simulation.defects import (
     with_outliers,
 )
 from agonic.simulation.draws import random_calibration
+from agonic.simulation.kepler import Orbit
+from agonic.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.simulation.sensor import Simulated, kinds, simulate
 from agonic.simulation.vehicle import SimulatedVehicle, simulate_vehicle
 
 __all__ = [
     "Defect",
+    "Orbit",
     "Simulated",
+    "SimulatedOrbit",
     "SimulatedVehicle",
     "clipped",
     "delayed",
@@ -34,6 +38,7 @@ __all__ = [
     "quantised",
     "random_calibration",
     "simulate",
+    "simulate_orbit",
     "simulate_vehicle",
     "with_correlated_noise",
     "with_gap",

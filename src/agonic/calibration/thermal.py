@@ -1,0 +1,246 @@
+"""`Thermal`: bias and matrix that change with the sensor's temperature."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
+from agonic.calibration.base import Validity, read_only
+from agonic.errors import AgonicError, AgonicWarning, ValidityError
+from agonic.kernels import polynomial
+from agonic.kernels import thermal as kernel
+from agonic.provenance import Provenance
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MARGIN_C = 0.5
+"""So far beyond the range that was seen, a temperature still counts as inside."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Thermal:
+    """The correction field = matrix(T) @ (raw − bias(T)), T the sensor's own temperature.
+
+        bias(T) = Σ_k bias[k] xᵏ + rate dT/dt,   matrix(T) = Σ_k matrix[k] xᵏ,
+        x = (T − centre_C) / half_range_C
+
+    Parameters
+    ----------
+    bias : (p, 3) coefficients of the powers 0, 1, … of x, in the unit of the readings.
+    matrix : (p, 3, 3) the same, nT per unit of the readings.
+    centre_C, half_range_C : of the temperatures it was made from, so that x is −1…1 in them.
+    rate : (3,) unit of the readings per °C/s: what the bias lags by while the temperature changes
+        (hysteresis); `None` where there is no such term.
+    covariance : (a, a) of `parameters`; or `None` where it is not known.
+    validity : its `temperature_C` is the range; beyond it corrections are extrapolated and warned
+        of (`AgonicWarning`), and `require_inside` refuses.
+
+    The others as in `Affine`.
+
+    Examples
+    --------
+    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
+    ...                centre_C=20.0, half_range_C=30.0)
+    >>> warm.correct([[1000.0, 0.0, 0.0]], temperature=[50.0])
+    array([[850.,   0.,   0.]])
+    >>> warm.at(20.0).bias.tolist()
+    [100.0, 0.0, 0.0]
+    """
+
+    kind: ClassVar[str] = "thermal"
+
+    bias: Array
+    matrix: Array
+    centre_C: float
+    half_range_C: float
+    rate: Array | None = None
+    covariance: Array | None = None
+    unit_in: str = "nT"
+    unit_out: str = "nT"
+    gauge: str = "symmetric"
+    magnitude: float | None = None
+    noise: float | None = None
+    sensor: str = "mag"
+    device_id: int | None = None
+    frame_in: str = "m"
+    frame_out: str = "m"
+    validity: Validity = field(default_factory=Validity)
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        p = len(np.asarray(self.bias))
+        if not self.half_range_C > 0:
+            raise AgonicError(f"half_range_C is {self.half_range_C}; it must be above 0 °C")
+        for name, shape in (("bias", (p, 3)), ("matrix", (p, 3, 3)), ("rate", (3,))):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, read_only(name, value, shape))
+        a = len(self.parameters)
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", read_only("covariance", self.covariance, (a, a)))
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The columns of the samples that it takes beside the readings."""
+        return ("temperature",) if self.rate is None else ("temperature", "temperature_rate")
+
+    @property
+    def degree(self) -> int:
+        """The order of the polynomials."""
+        return len(self.bias) - 1
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of what `covariance` is about: each coefficient with its powers, then rates."""
+        plain = FREE_PARAMETERS if self.gauge == "free" else PARAMETERS
+        powers = [f"{name}_{k}" for name in plain for k in range(self.degree + 1)]
+        return (*powers, *(() if self.rate is None else (f"rate_{axis}" for axis in "xyz")))
+
+    @property
+    def sd(self) -> Array | None:
+        """Standard deviations of `parameters`."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+
+    def bias_at(self, temperature: ArrayLike) -> Array:
+        """The bias (…, 3) at temperatures (…), °C, that do not change."""
+        return np.asarray(self._powers(temperature) @ self.bias)
+
+    def matrix_at(self, temperature: ArrayLike) -> Array:
+        """The matrix (…, 3, 3) at temperatures (…), °C."""
+        return np.asarray(np.tensordot(self._powers(temperature), self.matrix, axes=1))
+
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """The calibrated field of readings (…, 3) at temperatures (…), °C.
+
+        Parameters: `temperature`, and where the calibration has a rate `temperature_rate`, °C/s
+        (taken as 0 where it is not given). Warns (`AgonicWarning`) of temperatures outside the
+        range.
+        """
+        values, temperature, rate = self._with(raw, columns)
+        beyond = self.outside(temperature)
+        if beyond.any():
+            warnings.warn(self._beyond(temperature, beyond), AgonicWarning, stacklevel=2)
+        left = self._cleaned(values, temperature, rate)
+        return np.asarray(np.einsum("...ij,...j->...i", self.matrix_at(temperature), left))
+
+    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
+        values, temperature, rate = self._with(np.atleast_2d(raw), columns)
+        temperature = np.broadcast_to(temperature, values.shape[:1])
+        phi = self._phi(temperature, np.broadcast_to(rate, values.shape[:1]))
+        bias = self.bias_at(temperature)
+        if self.rate is not None:
+            bias = bias + phi[:, -1:] * self.rate
+        by = kernel.field_jacobian(values, bias, self.matrix_at(temperature))
+        rows = kernel.by_coefficients(by.reshape(-1, 12), self._layout, np.repeat(phi, 3, axis=0))
+        rows = rows.reshape(len(values), 3, -1)
+        return np.asarray(rows @ self._known_covariance() @ np.swapaxes(rows, 1, 2))
+
+    def at(self, temperature_C: float) -> Affine:
+        """The affine calibration that this is while the temperature stays at a value, °C."""
+        return Affine(
+            bias=self.bias_at(temperature_C),
+            matrix=self.matrix_at(temperature_C),
+            covariance=None if self.covariance is None else self.covariance_at(temperature_C),
+            unit_in=self.unit_in,
+            unit_out=self.unit_out,
+            gauge=self.gauge,
+            magnitude=self.magnitude,
+            noise=self.noise,
+            sensor=self.sensor,
+            device_id=self.device_id,
+            frame_in=self.frame_in,
+            frame_out=self.frame_out,
+            validity=Validity(
+                largest_reading=self.validity.largest_reading,
+                temperature_C=(float(temperature_C), float(temperature_C)),
+            ),
+            provenance=self.provenance,
+        )
+
+    def covariance_at(self, temperature_C: ArrayLike) -> Array:
+        """Covariance (…, 9, 9), or (…, 12, 12) in the gauge free, of bias and matrix at T."""
+        powers = self._powers(temperature_C)
+        p = self.degree + 1
+        count = len(PARAMETERS) if self.gauge != "free" else len(FREE_PARAMETERS)
+        whole = self._known_covariance()[: count * p, : count * p].reshape(count, p, count, p)
+        return np.asarray(np.einsum("...k,akbl,...l->...ab", powers, whole, powers))
+
+    def sd_at(self, temperature_C: ArrayLike) -> Array:
+        """Standard errors (…, 9 or 12) of bias and matrix at temperatures (…), °C."""
+        covariance = self.covariance_at(temperature_C)
+        return np.asarray(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)))
+
+    def outside(self, temperature: ArrayLike) -> Mask:
+        """Which temperatures (…) lie outside the range that was seen, by more than `MARGIN_C`."""
+        values = np.asarray(temperature, dtype=np.float64)
+        if self.validity.temperature_C is None:
+            return np.zeros(values.shape, dtype=bool)
+        low, high = self.validity.temperature_C
+        return np.asarray((values < low - MARGIN_C) | (values > high + MARGIN_C))
+
+    def require_inside(self, temperature: ArrayLike) -> None:
+        """Raise `ValidityError`, with the mask of the rows, where temperatures are outside."""
+        beyond = self.outside(temperature)
+        if beyond.any():
+            raise ValidityError(self._beyond(np.asarray(temperature), beyond), mask=beyond)
+
+    @property
+    def equation(self) -> str:
+        """The correction in words that hold for this calibration."""
+        unit = "counts" if self.unit_in == RAW else self.unit_in
+        lag = "" if self.rate is None else " - rate * dT/dt"
+        return (
+            f"field [{self.unit_out}] = matrix(T) @ (raw [{unit}] - bias(T){lag}), polynomials of "
+            f"order {self.degree} in x = (T [°C] - {self.centre_C:g}) / {self.half_range_C:g}"
+        )
+
+    def _powers(self, temperature: ArrayLike) -> Array:
+        x = polynomial.scaled(temperature, self.centre_C, self.half_range_C)
+        return polynomial.powers(x, self.degree)
+
+    def _phi(self, temperature: Array, rate: Array) -> Array:
+        rows = self._powers(temperature)
+        return rows if self.rate is None else np.concatenate([rows, rate[..., None]], axis=-1)
+
+    def _cleaned(self, raw: Array, temperature: Array, rate: Array) -> Array:
+        left = raw - self.bias_at(temperature)
+        return left if self.rate is None else left - rate[..., None] * self.rate
+
+    def _with(self, raw: ArrayLike, columns: dict[str, ArrayLike]) -> tuple[Array, Array, Array]:
+        """Readings, temperature and rate as arrays."""
+        if "temperature" not in columns:
+            raise AgonicError(
+                f"the calibration of {self.sensor} needs the temperature beside the readings: "
+                "correct(raw, temperature=…), in °C"
+            )
+        temperature = np.asarray(columns["temperature"], dtype=np.float64)
+        rate = np.asarray(columns.get("temperature_rate", 0.0), dtype=np.float64)
+        values = np.asarray(raw, dtype=np.float64)
+        return values, temperature, np.broadcast_to(rate, temperature.shape)
+
+    @property
+    def _layout(self) -> Array:
+        return kernel.layout(self.degree, self.gauge, self.rate is not None)
+
+    def _known_covariance(self) -> Array:
+        if self.covariance is None:
+            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+        return self.covariance
+
+    def _beyond(self, temperature: Array, beyond: Mask) -> str:
+        assert self.validity.temperature_C is not None
+        low, high = self.validity.temperature_C
+        far = temperature[beyond]
+        return (
+            f"{int(beyond.sum())} temperatures from {far.min():.1f} to {far.max():.1f} °C lie "
+            f"outside {low:.1f} to {high:.1f} °C, for which {self.sensor} was calibrated; there "
+            "the correction is extrapolated"
+        )

@@ -1,0 +1,232 @@
+"""`TrackerParams` and `TrackerState`: how a calibration is followed, and where it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, check_choice
+from agonic.kernels import gauge
+from agonic.kernels.polar import Turned, symmetric_of
+from agonic.kernels.tracking import STATES, Belief, Model
+from agonic.kernels.udfilter import CLIPPED_SQUARE, SCALE, TIME
+from agonic.provenance import Provenance
+
+Array = NDArray[np.float64]
+Solve = Literal["bias", "gains", "full"]
+
+_NOT_NEGATIVE = ("walk", "matrix_walk", "external_sd", "jump_level", "history_s")
+_POSITIVE = ("noise", "external_time_s", "gate", "jump_sd", "bias_sd", "matrix_sd")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerParams:
+    """How a calibration is followed: what moves, how fast, and what is believed.
+
+    Parameters
+    ----------
+    solve : "bias", "gains" (bias and the diagonal of the matrix) or "full"; the rest is held.
+    noise : sd of one reading on one axis, in the unit of the readings; `None`: that of the
+        starting calibration, or else estimated from the first readings.
+    walk : random walk of each bias, in the unit of the readings per √s: after t seconds it has
+        moved by walk·√t.
+    matrix_walk : the same of each entry of the matrix.
+    external_sd, external_time_s : what the reference magnitude leaves out (crust, ring current):
+        sd, nT, and correlation time.
+    bias_sd : how far the bias may have moved since the starting calibration, beside its own
+        standard error; `None`: a twentieth of the field, or, without a calibration, all of it.
+    matrix_sd : how far each entry of the matrix may be from the starting one; `None`: nothing
+        beside its standard error, or, without a calibration, 0.1.
+    gate : a reading further than this many standard deviations from its prediction is refused.
+    jump_level : χ² of three degrees of freedom above which a jump is announced; 0: never.
+    jump_sd : the size of jump to expect, in the unit of the readings.
+    history_s : seconds between the moments at which bias and band are kept; 0: never.
+
+    Examples
+    --------
+    >>> TrackerParams(walk=0.5).solve
+    'full'
+    """
+
+    solve: Solve = "full"
+    noise: float | None = None
+    walk: float = 0.0
+    matrix_walk: float = 0.0
+    external_sd: float = 0.0
+    external_time_s: float = 600.0
+    bias_sd: float | None = None
+    matrix_sd: float | None = None
+    gate: float = 5.0
+    jump_level: float = 50.0
+    jump_sd: float = 2000.0
+    history_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        check_choice("solve", self.solve, tuple(STATES))
+        for name in (*_NOT_NEGATIVE, *_POSITIVE):
+            value = getattr(self, name)
+            low = value is not None and (value < 0 or (value == 0 and name in _POSITIVE))
+            if low or (value is not None and not np.isfinite(value)):
+                least = "zero or more" if name in _NOT_NEGATIVE else "above zero"
+                raise AgonicError(f"{name} is {value}; it must be {least}")
+
+    def model(self, noise: float) -> Model:
+        """What the kernel takes."""
+        return Model(
+            noise, self.external_sd, self.external_time_s, self.walk, self.matrix_walk,
+            self.gate, self.jump_level, self.jump_sd,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Jump:
+    """A jump of the bias: the reading at which it began, when it was seen, and what it was.
+
+    `time` and `seen` in seconds of the readings; `shift` (3,) and its standard error `shift_sd`
+    (3,), in the unit of the readings, as soon as the bias is settled again.
+    """
+
+    time: float
+    seen: float
+    shift: Array
+    shift_sd: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opening:
+    """The first readings after a start or a jump, kept until the bias has settled.
+
+    While little is known the residuals are not linear in what is unknown, so these `rows` (k, 6)
+    are taken together again and again, from the belief `prior` to them; `before` is what was
+    believed before a jump, `strays` how many readings were refused since they were last taken
+    together, `None` before the first time.
+    """
+
+    prior: Belief
+    rows: Array
+    before: Belief | None = None
+    strays: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recent:
+    """The last readings, rows (k, 6), and the beliefs before the first and before the middle one.
+
+    A jump is seen some readings after it began; from here the filter goes back to before it.
+    """
+
+    before: Belief
+    middle: Belief
+    rows: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackerState:
+    """Where a followed calibration stands: everything that the next reading needs.
+
+    `base` is the calibration it started from; where that changed with temperature, `ground` is it
+    and `base` what it is at its middle temperature. `belief` is the estimate with its covariance,
+    `noise` of one reading on one axis; `n` readings were seen, `refused` of them not used; `jumps`
+    are all jumps so far; `epoch` is the UTC moment of time zero, if known; `magnitude` the last
+    reference magnitude, nT.
+    """
+
+    base: Affine
+    turned: Turned
+    belief: Belief
+    noise: float
+    noise_known: bool = True
+    opening: Opening | None = None
+    recent: Recent | None = None
+    n: int = 0
+    refused: int = 0
+    jumps: tuple[Jump, ...] = ()
+    epoch: datetime | None = None
+    magnitude: float | None = None
+    ground: Thermal | None = None
+
+    @property
+    def time(self) -> float:
+        """Seconds since `epoch` of the last reading; −infinity before the first."""
+        return float(self.belief.watch[TIME]) if self.n else -np.inf
+
+    @property
+    def bias(self) -> Array:
+        """The bias now, (3,), in the unit of the readings."""
+        return self.belief.state[1:4]
+
+    @property
+    def bias_sd(self) -> Array:
+        """Its standard error, (3,)."""
+        return np.asarray(np.sqrt(np.diag(self.belief.covariance)[1:4]))
+
+    @property
+    def settled(self) -> bool:
+        """The bias is known well enough for the filter to run on its own."""
+        return self.n > 0 and self.opening is None
+
+    @property
+    def consistency(self) -> float:
+        """Innovations over their stated standard deviations, rms of the last thousand; about 1."""
+        return float(np.sqrt(self.belief.watch[SCALE] / CLIPPED_SQUARE))
+
+    @property
+    def calibration(self) -> Affine:
+        """The calibration now, with its covariance, in the gauge of the one it started from."""
+        bias, held = self.belief.state[1:4], self.turned.covariance
+        covariance = np.zeros((9, 9))
+        covariance[3:, 3:] = held[3:9, 3:9]
+        m = len(self.belief.diagonal) - 1
+        covariance[:m, :m] = self.belief.covariance[1:, 1:]
+        symmetric = symmetric_of(self.belief.state[4:])
+        if self.base.gauge == "triangular":
+            matrix, covariance = gauge.triangular(symmetric, covariance)
+        elif self.base.gauge == "free":
+            matrix, covariance = self.turned.free(symmetric, covariance)
+        else:
+            matrix = symmetric
+        return replace(
+            self.base, bias=bias, matrix=matrix, covariance=covariance, noise=self.noise,
+            model="full", magnitude=self.magnitude, unit_out="nT",
+            provenance=Provenance(
+                settings={"fit": "track", "readings": self.n, "refused": self.refused},
+                method=("bierman-1977",), parents=self.base.provenance.parents,
+            ),
+        )  # fmt: skip
+
+    def at_middle(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """Readings (n, 3) as they would be at the middle temperature of the ground calibration.
+
+        matrix(T₀)⁻¹ field + bias(T₀): what it knows of the temperature stays, its constant moves.
+        """
+        if self.ground is None:
+            return np.asarray(raw, dtype=np.float64)
+        field = self.ground.correct(raw, **columns)
+        return np.asarray(field @ np.linalg.inv(self.base.matrix).T + self.base.bias)
+
+    @property
+    def thermal(self) -> Thermal | None:
+        """The ground calibration with its constants as they are now; `None` where there is none.
+
+        The constants' covariance is the tracker's, that of the shape in temperature the ground's.
+        """
+        if self.ground is None:
+            return None
+        now, ground = self.calibration, self.ground
+        covariance = None
+        if ground.covariance is not None and now.covariance is not None:
+            covariance = np.array(ground.covariance)
+            constants = np.arange(len(now.covariance)) * (ground.degree + 1)
+            covariance[constants] = covariance[:, constants] = 0.0
+            covariance[np.ix_(constants, constants)] = now.covariance
+        return replace(
+            ground, bias=np.stack([now.bias, *ground.bias[1:]]),
+            matrix=np.stack([now.matrix, *ground.matrix[1:]]),
+            covariance=covariance, noise=now.noise, provenance=now.provenance,
+        )  # fmt: skip

@@ -1,0 +1,214 @@
+"""`agonic track LOG --state STATE`: a calibration that follows its sensor from log to log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.cli.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit, log_and_sensors
+from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.fitting.tracking import Coefficients
+    from agonic.reference import Reference
+    from agonic.samples import Samples
+    from agonic.tracker import Tracker
+
+AUTO = "auto"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("track")(track)
+
+
+def track(
+    log: LogPath,
+    state: Annotated[
+        Path, typer.Option(metavar="STATE", help="File to resume from, and to keep the result in.")
+    ],
+    ground: Annotated[
+        Path | None, typer.Option(metavar="CAL", help="Calibration to start from.")
+    ] = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    solve: Annotated[
+        str | None, typer.Option(help="What moves: bias, gains or full; default: full.")
+    ] = None,
+    walk: Annotated[
+        str | None,
+        typer.Option(help="Random walk of the bias, nT per root second; auto: by prediction."),
+    ] = None,
+    noise: Annotated[float | None, typer.Option(help="Noise of one reading on one axis.")] = None,
+    external: Annotated[
+        float | None,
+        typer.Option(help="What the model leaves out, nT; default: as the model states."),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Follow bias and matrix of a magnetometer in flight or in orbit, from log to log.
+
+    Starts where STATE does not exist, from --ground or from nothing, and resumes where it does.
+    Readings that were seen before are passed over. Exit status 1 where the bias jumped or is not
+    to be trusted.
+    """
+    from agonic.cli.output import print_json, say
+    from agonic.tracker import Tracker
+
+    settings = {"solve": solve, "walk": walk, "noise": noise, "external_sd": external}
+    if state.exists():
+        given = [
+            name for name, value in {**settings, "ground": ground}.items() if value is not None
+        ]
+        if given:
+            raise AgonicError(
+                f"{state} holds its settings already; leave out {', '.join(given)}, or name "
+                "another state to start anew"
+            )
+        tracker = Tracker.resume(state)
+        samples = _sensor(log, sensor, unit, tracker.state.base.sensor)
+        reference = _reference(samples, at, date, field)
+    else:
+        samples = _sensor(log, sensor, unit)
+        reference = _reference(samples, at, date, field)
+        tracker = _started(samples, reference, ground, settings)
+    new = tracker.seconds(samples) > tracker.state.time
+    found = None
+    if new.any():
+        found = tracker.update(samples.select(new), reference.select(new))
+        tracker.save(state)
+    said = summary(tracker, found, len(samples))
+    if as_json:
+        print_json("agonic/track@1", {**said, "state": str(state)})
+    else:
+        say("\n".join([*sentences(said), f"State     {state}"]))
+    return 0 if tracker.ok else 1
+
+
+def _sensor(log: Path, sensor: str | None, unit: str | None, followed: str = "") -> Samples:
+    """The sensor of the log that was asked for, or the one that is followed, or its only one."""
+    recording, sensors = log_and_sensors(log, sensor, unit)
+    names = [samples.name for samples in sensors]
+    if len(names) > 1 and followed in names:
+        return recording.sensor(followed)
+    if len(names) > 1:
+        raise AgonicError(f"the log holds {', '.join(names)}; choose one with --sensor")
+    return sensors[0]
+
+
+def _reference(
+    samples: Samples, at: str | None, date: str | None, field: float | None
+) -> Reference:
+    """The magnitude of the field at each reading."""
+    from agonic.cli.place import expected
+
+    reference, _ = expected(samples, at, date, field)
+    if reference is None:
+        raise AgonicError(
+            "the field at the readings is not known: the log has no position or no date; give "
+            "--at LAT,LON[,ALT], --date or --field NT"
+        )
+    return reference
+
+
+def _started(
+    samples: Samples, reference: Reference, ground: Path | None, settings: dict[str, Any]
+) -> Tracker:
+    """A tracker before its first reading, from the options."""
+    from dataclasses import replace
+    from typing import cast
+
+    from agonic.calibration.tracking import TrackerParams
+    from agonic.fitting.tracking import choose_walk
+    from agonic.io.calfile import load
+    from agonic.tracker import Tracker
+
+    calibration = None if ground is None else cast(Any, load(ground))
+    walk = settings["walk"] or "0"
+    if settings["external_sd"] is None:
+        settings["external_sd"] = reference.sd
+    chosen = {name: value for name, value in settings.items() if value is not None}
+    params = TrackerParams(**{**chosen, "walk": _number(walk)})
+    if walk == AUTO:
+        choice = choose_walk(samples, reference, calibration=calibration, params=params)
+        params = replace(params, walk=choice.walk)
+    return Tracker(calibration, params)
+
+
+def _number(walk: str) -> float:
+    if walk == AUTO:
+        return 0.0
+    try:
+        return float(walk)
+    except ValueError:
+        raise AgonicError(
+            f"--walk {walk!r} is neither a number (nT per root second) nor auto"
+        ) from None
+
+
+def summary(tracker: Tracker, found: Coefficients | None, rows: int) -> dict[str, Any]:
+    """What there is to say of a tracker after an update."""
+    import numpy as np
+
+    state, calibration = tracker.state, tracker.calibration
+    rms = None
+    if found is not None:  # without those of which a start could not yet say anything
+        known = found.residual_sd < 2 * found.residual_sd.min()
+        rms = float(np.sqrt(np.mean(found.residual[known] ** 2)))
+    return {
+        "sensor": state.base.sensor,
+        "unit": state.base.unit_in,
+        "verdict": "good" if tracker.ok else "check",
+        "status": tracker.status,
+        "new": 0 if found is None else len(found.residual),
+        "passed_over": rows - (0 if found is None else len(found.residual)),
+        "n": state.n,
+        "refused": state.refused,
+        "bias": state.bias,
+        "bias_sd": state.bias_sd,
+        "matrix": calibration.matrix,
+        "noise": state.noise,
+        "walk": tracker.params.walk,
+        "predicted_rms_nT": rms,
+        "consistency": state.consistency,
+        "jumps": [
+            {"time_s": j.time, "seen_s": j.seen, "shift": j.shift, "shift_sd": j.shift_sd}
+            for j in state.jumps
+        ],
+        "history": {
+            "time_s": tracker.history[:, 0],
+            "bias": tracker.history[:, 1:4],
+            "bias_sd": tracker.history[:, 4:],
+        },
+    }
+
+
+def sentences(said: dict[str, Any]) -> list[str]:
+    """The summary for people."""
+    mark = "✓" if said["verdict"] == "good" else "!"
+    unit = said["unit"]
+    passed = f", {said['passed_over']} seen before" if said["passed_over"] else ""
+    values = zip("xyz", said["bias"], said["bias_sd"], strict=True)
+    bias = ", ".join(f"{axis} {value:.1f} ± {sd:.1f}" for axis, value, sd in values)
+    lines = [
+        f"{mark} {said['sensor']}: {said['verdict']}",
+        f"  {said['status']}",
+        f"Readings  {said['new']} new{passed}; {said['n']} in all, {said['refused']} refused",
+        f"Bias      {bias} {unit} (one standard error)",
+        f"Model     noise {said['noise']:.4g} {unit}, walk {said['walk']:.3g} {unit} per √s",
+    ]
+    if said["predicted_rms_nT"] is not None:
+        lines.append(
+            f"Predicted to {said['predicted_rms_nT']:.4g} nT rms, each reading before it was used"
+        )
+    for jump in said["jumps"]:
+        shift = ", ".join(f"{value:.0f}" for value in jump["shift"])
+        lines.append(
+            f"Jump      at {jump['time_s']:.1f} s by {shift} {unit}, seen at {jump['seen_s']:.1f} s"
+        )
+    return lines

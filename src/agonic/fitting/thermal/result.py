@@ -1,0 +1,169 @@
+"""`ThermalFit`: a temperature calibration with its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.thermal import Thermal
+from agonic.fit import ModelTest
+from agonic.health import Finding
+
+Array = NDArray[np.float64]
+
+COEFFICIENTS = (
+    "bias_x", "bias_y", "bias_z",
+    "matrix_xx", "matrix_yy", "matrix_zz", "matrix_xy", "matrix_xz", "matrix_yz",
+)  # fmt: skip
+"""The nine of a temperature, in the order of every array below."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bins:
+    """The nine coefficients at each temperature by themselves, cooling and heating apart.
+
+    `temperature` (t,) °C; `cooling`, `heating` (t, 9) and their standard errors `cooling_sd`,
+    `heating_sd`; NaN where stations are missing.
+    """
+
+    temperature: Array
+    cooling: Array
+    cooling_sd: Array
+    heating: Array
+    heating_sd: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hysteresis:
+    """Cooling less heating of the nine coefficients, averaged over temperature, (9,).
+
+    `difference` and its standard error `sd`; `largest` the largest of the curve smoothed over
+    5 °C. NaN where one of the directions was not recorded.
+    """
+
+    difference: Array
+    sd: Array
+    largest: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spread:
+    """Standard deviations of the readings at each station, before and after the correction.
+
+    `stations` (k,) numbers; `before` and `after` (k, 4) of x, y, z and |B|, nT (or raw units).
+    """
+
+    stations: tuple[int, ...]
+    before: Array
+    after: Array
+
+    @property
+    def improvement(self) -> Array:
+        """The largest of the stations before over the largest after, for x, y, z and |B|, (4,).
+
+        Source: Nikolaev et al. 2023, table.
+        """
+        return np.asarray(self.before.max(axis=0) / self.after.max(axis=0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fixture:
+    """What the turns of the stations taught beside the coefficients.
+
+    `mounting` turns the axes of the sensor into those of the box; `field_n` (3,) is the chamber's
+    field in its axes; `turned_deg` by station how far it stood off, `sd_deg` their standard
+    deviation as the readings show it.
+    """
+
+    mounting: Rotation
+    field_n: Array
+    turned_deg: Mapping[int, float]
+    sd_deg: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Anomaly:
+    """Readings of a station that were left out: how many, and when (s), NaN without times."""
+
+    station: int
+    count: int
+    times: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThermalFit:
+    """A temperature calibration and what it rests on.
+
+    `taught_by` is "magnitude", "turns" or "vector". `residuals` are those of the means of bins,
+    (m,) along the normal of the ellipsoid or (m, 3), in the unit of the readings, at
+    `temperature` (m,) of `station` (m,), while `heating` (m,) or not; `weights` (m,) what the
+    robust loss left of each. With a vector reference they are those of the readings. `noise` is
+    the standard deviation of one reading on one axis, `excess` that by which means of bins scatter
+    beyond it (misfit, and changes of the chamber's field). `variances` (9, d) are the variances of
+    the scaled residuals of the coefficients by order 0…d−1. `drift` (1,) or (3,) is how much the
+    field changed from the first to the last reading, along itself or in the chamber's axes, with
+    `drift_sd`; `field_sd` the standard deviation of its slow changes (of its magnitude, or of each
+    component), 0 where none were seen.
+    """
+
+    calibration: Thermal
+    taught_by: str
+    n: int
+    residuals: Array
+    weights: Array
+    temperature: Array
+    station: NDArray[np.intp]
+    heating: NDArray[np.bool_]
+    noise: float
+    excess: float
+    correlation: float
+    condition: float
+    iterations: int
+    converged: bool
+    bins: Bins | None = None
+    variances: Array | None = None
+    hysteresis: Hysteresis | None = None
+    spread: Spread | None = None
+    fixture: Fixture | None = None
+    drift: Array | None = None
+    drift_sd: Array | None = None
+    field_sd: float = 0.0
+    anomalies: tuple[Anomaly, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    tests: tuple[ModelTest, ...] = field(default_factory=tuple)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (a, a) of `calibration.parameters`."""
+        covariance = self.calibration.covariance
+        assert covariance is not None, "a fit always carries a covariance"
+        return covariance
+
+    @property
+    def sd(self) -> Array:
+        """Standard errors of the same."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def verdict(self) -> str:
+        """`good`, `check` or `refused`."""
+        severities = {finding.severity for finding in self.findings}
+        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+
+    @property
+    def ok(self) -> bool:
+        """Nothing to object."""
+        return self.verdict == "good"
+
+    @property
+    def status(self) -> str:
+        """The result in words: what stands in the way, how good it is, what else was seen."""
+        notes = [finding.sentence for finding in self.findings if finding.severity == "note"]
+        grave = [finding.sentence for finding in self.findings if finding.severity != "note"]
+        said = (*grave, *self.remarks, *notes)
+        return ". ".join(text[:1].upper() + text[1:] for text in said) + "."

@@ -1,0 +1,83 @@
+"""Back to where a jump began: what is kept for it, and the state opened again from there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
+from agonic.fitting.tracking import opening as openings
+from agonic.kernels import tracking
+
+STRIDE = 128
+"""Readings between the beliefs that are kept to go back to; a jump is dated within twice this."""
+
+_DATINGS = 8  # onsets of a jump that are tried; most searches end after four
+
+
+def moved_on(recent: Recent, belief: tracking.Belief) -> Recent:
+    """The recent readings, the first half of them forgotten once there are two strides of them."""
+    if len(recent.rows) == STRIDE:
+        return replace(recent, middle=belief)
+    if len(recent.rows) == 2 * STRIDE:
+        return Recent(before=recent.middle, middle=belief, rows=recent.rows[STRIDE:])
+    return recent
+
+
+def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
+    """The state after a jump was seen: back to where it began, and opened from there."""
+    recent = state.recent
+    assert recent is not None, "only a settled state sees jumps"
+    model = params.model(state.noise)._replace(jump_level=0.0)
+    _, seen, _ = tracking.advance(recent.before, model, recent.rows)
+    first = _began(state, params, model, seen)
+    since = recent.rows[first:]
+    jump = Jump(
+        time=float(since[0, 0]), seen=float(since[-1, 0]),
+        shift=np.zeros(3), shift_sd=np.full(3, params.jump_sd),
+    )  # fmt: skip
+    opened = replace(
+        _opened(state, params, model, first),
+        refused=state.refused - int((~seen.used[first:]).sum()),
+        jumps=(*state.jumps, jump),
+    )
+    return openings.solved(opened, params) if len(since) >= openings.FIRST else opened
+
+
+def _began(
+    state: TrackerState, params: TrackerParams, model: tracking.Model, seen: tracking.Seen
+) -> int:
+    """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
+    assert state.recent is not None, "only a settled state has recent readings"
+    rows = state.recent.rows
+    guesses = [tracking.onset(seen), max(len(rows) - openings.FIRST, 0)]
+    tried: dict[int, float] = {}
+    while guesses and len(tried) < _DATINGS:
+        guess = guesses.pop(0)
+        if guess not in tried:
+            opened = _opened(state, params, model, guess)
+            tried[guess], better = openings.began(opened, params, seen, rows)
+            guesses.append(better)
+    least = min(tried.values())
+    return max(row for row, cost in tried.items() if cost < least + openings.DOUBT)
+
+
+def _opened(
+    state: TrackerState, params: TrackerParams, model: tracking.Model, first: int
+) -> TrackerState:
+    """The state opened at one of its recent readings, with what the bias may have jumped by."""
+    recent = state.recent
+    assert recent is not None, "only a settled state has recent readings"
+    before, since = recent.rows[:first], recent.rows[first:]
+    belief = tracking.advance(recent.before, model, before)[0] if first else recent.before
+    _, seen, _ = tracking.advance(belief, model, since)
+    gain = float(np.mean(belief.state[4:7]))
+    size = 2 * float(np.median(np.abs(seen.residual))) / gain
+    prior = tracking.widened(belief, max(params.jump_sd, size))
+    return replace(
+        state,
+        belief=tracking.advance(prior, model, since)[0],
+        opening=Opening(prior=prior, rows=since, before=belief),
+        recent=None,
+    )

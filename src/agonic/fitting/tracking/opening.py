@@ -1,0 +1,221 @@
+"""The first readings after a start or a jump, taken together until the bias has settled.
+
+A filter takes each residual as linear about what it believes then. At first it believes little, and
+what was taken wrongly is never taken again. So the first readings are kept: the one solver finds
+the most probable bias and matrix of all of them, robustly, and the filter runs again from the
+prior with every residual linear about that. Without walk this is the batch fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.tracking import Jump, Recent, TrackerParams, TrackerState
+from agonic.kernels import leastsq, tracking
+from agonic.kernels.affine import SYMMETRIC, magnitude_residual, model_basis, split
+from agonic.kernels.consensus import least_median_sphere
+
+Array = NDArray[np.float64]
+
+FIRST = 16
+"""Readings at which an opening is first solved; then at twice as many, and so on."""
+LARGEST = 1024
+"""Readings after which an opening is closed, settled or not."""
+DOUBT = 2.0
+"""Difference of log-likelihoods that dates nothing."""
+
+_CURVED = 0.03  # largest part of the noise that the curvature of residuals may come to
+_FEWEST = 64  # readings from which a noise that was not given is estimated
+_CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
+
+
+def due(readings: int) -> bool:
+    """Whether an opening of so many readings is to be solved: a power of two.
+
+    >>> [n for n in range(100) if due(n)]
+    [16, 32, 64]
+    """
+    return readings >= FIRST and readings & (readings - 1) == 0
+
+
+def next_due(readings: int) -> int:
+    """How many readings until an opening is to be solved again."""
+    target = FIRST
+    while target <= readings:
+        target *= 2
+    return target - readings
+
+
+def nearly_linear(belief: tracking.Belief, magnitude: float, noise: float) -> bool:
+    """Whether residuals are linear within the belief: δ²/2F below a tenth of the noise.
+
+    δ² = tr P over bias and matrix, the matrix times the field.
+    """
+    gain = float(np.mean(belief.state[4:7]))
+    field = magnitude / gain
+    variances = np.diag(belief.covariance)
+    spread = variances[1:4].sum() + (field / gain) ** 2 * variances[4:].sum()
+    return bool(spread / (2 * field) < _CURVED * noise)
+
+
+def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
+    """The state with its opening taken as a whole, and closed where the bias has settled."""
+    opening = state.opening
+    assert opening is not None, "only an opening can be solved"
+    prior, rows = opening.prior, opening.rows
+    about, noise = _most_probable(state, prior, rows, params)
+    total = np.hypot(noise, params.external_sd / float(np.mean(about[4:7])))
+    residuals, _ = _residuals(rows, about)
+    limit = params.gate * max(total, leastsq.robust_scale(residuals))
+    marked = np.column_stack([rows[:, :5], np.abs(residuals) <= limit])
+    model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
+    belief, seen, _ = tracking.advance(prior, model, marked, linearised=about)
+    after = replace(state, belief=belief, noise=noise)
+    after = replace(after, jumps=_measured(after, opening.before))
+    known = state.noise_known or len(rows) >= _FEWEST
+    linear = nearly_linear(belief, float(rows[-1, 4]), noise)
+    enough = known and (linear or _walked(belief, rows, params))
+    foretold = opening.strays is not None and 4 * opening.strays <= len(rows)
+    if not (enough and foretold) and len(rows) < LARGEST:
+        return replace(after, opening=replace(opening, strays=0))
+    return replace(
+        after,
+        opening=None,
+        noise_known=True,
+        recent=Recent(before=belief, middle=belief, rows=np.empty((0, 6))),
+        refused=state.refused + int((~seen.used).sum()),
+    )
+
+
+def began(
+    state: TrackerState, params: TrackerParams, seen: tracking.Seen, rows: Array
+) -> tuple[float, int]:
+    """How improbable it is that a jump began with the opening, and the row that fits better.
+
+    Σ ρ(z) of what was `seen` before a row, and of what is left of `rows` from it on about the most
+    probable bias of the opening, and how far that is from its prior; Cauchy's ρ, so that strays
+    decide little. Of rows that are as good, the last: a reading from before the jump taken for one
+    after it spoils more.
+    """
+    opening = state.opening
+    assert opening is not None, "a jump has opened the state"
+    about, noise = _most_probable(state, opening.prior, opening.rows, params)
+    total = np.hypot(noise, params.external_sd / float(np.mean(about[4:7])))
+    rho = leastsq.cauchy().value
+    old, new = rho((seen.residual / seen.sd) ** 2), rho((_of(rows, about) / total) ** 2)
+    strayed, _ = _Gaussian(opening.prior)(about[1 : len(opening.prior.diagonal)])
+    cost = np.concatenate([[0.0], np.cumsum(old - new)])[:-1]
+    cost += float(new.sum() + strayed @ strayed / 2)
+    here = float(cost[len(rows) - len(opening.rows)])
+    return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
+
+
+def _walked(belief: tracking.Belief, rows: Array, params: TrackerParams) -> bool:
+    """Whether the bias walked further during these rows than it is unknown."""
+    variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
+    return bool(variance > np.trace(belief.covariance[1:4, 1:4]))
+
+
+def _measured(state: TrackerState, before: tracking.Belief | None) -> tuple[Jump, ...]:
+    """The jumps so far, the last one measured by what its opening made of the bias."""
+    if before is None:
+        return state.jumps
+    *earlier, last = state.jumps
+    shift = state.bias - before.state[1:4]
+    sd = np.sqrt(np.diag(before.covariance)[1:4] + state.bias_sd**2)
+    return (*earlier, replace(last, shift=shift, shift_sd=sd))
+
+
+def _most_probable(
+    state: TrackerState, prior: tracking.Belief, rows: Array, params: TrackerParams
+) -> tuple[Array, float]:
+    """The most probable state (10,) of the rows as if nothing moved, and the noise."""
+    m = len(prior.diagonal) - 1
+    held = _Gaussian(prior)
+    found = []
+    for first in _starts(state, prior, rows):
+        scale = max(_scale(state, params, rows, first, m), leastsq.robust_scale(_of(rows, first)))
+        for loss in (leastsq.cauchy(), leastsq.cauchy(), leastsq.tukey()):
+            solution = leastsq.solve(
+                _pieces(rows, first, m, state.noise), first[1 : m + 1], scale=scale, loss=loss,
+                prior=held,
+            )  # fmt: skip
+            first = _with(first, solution.params)
+            scale = _scale(state, params, rows, first, m)
+        found.append((scale, first))
+    common = min(scale for scale, _ in found)
+    best = min((about for _, about in found), key=lambda x: _cost(rows, x, held, common))
+    noise = state.noise
+    if not state.noise_known:
+        noise = _scale(state, params, rows, best, m)
+    return best, noise
+
+
+def _cost(rows: Array, about: Array, held: _Gaussian, scale: float) -> float:
+    """How improbable a state is: a robust sum over the rows, and the prior."""
+    strayed, _ = held(about[1 : 1 + len(held.centre)])
+    q = (_of(rows, about) / scale) ** 2
+    return float(leastsq.cauchy().value(q).sum() + strayed @ strayed / 2)
+
+
+def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array, m: int) -> float:
+    """The standard deviation to judge residuals by: as stated, or as they are."""
+    if state.noise_known:
+        return float(np.hypot(state.noise, params.external_sd / float(np.mean(about[4:7]))))
+    return max(leastsq.robust_scale(_of(rows, about), min(m, len(rows) - 1)), 1e-9)
+
+
+def _starts(state: TrackerState, prior: tracking.Belief, rows: Array) -> Iterator[Array]:
+    """Where to begin: what is believed, and, where little is known, the sphere that most lie on."""
+    yield state.belief.state
+    magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
+    size = float(np.mean(magnitude)) / gain
+    if np.sqrt(np.diag(prior.covariance)[1:4].max()) < _CERTAIN * size:
+        return
+    centre = rows[:, 1:4].mean(axis=0)
+    bias, scale = least_median_sphere((rows[:, 1:4] - centre) / size, magnitude / (gain * size))
+    if np.isfinite(bias).all() and 0.5 < scale < 2.0:
+        yield np.concatenate([[0.0], centre + size * bias, prior.state[4:]])
+
+
+class _Gaussian:
+    """The prior on bias and matrix as residuals: D^(−1/2) U⁻¹ (x − x₀), without the field's g."""
+
+    def __init__(self, prior: tracking.Belief) -> None:
+        upper = prior.columns.T[1:, 1:]
+        self.whiten = np.linalg.inv(upper) / np.sqrt(prior.diagonal[1:])[:, None]
+        self.centre = prior.state[1 : len(prior.diagonal)]
+
+    def __call__(self, params: Array) -> tuple[Array, Array]:
+        return self.whiten @ (params - self.centre), self.whiten
+
+
+def _pieces(rows: Array, about: Array, m: int, scale: float) -> leastsq.Pieces:
+    def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
+        residuals, jacobian = _residuals(rows, _with(about, params), scale)
+        yield residuals, jacobian[:, :m]
+
+    return pieces
+
+
+def _with(state: Array, params: Array) -> Array:
+    changed = state.copy()
+    changed[0] = 0.0
+    changed[1 : 1 + len(params)] = params
+    return changed
+
+
+def _of(rows: Array, state: Array) -> Array:
+    return _residuals(rows, state)[0]
+
+
+def _residuals(rows: Array, state: Array, noise: float = 0.0) -> tuple[Array, Array]:
+    """Residuals (k,) of rows about a state, and their Jacobian by bias and matrix, (k, 9)."""
+    basis = model_basis("full", SYMMETRIC)
+    bias, matrix = split(basis @ state[1:])
+    r, jacobian = magnitude_residual(rows[:, 1:4], bias, matrix, rows[:, 4], noise)
+    return r, jacobian @ basis

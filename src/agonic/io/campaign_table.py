@@ -1,0 +1,298 @@
+"""Large tables of a climatic chamber: read fast where they are clean, tolerantly where not.
+
+A clean comma-separated table goes through pyarrow, or NumPy where that is not installed; anything
+odd in it (words among numbers, other separators) sends the file to the reader of all text tables.
+Rows are taken apart by station and by sensor before anything is said of their times, because the
+clock of a logger starts anew at every station.
+"""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.io import read_csv, read_parquet
+from agonic.io.columns import identified, positions, understood
+from agonic.io.read import open_log
+from agonic.io.table import log_of_table
+from agonic.provenance import Input, sha256_of
+from agonic.samples import Samples
+
+Table = dict[str, NDArray[Any]]
+
+WANTED = ("time", "date", "epoch", "field", "temperature", "station", "sensor")
+"""The quantities that a campaign is about."""
+
+_LABELS = ("sensor",)
+_TIMES = ("time", "date")
+_HEAD_BYTES = 65536
+_KELVIN = 273.15
+_LABEL = 48
+"""Bytes of a label that the fast reader without pyarrow holds."""
+_PIECE = 400_000
+_MOST_STATIONS = 999
+_WARMEST_C = 200.0
+"""A chamber's median temperature above this is in kelvin, whatever the header says."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """The readings of one station in one file: samples by the name of the sensor in the file.
+
+    `station` is `None` where the file does not say; `kelvin` names sensors whose temperatures were
+    in kelvin without saying so; `failures` say what could not be read.
+    """
+
+    station: int | None
+    sensors: Mapping[str, Samples]
+    kelvin: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """What a file of a campaign holds, and notes on the file."""
+
+    parts: tuple[Part, ...]
+    source: Input
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def read_recorded(path: Path, unit: str | None = None) -> Recorded:
+    """The readings in a file of a campaign, by station and sensor.
+
+    `unit` is that of the field where no header names one. Raises `LogError` where nothing in the
+    file can be used.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES)
+    table_reader = read_parquet if read_parquet.accepts(head) else None
+    if table_reader is None and not read_csv.accepts(head):
+        log = open_log(path, unit=unit)
+        part = Part(station=None, sensors={samples.name: samples for samples in log.sensors})
+        return Recorded(parts=(part,), source=log.source, notes=log.notes)
+    try:
+        table, notes = _tabulated(path, head, table_reader is not None)
+        source = Input(name=path.name, sha256=sha256_of(path), count=len(_first(table)))
+        parts = tuple(_parts(table, path, source, unit))
+    except LogError as error:
+        raise error if error.path else LogError(str(error), path=path) from error
+    except Exception as error:  # parsers fail on damaged files in every way there is
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        raise LogError(f"damaged, or not what it looks like ({reason})", path=path) from error
+    return Recorded(parts=parts, source=source, notes=notes)
+
+
+def _tabulated(path: Path, head: bytes, parquet: bool) -> tuple[Table, tuple[str, ...]]:
+    """The wanted columns of a file, and notes."""
+    if parquet:
+        table, facts = read_parquet.tabulated(path)
+    else:
+        quick = _quick(path, head)
+        if quick is not None:
+            return quick
+        table, facts = read_csv.tabulated(path)
+    wanted = {header: values for header, values in table.items() if _quantity(header) in WANTED}
+    return wanted, facts.get("notes", ())
+
+
+def _quantity(header: str) -> str:
+    column = understood(header)
+    return "" if column is None else column.quantity.column
+
+
+def _first(table: Table) -> NDArray[Any]:
+    if not table:
+        raise LogError("no column of it is understood; name them time_s, mag_x_uT, temperature_C …")
+    return next(iter(table.values()))
+
+
+def _quick(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] | None:
+    """The wanted columns of a clean comma-separated table; `None` where it is not one."""
+    try:
+        lines = head.decode("utf-8-sig", "strict" if len(head) < _HEAD_BYTES else "ignore")
+    except UnicodeDecodeError:
+        return None
+    first, end, _ = lines.partition("\n")
+    header = [cell.strip() for cell in next(csv.reader([first.rstrip("\r")]), [])]
+    if not end or len(header) < 2 or first.startswith(("#", "%")):
+        return None
+    wanted = {at: name for at, name in positions(header).items() if _quantity(name) in WANTED}
+    if not any(_quantity(name) == "field" for name in wanted.values()):
+        return None
+    try:
+        return _by_pyarrow(path, header, wanted)
+    except ImportError:
+        return _by_numpy(path, wanted)
+
+
+def _by_pyarrow(
+    path: Path, header: list[str], wanted: dict[int, str]
+) -> tuple[Table, tuple[str, ...]] | None:
+    import pyarrow as pa
+    from pyarrow import csv as arrow
+
+    short = count()
+
+    def skip(row: Any) -> str:
+        next(short)
+        return "skip"
+
+    numeric = {n: pa.float64() for n in wanted.values() if _quantity(n) not in (*_LABELS, *_TIMES)}
+    labels = {n: pa.string() for n in wanted.values() if _quantity(n) in _LABELS}
+    names = [wanted.get(at, f"{at}") for at in range(len(header))]
+    try:
+        read = arrow.read_csv(
+            path,
+            read_options=arrow.ReadOptions(column_names=names, skip_rows=1),
+            parse_options=arrow.ParseOptions(invalid_row_handler=skip),
+            convert_options=arrow.ConvertOptions(
+                include_columns=list(wanted.values()), column_types={**numeric, **labels}
+            ),
+        )
+    except pa.ArrowInvalid:
+        return None
+    if any(
+        pa.types.is_string(read.schema.field(n).type) for n in wanted.values() if n not in labels
+    ):
+        return None
+    table: Table = {}
+    for name in read.column_names:
+        column = read.column(name)
+        table[name] = _labels(column) if name in labels else column.to_numpy()
+        read = read.drop_columns([name])  # what has been copied need not stay
+    left_out = next(short)
+    notes = (f"{left_out} lines with too few or too many cells were left out",) * (left_out > 0)
+    return table, notes
+
+
+def _labels(column: Any) -> NDArray[Any]:
+    """A column of labels as Python strings, each made once."""
+    whole = column.combine_chunks().dictionary_encode()
+    names = np.array([str(name) for name in whole.dictionary.to_pylist()], dtype=object)
+    return np.asarray(names[whole.indices.fill_null(0).to_numpy(zero_copy_only=False)])
+
+
+def _by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...]] | None:
+    """The same without pyarrow, some rows at a time."""
+    kinds = [
+        (f"{at}", f"S{_LABEL}" if _quantity(n) in _LABELS else "f8") for at, n in wanted.items()
+    ]
+    pieces: dict[str, list[NDArray[Any]]] = {name: [] for name in wanted.values()}
+    known: dict[bytes, str] = {}
+    with path.open(encoding="utf-8-sig") as stream, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a last piece without rows
+        next(stream)
+        while True:
+            try:
+                rows = np.loadtxt(
+                    stream, dtype=kinds, delimiter=",", usecols=list(wanted), comments=None,
+                    ndmin=1, max_rows=_PIECE,
+                )  # fmt: skip
+            except (ValueError, UnicodeDecodeError):
+                return None
+            for (at, kind), name in zip(kinds, wanted.values(), strict=True):
+                values = rows[at]
+                pieces[name].append(values.copy() if kind == "f8" else _texts(values, known))
+            if len(rows) < _PIECE:
+                break
+    if any(len(label) == _LABEL for label in known):
+        return None  # perhaps cut
+    return {name: np.concatenate(parts) for name, parts in pieces.items()}, ()
+
+
+def _texts(values: NDArray[Any], known: dict[bytes, str]) -> NDArray[Any]:
+    """Labels as Python strings, each made once."""
+    listed = values.tolist()
+    known.update({label: label.decode("latin-1") for label in set(listed) - known.keys()})
+    return np.array(list(map(known.__getitem__, listed)), dtype=object)
+
+
+def _parts(table: Table, path: Path, source: Input, unit: str | None) -> Iterator[Part]:
+    """The readings by station."""
+    found = identified(table)
+    hot = _celsius(table)
+    stations = next(iter(found.get("station", {"": {}}).values())).get("")
+    labels = next(iter(found.get("sensor", {"": {}}).values())).get("")
+    failures: list[str] = []
+    for number, rows in _stations(table, None if stations is None else stations.header):
+        sensors: dict[str, Samples] = {}
+        failures = []
+        for label, own in _split(rows, None if labels is None else labels.header):
+            plain = {h: v for h, v in own.items() if _quantity(h) not in ("station", "sensor")}
+            try:
+                log = log_of_table(plain, path=path, source=source, format="table", unit=unit)
+            except LogError as error:
+                failures.append(f"{label}: {error}" if label else str(error))
+                continue
+            failures += log.notes
+            for samples in log.sensors:
+                name = samples.name
+                if label:
+                    name = label if len(log.sensors) == 1 else f"{label} {samples.name}"
+                sensors[name] = replace(samples, name=name)
+        kelvin = tuple(sensors) if hot else ()
+        if sensors or failures:
+            yield Part(station=number, sensors=sensors, kelvin=kelvin, failures=tuple(failures))
+
+
+def _celsius(table: Table) -> bool:
+    """Take 273.15 off temperatures that are kelvin although nothing says so; whether there were."""
+    hot = False
+    for header, values in table.items():
+        column = understood(header)
+        if (
+            column is None
+            or column.quantity.column != "temperature"
+            or values.dtype.kind not in "iuf"
+        ):
+            continue
+        if column.unit in (None, "c", "degc", "celsius") and np.nanmedian(values) > _WARMEST_C:
+            table[header] = values - _KELVIN
+            hot = True
+    return hot
+
+
+def _stations(table: Table, header: str | None) -> Iterator[tuple[int | None, Table]]:
+    """The rows of each station that a column numbers."""
+    if header is None:
+        yield None, table
+        return
+    values = table[header].astype(np.float64, copy=False)
+    whole = np.isfinite(values) & (values == np.round(values)) & (abs(values) <= _MOST_STATIONS)
+    numbers = np.unique(values[whole])
+    if not len(numbers):
+        raise LogError(f"{header!r} holds no numbers of stations")
+    for number in numbers:
+        yield int(number), _rows(table, np.flatnonzero(values == number))
+
+
+def _split(table: Table, header: str | None) -> Iterator[tuple[str, Table]]:
+    """The rows of each sensor that a column names."""
+    if header is None:
+        yield "", table
+        return
+    known: defaultdict[Any, int] = defaultdict(count().__next__)
+    values = table[header]
+    codes = np.fromiter(map(known.__getitem__, values.tolist()), np.intp, len(values))
+    for label, code in list(known.items()):
+        yield str(label).strip(), _rows(table, np.flatnonzero(codes == code))
+
+
+def _rows(table: Table, at: NDArray[np.intp]) -> Table:
+    """Some rows of a table; a view where they are one stretch."""
+    if len(at) and at[-1] - at[0] + 1 == len(at):
+        chosen: Any = slice(int(at[0]), int(at[-1]) + 1)
+    else:
+        chosen = at
+    return {header: values[chosen] for header, values in table.items()}

@@ -1,0 +1,289 @@
+"""The track file: JSON that holds a followed calibration exactly, to be resumed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity
+from agonic.calibration.thermal import Thermal
+from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import read_bytes
+from agonic.kernels.polar import turned
+from agonic.kernels.tracking import Belief
+from agonic.provenance import Provenance
+
+Array = NDArray[np.float64]
+Row = tuple[float, ...]
+Rows = tuple[Row, ...]
+
+SCHEMA = "agonic/track-state@1"
+
+_BASE = (
+    "bias", "matrix", "covariance", "unit_in", "gauge", "model", "noise", "sensor", "device_id",
+    "frame_in", "frame_out",
+)  # fmt: skip
+
+
+_THERMAL = ("bias", "matrix", "centre_C", "half_range_C", "rate", "covariance")
+_NAMES = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame_out", "provenance")
+
+
+class BaseRecord(Struct, frozen=True, kw_only=True):
+    """The calibration that was started from."""
+
+    bias: Row
+    matrix: Rows
+    covariance: Rows | None
+    unit_in: str
+    gauge: str
+    model: str
+    noise: float | None
+    sensor: str
+    device_id: int | None
+    frame_in: str
+    frame_out: str
+    parents: tuple[str, ...]
+
+
+class ThermalRecord(Struct, frozen=True, kw_only=True):
+    """How the calibration that was started from changes with temperature."""
+
+    bias: Rows
+    matrix: tuple[Rows, ...]
+    centre_C: float
+    half_range_C: float
+    rate: Row | None
+    covariance: Rows | None
+    temperature_C: tuple[float, float] | None
+
+
+class BeliefRecord(Struct, frozen=True):
+    """State, factors of its covariance, and what the filter watches."""
+
+    state: Row
+    columns: Rows
+    diagonal: Row
+    watch: Row
+
+
+class OpeningRecord(Struct, frozen=True):
+    """First readings, not yet settled."""
+
+    prior: BeliefRecord
+    rows: Rows
+    before: BeliefRecord | None
+    strays: int | None
+
+
+class RecentRecord(Struct, frozen=True):
+    """The last readings, to go back to the beginning of a jump."""
+
+    before: BeliefRecord
+    middle: BeliefRecord
+    rows: Rows
+
+
+class JumpRecord(Struct, frozen=True):
+    """A jump of the bias."""
+
+    time: float
+    seen: float
+    shift: Row
+    shift_sd: Row
+
+
+class StateRecord(Struct, frozen=True, kw_only=True):
+    """Where it stands."""
+
+    base: BaseRecord
+    ground: ThermalRecord | None
+    belief: BeliefRecord
+    noise: float
+    noise_known: bool
+    opening: OpeningRecord | None
+    recent: RecentRecord | None
+    n: int
+    refused: int
+    jumps: tuple[JumpRecord, ...]
+    epoch: datetime | None
+    magnitude: float
+
+
+class TrackFile(Struct, frozen=True):
+    """A calibration followed in time, made with agonic."""
+
+    schema: str
+    params: dict[str, Any]
+    state: StateRecord
+    history: Rows
+
+
+def save_track(
+    params: TrackerParams, state: TrackerState, history: Array, path: Path | str
+) -> Path:
+    """Write a followed calibration so that `load_track` gives it back float for float.
+
+    `history` (k, 7): time, bias and its standard error. Raises `AgonicError` before the first
+    reading, or where the file cannot be written.
+    """
+    if state.n == 0:
+        raise AgonicError("nothing has been followed yet; update the tracker before saving it")
+    base = {name: _plain(getattr(state.base, name)) for name in _BASE}
+    record = msgspec.convert(
+        {
+            "schema": SCHEMA,
+            "params": asdict(params),
+            "state": {
+                "base": {**base, "parents": state.base.provenance.parents},
+                "ground": _thermal(state.ground),
+                "belief": _belief(state.belief),
+                "noise": state.noise,
+                "noise_known": state.noise_known,
+                "opening": _opening(state.opening),
+                "recent": _recent(state.recent),
+                "n": state.n,
+                "refused": state.refused,
+                "jumps": [
+                    {"time": j.time, "seen": j.seen, "shift": _plain(j.shift),
+                     "shift_sd": _plain(j.shift_sd)}
+                    for j in state.jumps
+                ],
+                "epoch": state.epoch,
+                "magnitude": state.magnitude,
+            },
+            "history": _plain(history),
+        },
+        TrackFile,
+    )  # fmt: skip
+    return write_atomically(path, msgspec.json.encode(record) + b"\n")
+
+
+def load_track(path: Path | str) -> tuple[TrackerParams, TrackerState, Array]:
+    """Settings, state and history of a track file.
+
+    Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
+    """
+    data = read_bytes(path)
+    try:
+        record = msgspec.json.decode(data, type=TrackFile)
+        if record.schema != SCHEMA:
+            raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
+        params = msgspec.convert(record.params, TrackerParams)
+        return params, _state(record.state), np.array(record.history).reshape(-1, 7)
+    except (AgonicError, ValueError, TypeError, RecursionError) as error:
+        raise LogError(f"not a usable track file: {error}", path=path) from None
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _thermal(ground: Thermal | None) -> dict[str, Any] | None:
+    if ground is None:
+        return None
+    return {
+        **{name: _plain(getattr(ground, name)) for name in _THERMAL},
+        "temperature_C": ground.validity.temperature_C,
+    }
+
+
+def _belief(belief: Belief | None) -> dict[str, Any] | None:
+    if belief is None:
+        return None
+    return {name: values.tolist() for name, values in belief._asdict().items()}
+
+
+def _opening(opening: Opening | None) -> dict[str, Any] | None:
+    if opening is None:
+        return None
+    return {
+        "prior": _belief(opening.prior),
+        "rows": _plain(opening.rows),
+        "before": _belief(opening.before),
+        "strays": opening.strays,
+    }
+
+
+def _recent(recent: Recent | None) -> dict[str, Any] | None:
+    if recent is None:
+        return None
+    return {
+        "before": _belief(recent.before),
+        "middle": _belief(recent.middle),
+        "rows": _plain(recent.rows),
+    }
+
+
+def _state(record: StateRecord) -> TrackerState:
+    base = _base(record.base)
+    opening, recent = record.opening, record.recent
+    return TrackerState(
+        base=base,
+        ground=_warmed(record.ground, base),
+        turned=turned(base.matrix, base.covariance, base.gauge)[1],
+        belief=_believed(record.belief),
+        noise=record.noise,
+        noise_known=record.noise_known,
+        opening=None
+        if opening is None
+        else Opening(
+            prior=_believed(opening.prior),
+            rows=_rows(opening.rows),
+            before=None if opening.before is None else _believed(opening.before),
+            strays=opening.strays,
+        ),
+        recent=None
+        if recent is None
+        else Recent(
+            before=_believed(recent.before),
+            middle=_believed(recent.middle),
+            rows=_rows(recent.rows),
+        ),
+        n=record.n,
+        refused=record.refused,
+        jumps=tuple(
+            Jump(time=j.time, seen=j.seen, shift=np.array(j.shift), shift_sd=np.array(j.shift_sd))
+            for j in record.jumps
+        ),
+        epoch=record.epoch,
+        magnitude=record.magnitude,
+    )
+
+
+def _base(record: BaseRecord) -> Affine:
+    values = msgspec.structs.asdict(record)
+    parents = values.pop("parents")
+    return Affine(**values, provenance=Provenance(parents=parents))
+
+
+def _warmed(record: ThermalRecord | None, base: Affine) -> Thermal | None:
+    if record is None:
+        return None
+    values = msgspec.structs.asdict(record)
+    validity = Validity(temperature_C=values.pop("temperature_C"))
+    named = {name: getattr(base, name) for name in _NAMES}
+    return Thermal(**values, **named, validity=validity)
+
+
+def _believed(record: BeliefRecord) -> Belief:
+    belief = Belief(*(np.array(part) for part in msgspec.structs.astuple(record)))
+    m = len(belief.diagonal)
+    shapes = [part.shape for part in belief]
+    if shapes != [(10,), (m, m), (m,), (11,)]:
+        raise LogError(f"a belief has parts of shapes {shapes}")
+    return belief
+
+
+def _rows(rows: Rows) -> Array:
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)

@@ -1,0 +1,101 @@
+"""W(T) and b(T) where the field's components are known at every reading, as in a coil.
+
+The residual is raw − b(T) − W(T)⁻¹ field, in the space of the readings where their noise is, so
+noise does not pull the gains towards zero. Points are scaled to about one, as are fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import leastsq, thermal
+from agonic.kernels.affine import FREE
+from agonic.kernels.noise import Noise, noise_of
+
+Array = NDArray[np.float64]
+
+_ROWS = 4096  # a block whose temporaries stay in the cache
+
+
+class Problem(NamedTuple):
+    """Points (n, 3), fields (n, 3), covariates φ (n, q), and what they multiply."""
+
+    points: Array
+    field: Array
+    phi: Array
+    degree: int
+    rate: bool = False
+
+    @property
+    def layout(self) -> Array:
+        """From the coefficients to the local numbers: all nine entries of the matrix are free."""
+        return thermal.layout(self.degree, FREE, self.rate)
+
+
+class Estimate(NamedTuple):
+    """The solution, the noise of a reading on one axis, residuals (n, 3) and weights (n,)."""
+
+    solution: leastsq.Solution
+    noise: Noise
+    residuals: Array
+    weights: Array
+
+
+def pieces(problem: Problem) -> leastsq.Pieces:
+    """Residuals of the readings block by block, three to a row."""
+    onto = problem.layout
+
+    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
+        for start in range(0, len(problem.points), _ROWS):
+            rows = slice(start, start + _ROWS)
+            phi = problem.phi[rows]
+            bias, matrix = thermal.local(params, onto, phi)
+            r, jacobian, _ = thermal.reading_residual(
+                problem.points[rows], bias, matrix, problem.field[rows]
+            )
+            by = thermal.by_coefficients(jacobian.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
+            yield r.ravel(), by
+
+    return blocks
+
+
+def start(problem: Problem) -> Array:
+    """Coefficients that do not change with temperature, by linear least squares."""
+    rows = np.hstack([problem.field, np.ones((len(problem.field), 1))])
+    solution = np.linalg.lstsq(rows, problem.points, rcond=None)[0]
+    response = solution[:3].T
+    matrix = np.linalg.inv(response)
+    q = problem.phi.shape[1]
+    local = np.zeros((12, q))
+    local[:, 0] = np.concatenate([solution[3], matrix.ravel()])
+    return np.asarray(np.linalg.lstsq(problem.layout, local.ravel(), rcond=None)[0])
+
+
+def estimate(problem: Problem, *, robust: bool = True) -> Estimate:
+    """The most probable coefficients, and the noise, taken from the residuals."""
+    params = start(problem)
+    first = leastsq.solve(
+        pieces(problem), params, scale=1.0, loss=leastsq.squares(), tolerance=1e-6,
+        max_iterations=5,
+    )  # fmt: skip
+    params, residuals = first.params, first.residuals
+    for _ in range(10):
+        noise = _noise(residuals, robust, len(params))
+        solution = leastsq.solve(
+            pieces(problem), params, scale=noise.sd, loss=noise.loss,
+            correlation=noise.correlation, tolerance=1e-2,
+        )  # fmt: skip
+        params, residuals = solution.params, solution.residuals
+        if _noise(residuals, robust, len(params)).settled(noise):
+            break
+    weights = noise.loss.weight((residuals / noise.sd) ** 2).reshape(-1, 3).min(axis=1)
+    return Estimate(solution, noise, residuals.reshape(-1, 3), weights)
+
+
+def _noise(residuals: Array, robust: bool, parameters: int) -> Noise:
+    """The noise of residuals, three to a row: each axis in time order, one after the other."""
+    return noise_of(residuals.reshape(-1, 3).T.ravel(), robust, parameters)

@@ -1,0 +1,106 @@
+"""Where a sensor sits in a turned box: mounting, field of the room, and stations exchanged.
+
+A station with the rotation R_k (box to chamber) sees the direction R_kᵀ f in the box, and a sensor
+mounted by M (its axes to the box's) reads p_k = Mᵀ R_kᵀ f.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 200
+_AXES = Rotation.create_group("O").as_matrix()
+
+
+class Mounted(NamedTuple):
+    """Mounting (3, 3), unit field in the chamber (3,), and the rms angle left, rad."""
+
+    mount: Array
+    field: Array
+    rms: float
+
+
+def mounted(directions: Array, rot_nb: Array) -> Mounted:
+    """The mounting and field that explain the unit directions (k, 3) seen at the stations best.
+
+    M and f in turn, each by least squares (M: Kabsch 1976), from all 24 ways to mount a sensor
+    along the axes of the box.
+    """
+    tried = [_settle(directions, rot_nb, axes) for axes in _AXES]
+    return min(tried, key=lambda found: found.rms)
+
+
+def _settle(directions: Array, rot_nb: Array, mount: Array) -> Mounted:
+    before = np.inf
+    field = np.zeros(3)
+    for _ in range(_ROUNDS):
+        field = np.einsum("kij,jl,kl->i", rot_nb, mount, directions)
+        field /= max(float(np.linalg.norm(field)), 1e-12)
+        in_box = np.swapaxes(rot_nb, 1, 2) @ field
+        mount = _kabsch(directions, in_box)
+        left = float(np.sum((directions @ mount.T - in_box) ** 2))
+        if before - left < 1e-12 * max(left, 1e-12):
+            break
+        before = left
+    return Mounted(mount, field, float(np.sqrt(left / len(directions))))
+
+
+def _kabsch(from_: Array, to: Array) -> Array:
+    """The rotation that turns unit vectors (k, 3) into others best."""
+    u, _, vt = np.linalg.svd(to.T @ from_)
+    fix = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ vt)))])
+    return np.asarray(u @ fix @ vt)
+
+
+class Exchange(NamedTuple):
+    """Two stations (their places in the list) and the rms angle left when they change places."""
+
+    first: int
+    second: int
+    rms: float
+
+
+def exchanged(directions: Array, rot_nb: Array) -> Exchange:
+    """The two stations whose exchange explains the directions best.
+
+    The others outvote them, so the mounting found with them as described is a start near enough.
+    """
+    k = len(rot_nb)
+    start = mounted(directions, rot_nb).mount
+    best = Exchange(0, 0, np.inf)
+    for i in range(k):
+        for j in range(i + 1, k):
+            order = np.arange(k)
+            order[[i, j]] = j, i
+            rms = _settle(directions, rot_nb[order], start).rms
+            best = min(best, Exchange(i, j, rms), key=lambda e: e.rms)
+    return best
+
+
+def tangents(unit: Array) -> Array:
+    """Two unit vectors square to each other and to unit vectors (…, 3), as columns (…, 3, 2).
+
+    >>> t = tangents(np.array([0.0, 0.6, 0.8]))
+    >>> bool(np.allclose(t.T @ t, np.eye(2)))
+    True
+    """
+    unit = np.asarray(unit, dtype=np.float64)
+    helper = np.eye(3)[np.argmin(np.abs(unit), axis=-1)]
+    first = np.cross(unit, helper)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(unit, first)], axis=-1)
+
+
+def moved(unit: Array, tangent: Array, steps: Array) -> tuple[Array, Array]:
+    """Unit vectors (…, 3) moved by steps (…, 2) along tangents, and the Jacobian (…, 3, 2)."""
+    to = unit + np.einsum("...ij,...j->...i", tangent, steps)
+    size = np.linalg.norm(to, axis=-1, keepdims=True)
+    to = to / size
+    along = np.einsum("...i,...ij->...j", to, tangent)
+    return to, (tangent - to[..., :, None] * along[..., None, :]) / size[..., None]

@@ -1,0 +1,81 @@
+"""A matrix as a rotation and a symmetric one, for magnitudes tell nothing of the rotation.
+
+|W d| with W = R S, S = √(WᵀW), is |S d|: what magnitudes teach is S, and R stays.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import polar
+
+from agonic.kernels.affine import FREE, model_basis
+from agonic.kernels.gauge import entries
+
+Array = NDArray[np.float64]
+
+_GENERATORS = np.array([
+    [[0, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, 0, 1], [0, 0, 0], [-1, 0, 0]],
+    [[0, -1, 0], [1, 0, 0], [0, 0, 0]],
+], dtype=np.float64)  # fmt: skip
+
+
+class Turned(NamedTuple):
+    """What magnitudes do not tell of W = rotation @ symmetric, and what was known at the start.
+
+    `covariance` (12, 12) is of the bias, the symmetric matrix's xx yy zz xy xz yz, and the
+    rotation, as a rotation vector on the left, rad.
+    """
+
+    rotation: Array
+    covariance: Array
+
+    def free(self, symmetric: Array, covariance: Array) -> tuple[Array, Array]:
+        """W and the covariance (12, 12) of bias, xx yy zz xy xz yz yx zx zy.
+
+        `covariance` (9, 9) is that of bias and symmetric; the rotation keeps its own.
+        """
+        whole = np.zeros((12, 12))
+        whole[:9, :9] = covariance
+        whole[9:, 9:] = self.covariance[9:, 9:]
+        change = _change(self.rotation, symmetric)
+        return self.rotation @ symmetric, change @ whole @ change.T
+
+
+def symmetric_of(six: Array) -> Array:
+    """The symmetric matrix of xx yy zz xy xz yz."""
+    xx, yy, zz, xy, xz, yz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def turned(matrix: Array, covariance: Array | None, gauge: str) -> tuple[Array, Turned]:
+    """S (six entries) of a matrix, and the rest; the covariance is that of the gauge's parameters.
+
+    >>> six, rest = turned(2 * np.eye(3), None, "symmetric")
+    >>> six.tolist(), np.allclose(rest.rotation, np.eye(3))
+    ([2.0, 2.0, 2.0, 0.0, 0.0, 0.0], True)
+    """
+    rotation, symmetric = polar(matrix)
+    whole = np.zeros((12, 12))
+    if covariance is not None:
+        spread = np.linalg.inv(_change(rotation, symmetric)) @ _to_free(gauge)
+        whole = spread @ covariance @ spread.T
+    return entries(symmetric), Turned(rotation, whole)
+
+
+def _to_free(gauge: str) -> Array:
+    """From the parameters of a gauge to those of the free one."""
+    return np.asarray(model_basis("full", FREE).T @ model_basis("full", gauge))
+
+
+def _change(rotation: Array, symmetric: Array) -> Array:
+    """∂(bias, free matrix entries)/∂(bias, symmetric's six, rotation vector), (12, 12)."""
+    basis = model_basis("full", FREE)[3:, 3:]  # the free entries' places in the matrix
+    change = np.eye(12)
+    for k in range(6):
+        change[3:, 3 + k] = basis.T @ (rotation @ symmetric_of(np.eye(6)[k])).ravel()
+    for k, generator in enumerate(_GENERATORS):
+        change[3:, 9 + k] = basis.T @ (generator @ rotation @ symmetric).ravel()
+    return change

@@ -1,0 +1,143 @@
+"""One station's readings in the order they were taken: anomalies, direction and rate of change.
+
+Running medians and means are taken over blocks of rows and drawn straight from one to the next:
+the same to the accuracy needed here as a window that slides, and many times faster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BLOCK = 32  # rows; a burst of strays shorter than half of it does not move the median
+ANOMALOUS = 6.0  # standard deviations
+_BLOCKS, _LEAST = 60, 9  # short recordings of a wide range have shorter blocks
+_MAD_TO_SD = 1.482602218505602
+_SPAN_S = 60.0  # over which a rate is taken
+_TURN = 0.1  # of the range: what temperature must go back by to have turned
+_TURN_C = 1.5
+
+
+def running_median(values: Array, block: int = BLOCK) -> Array:
+    """The running median of each column of values (n, c), (n, c)."""
+    return _drawn(values, block, np.median)[0]
+
+
+def running_mean(values: Array, block: int = BLOCK) -> Array:
+    """The running mean of each column of values (n, c), (n, c)."""
+    return _drawn(values, block, np.mean)[0]
+
+
+def _drawn(values: Array, block: int, middle: Callable[..., Array]) -> tuple[Array, Array]:
+    """What `middle` makes of each block, joined by straight lines through the blocks' middles.
+
+    The lines go on to the first and the last row, at the slope of the nearest two blocks. Returns
+    the lines, and how far each goes from block to block and bends at its ends, (n, c) both.
+    """
+    n = len(values)
+    count = max(n // max(block, 1), 1)
+    size = n // count
+    first = values[: count * size].reshape(count, size, -1)
+    knots = middle(first, axis=1)
+    if n > count * size:  # the last block takes the rows that are left over
+        knots[-1] = middle(values[(count - 1) * size :], axis=0)
+    if count == 1:
+        return np.broadcast_to(knots, values.shape).copy(), np.zeros(values.shape)
+    at = (np.arange(n) - (size - 1) / 2) / size
+    left = np.clip(at.astype(np.intp), 0, count - 2)
+    share = (at - left)[:, None]
+    steps = np.diff(knots, axis=0)
+    bends = np.abs(np.diff(steps, axis=0, prepend=steps[:1], append=steps[-1:]))
+    moving = np.abs(steps) + np.maximum(bends[:-1], bends[1:])
+    if count > 2:  # the lines that go on beyond the first and last middle bend as their neighbours
+        moving[0] += bends[1]
+        moving[-1] += bends[-2]
+    return knots[left] + steps[left] * share, moving[left]
+
+
+def anomalous(field: Array, block: int = BLOCK) -> Mask:
+    """Rows (n,) of field (n, 3) that stand out of the running median on some axis.
+
+    The scale is the median absolute residual; for readings in coarse steps at least half a step.
+    The limit of `ANOMALOUS` standard deviations grows with the number of rows, so that of honest
+    readings hardly one is ever taken, and where the median itself moves, by as much as it does.
+    """
+    n = len(field)
+    block = min(block, max(n // _BLOCKS, _LEAST))
+    if n < 2 * block:
+        return np.zeros(n, dtype=bool)
+    middle, moving = _drawn(field, block, np.median)
+    left = np.abs(field - middle)
+    limit = max(ANOMALOUS, float(np.sqrt(2 * np.log(6 * n))) + 1)
+    return np.asarray((left > limit * _scale(left, field) + moving).any(axis=1))
+
+
+def _scale(left: Array, field: Array) -> Array:
+    """Standard deviation of each axis from its absolute residuals."""
+    steps = np.abs(np.diff(field, axis=0))
+    step = np.where(steps > 0, steps, np.inf).min(axis=0)
+    least = np.where(np.isfinite(step), step / 2, 0.0)
+    return np.maximum(_MAD_TO_SD * np.median(left, axis=0), least)
+
+
+def heating(temperature: Array, block: int = BLOCK) -> Mask:
+    """Rows (n,) recorded while the temperature rose, or held where it had risen to.
+
+    It has turned once it goes back by a tenth of the range; the turn is at the extreme before.
+
+    >>> t = np.concatenate([np.linspace(50, -10, 400), np.linspace(-10, 50, 400)])
+    >>> int(np.argmax(heating(t))), bool(heating(t)[-1])
+    (399, True)
+    """
+    smooth = running_mean(temperature[:, None], min(block, max(len(temperature) // 20, 1)))[:, 0]
+    turn = max(_TURN * float(np.ptp(smooth)), _TURN_C)
+    rising = np.zeros(len(smooth), dtype=bool)
+    start = 0
+    for stop, up in _legs(smooth, turn):
+        rising[start:stop] = up
+        start = stop
+    return rising
+
+
+def _legs(smooth: Array, turn: float) -> list[tuple[int, bool]]:
+    """The row after each stretch in one direction, and whether the temperature rose in it."""
+    every = max(len(smooth) // 4000, 1)
+    coarse = smooth[::every]
+    legs: list[tuple[int, bool]] = []
+    low = high = 0
+    up: bool | None = None
+    for row, value in enumerate(coarse.tolist()):
+        low = row if value < coarse[low] else low
+        high = row if value > coarse[high] else high
+        if up is not True and value - coarse[low] > turn:
+            if up is False:
+                legs.append((low * every, False))
+            up, high = True, row
+        elif up is not False and coarse[high] - value > turn:
+            if up is True:
+                legs.append((high * every, True))
+            up, low = False, row
+    return [*legs, (len(smooth), bool(up))]
+
+
+def rates(time: Array, temperature: Array, span_s: float = _SPAN_S) -> Array:
+    """dT/dt (n,), °C/s, taken over about `span_s`.
+
+    >>> t = np.arange(0.0, 1000.0)
+    >>> rates(t, 20 - 0.01 * t).round(6)[[0, 500, -1]].tolist()
+    [-0.01, -0.01, -0.01]
+    """
+    n = len(time)
+    pace = float(np.median(np.diff(time))) if n > 1 else 1.0
+    block = min(max(round(span_s / max(pace, 1e-9)), 1), max(n // 4, 1))
+    knots = np.arange(0, n, block)
+    if n < 3 or len(knots) < 3:
+        return np.zeros(n)
+    sums = np.add.reduceat(np.stack([time, temperature], axis=1), knots, axis=0)
+    t, level = (sums / np.diff(np.append(knots, n))[:, None]).T
+    return np.asarray(np.interp(time, t, np.gradient(level, t)))

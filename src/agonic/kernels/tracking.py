@@ -1,0 +1,187 @@
+"""Sequential estimation of bias and matrix from magnitudes: a Kalman filter in U D Uᵀ factors.
+
+The state is x = (g, bias x y z, matrix xx yy zz xy xz yz) with a symmetric matrix W; the covariance
+is that of its first m numbers, the others are held. g is what the reference magnitude leaves out
+(crust, ring current), a first-order Gauss–Markov process; bias and matrix walk at random. A reading
+measures
+
+    r(x) = (|W (raw − bias)| − F − g)/|s| = noise,    s = W û,
+
+the distance residual of `kernels.affine.magnitude_residual` with its exact Jacobian. The covariance
+is kept as U D Uᵀ, U unit upper triangular: with D not negative it stays a covariance, whatever
+the rounding. Bierman's measurement update, and Agee and Turner's rank-one update for what the
+unknowns walk; g is first so that its decay scales one row. They are in `kernels.udfilter`.
+
+Source: G. J. Bierman (1977), Factorization Methods for Discrete Sequential Estimation, Academic
+Press, chapters III and V. Jumps: A. S. Willsky, H. L. Jones (1976), IEEE Transactions on Automatic
+Control 21(1), 108–112, doi 10.1109/TAC.1976.1101146.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import udfilter
+
+Array = NDArray[np.float64]
+
+STATES = {"bias": 4, "gains": 7, "full": 10}
+"""How many numbers of the state are estimated; the external field is one of them."""
+
+COMPILE_FROM = 3000
+"""Rows for which numba is worth loading."""
+
+
+class Model(NamedTuple):
+    """The noise model: all in the unit of the readings but for the external field, nT.
+
+    `noise` sd of one reading on one axis; `external_sd` and `external_time_s` of g; `walk` sd of
+    the change of each bias, `matrix_walk` of each entry of the matrix, in one second (they grow
+    with √t); `gate` standard deviations beyond which a reading is refused; `jump_level` the
+    statistic (χ² with three degrees of freedom) above which a jump is announced, 0 for never;
+    `jump_sd` the expected size of a jump.
+    """
+
+    noise: float
+    external_sd: float = 0.0
+    external_time_s: float = 600.0
+    walk: float = 0.0
+    matrix_walk: float = 0.0
+    gate: float = 5.0
+    jump_level: float = 50.0
+    jump_sd: float = 2000.0
+
+
+class Belief(NamedTuple):
+    """What the filter holds: `state` (10,), U D Uᵀ of its first m numbers, `watch` (11,).
+
+    `columns` (m, m) has the columns of U as its rows, `diagonal` (m,) is D; `watch` the sums of
+    the jump test, the mean square of normalised innovations, and the time of the last reading.
+    """
+
+    state: Array
+    columns: Array
+    diagonal: Array
+    watch: Array
+
+    @property
+    def covariance(self) -> Array:
+        """U D Uᵀ, (m, m)."""
+        return np.asarray((self.columns.T * self.diagonal) @ self.columns)
+
+
+class Seen(NamedTuple):
+    """What was predicted of each reading before it was used, a row a reading.
+
+    `residual` (n,) |W (raw − bias)| − F − g, and its sd, nT; `used` (n,) whether it passed the
+    gate; `toward` (n, 3) and `innovation` (n,) what the jump test sees of it: normalised Jacobian
+    of the bias, and normalised, clipped innovation.
+    """
+
+    residual: Array
+    sd: Array
+    used: NDArray[np.bool_]
+    toward: Array
+    innovation: Array
+
+
+def believe(state: Array, covariance: Array, time: float) -> Belief:
+    """A belief from a covariance (m, m); `time` is that of the reading before the first.
+
+    >>> b = believe(np.zeros(10), np.diag([1.0, 4, 4, 4]), 0.0)
+    >>> b.diagonal.tolist(), np.allclose(b.covariance, np.diag([1.0, 4, 4, 4]))
+    ([1.0, 4.0, 4.0, 4.0], True)
+    """
+    m = len(covariance)
+    columns, diagonal, rest = np.eye(m), np.zeros(m), np.array(covariance, dtype=np.float64)
+    for j in range(m - 1, -1, -1):
+        diagonal[j] = max(rest[j, j], 0.0)
+        if diagonal[j] > 0.0:
+            columns[j, :j] = rest[:j, j] / diagonal[j]
+            rest[:j, :j] -= diagonal[j] * np.outer(columns[j, :j], columns[j, :j])
+    watch = np.zeros(udfilter.WATCHED)
+    watch[udfilter.SCALE], watch[udfilter.TIME] = 1.0, time
+    return Belief(np.array(state, dtype=np.float64), columns, diagonal, watch)
+
+
+def widened(belief: Belief, jump_sd: float) -> Belief:
+    """The belief after a possible jump: `jump_sd` added to each bias, the test restarted."""
+    state, columns, diagonal, watch = _lists(belief)
+    for i in (1, 2, 3):
+        udfilter.spread(i, jump_sd**2, columns, diagonal, [0.0] * 10)
+    return Belief(
+        np.array(state), np.array(columns), np.array(diagonal),
+        np.array([*[0.0] * udfilter.SCALE, *watch[udfilter.SCALE:]]),
+    )  # fmt: skip
+
+
+def advance(
+    belief: Belief,
+    model: Model,
+    rows: Array,
+    *,
+    linearised: Array | None = None,
+    compiled: bool | None = None,
+) -> tuple[Belief, Seen, bool]:
+    """The belief after some readings, what was predicted of each, and whether a jump was seen.
+
+    Stops after the reading at which a jump shows, so `Seen` may be shorter than the rows.
+
+    Parameters: rows (n, 6) of time (s), raw x y z, reference magnitude (nT), and 1 for a reading
+    that may be used, 0 for one that must not be; linearised (10,) takes every residual as linear
+    about that state: with it and without walk the result is a Gauss–Newton step of the batch fit
+    from there; compiled asks for numba (`None`: for many rows), used where it is installed.
+    """
+    n = len(rows)
+    wanted = worth_compiling(n) if compiled is None else compiled
+    run = udfilter.compiled() if wanted else None
+    held = linearised is not None
+    about = belief.state if linearised is None else linearised
+    if run is None:
+        parts = _lists(belief)
+        seen: Any = [[0.0] * 7 for _ in range(n)]
+        room: Any = [[0.0] * 10 for _ in range(3)]
+        about = about.tolist()
+        done, jump = udfilter.run(rows.tolist(), *parts, tuple(model), about, held, seen, room)
+        after = Belief(*(np.array(part) for part in parts))
+    else:
+        after = Belief(*(np.array(part) for part in belief))
+        seen, room = np.zeros((n, 7)), np.zeros((3, 10))
+        done, jump = run(np.ascontiguousarray(rows), *after, tuple(model), about, held, seen, room)
+    table = np.array(seen[:done]).reshape(-1, 7)
+    return after, Seen(
+        table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3:6], table[:, 6]
+    ), bool(jump)  # fmt: skip
+
+
+def worth_compiling(rows: int) -> bool:
+    """Whether numba is to be used for so many rows: for many, and for few once it is loaded."""
+    return rows >= COMPILE_FROM or udfilter.compiled.cache_info().currsize > 0
+
+
+def joined(parts: Sequence[Seen]) -> Seen:
+    """What was seen of consecutive pieces."""
+    return Seen(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def onset(seen: Seen) -> int:
+    """The row at which a jump began: where the test over all rows after it is largest.
+
+    Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
+    """
+    w, z = seen.toward[::-1], seen.innovation[::-1]
+    information = np.cumsum(w[:, :, None] * w[:, None, :], axis=0) + 1e-12 * np.eye(3)
+    score = np.cumsum(w * z[:, None], axis=0)
+    statistic = np.einsum("ki,kij,kj->k", score, np.linalg.pinv(information), score)
+    return len(z) - 1 - int(np.argmax(statistic))
+
+
+def _lists(belief: Belief) -> tuple[Any, Any, Any, Any]:
+    return (
+        belief.state.tolist(), belief.columns.tolist(),
+        belief.diagonal.tolist(), belief.watch.tolist(),
+    )  # fmt: skip

@@ -1,0 +1,191 @@
+"""What was not as planned is named, on simulated campaigns with each fault, and nothing else is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agonic.campaign import Campaign, Profile, Sensor, check_campaign, plan_thermal
+from agonic.simulation.campaign import Faults, simulate_campaign
+
+SENSORS = "2xMMC5883MA,MPU-9255"
+
+
+def checked(**given):
+    made = simulate_campaign(SENSORS, rate_Hz=0.1, seed=4, **given)
+    usable, findings = check_campaign(made.campaign)
+    return usable, {finding.name: finding for finding in findings}
+
+
+def with_samples(campaign: Campaign, change) -> Campaign:
+    """The campaign with other samples at every station of every sensor."""
+    recordings = {
+        name: {number: change(number, samples) for number, samples in by.items()}
+        for name, by in campaign.recordings.items()
+    }
+    return replace(campaign, recordings=recordings)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Campaign:
+    return simulate_campaign(SENSORS, rate_Hz=0.1, seed=9).campaign
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nothing_is_said_against_a_good_campaign(seed) -> None:
+    campaign = simulate_campaign(SENSORS, rate_Hz=0.05, seed=seed).campaign
+    usable, findings = check_campaign(campaign)
+    assert [f.name for f in findings if f.severity != "note"] == []
+    assert usable.rows == campaign.rows
+
+
+def test_missing_stations() -> None:
+    usable, found = checked(faults=Faults(missing=(3, 7, 11)))
+    assert "stations 3, 7, 11 of 12 are missing" in found["missing stations"].sentence
+    assert found["missing stations"].severity == "check"
+    assert usable.stations == (1, 2, 4, 5, 6, 8, 9, 10, 12)
+    _, found = checked(faults=Faults(missing=(1, 2, 3, 4)))
+    assert found["missing stations"].severity == "refuse"
+
+
+def test_a_stuck_thermometer_is_left_out() -> None:
+    usable, found = checked(faults=Faults(stuck="MPU-9255"))
+    assert "MPU-9255" in found["stuck temperature"].what
+    assert usable.sensors == ("MMC5883MA-1", "MMC5883MA-2")
+
+
+def test_stuck_for_a_while_at_one_station(clean) -> None:
+    def change(number, samples):
+        if number != 5 or samples.name != "MMC5883MA-2":
+            return samples
+        level = samples.temperature.copy()
+        level[300:700] = level[300]
+        return samples.with_columns(temperature=level)
+
+    usable, findings = check_campaign(with_samples(clean, change))
+    said = next(f for f in findings if f.name == "stuck temperature")
+    assert said.severity == "check"
+    assert "at station 5" in said.what
+    assert 5 not in usable.recordings["MMC5883MA-2"]
+    assert 5 in usable.recordings["MMC5883MA-1"]
+
+
+@pytest.mark.parametrize("pair", [(4, 9), (1, 2), (11, 12)])
+def test_swapped_stations(pair) -> None:
+    _, found = checked(faults=Faults(swapped=pair))
+    assert f"stations {pair[0]}, {pair[1]} look swapped" in found["swapped stations"].what
+
+
+def test_a_chamber_that_drifted() -> None:
+    for seed in range(4):
+        made = simulate_campaign(SENSORS, rate_Hz=0.1, seed=seed, faults=Faults(drift=5000.0))
+        assert "field drifted" in {f.name for f in check_campaign(made.campaign)[1]}
+
+
+def test_a_recording_that_ends_early() -> None:
+    usable, found = checked(faults=Faults(truncated=(6,)))
+    assert "station 6 ends after 1 h 36 min of 4 h 00 min" in found["ends early"].what
+    assert 6 in usable.stations
+
+
+def test_a_range_that_was_not_reached() -> None:
+    plan = plan_thermal(SENSORS, range_C=(0, 40), rate_Hz=0.1)
+    campaign = simulate_campaign(plan).campaign
+    wanted = replace(campaign.description, profile=Profile())
+    _, findings = check_campaign(replace(campaign, description=wanted))
+    said = [f.what for f in findings if f.name == "range"]
+    assert len(said) == 1
+    assert "stations 1–12 reached only 0.0 of -10 °C" in said[0].replace("-0.0", "0.0")
+    assert "stations 1–12 reached only 40.0 of +50 °C" in said[0]
+
+
+def test_holds_that_were_cut_short_and_cooling_that_was_abrupt() -> None:
+    profile = Profile(hold_min=3.0, cooling_C_per_min=2.0, cooling_limit_C_per_min=3.0)
+    plan = plan_thermal(SENSORS, profile=profile, rate_Hz=0.1)
+    campaign = simulate_campaign(plan, lag_s=0.0).campaign
+    wanted = replace(campaign.description, profile=Profile())
+    _, findings = check_campaign(replace(campaign, description=wanted))
+    said = {f.name: f.what for f in findings}
+    assert "2.0 °C/min, faster than 1" in said["cooling"]
+    assert "instead of 15 min" in said["holds"]
+
+
+def test_a_smooth_heating_is_noted_where_steps_were_planned() -> None:
+    plan = plan_thermal(SENSORS, profile=Profile(step_hold_min=0.0), rate_Hz=0.1)
+    campaign = simulate_campaign(plan).campaign
+    wanted = replace(campaign.description, profile=Profile())
+    _, findings = check_campaign(replace(campaign, description=wanted))
+    said = next(f for f in findings if f.name == "steps")
+    assert said.severity == "note"
+    assert "stopped 0 times" in said.what
+
+
+def test_gaps(clean) -> None:
+    def change(number, samples):
+        if number != 8:
+            return samples
+        return samples.select(
+            ~((samples.time - samples.time[0] > 3000) & (samples.time - samples.time[0] < 4200))
+        )
+
+    _, findings = check_campaign(with_samples(clean, change))
+    said = next(f for f in findings if f.name == "recording gaps")
+    assert said.severity == "check"
+    assert "station 8" in said.what
+
+
+def test_a_box_that_stood_askew(clean) -> None:
+    askew = [
+        replace(s, rot_nb=s.rot_nb * type(s.rot_nb).from_rotvec([0.0, 0.25, 0.0]))
+        if s.number == 7 else s
+        for s in clean.description.stations
+    ]  # fmt: skip
+    told = replace(clean.description, stations=tuple(askew))
+    _, findings = check_campaign(replace(clean, description=told))
+    said = next(f for f in findings if f.name == "fixture")
+    assert "station 7" in said.what
+
+
+def test_a_sensor_mounted_otherwise_on_the_board_is_understood(clean) -> None:
+    axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # as in an MPU-9255
+
+    def change(number, samples):
+        return samples.with_columns(field=samples.field @ axes.T)
+
+    _, findings = check_campaign(with_samples(clean, change))
+    assert [f.name for f in findings if f.severity != "note"] == []
+
+
+def test_sensors_without_a_temperature_are_left_out(clean) -> None:
+    def change(number, samples):
+        cold = samples.name == "MPU-9255"
+        return samples.with_columns(temperature=None) if cold else samples
+
+    usable, findings = check_campaign(with_samples(clean, change))
+    assert "no temperature" in {f.name for f in findings}
+    assert "MPU-9255" not in usable.sensors
+
+
+def test_joined_samples_keep_stations_in_order_and_sensors_in_step(clean) -> None:
+    one, other = (clean.samples(name) for name in clean.sensors[:2])
+    assert len(one) == 12 * 1440
+    assert (np.diff(one.time) > 0).all()
+    assert (one.time == other.time).all()
+    assert np.unique(one.station).tolist() == list(range(1, 13))
+
+
+def test_clocks_that_start_anew_are_put_in_line(clean) -> None:
+    def change(number, samples):
+        return samples.with_columns(time=samples.time - samples.time[0])
+
+    joined = with_samples(clean, change).samples("MPU-9255")
+    assert len(joined) == 12 * 1440
+    assert (np.diff(joined.time) > 0).all()
+
+
+def test_two_sensors_of_one_name_are_no_description() -> None:
+    from agonic.campaign import Description
+    from agonic.errors import AgonicError
+
+    with pytest.raises(AgonicError, match="described twice"):
+        Description(sensors=(Sensor(name="a"), Sensor(name="a")))
