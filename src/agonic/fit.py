@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
-from agonic.health import Finding
+from agonic.health import Finding, Judged
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Channel:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class Fit(Judged):
     """A calibration and what it rests on.
 
     `residuals` (n,) are distances from the model in the unit of the readings, a row a sample, and
@@ -76,25 +76,3 @@ class Fit:
     def sd(self) -> Array:
         """Standard errors of the same."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def verdict(self) -> str:
-        """`good`, `check` or `refused`."""
-        severities = {finding.severity for finding in self.findings}
-        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
-
-    @property
-    def ok(self) -> bool:
-        """Nothing to object."""
-        return self.verdict == "good"
-
-    @property
-    def status(self) -> str:
-        """The result in words: what stands in the way, how good it is, what else was seen."""
-        notes = [finding.sentence for finding in self.findings if finding.severity == "note"]
-        grave = [finding.sentence for finding in self.findings if finding.severity != "note"]
-        return ". ".join(_capital(text) for text in (*grave, *self.remarks, *notes)) + "."
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

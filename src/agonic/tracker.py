@@ -16,7 +16,7 @@ from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.fitting.tracking import Coefficients, start, update
 from agonic.fitting.tracking.findings import findings
-from agonic.health import Finding
+from agonic.health import Finding, sentences
 from agonic.io.trackfile import load_track, save_track
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -172,10 +172,7 @@ class Tracker:
     def status(self) -> str:
         """The findings in words, or that there are none."""
         said = [finding.sentence for finding in self.findings]
-        return (
-            ". ".join(text[:1].upper() + text[1:] for text in said or ["the bias is followed"])
-            + "."
-        )
+        return sentences(*(said or ["the bias is followed"]))
 
     def save(self, path: Path | str) -> Path:
         """Write everything that `resume` needs to go on, in one step."""

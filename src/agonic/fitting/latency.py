@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Slerp
 
 from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.health import Finding, figure
+from agonic.health import Finding, figure, sentences
 from agonic.kernels import latency as kernel
 from agonic.kernels.rotation import angles_deg, rot_nb, yaw_pitch_roll
 from agonic.samples import Samples
@@ -52,9 +52,8 @@ class LatencyFit:
 
     @property
     def status(self) -> str:
-        """The result in a sentence."""
-        said = ". ".join(finding.sentence for finding in self.findings)
-        return f"{said[:1].upper()}{said[1:]}."
+        """The result in words."""
+        return sentences(*(finding.sentence for finding in self.findings))
 
 
 def fit_latency(

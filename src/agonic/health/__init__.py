@@ -1,7 +1,7 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
 from agonic.health.evidence import Evidence, examine, examine_taught, undetermined
-from agonic.health.finding import Finding, Severity, figure
+from agonic.health.finding import Finding, Judged, Severity, figure, sentences
 from agonic.health.mounting import mounted
 from agonic.health.readings import FEWEST, describe, inspect, step, usable_rows
 
@@ -9,6 +9,7 @@ __all__ = [
     "FEWEST",
     "Evidence",
     "Finding",
+    "Judged",
     "Severity",
     "describe",
     "examine",
@@ -16,6 +17,7 @@ __all__ = [
     "figure",
     "inspect",
     "mounted",
+    "sentences",
     "step",
     "undetermined",
     "usable_rows",

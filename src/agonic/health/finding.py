@@ -1,4 +1,4 @@
-"""`Finding`: something about the data or a fit that the user should know, by name."""
+"""`Finding`: something the user should know, by name; `Judged`: a result that rests on findings."""
 
 from __future__ import annotations
 
@@ -39,3 +39,40 @@ class Finding:
     def sentence(self) -> str:
         """What was seen and what to do, in one sentence."""
         return f"{self.what}; {self.move}" if self.move else self.what
+
+
+class Judged:
+    """A result that says what it is worth: its `findings` give the verdict, its `remarks` figures.
+
+    >>> class Result(Judged):
+    ...     findings = (Finding("static", "refuse", "the sensor did not turn"),)
+    ...     remarks = ("noise 12 nT",)
+    >>> Result().verdict, Result().ok, Result().status
+    ('refused', False, 'The sensor did not turn. Noise 12 nT.')
+    """
+
+    findings: tuple[Finding, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """`good`, `check` or `refused`."""
+        severities = {finding.severity for finding in self.findings}
+        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+
+    @property
+    def ok(self) -> bool:
+        """Nothing to object."""
+        return self.verdict == "good"
+
+    @property
+    def status(self) -> str:
+        """The result in words: what stands in the way, how good it is, what else was seen."""
+        notes = [finding.sentence for finding in self.findings if finding.severity == "note"]
+        grave = [finding.sentence for finding in self.findings if finding.severity != "note"]
+        return sentences(*grave, *self.remarks, *notes)
+
+
+def sentences(*texts: str) -> str:
+    """Texts as sentences, each with its capital and its stop."""
+    return " ".join(f"{text[:1].upper()}{text[1:]}." for text in texts)

@@ -14,7 +14,7 @@ from agonic.calibration.deviation import PARAMETERS, Deviation, east_west, headi
 from agonic.errors import AgonicError
 from agonic.fitting.deviation.evidence import Evidence, examine
 from agonic.fitting.deviation.readings import Readings, complete
-from agonic.health import Finding, figure
+from agonic.health import Finding, Judged, figure
 from agonic.kernels import deviation as kernel
 from agonic.kernels import swing
 from agonic.provenance import Input, Provenance
@@ -28,7 +28,7 @@ READINGS_PER_TERM = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DeviationFit:
+class DeviationFit(Judged):
     """A deviation card and what it rests on.
 
     `compass_deg`, `deviation_deg`, `residuals_deg` and `weights` (n,) are the readings that were
@@ -67,23 +67,6 @@ class DeviationFit:
     def sd(self) -> Array:
         """Standard errors (9,) of the same; 0 for terms that were not fitted."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def verdict(self) -> str:
-        """`good`, `check` or `refused`."""
-        severities = {finding.severity for finding in self.findings}
-        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
-
-    @property
-    def ok(self) -> bool:
-        """Nothing to object."""
-        return self.verdict == "good"
-
-    @property
-    def status(self) -> str:
-        """The result in words: what stands in the way, or how good it is."""
-        said = (*(finding.sentence for finding in self.findings), *self.remarks)
-        return ". ".join(text[:1].upper() + text[1:] for text in said) + "."
 
 
 def fit_deviation(

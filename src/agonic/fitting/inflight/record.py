@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.chain import Chain
 from agonic.fitting.inflight.drift import Drift
-from agonic.health import Finding
+from agonic.health import Finding, Judged
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InflightFit:
+class InflightFit(Judged):
     """The result of `fit_inflight`.
 
     Parameters
@@ -68,20 +68,3 @@ class InflightFit:
     def bias_at(self, time: ArrayLike) -> tuple[Array, Array]:
         """The bias found in flight at times (k,) of the record, nT, and its standard error."""
         return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))
-
-    @property
-    def verdict(self) -> str:
-        """`good`, `check` or `refused`."""
-        severities = {finding.severity for finding in self.findings}
-        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
-
-    @property
-    def ok(self) -> bool:
-        """Nothing to object."""
-        return self.verdict == "good"
-
-    @property
-    def status(self) -> str:
-        """The result in words: what stands in the way, or how good it is."""
-        said = (*(finding.sentence for finding in self.findings), *self.remarks)
-        return ". ".join(text[:1].upper() + text[1:] for text in said) + "."

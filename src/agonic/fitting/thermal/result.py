@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.thermal import Thermal
 from agonic.fit import ModelTest
-from agonic.health import Finding
+from agonic.health import Finding, Judged
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class Anomaly:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ThermalFit:
+class ThermalFit(Judged):
     """A temperature calibration and what it rests on.
 
     `taught_by` is "magnitude", "turns" or "vector". `residuals` are those of the means of bins,
@@ -148,22 +148,3 @@ class ThermalFit:
     def sd(self) -> Array:
         """Standard errors of the same."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def verdict(self) -> str:
-        """`good`, `check` or `refused`."""
-        severities = {finding.severity for finding in self.findings}
-        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
-
-    @property
-    def ok(self) -> bool:
-        """Nothing to object."""
-        return self.verdict == "good"
-
-    @property
-    def status(self) -> str:
-        """The result in words: what stands in the way, how good it is, what else was seen."""
-        notes = [finding.sentence for finding in self.findings if finding.severity == "note"]
-        grave = [finding.sentence for finding in self.findings if finding.severity != "note"]
-        said = (*grave, *self.remarks, *notes)
-        return ". ".join(text[:1].upper() + text[1:] for text in said) + "."
