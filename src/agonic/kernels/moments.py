@@ -56,6 +56,19 @@ def accumulate(points: Array, centre: Array, scale: float) -> Array:
     return np.asarray(gram.ravel()[_FIRST])
 
 
+def powers(points: Array, centre: Array, scale: float) -> Array:
+    """The terms (n, 35) of the moments of each point by itself.
+
+    >>> powers(np.array([[1.0, 2.0, 3.0]]), np.zeros(3), 1.0)[0, :4]
+    array([1., 3., 2., 1.])
+    """
+    u = (points - centre) / scale
+    x, y, z = u.T
+    m = np.stack([x * x, y * y, z * z, y * z, x * z, x * y, x, y, z, np.ones_like(x)], axis=1)
+    first, second = np.divmod(_FIRST, 10)
+    return np.asarray(m[:, first] * m[:, second])
+
+
 def rebase(moments: Array, centre: Array, scale: float, to_centre: Array, to_scale: float) -> Array:
     """The same moments about another centre and scale: u' = (s u + c − c')/s', multiplied out."""
     ratio, shift = scale / to_scale, (centre - to_centre) / to_scale

@@ -1,0 +1,159 @@
+"""The ellipsoid of readings that are kept as moments only, with a prior, robust against bad boxes.
+
+The residual f = (|A(y − b)|² − 1)/2, about the distance over the radius, is a polynomial of second
+degree in the reading, f = qᵀm(y) with m the ten monomials, so that the sum of its squares over any
+number of readings is qᵀΨq with Ψ from their 35 moments; noise is taken out of Ψ as in the adjusted
+fit (Kukush, Markovsky & Van Huffel 2004).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import leastsq, moments, quadric
+from agonic.kernels.ellipsoid import parameters, soft_iron_prior
+
+Array = NDArray[np.float64]
+
+PLENTY = 25.0
+"""Readings after which a box weighs no more: they were not made independently."""
+
+STRAY = 4.0
+"""Boxes whose mean residual is so many times the usual one do not count."""
+
+ROUNDS = 4
+"""Passes in which the noise and the boxes to believe settle."""
+
+FINEST = 1e-6
+"""Less noise than this, over the radius, is not believed."""
+
+_BASIS = np.array(
+    [[[1, 0, 0], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
+     [[0, 0, 0], [0, 0, 0], [0, 0, 1]], [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
+     [[0, 0, 1], [0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]], dtype=np.float64
+)  # fmt: skip
+"""The matrices of xx yy zz xy xz yz."""
+
+
+class Summed(NamedTuple):
+    """Bias (3,), symmetric matrix (3, 3) to magnitude one, their covariance (9, 9), the noise, the
+    mean residual of each box `residuals` (k,) over the radius, and the weights (k,) they had."""
+
+    bias: Array
+    matrix: Array
+    covariance: Array
+    noise: float
+    residuals: Array
+    weights: Array
+    condition: float
+    iterations: int
+    converged: bool
+
+
+def estimate(sums: Array, soft_iron_sd: float | None = 0.1) -> Summed | None:
+    """The fit to boxes with moments `sums` (k, 35) of points about centred, of size about one.
+
+    Minimises Σ w qᵀΨq/σ² + |prior|², σ of the residual from what the fit leaves, and larger where
+    boxes scatter more than their readings. `None` where no sphere can be laid through them.
+    """
+    params = _sphere(sums)
+    if params is None:
+        return None
+    prior = soft_iron_prior("full", soft_iron_sd)
+    share = np.minimum(1.0, PLENTY / sums[:, 0])
+    weights, sd = share, 0.01
+    for _ in range(ROUNDS):
+        rows = _pieces(weights @ sums, sd / params[3:6].mean())
+        solution = leastsq.solve(rows, params, scale=sd, prior=prior)
+        params = solution.params
+        residuals, sd = _left(sums, weights, params)
+        used, weights = weights, share * _believed(residuals, sd)
+    return _assembled(sums, used, residuals, sd, solution, prior)
+
+
+def _pieces(total: Array, noise: float) -> leastsq.Pieces:
+    """Ten rows whose squares add up to qᵀΨq, Ψ from the moments `total` less the noise's part."""
+    psi = moments.denoised_gram(total)
+    values, vectors = np.linalg.eigh(psi[0] - noise**2 * psi[1] + noise**4 * psi[2])
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+
+    def rows(params: Array) -> Iterator[tuple[Array, Array]]:
+        q, slope = polynomial(params)
+        yield root @ q, root @ slope
+
+    return rows
+
+
+def _sphere(sums: Array) -> Array | None:
+    """Bias and gains of the best sphere, with every box counted alike."""
+    psi = moments.denoised_gram((np.minimum(1.0, PLENTY / sums[:, 0])) @ sums)
+    try:
+        bias, matrix = quadric.to_affine(quadric.smallest(psi[0], "sphere"))
+    except ValueError:
+        return None
+    return parameters(bias, matrix, "full")
+
+
+def _matrix(params: Array) -> Array:
+    return np.asarray(np.tensordot(params[3:], _BASIS, axes=1))
+
+
+def polynomial(params: Array) -> tuple[Array, Array]:
+    """q (10,) of the residual, and its derivative (10, 9) by bias and matrix."""
+    bias, matrix = params[:3], _matrix(params)
+    form = matrix @ matrix
+    changes = np.concatenate(
+        [np.zeros((3, 3, 3)), _BASIS @ matrix + matrix @ _BASIS]
+    )  # of the form, by each parameter
+    moved = np.concatenate([np.eye(3), np.zeros((6, 3))])  # of the bias
+    linear = -2 * (changes @ bias + moved @ form)
+    constant = changes @ bias @ bias + 2 * moved @ form @ bias
+    q = np.concatenate([_quadratic(form), -2 * form @ bias, [bias @ form @ bias - 1.0]])
+    slope = np.column_stack([_quadratic(changes), linear, constant]).T
+    return q / 2, slope / 2
+
+
+def _quadratic(form: Array) -> Array:
+    """The coefficients of x² y² z² yz xz xy in yᵀ form y, (…, 6)."""
+    pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+    return np.stack([form[..., i, j] * (1 if i == j else 2) for i, j in pairs], axis=-1)
+
+
+def _left(sums: Array, weights: Array, params: Array) -> tuple[Array, float]:
+    """The mean residual of each box (k,), and the standard deviation of one reading's residual."""
+    q, _ = polynomial(params)
+    placed = np.zeros(35)
+    placed[moments.GRAM_INDEX[9]] = q
+    total = weights @ sums
+    freedom = total[0] * max(1 - 9 / max(int((weights > 0).sum()), 18), 0.5)
+    square = float(q @ total[moments.GRAM_INDEX] @ q)
+    return sums @ placed / sums[:, 0], float(np.sqrt(max(square / freedom, FINEST**2)))
+
+
+def _believed(residuals: Array, sd: float) -> Array:
+    """1 for boxes that fit, 0 for those far out: metal came near while they were filled."""
+    usual = max(leastsq.robust_scale(residuals), sd / 2)
+    return np.asarray((np.abs(residuals) < STRAY * usual).astype(np.float64))
+
+
+def _assembled(
+    sums: Array, weights: Array, residuals: Array, sd: float, solution: leastsq.Solution,
+    prior: leastsq.Prior | None,
+) -> Summed:  # fmt: skip
+    """The result; boxes that scatter more than their readings do widen the covariance."""
+    held = weights * sums[:, 0]
+    freedom = int((weights > 0).sum()) - 9
+    scatter = float(held @ residuals**2) / sd**2 / freedom if freedom > 9 else 1.0
+    information = solution.information
+    if prior is not None:
+        jacobian = prior(solution.params)[1]
+        information = information + jacobian.T @ jacobian
+    return Summed(
+        solution.params[:3], _matrix(solution.params),
+        leastsq.inverse(information) * max(scatter, 1.0), sd / float(solution.params[3:6].mean()),
+        residuals, weights, solution.condition, solution.iterations, solution.converged,
+    )  # fmt: skip

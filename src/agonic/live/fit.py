@@ -1,0 +1,145 @@
+"""`LiveFit`: a calibration that grows with every reading, and says how to go on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity
+from agonic.coverage import Coverage, cover
+from agonic.errors import AgonicError, CoverageError
+from agonic.fitting.ellipsoid.assemble import Scale, calibration
+from agonic.fitting.ellipsoid.solve import Found as Solved
+from agonic.kernels import coverage as cells
+from agonic.live.guidance import Guidance, guidance
+from agonic.live.state import LiveParams, LiveState
+from agonic.live.update import updated
+from agonic.samples import Samples
+from agonic.units import RAW, nanotesla_per
+
+Array = NDArray[np.float64]
+
+
+class LiveFit:
+    """A running magnitude calibration of one sensor, in bounded memory.
+
+    Readings are summed up in boxes of equal size, each of which weighs little more after its
+    first 25, so that a sensor at rest does not drown the rest; the fit minimises the magnitude
+    residual over their moments with a prior on soft iron (`kernels.summed`). Two calls of `add`
+    with the halves of a recording give what one call with all of it gives.
+
+    Parameters: `LiveParams`, or its fields as keywords.
+
+    Source: moments and adjusted least squares (Markovsky, Kukush & Van Huffel 2004).
+
+    Examples
+    --------
+    >>> u = np.random.default_rng(0).normal(size=(2000, 3))
+    >>> field = 50_000 * u / np.linalg.norm(u, axis=1, keepdims=True) + [3000.0, 0, 0]
+    >>> live = LiveFit(magnitude=50_000.0)
+    >>> live.add(np.arange(2000) / 50, field)
+    >>> live.calibration.bias.round() + 0.0, live.guidance.done
+    (array([3000.,    0.,    0.]), True)
+    """
+
+    def __init__(self, params: LiveParams | None = None, **settings: Any) -> None:
+        self.params = replace(params or LiveParams(), **settings)
+        self.state = LiveState()
+        self._nanotesla = 1.0 if self.params.unit == RAW else nanotesla_per(self.params.unit)
+        self._fitted: tuple[int, tuple[Affine, Coverage]] | None = None
+
+    def add(self, time: ArrayLike, field: ArrayLike) -> None:
+        """Take readings `field` (n, 3), in the unit of the parameters, made at `time` (n,), s."""
+        rows = np.asarray(field, dtype=np.float64)
+        moments = np.asarray(time, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] != 3 or moments.shape != (len(rows),):
+            raise AgonicError(
+                f"a live fit takes times (n,) and readings (n, 3), not {moments.shape} and "
+                f"{rows.shape}"
+            )
+        stacked = np.column_stack([moments, rows * self._nanotesla])
+        self.state = updated(self.params, self.state, stacked)
+
+    @property
+    def n(self) -> int:
+        """How many readings were taken."""
+        return self.state.n
+
+    @property
+    def unit(self) -> str:
+        """The unit in which readings are kept."""
+        return RAW if self.params.unit == RAW else "nT"
+
+    @property
+    def calibration(self) -> Affine:
+        """The calibration so far, with its covariance; raises `CoverageError` before the first."""
+        return self._require()[0]
+
+    @property
+    def coverage(self) -> Coverage:
+        """The directions so far, and the standard errors there."""
+        return self._require()[1]
+
+    @property
+    def fitted(self) -> tuple[Affine, Coverage] | None:
+        """Calibration and coverage, `None` before there is any."""
+        found = self.state.found
+        if found is None:
+            return None
+        if self._fitted is None or self._fitted[0] != found.n:
+            self._fitted = (found.n, self._assembled())
+        return self._fitted[1]
+
+    @property
+    def guidance(self) -> Guidance:
+        """What to do next, and what is wrong."""
+        return guidance(self.params, self.state, self.fitted)
+
+    @property
+    def samples(self) -> Samples:
+        """The readings that were kept, for the final calibration, in the order of their times."""
+        kept = self.state.kept
+        kept = kept[np.argsort(kept[:, 0], kind="stable")]
+        return Samples(
+            time=kept[:, 0], field=kept[:, 1:], unit=self.unit, name=self.params.name,
+            device_id=self.params.device_id,
+        )  # fmt: skip
+
+    def _require(self) -> tuple[Affine, Coverage]:
+        fitted = self.fitted
+        if fitted is None:
+            raise CoverageError(
+                f"{self.n} readings in too few directions hold no calibration yet",
+                turns="turn the sensor slowly about all three axes",
+            )
+        return fitted
+
+    def _assembled(self) -> tuple[Affine, Coverage]:
+        """The last fit in the unit of the readings, and its coverage."""
+        found, boxes, reference = self.state.found, self.state.voxels, self.params.reference
+        assert found is not None
+        assert boxes is not None
+        known = None if reference is None else float(reference.magnitudes(1)[0])
+        solved = Solved(
+            "full", found.bias, found.matrix, found.covariance, found.noise,
+            condition=found.condition,
+        )  # fmt: skip
+        scale = Scale(found.centre, found.size, known, self.params.magnitude_sd)
+        largest = float(np.abs(boxes.middles).max())
+        made = replace(
+            calibration(solved, scale, self.unit, "symmetric"),
+            sensor=self.params.name, device_id=self.params.device_id,
+            validity=Validity(largest_reading=largest),
+        )  # fmt: skip
+        assert made.magnitude is not None
+        assert made.covariance is not None
+        where = cells.cells_of(made.correct(boxes.middles))
+        counts = np.bincount(where, weights=boxes.counts, minlength=80).astype(np.int64)
+        return made, cover(
+            counts, made.magnitude, made.bias, made.matrix, made.covariance,
+            inclination_deg=self.params.inclination_deg,
+        )  # fmt: skip

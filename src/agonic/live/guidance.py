@@ -1,0 +1,132 @@
+"""What to tell the person who holds the sensor: how good it is, what is wrong, where to turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.coverage import Coverage
+from agonic.health import Finding, figure
+from agonic.kernels import coverage as cells
+from agonic.kernels import nextturn
+from agonic.live.state import Found, LiveParams, LiveState
+
+Array = NDArray[np.float64]
+
+NEAR_METAL = 0.05  # of the field's magnitude
+SHORT = 0.3  # rad, below which a turn is hardly any work
+STUCK = 50  # repeats in a row
+OFF_MODEL = 0.15  # of the world model's magnitude
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Guidance:
+    """What to do next, in words and as directions in the axes of the sensor.
+
+    `present` (3,) is where the calibrated field points now, `wanted` (3,) where it should, `turn`
+    (3,) the rotation vector of the sensor between them, rad, and `say` the same in words; `None`
+    and a sentence where there is no fit yet. `done` when the target is reached and nothing is
+    wrong; `findings` what is.
+    """
+
+    say: str
+    done: bool = False
+    present: Array | None = None
+    wanted: Array | None = None
+    turn: Array | None = None
+    findings: tuple[Finding, ...] = field(default_factory=tuple)
+
+
+def guidance(
+    params: LiveParams, state: LiveState, fitted: tuple[Affine, Coverage] | None
+) -> Guidance:
+    """The guidance at a state, and the calibration and coverage there."""
+    findings = [*_stuck(state), *_silent(state)]
+    if fitted is None or state.found is None:
+        say = "turn the sensor slowly about all three axes"
+        return Guidance(say=say, findings=tuple(findings))
+    calibration, coverage = fitted
+    findings += [*_near_metal(state, calibration), *_off_model(params, calibration)]
+    present = state.recent[-5:, 1:].mean(axis=0)
+    present = calibration.correct(present[None])[0]
+    wanted = _wanted(params, state.found, present / np.linalg.norm(present))
+    turn = nextturn.turn_between(present, wanted)
+    close = coverage.heading_sd_deg <= params.target_deg
+    done = close and not findings
+    return Guidance(
+        say="enough: accept the result" if done else nextturn.words(turn),
+        done=done, present=present / np.linalg.norm(present), wanted=wanted, turn=turn,
+        findings=tuple(findings),
+    )  # fmt: skip
+
+
+def _wanted(params: LiveParams, found: Found, present: Array) -> Array:
+    """The direction that teaches most for the turn it takes."""
+    centres = cells.icosphere()[0]
+    gains = nextturn.gains(
+        centres, found.bias, found.matrix, found.covariance, found.noise, params.inclination_deg
+    )
+    turns = np.arccos(np.clip(centres @ present, -1, 1))
+    return np.asarray(centres[np.argmax(gains / (SHORT + turns))])
+
+
+def _stuck(state: LiveState) -> list[Finding]:
+    still = state.repeats >= STUCK
+    if not still.any():
+        return []
+    if still.all():
+        what = f"the last {int(state.repeats.min())} readings are all the same"
+        return [Finding("stale", "check", what, "look at the sensor and its cable")]
+    axes = " and ".join("xyz"[i] for i in np.flatnonzero(still))
+    what = f"axis {axes} is frozen while the others move"
+    return [Finding("frozen axis", "check", what, "look at the sensor")]
+
+
+def _silent(state: LiveState) -> list[Finding]:
+    total = state.n + state.rejected
+    if state.rejected < 0.01 * max(total, 1):
+        return []
+    what = f"{state.rejected} of {total} readings are no numbers"
+    return [Finding("NaN", "check", what, "look at the sensor and its cable")]
+
+
+def _near_metal(state: LiveState, calibration: Affine) -> list[Finding]:
+    """The present readings are off the sphere, all to one side."""
+    assert calibration.magnitude is not None
+    sizes = np.linalg.norm(calibration.correct(state.recent[:, 1:]), axis=1)
+    off = float(np.median(sizes)) / calibration.magnitude - 1
+    spread = (calibration.noise or 0.0) / calibration.magnitude
+    if abs(off) < max(NEAR_METAL, 4 * spread):
+        return []
+    word = "stronger" if off > 0 else "weaker"
+    return [
+        Finding(
+            "near metal",
+            "check",
+            f"the field here is {100 * abs(off):.0f} % {word} than elsewhere: iron, a magnet or a "
+            "current is near",
+            "move away from it and go on turning",
+        )
+    ]
+
+
+def _off_model(params: LiveParams, calibration: Affine) -> list[Finding]:
+    """A mean gain that no sensor has: the whole place is disturbed, or the reference is wrong."""
+    if params.magnitude is None or params.unit == "raw":
+        return []
+    gain = float(np.trace(calibration.matrix)) / 3
+    off = 1 / gain - 1
+    if abs(off) < OFF_MODEL:
+        return []
+    word = "above" if off > 0 else "below"
+    return [
+        Finding(
+            "off the model",
+            "check",
+            f"the field measured is {figure(100 * abs(off))} % {word} the {params.source}",
+            "check the place and the unit, or move away from iron",
+        )
+    ]

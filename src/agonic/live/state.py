@@ -1,0 +1,101 @@
+"""`LiveParams` and `LiveState`: what a live calibration is to reach, and where it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError
+from agonic.kernels.voxels import Voxels
+from agonic.reference import Reference
+from agonic.units import canonical
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LiveParams:
+    """What a live calibration is told before the first reading.
+
+    Parameters
+    ----------
+    unit : of the readings, "nT", "uT", "mG", "G" … or "raw".
+    magnitude : of the field at the place, nT; `None` where it is not known.
+    magnitude_sd : its standard error, nT. source : where it is from, in words.
+    inclination_deg : dip of the field, for the standard error of a level heading.
+    target_deg : the standard error of the heading that is enough, degrees.
+    soft_iron_sd : standard deviation of the prior on soft iron.
+    every : readings between two fits.
+    name : of the sensor. device_id : the number by which an autopilot knows it.
+
+    Examples
+    --------
+    >>> LiveParams(magnitude=50_000.0).target_deg
+    0.5
+    """
+
+    unit: str = "nT"
+    magnitude: float | None = None
+    magnitude_sd: float = 0.0
+    source: str = "given"
+    inclination_deg: float = 60.0
+    target_deg: float = 0.5
+    soft_iron_sd: float = 0.1
+    every: int = 10
+    name: str = "mag"
+    device_id: int | None = None
+
+    def __post_init__(self) -> None:
+        canonical(self.unit)
+        for name in ("target_deg", "soft_iron_sd", "every"):
+            if not getattr(self, name) > 0:
+                raise AgonicError(f"{name} is {getattr(self, name)}; it must be above zero")
+        if self.magnitude is not None and not self.magnitude > 0:
+            raise AgonicError(
+                f"a magnitude of {self.magnitude} nT is none; leave it out if unknown"
+            )
+
+    @property
+    def reference(self) -> Reference | None:
+        """The magnitude as a reference, `None` where it is not known."""
+        if self.magnitude is None:
+            return None
+        return Reference.constant(self.magnitude, sd=self.magnitude_sd, source=self.source)
+
+
+class Found(NamedTuple):
+    """The last fit: centre and size of the points it was made on, and what came out there.
+
+    reading = centre + size · point; `covariance` (9, 9) of bias and matrix to magnitude one.
+    """
+
+    n: int
+    centre: Array
+    size: float
+    bias: Array
+    matrix: Array
+    covariance: Array
+    noise: float
+    condition: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LiveState:
+    """Where a live calibration stands; of bounded size, whatever has been seen.
+
+    `n` readings seen, and `rejected` ones that were not finite; `found` the fit to the first of
+    them; `kept` (m, 4) the rows of time and field to make the final calibration of: the first of
+    every box, and ever fewer of the later ones; `recent` (j, 4) the last rows; `repeats` (3,) how
+    often in a row each axis has said the same.
+    """
+
+    n: int = 0
+    rejected: int = 0
+    voxels: Voxels | None = None
+    found: Found | None = None
+    kept: Array = field(default_factory=lambda: np.empty((0, 4)))
+    recent: Array = field(default_factory=lambda: np.empty((0, 4)))
+    repeats: Array = field(default_factory=lambda: np.zeros(3))

@@ -1,0 +1,66 @@
+"""The turn to make next: what it is worth, which way it goes."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from agonic.kernels import nextturn
+from agonic.kernels.affine import correction_jacobian, model_basis
+from agonic.kernels.coverage import heading_sd_deg
+
+BIAS, MATRIX = np.array([0.2, -0.1, 0.05]), np.diag([1.02, 0.97, 1.01])
+RNG = np.random.default_rng(4)
+ROOT = RNG.normal(size=(9, 9)) * 0.01
+COVARIANCE = ROOT @ ROOT.T
+
+
+def test_the_gradient_gives_the_heading_s_standard_error():
+    g = nextturn.heading_gradient(65.0, BIAS, MATRIX)
+    sd = np.degrees(np.sqrt(np.trace(COVARIANCE @ g)))
+    assert sd == pytest.approx(
+        heading_sd_deg(65.0, 1.0, BIAS, MATRIX, COVARIANCE, "symmetric"), rel=1e-9
+    )
+
+
+def test_gains_are_those_of_a_new_inversion():
+    directions = RNG.normal(size=(20, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    promised = nextturn.gains(directions, BIAS, MATRIX, COVARIANCE, 0.004, 65.0, 25)
+    g = nextturn.heading_gradient(65.0, BIAS, MATRIX)
+    raw = directions @ np.linalg.inv(MATRIX).T + BIAS
+    jacobian = correction_jacobian(raw, BIAS, MATRIX) @ model_basis("full")
+    for k, u in enumerate(directions):
+        j = u @ jacobian[k]
+        sd = 0.004 * np.trace(MATRIX) / 3
+        after = np.linalg.inv(np.linalg.inv(COVARIANCE) + 25 * np.outer(j, j) / sd**2)
+        gained = np.trace((COVARIANCE - after) @ g)
+        assert promised[k] == pytest.approx(gained, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_turn_brings_the_field_there(seed):
+    present, wanted = np.random.default_rng(seed).normal(size=(2, 3))
+    turn = nextturn.turn_between(present, wanted)
+    # a body turned by R sees a fixed field turned by the inverse of R
+    seen = Rotation.from_rotvec(turn).inv().apply(present / np.linalg.norm(present))
+    np.testing.assert_allclose(seen, wanted / np.linalg.norm(wanted), atol=1e-12)
+
+
+def test_the_opposite_direction_is_half_a_turn_away():
+    turn = nextturn.turn_between(np.array([0, 0, 1.0]), np.array([0, 0, -1.0]))
+    assert np.linalg.norm(turn) == pytest.approx(np.pi)
+    assert not nextturn.turn_between(np.array([0, 0, 2.0]), np.array([0, 0, 1.0])).any()
+
+
+@pytest.mark.parametrize(
+    ("present", "wanted", "said"),
+    [
+        ([1, 0, 0], [0, 0, 1], "nose up 90°"),  # what lay ahead is now below
+        ([0, 1, 0], [0, 0, 1], "roll left 90°"),  # what lay to the right is now below: left up
+        ([1, 0, 0], [0, -1, 0], "turn right 90°"),  # what lay ahead is now to the left
+        ([1, 0, 0], [1, 0.1, 0], "hold still"),
+    ],
+)
+def test_words(present, wanted, said):
+    turn = nextturn.turn_between(np.array(present, float), np.array(wanted, float))
+    assert nextturn.words(turn) == said

@@ -1,0 +1,187 @@
+"""A calibration that grows: the same in pieces, bounded, honest, and worth obeying."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from agonic import CoverageError, Reference, fit_ellipsoid
+from agonic.errors import AgonicError
+from agonic.live import LiveFit, LiveParams
+
+MATRIX = np.eye(3) + np.array([[0.05, 0.02, -0.01], [0.02, -0.03, 0.015], [-0.01, 0.015, 0.01]])
+BIAS = np.array([20_000.0, -5000.0, 8000.0])
+FIELD_N = 50_000 * np.array([np.cos(np.radians(60)), 0.0, np.sin(np.radians(60))])
+RATE_HZ = 50
+NOISE = 150.0
+
+
+def readings(attitudes, rng, noise=NOISE):
+    """What the sensor reads in attitudes (Rotation b → n)."""
+    field = attitudes.inv().apply(FIELD_N)
+    return field @ np.linalg.inv(MATRIX).T + BIAS + noise * rng.normal(size=field.shape)
+
+
+def waved(rng, n):
+    """Attitudes of a hand that waves at random about a rest pose, up to 60° about each axis."""
+    time = np.arange(n) / RATE_HZ
+    hertz = rng.uniform(0.1, 0.5, size=(4, 3))
+    phase = rng.uniform(0, 2 * np.pi, size=(4, 3))
+    angles = np.sin(2 * np.pi * hertz * time[:, None, None] + phase).mean(axis=1) * 2.0
+    return Rotation.random(rng=rng) * Rotation.from_euler("ZYX", np.clip(angles, -1.05, 1.05))
+
+
+def tumbled(rng, n):
+    """Attitudes of a hand that turns every way at random, about a radian a second."""
+    rates = gaussian_filter1d(rng.normal(size=(n, 3)), RATE_HZ / 2, axis=0)
+    rates /= np.sqrt((rates**2).sum(axis=1).mean())
+    attitude, path = Rotation.random(rng=rng), []
+    for rate in rates:
+        attitude = attitude * Rotation.from_rotvec(rate / RATE_HZ)
+        path.append(attitude.as_quat())
+    return Rotation.from_quat(path)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    rng = np.random.default_rng(7)
+    return np.arange(3000) / RATE_HZ, readings(tumbled(rng, 3000), rng)
+
+
+def test_pieces_give_what_the_whole_gives(recording):
+    time, field = recording
+    whole = LiveFit(magnitude=50_000.0)
+    whole.add(time, field)
+    pieces = LiveFit(magnitude=50_000.0)
+    cuts = np.sort(np.random.default_rng(1).integers(0, 3000, 40))
+    for rows in np.split(np.arange(3000), cuts):
+        pieces.add(time[rows], field[rows])
+    a, b = whole.calibration, pieces.calibration
+    np.testing.assert_allclose(a.bias, b.bias, rtol=1e-9)
+    np.testing.assert_allclose(a.matrix, b.matrix, rtol=1e-9)
+    np.testing.assert_array_equal(whole.state.kept, pieces.state.kept)
+    np.testing.assert_array_equal(whole.state.repeats, pieces.state.repeats)
+    assert whole.guidance.say == pieces.guidance.say
+
+
+def test_it_agrees_with_the_fit_to_what_was_kept(recording):
+    time, field = recording
+    live = LiveFit(magnitude=50_000.0)
+    live.add(time, field)
+    fit = fit_ellipsoid(live.samples, Reference.constant(50_000.0), model="full")
+    assert np.abs(live.calibration.bias - fit.calibration.bias).max() < 2 * fit.sd[:3].max()
+    assert np.abs((live.calibration.bias - BIAS) / live.calibration.sd[:3]).max() < 4
+
+
+def test_memory_stays_bounded():
+    rng = np.random.default_rng(2)
+    live = LiveFit(magnitude=50_000.0)
+    sizes = []
+    for _ in range(8):
+        live.add(np.arange(20_000.0), readings(Rotation.random(20_000, rng=rng), rng))
+        sizes.append(len(live.state.kept))
+    assert sizes[-1] < 25 * 768 + 15 * 768
+    assert sizes[-1] - sizes[-2] < 800
+    assert len(live.state.voxels.keys) <= 768
+
+
+def test_units_and_shapes():
+    in_microtesla = LiveFit(magnitude=50_000.0, unit="uT")
+    rng = np.random.default_rng(3)
+    field = readings(Rotation.random(500, rng=rng), rng)
+    in_microtesla.add(np.arange(500.0), field / 1000)
+    assert np.abs(in_microtesla.calibration.bias - BIAS).max() < 100
+    with pytest.raises(AgonicError, match=r"times \(n,\)"):
+        in_microtesla.add([0.0], field)
+    with pytest.raises(AgonicError, match="above zero"):
+        LiveParams(target_deg=0.0)
+
+
+def test_no_calibration_before_the_sensor_turns():
+    live = LiveFit(magnitude=50_000.0)
+    live.add([0.0, 0.1], [[1.0, 2.0, 3.0]] * 2)
+    assert live.fitted is None
+    assert live.guidance.say == "turn the sensor slowly about all three axes"
+    with pytest.raises(CoverageError, match="no calibration yet"):
+        _ = live.calibration
+
+
+def names(live):
+    return [finding.name for finding in live.guidance.findings]
+
+
+def test_what_goes_wrong_is_told(recording):
+    time, field = recording
+    live = LiveFit(magnitude=50_000.0)
+    live.add(time, field)
+    assert names(live) == []
+    near = BIAS + 1.18 * (field[:40] - BIAS)
+    live.add(60 + time[:40], near)
+    assert names(live) == ["near metal"]
+    assert "18 % stronger" in live.guidance.findings[0].what
+    assert not live.guidance.done
+    live.add(61 + time[:100], np.where([False, True, False], field[7, 1], field[:100]))
+    assert "frozen axis" in names(live)
+    assert "axis y is frozen" in live.guidance.findings[0].what
+    live.add(70 + time[:100], field[:100])
+    assert names(live) == []
+    live.add(80 + time[:100], np.full((100, 3), np.nan))
+    assert "NaN" in names(live)
+
+
+def test_a_disturbed_place_is_told():
+    rng = np.random.default_rng(4)
+    live = LiveFit(magnitude=42_000.0, source="world model")
+    live.add(np.arange(800.0), readings(Rotation.random(800, rng=rng), rng))
+    assert names(live) == ["off the model"]
+    assert "18 % above the world model" in live.guidance.findings[0].what
+
+
+def obeyed(rng, target_deg):
+    """Radians turned until the target is reached by a hand that follows the arrow, 15° wrong.
+
+    The hand turns at a radian a second, and looks at the page four times a second.
+    """
+    look, attitude, turn = RATE_HZ // 4, Rotation.random(rng=rng), rng.normal(size=3)
+    live = LiveFit(magnitude=50_000.0, target_deg=target_deg)
+    for k in range(400):
+        said = live.guidance.turn
+        if said is not None and np.linalg.norm(said) > 0.1:
+            turn = said  # otherwise go on as before
+        wrong = Rotation.from_rotvec(np.radians(15) * rng.normal(size=3) / np.sqrt(3))
+        step = wrong.apply(turn / np.linalg.norm(turn)) / RATE_HZ
+        path = attitude * Rotation.from_rotvec(step * np.arange(1, look + 1)[:, None])
+        live.add((k * look + np.arange(look)) / RATE_HZ, readings(path, rng))
+        attitude = path[-1]
+        if live.fitted is not None and live.coverage.heading_sd_deg <= target_deg:
+            return (k + 1) * look / RATE_HZ, live
+    raise AssertionError("the target was never reached")
+
+
+def radians_until(path, rng, target_deg):
+    """Radians turned along a path until the target is reached."""
+    live, look = LiveFit(magnitude=50_000.0, target_deg=target_deg), RATE_HZ // 4
+    turned = np.cumsum((path[:-1].inv() * path[1:]).magnitude())
+    field = readings(path, rng)
+    for start in range(0, len(path) - look, look):
+        live.add((start + np.arange(look)) / RATE_HZ, field[start : start + look])
+        if live.fitted is not None and live.coverage.heading_sd_deg <= target_deg:
+            return turned[start + look - 1]
+    return np.inf
+
+
+def test_following_the_arrow_saves_half_the_turns():
+    seeds = [np.random.default_rng(seed) for seed in range(8)]
+    followed = np.median([obeyed(rng, 0.5)[0] for rng in seeds])
+    waving = np.median([radians_until(waved(rng, 9000), rng, 0.5) for rng in seeds])
+    tumbling = np.median([radians_until(tumbled(rng, 3000), rng, 0.5) for rng in seeds])
+    assert followed <= 0.5 * waving
+    assert followed <= 0.75 * tumbling
+
+
+def test_the_standard_error_at_the_stop_is_honest():
+    z = []
+    for seed in range(12):
+        _, live = obeyed(np.random.default_rng(100 + seed), 0.5)
+        z.append((live.calibration.bias - BIAS) / live.calibration.sd[:3])
+    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4
