@@ -197,3 +197,24 @@ def test_readings_on_a_plane_hold_no_ellipsoid_for_li_griffiths(seed: int) -> No
     assume(np.ptp(flat[:, 0]) > 1)
     with pytest.raises((ValueError, np.linalg.LinAlgError)):
         quadric.li_griffiths(psi(flat)[0])
+
+
+def test_many_at_once_are_what_each_is_alone() -> None:
+    sums = [psi(points(MODELS["full"] * gain, noise=sd)) for gain, sd in ((1, 0.0), (1.3, 0.02))]
+    together = tuple(np.stack(part) for part in zip(*sums, strict=True))
+    v, variance = quadric.adjusted(together)
+    bias, matrix = quadric.to_affine(v)
+    cleaned = together[0] - variance[:, None, None] * together[1]
+    covariance, condition = quadric.algebraic_covariance(
+        cleaned, bias, matrix, model_basis("full"), variance
+    )
+    for k, alone in enumerate(sums):
+        one, noise = quadric.adjusted(alone)
+        assert noise == pytest.approx(variance[k], rel=1e-9, abs=1e-15)
+        for mine, theirs in zip(quadric.to_affine(one), (bias[k], matrix[k]), strict=True):
+            np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-12)
+        spread = quadric.algebraic_covariance(
+            cleaned[k], bias[k], matrix[k], model_basis("full"), variance[k]
+        )
+        np.testing.assert_allclose(spread[0], covariance[k], rtol=1e-6, atol=1e-18)
+        assert spread[1] == pytest.approx(condition[k])

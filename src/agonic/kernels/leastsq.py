@@ -67,16 +67,23 @@ class Normal(NamedTuple):
     weight: float  # Σ w(z)
     curvature: float  # Σ ρ''(z)
     scatter: float  # Σ ρ'(z)²
-    residuals: Array  # all residuals, in their own units
+    residuals: Array  # all residuals, in their own units; none where they were not kept
+    total: int  # how many there were
 
 
 class Channel(NamedTuple):
-    """Residuals of one kind: their standard deviation, loss, and how many of them count as one."""
+    """Residuals of one kind: their standard deviation, loss, and how many of them count as one.
+
+    `spread` is by how much more the gradient scatters than that supposes: it joins the covariance
+    only. Without `keep` the residuals themselves are not kept: for more than memory holds.
+    """
 
     pieces: Pieces
     scale: float
     loss: Loss
     correlation: float = 1.0
+    keep: bool = True
+    spread: float = 1.0
 
 
 class Solution(NamedTuple):
@@ -130,11 +137,13 @@ def noise_scale(residuals: Array, loss: Loss, scale: float, parameters: int) -> 
     return float(scale)
 
 
-def accumulate(pieces: Pieces, params: Array, loss: Loss, scale: float) -> Normal:
+def accumulate(
+    pieces: Pieces, params: Array, loss: Loss, scale: float, keep: bool = True
+) -> Normal:
     """One pass over the pieces: cost, gradient and information, and the sums of the loss."""
     m = len(params)
-    cost, weight, curvature, scatter = 0.0, 0.0, 0.0, 0.0
-    gradient, information, kept = np.zeros(m), np.zeros((m, m)), []
+    cost, weight, curvature, scatter, count = 0.0, 0.0, 0.0, 0.0, 0
+    gradient, information, kept = np.zeros(m), np.zeros((m, m)), [np.empty(0)]
     for residuals, jacobian in pieces(params):
         z = residuals / scale
         q = z * z
@@ -146,10 +155,12 @@ def accumulate(pieces: Pieces, params: Array, loss: Loss, scale: float) -> Norma
         weight += float(w.sum())
         curvature += float(loss.curvature(q).sum())
         scatter += float(w * w @ q)
-        kept.append(residuals)
+        count += len(residuals)
+        if keep:
+            kept.append(residuals)
     return Normal(
         cost, gradient / scale, information / scale**2, weight, curvature, scatter,
-        np.concatenate(kept),
+        np.concatenate(kept), count,
     )  # fmt: skip
 
 
@@ -210,7 +221,7 @@ def solve_together(
     covariance, data = _sandwich(channels, sums)
     return Solution(
         params, covariance, np.concatenate([normal.residuals for normal in sums.normals]),
-        sums.cost, data, condition(data), iterations, converged,
+        sums.cost, data, float(condition(data)), iterations, converged,
     )  # fmt: skip
 
 
@@ -232,11 +243,11 @@ def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> _S
         cost, gradient = float(residuals @ residuals) / 2, residuals @ jacobian
         held = jacobian.T @ jacobian
     information, normals = held.copy(), []
-    for pieces, scale, loss, correlation in channels:
-        normal = accumulate(pieces, params, loss, scale)
-        cost += normal.cost / correlation
-        gradient = gradient + normal.gradient / correlation
-        information += normal.information / correlation
+    for of in channels:
+        normal = accumulate(of.pieces, params, of.loss, of.scale, of.keep)
+        cost += normal.cost / of.correlation
+        gradient = gradient + normal.gradient / of.correlation
+        information += normal.information / of.correlation
         normals.append(normal)
     return _Sums(normals, cost, gradient, information, held)
 
@@ -260,11 +271,12 @@ def _sandwich(channels: Sequence[Channel], sums: _Sums) -> tuple[Array, Array]:
     for normal, channel in zip(sums.normals, channels, strict=True):
         # where nearly all readings are strays the curvature says nothing; it must stay positive
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
-        n, m = len(normal.residuals), len(sums.held)
+        n, m = normal.total, len(sums.held)
         freedom = n / max(n - m, 1)
         parts.append(normal.information * (curved / channel.correlation))
         known = normal.weight > 0
-        scattered.append(freedom * normal.scatter / normal.weight / curved if known else 1.0)
+        seen = normal.scatter / normal.weight / curved if known else 1.0
+        scattered.append(freedom * seen * channel.spread if known else 1.0)
     data, least = np.sum(parts, axis=0), min(scattered)
     bread = inverse(data + sums.held)
     rest = (1 - least) * sums.held
@@ -274,19 +286,24 @@ def _sandwich(channels: Sequence[Channel], sums: _Sums) -> tuple[Array, Array]:
 
 
 def inverse(information: Array) -> Array:
-    """The inverse of an information matrix; directions without information get a huge variance."""
-    size = np.sqrt(np.maximum(np.abs(np.diag(information)), 1e-100))
-    values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    values = np.maximum(values, 1e-15 * max(values[-1], 1.0))
-    return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))
+    """The inverse of information matrices; directions without information get a huge variance."""
+    size = np.sqrt(np.maximum(np.abs(_diagonal(information)), 1e-100))
+    outer = size[..., :, None] * size[..., None, :]
+    values, vectors = np.linalg.eigh(information / outer)
+    values = np.maximum(values, 1e-15 * np.maximum(values[..., -1:], 1.0))
+    return np.asarray((vectors / values[..., None, :]) @ np.swapaxes(vectors, -1, -2) / outer)
 
 
-def condition(information: Array) -> float:
-    """Condition number of an information matrix scaled to a unit diagonal."""
-    size = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    values = np.linalg.eigvalsh(information / np.outer(size, size))
-    largest = max(float(values[-1]), 1.0)
-    return largest / max(float(values[0]), np.finfo(float).eps * largest)
+def _diagonal(matrix: Array) -> Array:
+    return np.asarray(np.diagonal(matrix, axis1=-2, axis2=-1))
+
+
+def condition(information: Array) -> Array:
+    """Condition number of information matrices scaled to a unit diagonal."""
+    size = np.sqrt(np.maximum(_diagonal(information), np.finfo(float).tiny))
+    values = np.linalg.eigvalsh(information / (size[..., :, None] * size[..., None, :]))
+    largest = np.maximum(values[..., -1], 1.0)
+    return np.asarray(largest / np.maximum(values[..., 0], np.finfo(float).eps * largest))
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:

@@ -85,13 +85,13 @@ def rebase(moments: Array, centre: Array, scale: float, to_centre: Array, to_sca
 
 
 def denoised_gram(moments: Array) -> tuple[Array, Array, Array]:
-    """Ψ₀, Ψ₁, Ψ₂ (10, 10) of Ψ(σ²) = Ψ₀ − σ² Ψ₁ + σ⁴ Ψ₂, the scatter with noise taken out.
+    """Ψ₀, Ψ₁, Ψ₂ (…, 10, 10) of Ψ(σ²) = Ψ₀ − σ² Ψ₁ + σ⁴ Ψ₂, the scatter with noise taken out.
 
     Each power is replaced by the polynomial whose expectation under N(0, σ²) noise is the power of
     the true value: x² − σ², x³ − 3xσ², x⁴ − 6x²σ² + 3σ⁴ (Kukush, Markovsky & Van Huffel 2004).
     """
-    parts = _DENOISE @ moments
-    first, second, third = (part[GRAM_INDEX] for part in parts)
+    parts = (moments @ part.T for part in _DENOISE)
+    first, second, third = (np.asarray(part[..., GRAM_INDEX]) for part in parts)
     return first, second, third
 
 

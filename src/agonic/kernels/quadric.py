@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from agonic.kernels import leastsq
 
@@ -32,11 +31,11 @@ def model_monomials(model: str) -> Array:
 def smallest(gram: Array, model: str = "full") -> Array:
     """The v that minimises the algebraic residual |Dᵀv| with |v| = 1: "linear", the textbook way.
 
-    gram (10, 10) is the scatter of the ten monomials; centre and scale the data first.
+    gram (…, 10, 10) is the scatter of the ten monomials; centre and scale the data first.
     """
     basis = model_monomials(model)
-    coefficients = eigh(basis.T @ gram @ basis)[1][:, 0]
-    return np.asarray(basis @ coefficients / MULTIPLICITY)
+    coefficients = np.linalg.eigh(basis.T @ gram @ basis)[1][..., 0]
+    return np.asarray(coefficients @ basis.T / MULTIPLICITY)
 
 
 def li_griffiths(gram: Array) -> Array:
@@ -77,110 +76,127 @@ def _constrained(gram: Array, k: float) -> Array | None:
 def _tangential_residual(scatter: Array, v: Array) -> float:
     """Algebraic residual in units that do not depend on the scaling of v: over |nᵀM⁻¹n − d|."""
     m, n, d = parts(v)
-    return float(v @ scatter @ v) / (float(n @ np.linalg.solve(m, n)) - d) ** 2
+    return float(v @ scatter @ v / (n @ np.linalg.solve(m, n) - d) ** 2)
 
 
 def adjusted(
-    psi: tuple[Array, Array, Array], model: str = "full", noise_variance: float | None = None
-) -> tuple[Array, float]:
+    psi: tuple[Array, Array, Array],
+    model: str = "full",
+    noise_variance: float | Array | None = None,
+) -> tuple[Array, Array]:
     """Adjusted least squares: the quadric that stays right however noisy the readings are.
 
-    σ² is the smallest root of λ_min(Ψ(σ²)) = 0 and v the eigenvector there, with Ψ from
-    `moments.denoised_gram`; a known `noise_variance` replaces the search. Returns v and σ².
+    σ² is the smallest root of λ_min(Ψ(σ²)) = 0 and v the eigenvector there, with Ψ (…, 10, 10) from
+    `moments.denoised_gram`; a known `noise_variance` replaces the search. Returns v (…, 10) and
+    σ² (…).
     (Markovsky, Kukush & Van Huffel, "Consistent least squares fitting of ellipsoids",
     Numer. Math. 98, 2004.)
     """
     basis = model_monomials(model)
-    reduced = [basis.T @ part @ basis for part in psi]
-
-    if noise_variance is None:
-        noise_variance = _smallest_root(reduced)
-    coefficients = eigh(_at(reduced, noise_variance))[1][:, 0]
-    return np.asarray(basis @ coefficients / MULTIPLICITY), noise_variance
-
-
-def _at(psi: list[Array], variance: float) -> Array:
-    return np.asarray(psi[0] - variance * psi[1] + variance**2 * psi[2])
+    first, second, third = (basis.T @ part @ basis for part in psi)
+    reduced = (first, second, third)
+    variance = (
+        _smallest_root(reduced) if noise_variance is None else np.asarray(noise_variance, float)
+    )
+    coefficients = np.linalg.eigh(_at(reduced, variance))[1][..., 0]
+    return np.asarray(coefficients @ basis.T / MULTIPLICITY), variance
 
 
-def _smallest_root(psi: list[Array]) -> float:
+def _at(psi: tuple[Array, Array, Array], variance: Array) -> Array:
+    at = variance[..., None, None]
+    return np.asarray(psi[0] - at * psi[1] + at**2 * psi[2])
+
+
+def _smallest_root(psi: tuple[Array, Array, Array]) -> Array:
     """The first zero of λ_min(Ψ(σ²)), by Newton's method; 0 for noiseless readings.
 
     λ_min is concave but for the small σ⁴ term, so after one step from 0 the iterates fall
     towards the root. Its derivative is vᵀ Ψ' v with v the eigenvector (Hellmann–Feynman).
     """
-    variance = 0.0
+    shape, size = psi[0].shape[:-2], psi[0].shape[-1]
+    parts = [part.reshape(-1, size, size) for part in psi]
+    variance = np.zeros(len(parts[0]))
+    open_ = np.arange(len(variance))
     for _ in range(50):
-        values, vectors = eigh(_at(psi, variance), subset_by_index=[0, 0])
-        v = vectors[:, 0]
-        slope = float(v @ (2 * variance * psi[2] - psi[1]) @ v)
-        step = float(values[0]) / slope if slope < 0 else 0.0
-        variance = max(variance - step, 0.0)
-        if abs(step) <= 1e-12 * variance:
+        first, second, third = (part[open_] for part in parts)
+        values, vectors = np.linalg.eigh(_at((first, second, third), variance[open_]))
+        v = vectors[..., 0]
+        change = 2 * variance[open_, None, None] * third - second
+        slope = np.einsum("ni,nij,nj->n", v, change, v)
+        step = np.where(slope < 0, values[:, 0] / np.where(slope < 0, slope, 1.0), 0.0)
+        variance[open_] = np.maximum(variance[open_] - step, 0.0)
+        open_ = open_[np.abs(step) > 1e-9 * variance[open_]]
+        if not len(open_):
             break
-    return variance
+    return variance.reshape(shape)
 
 
-def parts(v: Array) -> tuple[Array, Array, float]:
-    """M (3, 3), n (3,) and d of the quadric xᵀMx + 2nᵀx + d = 0."""
-    a, b, c, f, g, h, p, q, r, d = v
-    return np.array([[a, h, g], [h, b, f], [g, f, c]]), np.array([p, q, r]), float(d)
+def parts(v: Array) -> tuple[Array, Array, Array]:
+    """M (…, 3, 3), n (…, 3) and d (…) of the quadric xᵀMx + 2nᵀx + d = 0."""
+    return v[..., [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], v[..., 6:9], v[..., 9]
 
 
-def is_ellipsoid(v: Array) -> bool:
-    """All semi-axes real and finite."""
+def is_ellipsoid(v: Array) -> NDArray[np.bool_]:
+    """Whether all semi-axes are real and finite, (…)."""
     m, n, d = parts(v)
     values = np.linalg.eigvalsh(m)
-    if not (np.all(values > 0) or np.all(values < 0)):
-        return False
-    size = float(n @ np.linalg.solve(m, n)) - d
-    return bool(size * values[0] > 0)
+    definite = np.asarray((values > 0).all(axis=-1) | (values < 0).all(axis=-1))
+    safe = np.where(definite[..., None, None], m, np.eye(3))
+    size = np.einsum("...i,...i->...", n, _solved(safe, n)) - d
+    return np.asarray(definite & (size * values[..., 0] > 0))
+
+
+def _solved(m: Array, n: Array) -> Array:
+    return np.asarray(np.linalg.solve(m, n[..., None])[..., 0])
 
 
 def to_affine(v: Array, magnitude: float = 1.0) -> tuple[Array, Array]:
-    """Bias = −M⁻¹n and W = F · M^½ / √(nᵀM⁻¹n − d) of an ellipsoid (Li & Griffiths).
+    """Bias = −M⁻¹n and W = F · M^½ / √(nᵀM⁻¹n − d) of ellipsoids (…, 10) (Li & Griffiths).
 
-    Raises ValueError where the quadric is not an ellipsoid.
+    Raises ValueError where a quadric is not an ellipsoid.
     """
-    if not is_ellipsoid(v):
+    if not is_ellipsoid(v).all():
         raise ValueError("the quadric is not an ellipsoid")
     m, n, d = parts(v)
-    bias = -np.linalg.solve(m, n)
-    size = float(n @ np.linalg.solve(m, n)) - d
-    values, vectors = np.linalg.eigh(m / size)
-    return np.asarray(bias), np.asarray(magnitude * (vectors * np.sqrt(values)) @ vectors.T)
+    bias = -_solved(m, n)
+    size = -np.einsum("...i,...i->...", n, bias) - d
+    values, vectors = np.linalg.eigh(m / size[..., None, None])
+    root = (vectors * np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return bias, np.asarray(magnitude * root)
 
 
 def algebraic_covariance(
-    psi: Array, bias: Array, matrix: Array, basis: Array, noise_variance: float
-) -> tuple[Array, float]:
+    psi: Array, bias: Array, matrix: Array, basis: Array, noise_variance: float | Array
+) -> tuple[Array, Array]:
     """Covariance of an algebraic fit's parameters and its condition, from denoised Ψ alone.
 
     The algebraic residual q = |W(x − b)|² − F² has ∂q/∂b = −2WᵀW d, ∂q/∂W = 2 u dᵀ, both
     polynomials of degree two, so Σ JᵀJ follows exactly from Ψ; its variance 4σ²|Wᵀu|² is replaced
     by the mean over the readings, which holds to the anisotropy of W squared.
-    `basis` (12, m) is the model's map to the local numbers; psi (10, 10).
+    `basis` (12, m) is the model's map to the local numbers; psi (…, 10, 10).
     """
     x = np.zeros((3, 10))  # coordinates as polynomials in the ten monomials
     x[[0, 1, 2], [6, 7, 8]] = 1.0
     one = np.eye(10)[9]
-    d = x - bias[:, None] * one
+    d = x - bias[..., None] * one
     u = matrix @ d
-    jacobian = [-2 * row for row in matrix.T @ u]
-    jacobian += [2 * _product(u[i], d[j]) for i in range(3) for j in range(3)]
-    reduced = basis.T @ np.array(jacobian)
-    information = reduced @ psi @ reduced.T
-    shape = matrix.T @ matrix
-    moment = d @ psi @ d.T / psi[9, 9]
-    variance = 4 * noise_variance * float(np.trace(shape @ shape @ moment))
-    return leastsq.inverse(information) * variance, leastsq.condition(information)
+    by_bias = -2 * np.swapaxes(matrix, -1, -2) @ u
+    by_matrix = 2 * _product(u[..., :, None, :], d[..., None, :, :])
+    by_matrix = by_matrix.reshape(*by_matrix.shape[:-3], 9, 10)
+    reduced = basis.T @ np.concatenate([by_bias, by_matrix], axis=-2)
+    information = reduced @ psi @ np.swapaxes(reduced, -1, -2)
+    shape = np.swapaxes(matrix, -1, -2) @ matrix
+    moment = d @ psi @ np.swapaxes(d, -1, -2) / psi[..., 9:, 9:]
+    stretch = np.trace(shape @ shape @ moment, axis1=-2, axis2=-1)
+    variance = np.asarray(4 * noise_variance * stretch)
+    spread = leastsq.inverse(information) * variance[..., None, None]
+    return np.asarray(spread), leastsq.condition(information)
 
 
 def _product(a: Array, b: Array) -> Array:
-    """The product of two polynomials of degree one, by the ten monomials."""
-    outer = np.outer(a[6:], b[6:])
-    outer = outer + outer.T
-    return np.array([
-        outer[0, 0] / 2, outer[1, 1] / 2, outer[2, 2] / 2, outer[1, 2], outer[0, 2], outer[0, 1],
-        outer[0, 3], outer[1, 3], outer[2, 3], outer[3, 3] / 2,
-    ])  # fmt: skip
+    """The product of two polynomials of degree one, by the ten monomials, (…, 10)."""
+    outer = a[..., 6:, None] * b[..., None, 6:]
+    outer = outer + np.swapaxes(outer, -1, -2)
+    squares = np.einsum("...ii->...i", outer) / 2
+    rows, columns = [1, 0, 0, 0, 1, 2], [2, 2, 1, 3, 3, 3]
+    return np.concatenate([squares[..., :3], outer[..., rows, columns], squares[..., 3:]], axis=-1)

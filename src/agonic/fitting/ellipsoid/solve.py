@@ -65,7 +65,8 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
     variance = 0.0
     try:
         if method == "adjusted":
-            v, variance = quadric.adjusted(psi, model)
+            v, found = quadric.adjusted(psi, model)
+            variance = float(found)
         elif method == "li-griffiths":
             v = quadric.li_griffiths(psi[0])
         else:
@@ -81,7 +82,7 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
         gradient = 4 * float(np.trace(matrix.T @ matrix)) / 3
         q = v * quadric.MULTIPLICITY
         m, n, d = quadric.parts(v)
-        size = float(n @ np.linalg.solve(m, n)) - d
+        size = float(n @ np.linalg.solve(m, n) - d)
         variance = float(q @ psi[0] @ q) / size**2 / gradient / sums[0]
     variance = max(variance, 1e-18)  # noiseless readings still get a covariance to test with
     cleaned = psi[0] - variance * psi[1] + variance**2 * psi[2]
@@ -90,7 +91,7 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
     )
     return Found(
         model, bias, matrix, gauge.spread_model(model, covariance), float(np.sqrt(variance)),
-        condition=condition,
+        condition=float(condition),
     )  # fmt: skip
 
 
