@@ -30,7 +30,8 @@ from agonic.simulation import (
 )
 
 nT = 1.0
-SMOOTH = ("tumble", "hand", "circle", "flight", "static")
+SMOOTH = ("tumble", "hand", "circle", "flight", "boat", "car", "static")
+MOVING = ("flight", "boat", "car")
 IDENTITY = Affine(bias=np.zeros(3), matrix=np.eye(3))
 
 
@@ -107,7 +108,7 @@ def test_noise_is_white_and_isotropic_in_the_readings():
     assert abs(np.corrcoef(noise[1:, 0], noise[:-1, 0])[0, 1]) < 0.02
 
 
-@pytest.mark.parametrize("kind", [kind for kind in kinds() if kind != "flight"])
+@pytest.mark.parametrize("kind", [kind for kind in kinds() if kind not in MOVING])
 def test_specific_force_is_gravity(kind):
     s = simulate(kind)
     force_n = specific_force_n(s.samples)
@@ -123,6 +124,26 @@ def test_rotation_rate_joins_successive_attitudes(kind):
         return
     turned = (attitude(s.samples)[:-1].inv() * attitude(s.samples)[1:]).as_rotvec() * 200.0
     np.testing.assert_allclose(turned, (rate[1:] + rate[:-1]) / 2, atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", MOVING)
+def test_specific_force_is_that_of_the_way(kind):
+    """The change of the velocity that the recorded positions tell, less gravity."""
+    s = simulate(kind, rate_Hz=50.0, seed=4).samples
+    north = np.radians(s.latitude_deg) * 6_371_008.8
+    east = np.radians(s.longitude_deg) * 6_371_008.8 * np.cos(np.radians(s.latitude_deg[0]))
+    way = np.stack([north, east, -s.altitude_m], axis=1)
+    acceleration = np.gradient(np.gradient(way, s.time, axis=0), s.time, axis=0)
+    wanted = acceleration - [0.0, 0, 9.80665]
+    inside = slice(5, -5)
+    np.testing.assert_allclose(specific_force_n(s)[inside], wanted[inside], atol=0.02)
+    assert np.abs(acceleration).max() > 0.5
+
+
+def test_a_car_turns_flat_and_a_boat_rolls():
+    car, boat = simulate("car").samples, simulate("boat", roll_sd_deg=6.0, n=12_000).samples
+    assert np.abs(car.roll_deg).max() < 12.0
+    assert boat.roll_deg.std() == pytest.approx(6.0, rel=0.2)
 
 
 def test_level_circle_turns_clockwise_at_its_period():

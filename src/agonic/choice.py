@@ -9,14 +9,13 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
 from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
 from agonic.fitting.ellipsoid import fit_ellipsoid
 from agonic.fitting.latency import LatencyFit, fit_latency, undelayed
-from agonic.kernels.leastsq import inverse
+from agonic.kernels.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -38,11 +37,12 @@ SIGNIFICANT = 1e-4
 class Choice:
     """A fit with the word for its method and the reason for choosing it.
 
-    `samples` are those that were fitted, with the latency undone where there was one; `again`
-    repeats the fit with the same choices on other samples.
+    `samples` are those that were fitted, with the latency undone where there was one, and
+    `reference` is that of their rows; `again` repeats the fit with the same choices on others.
     """
 
     samples: Samples
+    reference: Reference | None
     fit: Fit
     method: str
     reason: str
@@ -59,7 +59,7 @@ def undone(latency: LatencyFit) -> str:
     """What is done about a latency, in a sentence."""
     late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms"
     way = "late" if latency.latency_s > 0 else "early"
-    return f"The readings came {late} {way} beside the attitude; the setup keeps it."
+    return f"The readings came {late} {way} beside the attitude; the calibration keeps it."
 
 
 def choose(
@@ -100,7 +100,7 @@ def _ellipsoid(
     """The fit to the magnitude; its latency matters to a heading, and is told with it."""
     fit = fit_ellipsoid(samples, reference, **settings)
     again = partial(fit_ellipsoid, **{**settings, "model": fit.calibration.model})
-    return Choice(samples, fit, "ellipsoid", reason, again, _latency(samples))
+    return Choice(samples, reference, fit, "ellipsoid", reason, again, _latency(samples))
 
 
 def _taught(
@@ -113,17 +113,20 @@ def _taught(
         late = samples
         samples = undelayed(samples, latency.latency_s)
         reference = _of_rows(reference, late, samples)
-    fit = run(samples, reference, **settings)
+    fit = None
     if "sources" not in settings and _varies(samples.current_A):
-        joined = run(samples, reference, **settings, sources=("current_A",))
-        if _current_matters(joined, samples):
-            fit = joined
+        fit = run(samples, reference, **settings, sources=("current_A",))
+        if _current_matters(fit, samples):
             reason += ", and the current moves the readings"
+        else:
+            fit = None
+    if fit is None:
+        fit = run(samples, reference, **settings)
     again = partial(
         run,
         **{**settings, "gauge": fit.calibration.gauge, "sources": fit.calibration.needs},
     )
-    return Choice(samples, fit, method, reason, again, latency)
+    return Choice(samples, reference, fit, method, reason, again, latency)
 
 
 def _or_by_magnitude(
@@ -165,18 +168,13 @@ def _varies(current: Array | None) -> bool:
 
 
 def _current_matters(joined: Fit, samples: Samples) -> bool:
-    """Whether a current moves the readings, beyond chance and by more than a trifle.
-
-    Wald's test by an F distribution, since what lasts is known from few independent readings.
-    """
+    """Whether a current moves the readings, beyond chance and by more than a trifle."""
     calibration = joined.calibration
     assert calibration.covariance is not None
     assert calibration.magnitude is not None
     assert samples.current_A is not None
     slope = calibration.cleaned(np.zeros(3), current_A=-1.0)
-    statistic = float(slope @ inverse(calibration.covariance[-3:, -3:]) @ slope)
-    independent = max(joined.n / joined.correlation - 3, 1.0)
+    chance = wald(slope, calibration.covariance[-3:, -3:], joined.n / joined.correlation).p_value
     low, high = np.percentile(samples.current_A, (5, 95))
     moved = float(np.linalg.norm(calibration.matrix @ slope)) * (high - low)
-    chance = float(fdtrc(3, independent, statistic / 3))
     return chance < SIGNIFICANT and moved > MATTERS * calibration.magnitude

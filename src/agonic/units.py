@@ -7,6 +7,12 @@ from agonic.errors import UnitError
 RAW = "raw"
 """The unit of readings whose scale is unknown: counts, volts, or a file that does not say."""
 
+STANDARD_GRAVITY_M_S2 = 9.80665
+"""Standard gravity (CGPM 1901); a g of an accelerometer."""
+
+WEAKEST_HORIZONTAL = 2000.0
+"""nT: below it lies the blackout zone of the World Magnetic Model, where no compass works."""
+
 NANOTESLA_PER: dict[str, float] = {
     "nT": 1.0,
     "uT": 1e3,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration, apply
-from agonic.kernels.angles import angle_deg
+from agonic.kernels.angles import angle_deg, wrapped_deg
 from agonic.kernels.leastsq import robust_scale
 from agonic.kernels.rotation import down_b
 from agonic.kernels.tilt import heading_by_vectors_deg
@@ -207,7 +207,7 @@ def _attitude_checks(
     if samples.heading_deg is not None and reference.kind == "vector":
         east, north = reference.values[:, 1], reference.values[:, 0]
         true = heading_by_vectors_deg(field, down) + np.degrees(np.arctan2(east, north))
-        difference = (true - samples.heading_deg + 180.0) % 360.0 - 180.0
+        difference = wrapped_deg(true - samples.heading_deg)
         checks.append(_heading_check(difference[rows], samples.heading_estimated))
     return checks
 

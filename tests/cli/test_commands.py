@@ -185,6 +185,21 @@ def test_field_agrees_with_the_official_test_value(capsys) -> None:
     assert said["elements"]["magnitude"] == pytest.approx(55665.134163, abs=1e-3)
 
 
+def test_simulate_flies_the_sensors_that_are_given(log, capsys) -> None:
+    said = answer(capsys, "simulate", "vehicle", "--truth", "log.truth.json", "-o", "v.csv")[1]
+    assert len(said["bias_nT"]) == 1
+    one = ["--truth", "v.mag1.truth.json"]
+    both = answer(capsys, "simulate", "vehicle", *one, *one, "--seed", "5", "-o", "w.csv")[1]
+    assert both["bias_nT"] == said["bias_nT"] * 2
+
+
+def test_a_kind_that_there_is_not_names_those_that_there_are(capsys) -> None:
+    assert run(["simulate", "ship", "-o", "x.csv"]) == 2
+    said = capsys.readouterr().err
+    for kind in ("boat", "car", "vehicle", "orbit", "campaign"):
+        assert kind in said
+
+
 def test_simulate_moves_the_same_sensor_again(log, capsys) -> None:
     answer(capsys, "simulate", "circle", "--tilt", "30", "--truth", "log.truth.json", "-o", "b.csv")
     first, again = (json.loads(Path(f).read_text()) for f in ("log.truth.json", "b.truth.json"))
@@ -216,6 +231,8 @@ WRONG = [
     ["field", "--at", "1,2", "--date", "1800-01-01"],
     ["simulate", "somersault", "-o", "x.csv"],
     ["simulate", "tumble", "--tilt", "10", "-o", "x.csv"],
+    ["simulate", "tumble", "--truth", "cal.json", "--truth", "cal.json", "-o", "x.csv"],
+    ["field", "--points", "gone.csv"],
     ["simulate", "tumble", "--truth", "log.csv", "-o", "x.csv"],
 ]
 

@@ -78,6 +78,8 @@ def test_a_calibration_alone_gives_true_headings_by_the_world_model(capsys) -> N
     found = np.array([float(row["true_deg"]) for row in table])
     assert np.abs((found - logged + 180) % 360 - 180).max() < 3.0
     assert float(table[7]["time_s"]) == pytest.approx(0.14)
+    assert float(table[7]["elapsed_s"]) == pytest.approx(0.14)
+    assert float(table[7]["tilt_sd_deg"]) == pytest.approx(0.5, abs=0.01)
     assert {(row["sensor"], row["flags"], row["disagreement_deg"]) for row in table} == {
         ("mag", "", "")
     }
@@ -94,7 +96,10 @@ def test_the_place_may_be_given(capsys) -> None:
     _, logged = answer(capsys, "mag.json", "flight.csv", "--date", WHEN)
     assert given["declination_deg"] == pytest.approx(logged["declination_deg"], abs=0.01)
     status, today = answer(capsys, "mag.json", "placeless.csv", "--at", "52,5")
-    assert (status, len(today["notes"])) == (0, 0)
+    assert status == 0
+    assert today["notes"] == [
+        "the log has no date: the declination is today's; --date gives another"
+    ]
 
 
 def test_a_log_in_which_nothing_can_be_trusted_is_exit_status_1(capsys) -> None:
@@ -125,6 +130,10 @@ def test_two_sensors_are_compared(capsys) -> None:
     assert (status, said["sensors"]) == (0, list(names))
     assert said["disagreement_deg"] == pytest.approx(np.degrees(0.02), rel=0.2)
     assert said["used"] == {names[0]: 300, names[1]: 0}
+    save(compasses[0].calibration, "first.json")
+    assert run(["heading", "first.json", "two.csv", "-o", "x.csv", "-s", names[1]]) == 2
+    heard = capsys.readouterr().err
+    assert f"the calibration is of {names[0]}, which two.csv holds too" in heard
     status, alone = answer(capsys, "two.toml", "two.csv", "--sensor", names[1])
     assert (status, alone["sensors"], alone["disagreement_deg"]) == (0, [names[1]], None)
 

@@ -159,6 +159,11 @@ def test_settings_that_make_no_sense_are_refused() -> None:
         fit_levelled(samples, PLACE, gauge="tight")
     with pytest.raises(ag.AgonicError, match="above zero"):
         fit_levelled(samples, PLACE, turn_sd_deg=-1.0)
+    spoilt = samples.with_columns(
+        roll_deg=np.where(np.arange(len(samples)) < 5, samples.roll_deg, np.nan)
+    )
+    with pytest.raises(ag.CoverageError, match=r"left out: 2995 rows: NaN or infinite roll_deg"):
+        fit_levelled(spoilt, PLACE)
     with pytest.raises(ag.CoverageError, match="too few"):
         fit_levelled(samples.select(np.arange(5)), PLACE)
     with pytest.raises(ag.AgonicError, match="frame='n'"):
@@ -223,3 +228,25 @@ def test_the_placement_of_a_real_pair_is_told(quadrotor) -> None:
     fit = fit_interference(pair, field_along(pair).reference, ["second"])
     told = next(f for f in fit.findings if f.name == "placement")
     assert "neither alike nor opposite" in told.what
+
+
+def test_half_a_circle_flown_level_is_refused() -> None:
+    """The standard error alone would pass it: what it states is what the prior says."""
+    samples = flown(3, noise=50.0, n=12_000)[1]
+    level = np.abs(samples.roll_deg) < 6.0
+    half = samples.select(level & (np.abs(samples.heading_deg - 180.0) < 95.0))
+    fit = fit_levelled(half, PLACE)
+    (finding,) = [f for f in fit.findings if f.name == "coverage"]
+    assert finding.severity == "refuse"
+    assert "leave a gap of 1" in finding.what
+    assert "turn through all headings" in finding.move
+    whole = fit_levelled(samples.select(level), PLACE)
+    assert "leave a gap" not in " ".join(f.what for f in whole.findings)
+
+
+@pytest.mark.recordings
+def test_a_log_carried_about_level_is_refused(recordings) -> None:
+    samples = ag.read(recordings / "vehicle" / "ardupilot" / "center_0003.bin")
+    result = ag.calibrate(samples, ag.wmm().along(samples))
+    assert result.verdict == "refused"
+    assert "the headings leave a gap of 165°" in result.fit.status.lower()

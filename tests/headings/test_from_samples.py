@@ -136,10 +136,33 @@ def test_a_disturbed_sensor_gives_way_to_the_next() -> None:
     assert (found.used == during).all()
     assert np.abs(off_deg(found.true_deg, truth_of(one))[1:-1]).max() < 1e-6
     assert not found.flags["disturbed"].any()
+    assert not found.flags["disagreement"].any()  # one of them is known to be wrong
     assert found.disagreement_deg[during].min() > 5.0
     assert found.disagreement_deg[1:200].max() < 1e-6
     alone = heading(one, replace(setup, compasses=setup.compasses[:1]))
     assert (alone.flags["disturbed"] == during).all()
+
+
+def test_sensors_that_disagree_unseen_are_flagged() -> None:
+    """A field that keeps magnitude and dip turns one heading: nobody can say which."""
+    one, two, setup = two_sensors()
+    by = Rotation.from_euler("z", 15.0, degrees=True)
+    level = Rotation.from_euler(
+        "ZYX", np.stack([np.zeros(len(one)), one.pitch_deg, one.roll_deg], 1), degrees=True
+    )
+    turned = one.with_columns(
+        field=level.apply(by.apply(level.apply(one.field.copy())), inverse=True)
+    )
+    found = heading([turned, two], setup)
+    inside = slice(2, -2)
+    assert found.disagreement_deg[inside] == pytest.approx(15.0, abs=0.1)
+    assert not found.flags["disturbed"].any()
+    assert found.flags["disagreement"][inside].all()
+    assert set(found.flag_names()[inside]) == {"disagreement"}
+    wide = heading([turned, two], replace(setup, disagreement_limit_deg=20.0))
+    assert not wide.flags["disagreement"].any()
+    vague = heading([turned, two], replace(setup, tilt_sd_deg=4.0))
+    assert not vague.flags["disagreement"][inside].any()
 
 
 def test_where_all_are_disturbed_the_nearest_is_taken() -> None:
@@ -199,6 +222,22 @@ def test_declination_and_field_are_the_world_model_s_along_the_track() -> None:
         heading(early, Setup(compasses=(Compass(calibration=plain()),)))
     known = Setup(compasses=(Compass(calibration=plain()),), declination_deg=1.0)
     assert "1900.0" in " ".join(heading(early, known).notes)
+
+
+def test_declination_follows_time_and_no_jump() -> None:
+    """Rows crowd before and after a pause on the way; then the log goes on somewhere else."""
+    time = np.concatenate([np.linspace(0, 10, 3000), np.linspace(2000, 3000, 200),
+                           3001 + np.linspace(0, 10, 3000)])  # fmt: skip
+    latitude = np.where(time < 3000.5, 50.0 + time / 1000, 20.0)
+    samples = Samples(
+        time=time, field=np.tile([19_000.0, 0, 45_000.0], (len(time), 1)),
+        roll_deg=np.zeros(len(time)), pitch_deg=np.zeros(len(time)), latitude_deg=latitude,
+        longitude_deg=np.full(len(time), 20.0), epoch=datetime(2026, 3, 1, tzinfo=UTC),
+    )  # fmt: skip
+    found = heading(samples, Setup(compasses=(Compass(calibration=plain()),)))
+    there = wmm().at(latitude, 20.0, 0.0, 2026.162)
+    assert np.ptp(there.declination_deg) > 1.0
+    assert np.abs(found.declination_deg - there.declination_deg).max() < 2e-3
 
 
 def test_magnitude_alone_still_finds_gross_disturbance() -> None:

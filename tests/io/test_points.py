@@ -45,6 +45,15 @@ def test_a_date_for_all_and_no_height(table) -> None:
     assert own.years.tolist() == [2027.0]
 
 
+def test_seconds_of_a_log_are_no_date(table) -> None:
+    log = table("time_s,latitude_deg,longitude_deg\n0.0,1,2\n0.5,3,4\n")
+    assert read_points(log, "2026-01-01").years.tolist() == [2026.0, 2026.0]
+    with pytest.raises(LogError, match="give --date for all"):
+        read_points(log)
+    with pytest.raises(LogError, match=r"gone\.csv: cannot be read"):
+        read_points("gone.csv")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

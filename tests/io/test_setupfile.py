@@ -156,6 +156,21 @@ def test_all_mistakes_are_named_at_once() -> None:
         assert part in said
 
 
+def test_mistakes_of_value_are_named_beside_the_others() -> None:
+    save(affine(), "mag.json")
+    said = mistakes(
+        ONE + 'colour = 1\nlatency_s = "late"\n[tilt]\nsource = "moon"\norder = "yaw"\n'
+        "[declination]\ndegrees = 300\n[limits]\ndip_deg = -5\ntilt_deg = 200\n"
+    )
+    for part in (
+        "has no key `colour`", "expected `float`, got `str` at `latency_s`", "source 'moon'",
+        "order 'yaw'", "declination_deg is 300", "dip_limit_deg is -5", "tilt_limit_deg is 200",
+    ):  # fmt: skip
+        assert part in said
+    assert "declination_deg is 300" in mistakes(ONE + "[declination]\ndegrees = 300\n" + "[tilt]\n"
+                                                "settling_s = -1\n")  # fmt: skip
+
+
 def test_a_missing_setup_says_so() -> None:
     with pytest.raises(LogError, match=r"nowhere\.toml: cannot be read"):
         load_setup("nowhere.toml")

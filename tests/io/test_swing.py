@@ -32,6 +32,21 @@ def test_a_handwritten_swing_with_points_and_sides(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("remark", "degrees"),
+    [("declination: 4W", -4.0), ("Declination_deg: 2,5° E", 2.5), ("declination_deg: -3.1", -3.1)],
+)
+def test_a_declination_has_a_side_or_a_sign(tmp_path, remark, degrees) -> None:
+    swing = read_swing(written(tmp_path, f"# {remark}\ncompass,true\n1,2\n"))
+    assert swing.number("declination_deg") == degrees
+
+
+def test_a_declination_that_is_no_angle(tmp_path) -> None:
+    swing = read_swing(written(tmp_path, "# declination: west\ncompass,true\n1,2\n"))
+    with pytest.raises(LogError, match=r"'west'; write a number, or 4\.5E"):
+        swing.number("declination_deg")
+
+
+@pytest.mark.parametrize(
     ("header", "reference"),
     [
         ("compass_deg,magnetic_deg", "magnetic"),
@@ -84,6 +99,8 @@ def test_a_form_with_heel_keeps_the_tilt(tmp_path) -> None:
         ("a,b\n1,2\n", "needs compass_deg and one of"),
         ("compass,roll\n1,2\n", "needs compass_deg and one of"),
         ("compass,magnetic,reference\n1,2,3\n", "two columns could be the magnetic"),
+        ("compass,magnetic,deviation\n1,2,1\n", "magnetic and deviation say the same thing twice"),
+        ("compass,true,magnetic\n1,2,1\n", "magnetic and true say the same thing twice"),
         ("compass,magnetic\n1,2\n2O,3\n", "row 3: '2O' is no compass in degrees"),
         ("compass,deviation\n1,2X\n", "row 2: '2X' is no deviation"),
         ("compass,deviation\n1,-2W\n", "row 2: '-2W' is no deviation"),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.kernels.angles import angle_deg
+from agonic.kernels.angles import angle_deg, wrapped_deg
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -34,3 +34,11 @@ def test_order_and_lengths_do_not_matter(seed: int, k: float, m: float) -> None:
 def test_small_angles_keep_all_their_digits(radians: float) -> None:
     turned = np.array([np.cos(radians), np.sin(radians), 0.0])
     assert angle_deg(np.array([3.0, 0, 0]), turned) == pytest.approx(np.degrees(radians), rel=1e-9)
+
+
+@given(st.floats(-1e4, 1e4))
+def test_wrapped_angles_are_the_same_direction(angle: float) -> None:
+    wrapped = float(wrapped_deg(angle))
+    assert -180.0 <= wrapped < 180.0 or wrapped == pytest.approx(180.0)
+    assert np.cos(np.radians(wrapped)) == pytest.approx(np.cos(np.radians(angle)), abs=1e-9)
+    assert np.sin(np.radians(wrapped)) == pytest.approx(np.sin(np.radians(angle)), abs=1e-9)

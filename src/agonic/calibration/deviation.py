@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 from agonic.calibration.base import read_only
 from agonic.errors import AgonicError
 from agonic.kernels import deviation as kernel
+from agonic.kernels.angles import wrapped_deg
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]
@@ -104,7 +105,7 @@ class Deviation:
         pitch_deg: ArrayLike | None = None,
     ) -> Array:
         """The deviation, −180…180°, where the compass reads `compass_deg`; level without heel."""
-        return kernel.wrapped_deg(self._rows(compass_deg, roll_deg, pitch_deg) @ self._all)
+        return wrapped_deg(self._rows(compass_deg, roll_deg, pitch_deg) @ self._all)
 
     def sd_at(
         self,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
@@ -23,7 +24,7 @@ class Compass:
     ----------
     calibration : from readings to the field in body axes (forward, right, down), nT.
     deviation : from what this compass reads to the magnetic heading, or `None` for no deviation.
-    latency_s : how late its readings are beside the attitude.
+    latency_s : how late its readings are beside the attitude; default: what the calibration says.
 
     Examples
     --------
@@ -34,9 +35,11 @@ class Compass:
 
     calibration: Calibration
     deviation: Deviation | None = None
-    latency_s: float = 0.0
+    latency_s: float = None  # type: ignore[assignment]  # a number once it is made
 
     def __post_init__(self) -> None:
+        if self.latency_s is None:
+            object.__setattr__(self, "latency_s", getattr(self.calibration, "latency_s", 0.0))
         if self.calibration.frame_out not in "mb":
             raise FrameError(
                 "a compass needs its field in body axes",
@@ -62,7 +65,9 @@ class Setup:
         (accelerometer and gyro through a filter), "level" (none: a two-axis compass), or "auto".
     tilt_order : what roll and pitch mean: "roll-pitch" is aerospace yaw-pitch-roll; "pitch-roll"
         the inclinometer's order.
-    tilt_sd_deg : standard deviation of roll and of pitch.
+    tilt_sd_deg : standard deviation of recorded roll and pitch, of an accelerometer at rest (what
+        motion does to it is added), or of a vehicle taken to be level; `None` for 0.5°, and for a
+        level one what the log tells, else 3°.
     settling_s : how long the filter of "gyro" takes to follow the accelerometer: longer where
         turns and accelerations last longer, shorter where the gyro drifts.
     declination_deg, declination_sd_deg : east positive; `None` takes them from the world model at
@@ -70,6 +75,8 @@ class Setup:
     horizontal, vertical : intensities to expect, nT, or `None` for those of the world model.
     magnitude_limit, dip_limit_deg : how far from what is expected the magnitude (a share of it)
         and the dip may be before readings count as disturbed.
+    disagreement_limit_deg : two sensors that differ by more, and by three of their standard
+        deviations, do not agree.
     tilt_limit_deg : a vehicle whose own down is further from down than this has no heading.
 
     Examples
@@ -85,7 +92,7 @@ class Setup:
     compasses: tuple[Compass, ...]
     tilt: Tilt = "auto"
     tilt_order: Order = "roll-pitch"
-    tilt_sd_deg: float = 0.5
+    tilt_sd_deg: float | None = None
     settling_s: float = 10.0
     declination_deg: float | None = None
     declination_sd_deg: float | None = None
@@ -94,25 +101,43 @@ class Setup:
     magnitude_limit: float = 0.1
     dip_limit_deg: float = 10.0
     tilt_limit_deg: float = 80.0
+    disagreement_limit_deg: float = 10.0
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "compasses", tuple(self.compasses))
+        wrong = mistakes({name: getattr(self, name) for name in _VALUES})
         if not self.compasses:
-            raise AgonicError("a setup needs at least one compass")
+            wrong.insert(0, "a setup needs at least one compass")
         names = [compass.sensor for compass in self.compasses]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise AgonicError(
-                f"a setup has one compass for a sensor; two are for {', '.join(twice)}"
-            )
-        check_choice("tilt", self.tilt, get_args(Tilt))
-        check_choice("tilt_order", self.tilt_order, get_args(Order))
-        if (self.horizontal is None) != (self.vertical is None):
-            raise AgonicError("horizontal and vertical intensity go together; give both or neither")
-        for name, (lowest, highest) in _RANGES.items():
-            _check_number(name, getattr(self, name), lowest=lowest, highest=highest)
+            wrong.append(f"a setup has one compass for a sensor; two are for {', '.join(twice)}")
+        if wrong:
+            raise AgonicError("; ".join(wrong))
 
 
+def mistakes(values: Mapping[str, Any]) -> list[str]:
+    """What is wrong with the values of a setup's attributes, in sentences, all at once.
+
+    >>> mistakes({"tilt": "sideways", "dip_limit_deg": -5.0})[1]
+    'dip_limit_deg is -5.0; it needs a number from 0 to 180'
+    """
+    wrong = []
+    for name, value in values.items():
+        try:
+            if name in _CHOICES:
+                check_choice(name, value, _CHOICES[name])
+            else:
+                lowest, highest = _RANGES[name]
+                _check_number(name, value, lowest=lowest, highest=highest)
+        except AgonicError as error:
+            wrong.append(str(error))
+    if (values.get("horizontal") is None) != (values.get("vertical") is None):
+        wrong.append("horizontal and vertical intensity go together; give both or neither")
+    return wrong
+
+
+_CHOICES = {"tilt": get_args(Tilt), "tilt_order": get_args(Order)}
 _RANGES = {
     "tilt_sd_deg": (0.0, 90.0),
     "settling_s": (1e-3, 3600.0),
@@ -123,7 +148,9 @@ _RANGES = {
     "magnitude_limit": (0.0, 10.0),
     "dip_limit_deg": (0.0, 180.0),
     "tilt_limit_deg": (0.0, 180.0),
+    "disagreement_limit_deg": (0.0, 180.0),
 }
+_VALUES = (*_CHOICES, *_RANGES)
 
 
 def _check_number(name: str, value: float | None, *, lowest: float, highest: float) -> None:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 COLUMNS = (
-    "time_s", "compass_deg", "magnetic_deg", "true_deg", "sd_deg", "disagreement_deg", "sensor",
-    "flags",
+    "time_s", "elapsed_s", "compass_deg", "magnetic_deg", "true_deg", "sd_deg", "tilt_sd_deg",
+    "disagreement_deg", "sensor", "flags",
 )  # fmt: skip
 """Of the table that is written."""
 
@@ -42,25 +42,47 @@ def heading(
 ) -> int:
     """Find the true heading of a vehicle at each reading, and where not to trust it.
 
-    Writes time, compass, magnetic and true heading, standard error, disagreement between sensors,
-    the sensor that was used, and flags. Exit status 1 where no heading can be trusted at all.
+    Writes the log's time and the seconds since the first reading, compass, magnetic and true
+    heading, standard error, that of the tilt, disagreement between sensors, the sensor that was
+    used, and flags. Exit status 1 where no heading can be trusted at all.
     """
     from agonic.cli.output import print_json, say
+    from agonic.cli.pair import beside_second
     from agonic.headings import heading as find
     from agonic.io.atomic import write_atomically
     from agonic.io.read import open_log
     from agonic.io.setupfile import load_setup
 
-    chosen, samples = paired(load_setup(setup), open_log(log, unit=unit), sensor)
-    samples = tuple(placed(one, at, date) for one in samples)
+    recording = open_log(log, unit=unit)
+    chosen, samples = paired(load_setup(setup), recording, sensor)
+    samples = tuple(
+        placed(beside_second(compass.calibration, one, recording), at, date)
+        for compass, one in zip(chosen.compasses, samples, strict=True)
+    )
     found = find(samples, chosen)
     said = summary(found, samples[0])
+    said["notes"] = (*said["notes"], *_assumed(chosen, recording, samples, at, date))
     write_atomically(out, table(found))
     if as_json:
         print_json("agonic/heading@1", {**said, "files": [str(out)]})
     else:
         say("\n".join([*sentences(said), f"Written   {out}"]))
     return 0 if found.trusted.any() else 1
+
+
+def _assumed(
+    setup: Setup, log: Log, samples: tuple[Samples, ...], at: str | None, date: str | None
+) -> list[str]:
+    """What was taken for granted because nobody said otherwise, in sentences."""
+    notes = []
+    if at is not None and date is None and log.sensors[0].epoch is None:
+        notes.append("the log has no date: the declination is today's; --date gives another")
+    names = {one.name for one in log.sensors}
+    for compass, one in zip(setup.compasses, samples, strict=True):
+        if compass.sensor != one.name and not {compass.sensor, one.name} & {"mag"}:
+            other = "" if compass.sensor in names else ", which the log does not name"
+            notes.append(f"{one.name} is read with the calibration of {compass.sensor}{other}")
+    return notes
 
 
 def paired(setup: Setup, log: Log, sensor: str | None) -> tuple[Setup, tuple[Samples, ...]]:
@@ -78,6 +100,12 @@ def paired(setup: Setup, log: Log, sensor: str | None) -> tuple[Setup, tuple[Sam
             raise AgonicError(
                 f"the setup has compasses for {', '.join(names)} and none for {samples.name}; "
                 "name one of them with --sensor"
+            )
+        if not own and names[0] in {each.name for each in log.sensors}:
+            raise AgonicError(
+                f"the calibration is of {names[0]}, which {log.path.name} holds too, and "
+                f"--sensor asks for {samples.name}: give the calibration of {samples.name}, or a "
+                f'setup that says sensor = "{samples.name}"'
             )
         return replace(setup, compasses=tuple(own) or setup.compasses), (samples,)
     if len(names) == 1 and len(log.sensors) == 1:
@@ -138,8 +166,10 @@ def table(found: Heading) -> str:
 
     columns = (
         [""] * len(found) if found.time is None else [repr(t) for t in found.time.tolist()],
+        written(None if found.time is None else found.time - found.time[0], 6),
         angles(found.compass_deg), angles(found.magnetic_deg), angles(found.true_deg),
-        written(found.sd_deg, 3), written(found.disagreement_deg, 3),
+        written(found.sd_deg, 3), written(found.tilt_sd_deg, 3),
+        written(found.disagreement_deg, 3),
         [found.sensors[k] for k in found.used.tolist()], found.flag_names(),
     )  # fmt: skip
     stream = StringIO()
@@ -163,6 +193,7 @@ def summary(found: Heading, samples: Samples) -> dict[str, Any]:
         "n": len(found),
         "trusted": int(good.sum()),
         "tilt": found.tilt,
+        "tilt_sd_deg": middle(found.tilt_sd_deg),
         "declination_deg": float(np.median(found.declination_deg)),
         "sd_deg": middle(found.sd_deg),
         "random_sd_deg": middle(found.random_sd_deg),
@@ -187,7 +218,7 @@ def _against(found: Heading, samples: Samples, rows: Any) -> dict[str, float] | 
     """Mean and rms of true − logged heading over trusted rows, where the log has a heading."""
     import numpy as np
 
-    from agonic.kernels.deviation import wrapped_deg
+    from agonic.kernels.angles import wrapped_deg
 
     if samples.heading_deg is None or not rows.any():
         return None
@@ -208,7 +239,7 @@ def sentences(said: dict[str, Any]) -> list[str]:
     if said["sd_deg"] is not None:
         lines.append(
             f"Sd        {said['sd_deg']:.2f}° in the middle, of which {said['random_sd_deg']:.2f}° "
-            "is new in every reading"
+            f"is new in every reading; tilt to {said['tilt_sd_deg']:.2f}°"
         )
     for name, rows in said["flagged"].items():
         lines.append(f"Flagged   {100 * rows / n:.1f} % {name}")

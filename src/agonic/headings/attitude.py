@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from importlib.util import find_spec
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,30 +14,64 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
-from agonic.headings.gyro import down_by_gyro
+from agonic.headings.acceleration import (
+    AT_REST,
+    Speed,
+    shaken,
+    speed_in_turns,
+    track_square,
+    turn_rate,
+)
+from agonic.headings.gyro import Followed, down_by_gyro
+from agonic.health.finding import figure
 from agonic.kernels import tilt as kernel
 from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
-STANDARD_GRAVITY_M_S2 = 9.80665
-ACCELERATED = 0.05
-"""A specific force this much off gravity is more than a poor accelerometer reads at rest."""
 LEVEL = "level"
+RECORDED_SD_DEG = 0.5
+"""Of roll and pitch that an autopilot recorded, and of an accelerometer at rest, unless stated."""
+LEVEL_SD_DEG = 3.0
+"""Of a vehicle that is taken to be level, where nothing tells more."""
+UNSURE_DEG = 5.0
+"""A tilt that is known no better has no heading to rely on: at a dip of 65° it is off by 10°."""
 
 
-class Attitude(NamedTuple):
-    """The tilt, the order of its turns, where it came from, and rows on which it is in doubt."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Attitude:
+    """The tilt, the order of its turns, where it came from, how well it is known, (n,) or (1,).
+
+    `roll_sd`, `pitch_sd` in rad; `unsure` and `missing` mark rows; `notes` say why it came thence.
+    """
 
     tilt: kernel.Tilt
     roll_deg: Array
     pitch_deg: Array
     order: kernel.Order
     source: str
+    roll_sd: Array
+    pitch_sd: Array
     missing: Rows | None = None
-    accelerated: Rows | None = None
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def variance(self) -> Array:
+        """The variance of the tilt about a level axis, the mean of both, rad²."""
+        upright = self.tilt.cos_pitch if self.order == "roll-pitch" else 1.0
+        return np.asarray(((self.roll_sd * upright) ** 2 + self.pitch_sd**2) / 2)
+
+    @property
+    def sd_deg(self) -> Array:
+        """The standard deviation of the tilt about a level axis."""
+        return np.asarray(np.degrees(np.sqrt(self.variance)))
+
+    @property
+    def unsure(self) -> Rows:
+        """The rows whose tilt is not known to `UNSURE_DEG`."""
+        return np.asarray(self.sd_deg > UNSURE_DEG)
 
 
 def attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitude:
@@ -44,50 +79,141 @@ def attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitu
 
     "auto" takes what the log recorded, else the gyro filter, else the accelerometer.
     """
-    source = _automatic(samples) if setup.tilt == "auto" else setup.tilt
+    source, why = _automatic(samples) if setup.tilt == "auto" else (setup.tilt, ())
+    turn = mounting(calibration)
     if source == LEVEL:
-        zero = np.zeros(1)
-        return Attitude(kernel.of_angles(zero, zero), zero, zero, "roll-pitch", source)
+        return _level(samples, setup, turn)
     if source == "log":
         roll, pitch = _needed(samples, "roll_deg", source), _needed(samples, "pitch_deg", source)
-        return Attitude(kernel.of_angles(roll, pitch), roll, pitch, setup.tilt_order, source)
-    force = _needed(samples, "acceleration", source) @ mounting(calibration).T
-    if source == "accelerometer":
-        size = np.sqrt((force**2).sum(axis=1))
-        return _felt(kernel.down_of_force(force), size, source, _why_not_gyro(samples, setup))
-    time = _needed(samples, "time", source)
-    rate = _needed(samples, "rotation_rate", source) @ mounting(calibration).T
-    return _felt(*down_by_gyro(time, force, rate, setup.settling_s), source, ())
+        sd = np.full(1, _stated(setup))
+        tilt = kernel.of_angles(roll, pitch)
+        return Attitude(
+            tilt=tilt, roll_deg=roll, pitch_deg=pitch, order=setup.tilt_order, source=source,
+            roll_sd=sd, pitch_sd=sd, notes=why,
+        )  # fmt: skip
+    force = _needed(samples, "acceleration", source) @ turn.T
+    if source == "gyro":
+        time = _needed(samples, "time", source)
+        rate = _needed(samples, "rotation_rate", source) @ turn.T
+        speed = _speed(samples, force, rate)
+        followed, speed = down_by_gyro(time, force, rate, setup.settling_s, speed)
+        if speed.taken:
+            why = (*why, f"turns are reckoned at {figure(speed.taken)} m/s: {_whence(samples)}")
+        return _felt(followed, setup, source, speed, why)
+    speed, sds = _shaken(samples, setup, force, turn)
+    return _felt(Followed(kernel.down_of_force(force), *sds), setup, source, speed, why)
 
 
-def _felt(down: Array, size: Array, source: str, notes: tuple[str, ...]) -> Attitude:
-    """The tilt of a measured down, with the rows that have none or felt more than gravity."""
-    missing = np.asarray(~np.isfinite(down).all(axis=1))
-    accelerated = np.asarray(np.abs(size / STANDARD_GRAVITY_M_S2 - 1) > ACCELERATED)
-    tilt = kernel.of_down(down)
-    angles = kernel.roll_pitch_deg(tilt)
-    return Attitude(tilt, *angles, "roll-pitch", source, missing, accelerated & ~missing, notes)
+def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
+    """The sd of roll and pitch that the setup states, or that of such a source, rad."""
+    return float(np.radians(otherwise_deg if setup.tilt_sd_deg is None else setup.tilt_sd_deg))
 
 
-def _automatic(samples: Samples) -> str:
+def _felt(
+    found: Followed, setup: Setup, source: str, speed: Speed, notes: tuple[str, ...]
+) -> Attitude:
+    """The tilt of a measured down; its sd holds the accelerometer's own errors too.
+
+    One that feels a share more or less than gravity at rest is off by as much across.
+    """
+    tilt = kernel.of_down(found.down)
+    scale = speed.gravity / STANDARD_GRAVITY_M_S2 - 1.0
+    own = _stated(setup) ** 2 + scale**2
+    # about the level axis ahead, roll turns by 1/cos pitch as much
+    roll_sd = np.sqrt(found.roll_sd**2 + own) / np.maximum(tilt.cos_pitch, 1e-3)
+    pitch_sd = np.sqrt(found.pitch_sd**2 + own)
+    missing = np.asarray(~np.isfinite(found.down).all(axis=1))
+    roll, pitch = kernel.roll_pitch_deg(tilt)
+    return Attitude(
+        tilt=tilt, roll_deg=roll, pitch_deg=pitch, order="roll-pitch", source=source,
+        roll_sd=roll_sd, pitch_sd=pitch_sd, missing=missing, notes=notes,
+    )  # fmt: skip
+
+
+def _speed(samples: Samples, force: Array, rate: Array) -> Speed:
+    assert samples.time is not None
+    turn = turn_rate(samples.time, force, rate)
+    return speed_in_turns(samples.time, force, rate, track_square(samples, turn))
+
+
+def _whence(samples: Samples) -> str:
+    there = samples.latitude_deg is not None
+    return "what the accelerometer feels in them" + (", and the track" if there else "")
+
+
+def _shaken(
+    samples: Samples, setup: Setup, force: Array, turn: Array
+) -> tuple[Speed, tuple[Array, Array]]:
+    """What shakes the accelerometer, for a tilt from it alone: sds of roll and pitch, rad."""
+    time, rate = samples.time, samples.rotation_rate
+    speed = AT_REST
+    if rate is not None:
+        rate = rate @ turn.T
+        speed = speed if time is None else _speed(samples, force, rate)
+    if time is None:  # each row for itself
+        return speed, shaken(np.arange(float(len(force))), force, None, AT_REST, 1.0)
+    return speed, shaken(time, force, rate, speed, setup.settling_s)
+
+
+def _level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
+    """No tilt, and how level that is: by the setup, by what the log tells, or as a rule."""
+    zero = np.zeros(1)
+    roll_sd = pitch_sd = np.full(1, _stated(setup, LEVEL_SD_DEG))
+    notes: tuple[str, ...] = ()
+    if setup.tilt_sd_deg is None:
+        angles = _recorded(samples, turn)
+        if angles is None:
+            said = f"the vehicle is taken to be level to {LEVEL_SD_DEG:g}°; state its tilt_sd_deg"
+        else:
+            rms = [np.full(1, np.sqrt(np.mean(np.radians(a) ** 2))) for a in angles]
+            roll_sd, pitch_sd = (np.hypot(one, np.radians(RECORDED_SD_DEG)) for one in rms)
+            told = ", ".join(
+                f"{figure(float(np.degrees(r[0])))}° of {n}"
+                for r, n in zip(rms, ("roll", "pitch"), strict=True)
+            )
+            said = f"the vehicle is taken to be level; by the log it was off by {told}, rms"
+        notes = (said,)
+    level = kernel.of_angles(zero, zero)
+    return Attitude(
+        tilt=level, roll_deg=zero, pitch_deg=zero, order="roll-pitch", source=LEVEL,
+        roll_sd=roll_sd, pitch_sd=pitch_sd, notes=notes,
+    )  # fmt: skip
+
+
+def _recorded(samples: Samples, turn: Array) -> tuple[Array, Array] | None:
+    """Roll and pitch that tell how level a vehicle was, from the log or from its accelerometer."""
+    if samples.roll_deg is not None and samples.pitch_deg is not None:
+        return samples.roll_deg, samples.pitch_deg
+    if samples.acceleration is None:
+        return None
+    roll, pitch = kernel.roll_pitch_deg(
+        kernel.of_down(kernel.down_of_force(samples.acceleration @ turn.T))
+    )
+    known = np.isfinite(roll)
+    return (roll[known], pitch[known]) if known.any() else None
+
+
+def _automatic(samples: Samples) -> tuple[str, tuple[str, ...]]:
+    """The best source that there is, and why it is that one."""
     there = samples.columns()
     if {"roll_deg", "pitch_deg"} <= there.keys():
-        return "log"
-    if {"acceleration", "rotation_rate", "time"} <= there.keys() and find_spec("vqf") is not None:
-        return "gyro"
+        return "log", ()
+    if {"acceleration", "rotation_rate", "time"} <= there.keys():
+        if find_spec("vqf") is not None:
+            return "gyro", ("the log has no roll and pitch: tilt is by the gyro filter",)
+        return "accelerometer", (
+            "the log has no roll and pitch: tilt is from the accelerometer alone; "
+            "pip install 'agonic[gyro]' lets the gyros help",
+        )
     if "acceleration" in there:
-        return "accelerometer"
+        return "accelerometer", (
+            "the log has neither roll and pitch nor gyros: tilt is from the accelerometer alone",
+        )
     raise LogError(
         f"the samples of {samples.name} have neither roll and pitch nor an accelerometer, so the "
         'tilt is not known; record one of them, or say tilt = "level" for a compass that stays '
         "level"
     )
-
-
-def _why_not_gyro(samples: Samples, setup: Setup) -> tuple[str, ...]:
-    if setup.tilt != "auto" or samples.rotation_rate is None or samples.time is None:
-        return ()
-    return ("tilt is from the accelerometer alone; pip install 'agonic[gyro]' lets the gyros help",)
 
 
 def _needed(samples: Samples, name: str, source: str) -> Array:

@@ -19,18 +19,15 @@ from agonic.headings.indicated import (
     indicated,
     readings_at,
 )
-from agonic.headings.judged import chosen, disagreement_deg, judged
+from agonic.headings.judged import chosen, disagreeing, disagreement_deg, judged
 from agonic.headings.record import FLAGS, Heading
 from agonic.headings.surroundings import Surroundings, surroundings
 from agonic.kernels import tilt as kernel
 from agonic.samples import Samples
-from agonic.units import RAW
+from agonic.units import RAW, WEAKEST_HORIZONTAL
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
-
-WEAKEST_HORIZONTAL = 2000.0
-"""nT: below it lies the blackout zone of the World Magnetic Model, where no compass works."""
 
 
 class _Taken(NamedTuple):
@@ -60,7 +57,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
     Heading, (n,) columns. Each row is taken from the first compass of the setup whose field is the
     expected one within the limits, or from the one nearest to it where none is. The standard error
     is carried through the chain by its Jacobian; about level an error of tilt counts with the
-    tangent of the dip.
+    tangent of the dip. Where the tilt has to be found, what acceleration did to it counts too.
 
     Raises
     ------
@@ -89,7 +86,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
     notes = [*tilt.notes, *around.notes]
     taken = []
     for (compass, _), readings in zip(pairs, read, strict=True):
-        found, unknown = indicated(readings, compass, tilt, around, setup)
+        found, unknown = indicated(readings, compass, tilt, around)
         verdict = judged(compass, found, around, setup, tilt.source)
         notes += [*unknown, *verdict.notes]
         taken.append(_Taken(compass, readings, found, verdict.distance))
@@ -149,6 +146,7 @@ def _assembled(
         flags=_flags(setup, tilt, taken, used, found),
         roll_deg=np.broadcast_to(tilt.roll_deg, n),
         pitch_deg=np.broadcast_to(tilt.pitch_deg, n),
+        tilt_sd_deg=np.broadcast_to(tilt.sd_deg, n),
         declination_deg=np.broadcast_to(around.declination_deg, n),
         sensors=tuple(one.compass.sensor for one in taken),
         tilt=tilt.source,
@@ -180,7 +178,12 @@ def _flags(
         upright < np.cos(np.radians(setup.tilt_limit_deg)),
         (found.horizontal < WEAKEST_HORIZONTAL) & _of(used, scaled),
         _of(used, far),
-        tilt.accelerated,
+        tilt.unsure,
+        disagreeing(
+            [one.indicated for one in taken],
+            [one.distance for one in taken],
+            setup.disagreement_limit_deg,
+        ),
     )
     flags = zip(FLAGS, (nowhere if rows is None else rows for rows in marked), strict=True)
     return MappingProxyType({name: np.broadcast_to(rows, nowhere.shape) for name, rows in flags})

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.headings.acceleration import SMOOTHED_S, Speed, smoothed, turning
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 GAP_S = 1.0
 """A longer pause in the log starts the filter anew."""
@@ -18,58 +21,138 @@ LONGEST_STEP_S = 0.005
 """Slower logs are interpolated to this: VQF holds a rate for the whole step up to its row."""
 SHORTEST = 10
 """Rows without which a stretch between two pauses tells no tilt."""
+UNSEEN = 2.138
+"""sd of ⟨a⟩ over that of ⟨a − ⟨a⟩⟩ where speeds change at random (their spectrum even), ⟨⟩ the
+low-pass of the filter: root of ∫x²(1 + x⁴)⁻² dx over ∫x¹⁰(1 + x⁴)⁻⁴ dx."""
+AGREES = 0.1
+"""Least share of what turning at a speed should leave over that has to be there: a filter that was
+pulled off level shows less than all, a hand next to nothing."""
+LOCAL = 2.0
+"""Time constants over which the scatter of what the filter left is taken."""
+
+
+class Followed(NamedTuple):
+    """Down in body axes (n, 3), NaN where there is none, and the sds about level axes (n,), rad.
+
+    `roll_sd` about the one ahead, `pitch_sd` about the one to the right.
+    """
+
+    down: Array
+    roll_sd: Array
+    pitch_sd: Array
+
+
+class Stretch(NamedTuple):
+    """The attitude to axes whose third is up, at even times `step` apart, and what was read."""
+
+    time: Array
+    step: float
+    turn: Rotation
+    force: Array
+    rate: Array
 
 
 def down_by_gyro(
-    time: Array, specific_force: Array, rotation_rate: Array, settling_s: float
-) -> tuple[Array, Array]:
-    """The direction of down in body axes, (n, 3), and the size of the lasting specific force.
+    time: Array, specific_force: Array, rotation_rate: Array, settling_s: float, speed: Speed
+) -> tuple[Followed, Speed]:
+    """The direction of down by the offline filter, with what acceleration may have done to it.
 
-    The offline filter runs forwards and backwards over evenly spaced rows, so readings are brought
-    to even times and its result back. VQF takes the specific force at rest as up and its
-    quaternion turns body components into axes whose third is up; the body axes may be any.
+    The filter runs forwards and backwards over evenly spaced rows, so readings are brought to even
+    times and its result back. VQF takes the specific force at rest as up and its quaternion turns
+    body components into axes whose third is up; the body axes may be any.
+
+    The acceleration of turning at the speed of the log is taken out, where what the filter did not
+    believe agrees with it. What is left is low-passed by the filter and believed: the tilt is wrong
+    by ⟨a⟩/g. What it did not believe, a − ⟨a⟩, is seen, and about the corner of the low-pass tells
+    how much of a went unseen (`UNSEEN`).
 
     Parameters: time (n,) s; specific_force (n, 3), m/s², and rotation_rate (n, 3), rad/s, in body
-    axes; settling_s, the time constant of the accelerometer's pull. Returns down, NaN in stretches
-    too short to tell, and the size (n,) of the specific force averaged over `settling_s` in axes
-    that do not turn with the body: gravity, unless the vehicle keeps accelerating.
+    axes; settling_s, the time constant of the accelerometer's pull.
 
-    Raises MissingExtraError without the package vqf.
+    Returns what was followed, and the speed, believed or not. Raises MissingExtraError without the
+    package vqf.
     """
-    down, force = np.full((len(time), 3), np.nan), np.full(len(time), np.nan)
+    n = len(time)
     pauses = np.flatnonzero(np.diff(time) > GAP_S) + 1
-    for rows in np.split(np.arange(len(time)), pauses):
-        if len(rows) >= SHORTEST:
-            down[rows], force[rows] = _stretch(
-                time[rows], specific_force[rows], rotation_rate[rows], settling_s
-            )
-    if np.isnan(down).all():
+    parts = [p for p in np.split(np.arange(n), pauses) if len(p) >= SHORTEST]
+    if not parts:
         raise LogError(
             "the log has pauses so often that no gyro filter can run; take tilt from the log or "
             "from the accelerometer"
         )
-    return down, force
+    force = specific_force
+    ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
+    if speed.taken:
+        speed = speed._replace(believed=_agrees(ran, settling_s, speed.taken))
+    if speed.taken:
+        force = force - speed.taken * turning(rotation_rate)
+        ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
+    found = Followed(np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan))
+    for part, stretch in zip(parts, ran, strict=True):
+        up = _at(time[part], stretch.time, stretch.turn.as_matrix()[:, 2])
+        found.down[part] = -up / np.sqrt((up**2).sum(axis=1, keepdims=True))
+        sds = _doubt(stretch, settling_s, speed)
+        for whole, sd in zip((found.roll_sd, found.pitch_sd), sds, strict=True):
+            whole[part] = np.interp(time[part], stretch.time, sd)
+    return found, speed
 
 
-def _stretch(
-    time: Array, specific_force: Array, rotation_rate: Array, settling_s: float
-) -> tuple[Array, Array]:
+def _ran(time: Array, specific_force: Array, rotation_rate: Array, settling_s: float) -> Stretch:
+    """The filter over one stretch without pauses."""
     try:
         from vqf import offlineVQF
     except ImportError:
         raise MissingExtraError("tilt from gyros", "gyro") from None
-    step = float(np.median(np.diff(time)))
-    step /= np.ceil(step / LONGEST_STEP_S)
+    period = float(np.median(np.diff(time)))
+    finer = int(np.ceil(period / LONGEST_STEP_S))
+    step = period / finer
     even = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step)) + 1)
-    force, rate = (
-        np.stack([np.interp(even, time, axis) for axis in v.T], axis=1)
-        for v in (specific_force, rotation_rate)
-    )
+    force, rate = _at(even, time, specific_force), _at(even, time, rotation_rate)
     quat_wxyz = offlineVQF(rate, force, None, step, {"tauAcc": settling_s})["quat6D"]
-    turn = Rotation.from_quat(np.roll(quat_wxyz, -1, axis=1))
-    width = max(round(settling_s / step), 1)
-    steady = uniform_filter1d(turn.apply(force), width, axis=0, mode="nearest")
-    up = turn.as_matrix()[:, 2]
-    down = np.stack([-np.interp(time, even, axis) for axis in up.T], axis=1)
-    down /= np.sqrt((down**2).sum(axis=1, keepdims=True))
-    return down, np.interp(time, even, np.sqrt((steady**2).sum(axis=1)))
+    kept = slice(None, None, finer)
+    turn = Rotation.from_quat(np.roll(quat_wxyz[kept], -1, axis=1))
+    return Stretch(even[kept], period, turn, force[kept], rate[kept])
+
+
+def _agrees(ran: list[Stretch], settling_s: float, speed: float) -> bool:
+    """Whether turning at this speed explains the level acceleration that the filter left over.
+
+    A hand that turns a sensor to and fro makes |f|² grow with Ω² too, but not towards one side.
+    Over some seconds gusts are gone.
+    """
+    shared = expected = 0.0
+    for one in ran:
+        width = max(round(SMOOTHED_S / one.step), 1)
+        left_over = smoothed(one.turn.apply(one.force)[:, :2], width)
+        ahead = smoothed(one.turn.apply(turning(one.rate))[:, :2], width)
+        ahead = speed * (ahead - _lasting(ahead, one.step, settling_s))
+        shared += float((left_over * ahead).sum())
+        expected += float((ahead**2).sum())
+    return shared > AGREES * expected
+
+
+def _at(wanted: Array, time: Array, vectors: Array) -> Array:
+    return np.stack([np.interp(wanted, time, axis) for axis in vectors.T], axis=1)
+
+
+def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Array]:
+    """sds of roll and pitch, rad, by the rest of the acceleration and the doubt about the speed."""
+    turn, step = stretch.turn, stretch.step
+    nose = turn.as_matrix()[:, :2, 0]
+    nose = nose / np.maximum(np.sqrt((nose**2).sum(axis=1, keepdims=True)), 1e-9)
+    left = np.stack([-nose[:, 1], nose[:, 0]], axis=1)
+    left_over = _lasting(turn.apply(stretch.force)[:, :2], step, settling_s)
+    width = max(round(LOCAL * settling_s / step), 1)
+    rest = UNSEEN**2 * smoothed((left_over**2).sum(axis=1) / 2, width)
+    ahead = turn.apply(turning(stretch.rate))[:, :2]
+    unsure = speed.doubt * _lasting(ahead, step, settling_s)
+    across, along = ((unsure * axis).sum(axis=1) for axis in (left, nose))
+    roll_sd, pitch_sd = (np.sqrt(rest + part**2) for part in (across, along))
+    return roll_sd / STANDARD_GRAVITY_M_S2, pitch_sd / STANDARD_GRAVITY_M_S2
+
+
+def _lasting(level: Array, step: float, settling_s: float) -> Array:
+    """What the filter's own low-pass leaves (n, 2): Butterworth, forwards and backwards."""
+    corner_Hz = np.sqrt(2.0) / (2 * np.pi * settling_s)
+    sos = butter(2, min(corner_Hz * step * 2, 0.99), output="sos")
+    return np.asarray(sosfiltfilt(sos, level, axis=0, padlen=0, padtype=None))

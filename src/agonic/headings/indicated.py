@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.calibration.base import beside
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.setup import Compass, Setup
+from agonic.calibration.setup import Compass
 from agonic.errors import FrameError, LogError, UnitError
 from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.propagation import Step, passed, steps_of, unknowns, variances
@@ -109,7 +109,7 @@ def _interpolated(wanted: Array, time: Array, values: Array) -> Array:
 
 
 def indicated(
-    readings: Readings, compass: Compass, attitude: Attitude, around: Surroundings, setup: Setup
+    readings: Readings, compass: Compass, attitude: Attitude, around: Surroundings
 ) -> tuple[Indicated, tuple[str, ...]]:
     """The headings of one compass, piece by piece, and what their standard error leaves out."""
     steps = steps_of(compass.calibration)
@@ -118,13 +118,12 @@ def indicated(
     notes = list(unknowns(steps, compass.sensor))
     if compass.deviation is not None and compass.deviation.covariance is None:
         notes.append(f"the deviation card of {compass.sensor} has no covariance: not in the sd")
-    expected = around.vertical if attitude.source == LEVEL else None
-    if attitude.source == LEVEL and expected is None and not readings.raw[:, 2].any():
+    if attitude.source == LEVEL and around.vertical is None and not readings.raw[:, 2].any():
         notes.append("the vertical intensity is not known, so errors of tilt are not in the sd")
     for start in range(0, n, PIECE):
         rows = slice(start, start + PIECE)
         for whole, part in zip(
-            result, _piece(readings, rows, steps, compass, attitude, expected, setup), strict=True
+            result, _piece(readings, rows, steps, compass, attitude, around), strict=True
         ):
             whole[rows] = part
     if readings.missing is not None:
@@ -139,20 +138,18 @@ def _piece(
     steps: tuple[Step, ...],
     compass: Compass,
     attitude: Attitude,
-    expected_vertical: Array | None,
-    setup: Setup,
+    around: Surroundings,
 ) -> Indicated:
     columns = {name: values[rows] for name, values in readings.columns.items()}
     values = passed(steps, readings.raw[rows], columns)
     tilt = kernel.Tilt(*(part_of(part, rows) for part in attitude.tilt))
     field = np.ascontiguousarray(values[-1].T)
-    if attitude.source == LEVEL and expected_vertical is not None:
-        field[2] = part_of(expected_vertical, rows)
+    if attitude.source == LEVEL and around.vertical is not None:
+        field[2] = part_of(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
         turned = kernel.turned(field.T, tilt, attitude.order)
         lasting, random = variances(steps, values, columns, turned.by_field)
-        tilt_sd = np.radians(setup.tilt_sd_deg)
-        lasting += tilt_sd**2 * (turned.by_roll**2 + turned.by_pitch**2)
+        lasting += _by_tilt(turned, attitude, around, rows)
     if readings.averaged is not None:
         random *= readings.averaged[rows]
     lasting, random = np.degrees(np.degrees(lasting)), np.degrees(np.degrees(random))
@@ -165,6 +162,20 @@ def _piece(
     return Indicated(
         turned.heading_deg, magnetic, random, lasting, turned.horizontal, turned.vertical
     )
+
+
+def _by_tilt(turned: kernel.Turned, attitude: Attitude, around: Surroundings, rows: slice) -> Array:
+    """Variance that errors of tilt make, rad², (n,).
+
+    A tilt that is far off shows the field at a dip that is not its own, with derivatives to match;
+    where the dip of the place is known, errors turn the heading by its tangent at least.
+    """
+    roll, pitch = (part_of(sd, rows) ** 2 for sd in (attitude.roll_sd, attitude.pitch_sd))
+    linear = roll * turned.by_roll**2 + pitch * turned.by_pitch**2
+    if around.horizontal is None or around.vertical is None:
+        return linear
+    tangent = part_of(around.vertical, rows) / np.maximum(part_of(around.horizontal, rows), 1.0)
+    return np.maximum(linear, part_of(attitude.variance, rows) * tangent**2)
 
 
 def _deviated(

@@ -11,10 +11,11 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Compass, Setup
+from agonic.calibration.thermal import Thermal
 from agonic.headings.attitude import LEVEL
 from agonic.headings.indicated import Indicated
 from agonic.headings.surroundings import Surroundings
-from agonic.kernels.deviation import wrapped_deg
+from agonic.kernels.angles import wrapped_deg
 from agonic.units import RAW
 
 Array = NDArray[np.float64]
@@ -70,8 +71,8 @@ def _over(difference: Array, limit: float) -> Array:
 def magnitude_of(calibration: Calibration) -> float | None:
     """The magnitude of the field that a calibration was scaled to."""
     steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
-    affine = [step for step in steps if isinstance(step, Affine)]
-    return affine[-1].magnitude if affine else None
+    scaled = [step for step in steps if isinstance(step, Affine | Thermal)]
+    return scaled[-1].magnitude if scaled else None
 
 
 def chosen(distances: list[Array | None], missing: list[Rows | None], n: int) -> NDArray[np.intp]:
@@ -90,6 +91,29 @@ def chosen(distances: list[Array | None], missing: list[Rows | None], n: int) ->
         if gone is not None:
             row[gone] = np.inf
     return np.asarray(np.argmin(score, axis=0))
+
+
+def disagreeing(
+    seen: list[Indicated], distances: list[Array | None], limit_deg: float
+) -> Rows | None:
+    """The rows on which two sensors differ that are both believed, or `None` with a single one.
+
+    By more than the limit and three of their standard deviations; a sensor known to be disturbed is
+    outvoted already.
+    """
+    if len(seen) == 1:
+        return None
+    rows = np.zeros(len(seen[0].magnetic_deg), dtype=bool)
+    for i, one in enumerate(seen):
+        for k, other in enumerate(seen[:i]):
+            apart = np.abs(wrapped_deg(one.magnetic_deg - other.magnetic_deg))
+            sd = np.sqrt(one.random + one.lasting + other.random + other.lasting)
+            believed = np.ones_like(rows)
+            for distance in (distances[i], distances[k]):
+                if distance is not None:
+                    believed &= distance <= 1.0
+            rows |= believed & (apart > np.maximum(limit_deg, 3 * sd))
+    return rows
 
 
 def disagreement_deg(magnetic_deg: list[Array]) -> Array | None:

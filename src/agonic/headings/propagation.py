@@ -18,8 +18,10 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference, stacked
+from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.kernels.affine import model_basis
+from agonic.kernels import polynomial, thermal
+from agonic.kernels.affine import model_basis, with_covariates
 
 Array = NDArray[np.float64]
 
@@ -27,7 +29,7 @@ Array = NDArray[np.float64]
 class Step(NamedTuple):
     """A calibration and L (p, k), the root of its covariance; `None` where it has none."""
 
-    calibration: Affine | Alignment
+    calibration: Affine | Thermal | Alignment
     root: Array | None
 
 
@@ -37,16 +39,16 @@ def steps_of(calibration: Calibration) -> tuple[Step, ...]:
     return tuple(Step(_known(step), _root(_known(step))) for step in plain)
 
 
-def _known(step: Calibration) -> Affine | Alignment:
-    if isinstance(step, Affine | Alignment):
+def _known(step: Calibration) -> Affine | Thermal | Alignment:
+    if isinstance(step, Affine | Thermal | Alignment):
         return step
     raise AgonicError(
         f"a {step.kind} calibration cannot serve a compass yet; give an affine, an interference, "
-        "an alignment or a chain of them"
+        "one over temperature, an alignment or a chain of them"
     )
 
 
-def _root(step: Affine | Alignment) -> Array | None:
+def _root(step: Affine | Thermal | Alignment) -> Array | None:
     """L with L Lᵀ the covariance of what `_row` multiplies: local numbers, or the turn."""
     if step.covariance is None:
         return None
@@ -57,6 +59,9 @@ def _root(step: Affine | Alignment) -> Array | None:
     root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     if isinstance(step, Alignment):
         return np.asarray(root)
+    if isinstance(step, Thermal):
+        onto = thermal.layout(step.degree, step.gauge, step.rate is not None)
+        return np.asarray(onto @ root)
     local = model_basis("full", step.gauge)
     spread = np.zeros((len(local) + len(root) - local.shape[1], len(root)))
     spread[: len(local), : local.shape[1]] = local
@@ -83,24 +88,53 @@ def variances(
     noise: float | None = None
     for step, given, made in zip(reversed(steps), values[-2::-1], values[:0:-1], strict=True):
         calibration, root = step
-        back = (
-            calibration.rotation.as_matrix()
-            if isinstance(calibration, Alignment)
-            else (calibration.matrix)
-        )
-        before = back.T @ gradient
+        before = _carried_back(calibration, columns, gradient)
         if root is not None:
-            row = (
-                _turn_row(made, gradient)
-                if isinstance(calibration, Alignment)
-                else _affine_row(calibration, given, columns, gradient, before)
-            )
+            row = _row(calibration, given, made, columns, gradient, before)
             parts = root.T @ row
             lasting += np.einsum("ij,ij->j", parts, parts)
-        if isinstance(calibration, Affine):
+        if isinstance(calibration, Affine | Thermal):
             noise = calibration.noise
         gradient = before
     return lasting, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
+
+
+def _carried_back(
+    step: Affine | Thermal | Alignment, columns: Mapping[str, Array], gradient: Array
+) -> Array:
+    """Mᵀ g, (3, n), with M what a step multiplies by."""
+    if isinstance(step, Thermal):
+        matrix = step.matrix_at(columns["temperature"])
+        return np.asarray(np.einsum("nji,jn->in", matrix, gradient))
+    back = step.rotation.as_matrix() if isinstance(step, Alignment) else step.matrix
+    return np.asarray(back.T @ gradient)
+
+
+def _row(
+    step: Affine | Thermal | Alignment, given: Array, made: Array, columns: Mapping[str, Array],
+    gradient: Array, before: Array,
+) -> Array:  # fmt: skip
+    """∂(g · field)/∂parameters of a step, (p, n)."""
+    if isinstance(step, Alignment):
+        return _turn_row(made, gradient)
+    if isinstance(step, Thermal):
+        return _thermal_row(step, given, columns, gradient, before)
+    return _affine_row(step, given, columns, gradient, before)
+
+
+def _thermal_row(
+    step: Thermal, given: Array, columns: Mapping[str, Array], gradient: Array, before: Array
+) -> Array:
+    """(−Wᵀg, g ⊗ (raw − bias)) ⊗ φ, φ the powers of the temperature and its rate, (12 q, n)."""
+    x = polynomial.scaled(columns["temperature"], step.centre_C, step.half_range_C)
+    bias, rate = step.bias_at(columns["temperature"]), None
+    if step.rate is not None:
+        rate = columns["temperature_rate"]
+        bias = bias + rate[:, None] * step.rate
+    reach = (given - bias).T
+    local = np.concatenate([-before, (gradient[:, None] * reach[None]).reshape(9, -1)])
+    phi = thermal.covariates(x, 0.0, step.degree, rate)
+    return np.asarray(with_covariates(local.T, phi).T)
 
 
 def _turn_row(made: Array, gradient: Array) -> Array:
@@ -125,7 +159,7 @@ def _affine_row(
 
 def unknowns(steps: tuple[Step, ...], sensor: str) -> tuple[str, ...]:
     """What the standard error of a heading has to leave out, in sentences."""
-    affine = [step for step in steps if isinstance(step.calibration, Affine)]
+    affine = [step for step in steps if isinstance(step.calibration, Affine | Thermal)]
     notes = []
     if any(step.root is None for step in affine):
         notes.append(f"the calibration of {sensor} has no covariance: its errors are not in the sd")

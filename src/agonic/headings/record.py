@@ -18,7 +18,8 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "tilted": "the vehicle is tilted too far for its nose to have a heading",
     "vertical field": "next to nothing of the field is horizontal: near a magnetic pole",
     "disturbed": "the field is not the one that is expected there",
-    "accelerated": "the accelerometer feels more or less than gravity, so its tilt is wrong",
+    "unsure tilt": "the vehicle accelerates, turns or rocks: its tilt is not known to 5°",
+    "disagreement": "two sensors differ by more than their errors, and neither is seen disturbed",
 })  # fmt: skip
 """Why a heading may mean nothing, in the order of `Heading.flags`."""
 
@@ -39,7 +40,8 @@ class Heading:
         `None` with a single one.
     used : (n,) which of `sensors` the row is from.
     flags : `FLAGS` and the rows (n,) that each marks, those that could not be judged left out.
-    roll_deg, pitch_deg : (n,) the tilt that was compensated.
+    roll_deg, pitch_deg : (n,) the tilt that was compensated. tilt_sd_deg : (n,) how well it is
+        known about either level axis.
     declination_deg : (n,) east positive.
     sensors : names, in the order of the setup. tilt : where roll and pitch came from.
     notes : sentences on what could not be done or known.
@@ -56,6 +58,7 @@ class Heading:
     flags: Mapping[str, Rows]
     roll_deg: Array
     pitch_deg: Array
+    tilt_sd_deg: Array
     declination_deg: Array
     sensors: tuple[str, ...]
     tilt: str
@@ -73,7 +76,7 @@ class Heading:
         """The columns of numbers that are there, by name, in writing order."""
         names = (
             "time", "compass_deg", "magnetic_deg", "true_deg", "sd_deg", "random_sd_deg",
-            "disagreement_deg", "roll_deg", "pitch_deg", "declination_deg",
+            "disagreement_deg", "roll_deg", "pitch_deg", "tilt_sd_deg", "declination_deg",
         )  # fmt: skip
         return {name: c for name in names if (c := getattr(self, name)) is not None}
 

@@ -12,12 +12,15 @@ from agonic.calibration.setup import Setup
 from agonic.errors import LogError, ValidityError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import model_for
+from agonic.kernels.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]
 
 NODES = 257
-"""Rows at which the world model is asked; between them it is linear."""
+"""Rows at which the world model is asked; between them it is linear in time."""
+JUMP_M = 1000.0
+"""Rows further apart than this are asked both, so that nothing is interpolated between them."""
 
 
 class Surroundings(NamedTuple):
@@ -28,6 +31,9 @@ class Surroundings(NamedTuple):
     horizontal: Array | None
     vertical: Array | None
     notes: tuple[str, ...] = ()
+
+
+_GIVEN = {"position": "the place (--at LAT,LON)", "date": "the date (--date 2026-05-01)"}
 
 
 class World(NamedTuple):
@@ -79,7 +85,9 @@ def along(samples: Samples) -> World | None:
     if latitude is None or longitude is None or epoch is None:
         return None
     n = len(samples)
-    rows = np.unique(np.linspace(0, n - 1, NODES).round().astype(np.intp))
+    even = np.linspace(0, n - 1, NODES).round().astype(np.intp)
+    before = _jumps(latitude, longitude)
+    rows = np.unique(np.concatenate([even, before, before + 1]))
     time = np.zeros(n) if samples.time is None else samples.time
     altitude = np.zeros(n) if samples.altitude_m is None else samples.altitude_m
     ends = decimal_year([epoch + timedelta(seconds=float(s)) for s in time[rows[[0, -1]]]])
@@ -88,12 +96,20 @@ def along(samples: Samples) -> World | None:
     there = model_for(float(years[len(years) // 2])).at(
         latitude[rows], longitude[rows], altitude[rows], years
     )
-    where = np.arange(n)
+    where = np.arange(n) if samples.time is None else time
     nodes = (
         np.unwrap(there.declination_deg, period=360.0), there.declination_sd_deg,
         there.horizontal, there.down,
     )  # fmt: skip
-    return World(*(np.interp(where, rows, values) for values in nodes))
+    return World(*(np.interp(where, where[rows], values) for values in nodes))
+
+
+def _jumps(latitude_deg: Array, longitude_deg: Array) -> NDArray[np.intp]:
+    """The rows after which the place is another: a fix that came, or a log put together."""
+    north = np.diff(np.radians(latitude_deg))
+    east = np.diff(np.radians(longitude_deg)) * np.cos(np.radians(latitude_deg[1:]))
+    east = (east + np.pi) % (2 * np.pi) - np.pi
+    return np.flatnonzero(np.hypot(north, east) * SEMI_MAJOR_M > JUMP_M)
 
 
 def _what_is_missing(samples: Samples) -> str:
@@ -105,8 +121,9 @@ def _what_is_missing(samples: Samples) -> str:
         )
         if value is None
     ]
+    move = " and ".join(_GIVEN[what] for what in missing)
     return (
         f"true heading needs the declination and the samples of {samples.name} have no "
-        f"{' and no '.join(missing)} to take it from: give the place and date, or a declination in "
-        "the setup (0 for headings from magnetic north)"
+        f"{' and no '.join(missing)} to take it from: give {move}, or a declination in the setup "
+        "(0 for headings from magnetic north)"
     )

@@ -4,6 +4,7 @@ from agonic.health.evidence import Evidence, examine, examine_taught, undetermin
 from agonic.health.finding import Finding, Judged, Severity, figure, sentences
 from agonic.health.mounting import mounted
 from agonic.health.readings import FEWEST, describe, inspect, step, usable_rows
+from agonic.health.scale import misscaled
 
 __all__ = [
     "FEWEST",
@@ -16,6 +17,7 @@ __all__ = [
     "examine_taught",
     "figure",
     "inspect",
+    "misscaled",
     "mounted",
     "sentences",
     "step",

@@ -18,11 +18,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from agonic.errors import LogError, UnitError
-from agonic.units import canonical
+from agonic.units import STANDARD_GRAVITY_M_S2, canonical
 
 DEGREES_PER_RADIAN = math.degrees(1.0)
-STANDARD_GRAVITY = 9.80665
-"""m/s² in one g, by definition (CGPM 1901)."""
 
 Linear = tuple[float, float]
 """Ours = factor × theirs + offset."""
@@ -39,7 +37,7 @@ _RATE: dict[str, Linear] = {
 }
 _ACCELERATION: dict[str, Linear] = {
     "ms2": (1, 0), "mss": (1, 0), "mpers2": (1, 0), "mps2": (1, 0),
-    "g": (STANDARD_GRAVITY, 0), "mg": (1e-3 * STANDARD_GRAVITY, 0),
+    "g": (STANDARD_GRAVITY_M_S2, 0), "mg": (1e-3 * STANDARD_GRAVITY_M_S2, 0),
 }  # fmt: skip
 _TIME: dict[str, Linear] = {
     "s": (1, 0), "sec": (1, 0), "secs": (1, 0), "seconds": (1, 0), "min": (60, 0),
@@ -132,7 +130,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         units={"nt": (1, 0), "ut": (1e3, 0), "raw": (1, 0), "counts": (1, 0)},
         aliases="secondmag secondfield",
     ),
-    Quantity(column="station", name="station", aliases="stationid pose"),
+    Quantity(column="station", name="station", aliases="stationid pose orientation"),
     Quantity(
         column="scalar", name="scalar", unit="nT",
         units={"nt": (1, 0), "ut": (1e3, 0), "mt": (1e6, 0), "t": (1e9, 0), "g": (1e5, 0),

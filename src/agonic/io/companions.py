@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.io.align import resample
-from agonic.io.columns import STANDARD_GRAVITY, Column, Identified, Linear
+from agonic.io.columns import Column, Identified, Linear
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 FloatArray = NDArray[np.float64]
 Table = Mapping[str, NDArray[Any]]
@@ -37,7 +38,7 @@ SHORT_REACH_S = 0.5
 _FEW = 0.01
 """Share of the readings that a column may still cost after its short holes are filled."""
 
-_GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY * 1e-3}
+_GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
 
 
 def numbers(values: NDArray[Any]) -> FloatArray:
@@ -128,7 +129,7 @@ def _by_gravity(values: FloatArray) -> tuple[Linear | None, str]:
     sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
     median = float(np.median(sizes)) if len(sizes) else np.nan
     for unit, factor in _GRAVITY_UNITS.items():
-        if abs(median * factor / STANDARD_GRAVITY - 1.0) < 0.2:
+        if abs(median * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
             return (factor, 0.0), f"names no unit; its size is that of gravity in {unit}"
     return None, f"its header names no unit and its size, {median:.4g}, is not that of gravity"
 

@@ -65,6 +65,8 @@ def read_points(path: Path | str, date: str | None = None) -> Points:
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise LogError(f"cannot be read ({error.strerror})", path=path) from None
     except UnicodeDecodeError:
         raise LogError("this is not text; a CSV file of points is needed", path=path) from None
     lines = csv.reader(StringIO(text))
@@ -140,6 +142,8 @@ def _columns(header: Sequence[str], path: Path, date: str | None) -> dict[str, t
         column = understood(name)
         wanted = column is not None and column.quantity.column in (*_RANGES, *_WHEN)
         if column is None or not wanted:
+            continue
+        if column.quantity.column == "time" and column.unit:  # seconds of a log are no date
             continue
         twin = found.setdefault(column.quantity.column, (position, column))
         if twin[0] != position:

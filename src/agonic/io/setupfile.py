@@ -4,7 +4,7 @@
 calibration = "MAG1.json"       # beside this file
 deviation = "MAG1-card.json"    # may be left out, as all below
 sensor = "MAG1"                 # its name in the log, where the calibration has another
-latency_s = 0.014
+latency_s = 0.014               # else what the calibration says
 
 [tilt]
 source = "log"                  # auto, log, accelerometer, gyro or level
@@ -24,12 +24,12 @@ vertical_nT = 45600
 magnitude = 0.1
 dip_deg = 10
 tilt_deg = 80
+disagreement_deg = 10           # of two compasses
 """
 
 from __future__ import annotations
 
 import json
-import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -38,12 +38,14 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
 import msgspec
+import msgspec.structs
 from msgspec import Struct
 
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup, Tilt
+from agonic.calibration.setup import mistakes as out_of_range
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import load, read_bytes, save
@@ -58,7 +60,7 @@ class CompassSection(Struct, forbid_unknown_fields=True):
     calibration: str
     deviation: str | None = None
     sensor: str | None = None
-    latency_s: float = 0.0
+    latency_s: float | None = None
 
 
 class TiltSection(Struct, forbid_unknown_fields=True):
@@ -66,7 +68,7 @@ class TiltSection(Struct, forbid_unknown_fields=True):
 
     source: Tilt = "auto"
     order: Order = "roll-pitch"
-    sd_deg: float = 0.5
+    sd_deg: float | None = None
     settling_s: float = 10.0
 
 
@@ -90,6 +92,7 @@ class LimitsSection(Struct, forbid_unknown_fields=True):
     magnitude: float = 0.1
     dip_deg: float = 10.0
     tilt_deg: float = 80.0
+    disagreement_deg: float = 10.0
 
 
 SECTIONS: Mapping[str, type[Struct]] = {
@@ -110,6 +113,7 @@ ATTRIBUTES: Mapping[str, tuple[str, str]] = {
     "magnitude_limit": ("limits", "magnitude"),
     "dip_limit_deg": ("limits", "dip_deg"),
     "tilt_limit_deg": ("limits", "tilt_deg"),
+    "disagreement_limit_deg": ("limits", "disagreement_deg"),
 }
 """Where each attribute of a `Setup` stands in the file."""
 
@@ -155,26 +159,76 @@ def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup
     values: dict[str, Any] = {}
     for name, kind in SECTIONS.items():
         if name in table:
-            values[name] = _tried(partial(_section, table[name], kind), f"[{name}]", mistakes)
+            values[name] = _section(table[name], kind, f"[{name}]", mistakes)
     listed = table.get("compass", [])
     if not isinstance(listed, list) or not listed:
         mistakes.append("it needs at least one [[compass]] with its calibration")
         listed = []
     compasses = [
-        _tried(partial(_compass, one, folder), f"[[compass]] {k}", mistakes)
-        for k, one in enumerate(listed, start=1)
+        _compass(one, folder, f"[[compass]] {k}", mistakes) for k, one in enumerate(listed, start=1)
     ]
-    if mistakes:
-        return None
     given = {
-        attribute: getattr(values[section], key)
+        attribute: values[section][key]
         for attribute, (section, key) in ATTRIBUTES.items()
-        if section in values
+        if key in values.get(section, {})
     }
     if given.get("declination_deg") == "model":
         given["declination_deg"] = None
+    if mistakes:
+        mistakes += out_of_range(given)
+        return None
     found = tuple(filter(None, compasses))
     return _tried(partial(Setup, compasses=found, **given), "", mistakes)
+
+
+def _section(table: Any, kind: type[Struct], where: str, mistakes: list[str]) -> dict[str, Any]:
+    """What the keys of a section say, each that is wrong added to `mistakes`."""
+    if not isinstance(table, Mapping):
+        mistakes.append(f"{where} expected a section, got {table!r}")
+        return {}
+    known = msgspec.structs.fields(kind)
+    wrong = [f"has no key `{key}`" for key in table if key not in kind.__struct_fields__]
+    said = {}
+    for key in known:
+        if key.name not in table:
+            if key.required:
+                wrong.append(f"needs the key `{key.name}`")
+            continue
+        try:
+            said[key.name] = msgspec.convert(table[key.name], key.type)
+        except msgspec.ValidationError as error:
+            wrong.append(_worded(key.name, table[key.name], str(error)))
+    if wrong:
+        keys = ", ".join(kind.__struct_fields__)
+        mistakes.append(f"{where} {', '.join(wrong)} (its keys: {keys})")
+    return said
+
+
+def _worded(key: str, value: Any, text: str) -> str:
+    """A mistake of one value in terms of its key."""
+    if key in _CHOICES:
+        return f"{key} {value!r} is not known; use one of {', '.join(_CHOICES[key])}"
+    return f"{text.replace('Expected', 'expected').replace(' | null', '')} at `{key}`"
+
+
+_CHOICES = {"source": get_args(Tilt), "order": get_args(Order), "degrees": ("a number", "model")}
+
+
+def _compass(table: Any, folder: Path, where: str, mistakes: list[str]) -> Compass | None:
+    """One compass, or `None` with what is wrong added to `mistakes`."""
+    before = len(mistakes)
+    said = _section(table, CompassSection, where, mistakes)
+    parts: dict[str, Any] = {}
+    for key, read in (("calibration", _calibration), ("deviation", _card)):
+        if said.get(key) is not None:
+            parts[key] = _tried(partial(read, folder / said[key]), where, mistakes)
+    if len(mistakes) > before:
+        return None
+    if said.get("sensor") not in (None, parts["calibration"].sensor):
+        parts["calibration"] = _renamed(parts["calibration"], said["sensor"])
+    if said.get("latency_s") is not None:
+        parts["latency_s"] = said["latency_s"]
+    return _tried(partial(Compass, **parts), where, mistakes)
 
 
 def _tried(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
@@ -184,41 +238,6 @@ def _tried(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | 
     except AgonicError as error:
         mistakes.append(f"{where} {error}".strip())
         return None
-
-
-def _section(table: Any, kind: type[Struct]) -> Struct:
-    """A section as it should be, or an `AgonicError` in terms of its keys."""
-    try:
-        return msgspec.convert(table, kind)
-    except msgspec.ValidationError as error:
-        text = str(error)
-        for theirs, ours in _WORDING.items():
-            text = text.replace(theirs, ours)
-        if named := re.search(r"Invalid enum value (.*) at `(\w+)`", text):
-            choices = ", ".join(_CHOICES[named[2]])
-            text = f"{named[2]} {named[1]} is not known; use one of {choices}"
-        known = ", ".join(kind.__struct_fields__)
-        raise AgonicError(f"{text} (its keys: {known})") from None
-
-
-_CHOICES = {"source": get_args(Tilt), "order": get_args(Order), "degrees": ("a number", "model")}
-_WORDING = {
-    "Object contains unknown field": "has no key",
-    "Object missing required field": "needs the key",
-    "Expected `object`": "expected a section",
-    "Expected": "expected",
-    " - at `$.": " at `",
-}
-
-
-def _compass(table: Any, folder: Path) -> Compass:
-    section = _section(table, CompassSection)
-    assert isinstance(section, CompassSection)
-    calibration = _calibration(folder / section.calibration)
-    card = None if section.deviation is None else _card(folder / section.deviation)
-    if section.sensor is not None and section.sensor != calibration.sensor:
-        calibration = _renamed(calibration, section.sensor)
-    return Compass(calibration=calibration, deviation=card, latency_s=section.latency_s)
 
 
 def _calibration(path: Path) -> Calibration:
@@ -277,7 +296,7 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
                 else:
                     save(part, file.with_name(name))
                 lines.append(f"{key} = {_quoted(name)}")
-        if compass.latency_s:
+        if compass.latency_s or getattr(compass.calibration, "latency_s", 0.0):
             lines.append(f"latency_s = {compass.latency_s!r}")
         lines.append("")
     for section in SECTIONS:

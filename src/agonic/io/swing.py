@@ -89,11 +89,18 @@ class Swing:
 
         Raises `LogError` where it is no number.
         """
-        text = self.remarks.get(remark, "")
-        try:
-            return float(text.replace(",", ".").rstrip("°A ")) if text else None
-        except ValueError:
-            raise LogError(f"{remark} is {text!r}; write a number", path=self.source.name) from None
+        text = self.remarks.get(remark, "").replace(",", ".")
+        if not text:
+            return None
+        if remark.endswith("_deg"):
+            value, example = _angle(text), "a number, or 4.5E"
+        else:
+            plain = text.rstrip("A ")
+            value = float(plain.replace("−", "-")) if _NUMBER.fullmatch(plain) else None
+            example = "a number"
+        if value is None or value != value:
+            raise LogError(f"{remark} is {text!r}; write {example}", path=self.source.name)
+        return value
 
 
 def read_swing(path: Path | str) -> Swing:
@@ -168,7 +175,13 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, int]:
             raise LogError(f"two columns could be the {column} heading; rename one", path=path)
         if column is not None:
             found[column] = at
-    if "compass" not in found or not {"magnetic", "true", "deviation"} & found.keys():
+    references = [name for name in ("magnetic", "true", "deviation") if name in found]
+    if len(references) > 1:
+        named = " and ".join(header[found[name]] for name in references)
+        raise LogError(
+            f"{named} say the same thing twice; leave one of these columns in", path=path
+        )
+    if "compass" not in found or not references:
         raise LogError(
             f"the columns are {', '.join(header)}; a swing needs compass_deg and one of "
             "magnetic_deg, true_deg or deviation_deg",
@@ -227,8 +240,9 @@ def _remarks(lines: Sequence[str]) -> dict[str, str]:
     said = {}
     for line in lines:
         name, colon, text = line.lstrip("# ").partition(":")
+        plain = re.sub(r"\s+", "_", name.strip().lower())
         known = next(
-            (r for r in REMARKS if r.lower() == re.sub(r"\s+", "_", name.strip().lower())), ""
+            (r for r in REMARKS if plain in (r.lower(), r.lower().removesuffix("_deg"))), ""
         )
         if line.startswith("#") and colon and known:
             said[known] = text.strip().rstrip(",;").removeprefix(f"({REMARKS[known]})").strip()

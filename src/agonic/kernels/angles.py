@@ -1,11 +1,20 @@
-"""Angles between vectors."""
+"""Angles: between vectors, and brought to −180…180."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+
+def wrapped_deg(angle_deg: ArrayLike) -> Array:
+    """Angles brought to −180…180, 180 itself left out.
+
+    >>> wrapped_deg([350.0, -190.0, 10.0]).tolist()
+    [-10.0, 170.0, 10.0]
+    """
+    return np.asarray((np.asarray(angle_deg, dtype=np.float64) + 180.0) % 360.0 - 180.0)
 
 
 def angle_deg(a: Array, b: Array) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.kernels import leastsq
+from agonic.kernels.angles import wrapped_deg
 from agonic.kernels.noise import Noise, noise_of
 
 Array = NDArray[np.float64]
@@ -23,15 +24,6 @@ HEEL = ("roll_cos", "roll_sin", "pitch_cos", "pitch_sin")
 ROSE_DEG = 45.0 * np.arange(8)
 """North, north-east, … north-west: the headings of a classical swing."""
 TURN_DEG = 360.0
-
-
-def wrapped_deg(angle_deg: ArrayLike) -> Array:
-    """An angle or a difference of headings between −180 (included) and 180.
-
-    >>> wrapped_deg([350.0, -190.0, 10.0]).tolist()
-    [-10.0, 170.0, 10.0]
-    """
-    return np.asarray((np.asarray(angle_deg, dtype=np.float64) + 180.0) % 360.0 - 180.0)
 
 
 def circled_deg(angle_deg: ArrayLike) -> Array:

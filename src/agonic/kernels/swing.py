@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.deviation import ROSE_DEG, basis, wrapped_deg
+from agonic.kernels.angles import wrapped_deg
+from agonic.kernels.deviation import ROSE_DEG, basis
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

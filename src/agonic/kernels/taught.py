@@ -113,6 +113,18 @@ def _residual(
     return azimuth_residual(raw, bias, matrix, part.across)
 
 
+_DIAGONAL = np.eye(12)[[3, 7, 11]]
+"""What takes the diagonal of the matrix out of the twelve local numbers."""
+
+
+def _off_diagonal(sign: float) -> Array:
+    """What takes (W_ij + sign W_ji)/2 as xy, xz, yz out of the twelve local numbers, (3, 12)."""
+    rows = np.zeros((3, 12))
+    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+        rows[k, 3 + 3 * i + j], rows[k, 3 + 3 * j + i] = 0.5, sign * 0.5
+    return rows
+
+
 def prior_of(problem: Problem, soft_iron_sd: float | None) -> leastsq.Prior:
     """Gaussian priors on soft iron, on the rotation in a free matrix, and on the terms.
 
@@ -121,14 +133,8 @@ def prior_of(problem: Problem, soft_iron_sd: float | None) -> leastsq.Prior:
     """
     basis = problem.basis
     m, terms = basis.shape[1], 3 * problem.terms.shape[1]
-    gauge = np.zeros((9, 12))  # entries of the symmetric part, then of the antisymmetric
+    gauge = np.concatenate([_DIAGONAL, _off_diagonal(1.0), _off_diagonal(-1.0)])
     wanted = np.array([1.0, 1, 1, 0, 0, 0, 0, 0, 0])
-    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    for k, (i, j) in enumerate(pairs):
-        gauge[k, 3 + 3 * i + j] += 0.5
-        gauge[k, 3 + 3 * j + i] += 0.5
-    for k, (i, j) in enumerate(pairs[3:], start=6):
-        gauge[k, 3 + 3 * i + j], gauge[k, 3 + 3 * j + i] = 0.5, -0.5
     turn = problem.turn_sd if problem.gauge == FREE else None
     sds = np.concatenate([np.full(6, soft_iron_sd or np.inf), np.full(3, turn or np.inf)])
     if problem.model == "sphere":
@@ -161,10 +167,7 @@ def turn(problem: Problem, solution: leastsq.Solution) -> tuple[Array, Array]:
     """The turn in a free matrix, (W − Wᵀ)/2g as xy xz yz, and its covariance (3, 3), rad."""
     m = problem.basis.shape[1]
     local = problem.basis @ solution.params[:m]
-    gain = float(local[[3, 7, 11]].mean())
-    onto = np.zeros((3, 12))
-    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
-        onto[k, 3 + 3 * i + j], onto[k, 3 + 3 * j + i] = 0.5 / gain, -0.5 / gain
+    onto = _off_diagonal(-1.0) / float((_DIAGONAL @ local).mean())
     reduced = onto @ problem.basis
     return onto @ local, reduced @ solution.covariance[:m, :m] @ reduced.T
 

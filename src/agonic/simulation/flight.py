@@ -14,12 +14,12 @@ from agonic.errors import AgonicError
 from agonic.kernels.rotation import yaw_pitch_roll
 from agonic.simulation.draws import wander
 from agonic.simulation.motions import (
-    GRAVITY_M_S2,
     Attitude,
     Motion,
     rate_of_change,
     rotation_rate,
 )
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -46,6 +46,7 @@ def flight(
     *,
     vehicle: Vehicle = "plane",
     leg_s: float = 12.0,
+    turns_deg: tuple[float, float] = (60.0, 210.0),
     stray_nT_A: tuple[float, float, float] = (60.0, -35.0, 90.0),
     full_current_A: float = 25.0,
     latitude_deg: float = 47.0,
@@ -54,10 +55,11 @@ def flight(
 ) -> Motion:
     """Legs of `leg_s` joined by coordinated turns to either side, in gentle climbs and descents.
 
-    The bank of a turn is tan φ = V·χ̇/g. Climbing and turning cost throttle, throttle costs
-    current, and the current adds the field `stray_nT_A`·I in sensor axes.
+    A turn goes on for `turns_deg`, from and to; more than 360° are orbits. The bank of a turn is
+    tan φ = V·χ̇/g. Climbing and turning cost throttle, throttle costs current, and the current adds
+    the field `stray_nT_A`·I in sensor axes.
     """
-    flown = fly(rng, time[-1], vehicle=vehicle, leg_s=leg_s)
+    flown = fly(rng, time[-1], vehicle=vehicle, leg_s=leg_s, turns_deg=turns_deg)
     current = drawn_A(flown.throttle(time), full_current_A)
     place = position(time, flown.velocity_n(time), (latitude_deg, longitude_deg, altitude_m))
     return Motion(
@@ -75,24 +77,25 @@ def fly(
     *,
     vehicle: Vehicle = "plane",
     leg_s: float = 12.0,
+    turns_deg: tuple[float, float] = (60.0, 210.0),
     bank_deg: float | None = None,
 ) -> Flown:
-    """A flight of legs and coordinated turns; `bank_deg` is the steepest bank of its turns.
+    """A flight of legs and coordinated turns of `turns_deg`, from and to.
 
-    Without a bank the turns are flown at 15°/s.
+    `bank_deg` is the steepest bank of the turns. Without a bank the turns are flown at 15°/s.
     """
     if vehicle not in _SPEED_AND_LEAN:
         raise AgonicError(f"no vehicle {vehicle!r}; choose from {', '.join(_SPEED_AND_LEAN)}")
     speed, lean_deg = _SPEED_AND_LEAN[vehicle]
     rate_deg_s = _TURN_DEG_S if bank_deg is None else _turn_rate(bank_deg, speed)
-    course_deg = _course(rng, duration_s, leg_s, rate_deg_s)
+    course_deg = course(rng, duration_s, leg_s, rate_deg_s, turns_deg)
     climb_deg = wander(rng, duration_s, sd=3.0, pace_s=15.0)
     gusts = [wander(rng, duration_s, sd=sd, pace_s=0.7) for sd in (1.0, 1.5, 2.0)]
     surge = wander(rng, duration_s, sd=0.05, pace_s=3.0)
 
     def banked_deg(at: Array) -> Array:
         turn = np.radians(rate_of_change(course_deg, at))
-        return np.degrees(np.arctan(speed * turn / GRAVITY_M_S2))
+        return np.degrees(np.arctan(speed * turn / STANDARD_GRAVITY_M_S2))
 
     def attitude(at: Array) -> Rotation:
         return yaw_pitch_roll(
@@ -123,15 +126,24 @@ def _turn_rate(bank_deg: float, speed: float) -> float:
     """Mean °/s of a turn whose steepest bank is given: the quintic step's peak rate is 15/8."""
     if not 0 < bank_deg < 80:
         raise AgonicError(f"bank_deg is {bank_deg}; a coordinated turn needs 0 to 80°")
-    return float(np.degrees(GRAVITY_M_S2 * np.tan(np.radians(bank_deg)) / speed) / (15 / 8))
+    return float(
+        np.degrees(STANDARD_GRAVITY_M_S2 * np.tan(np.radians(bank_deg)) / speed) / (15 / 8)
+    )
 
 
-def _course(
-    rng: np.random.Generator, duration_s: float, leg_s: float, rate_deg_s: float
+def course(
+    rng: np.random.Generator,
+    duration_s: float,
+    leg_s: float,
+    rate_deg_s: float,
+    turns_deg: tuple[float, float] = (60.0, 210.0),
 ) -> Function:
-    """The course in degrees: constant on legs, turning smoothly between them."""
+    """The course in degrees: constant on legs, turning smoothly between them.
+
+    Turns of so many degrees, to either side, at `rate_deg_s` on average.
+    """
     n = int(np.ceil(duration_s / leg_s)) + 1
-    turns = rng.uniform(60.0, 210.0, n) * rng.choice([-1.0, 1.0], n)
+    turns = rng.uniform(*turns_deg, n) * rng.choice([-1.0, 1.0], n)
     lasting = np.abs(turns) / rate_deg_s
     starts = leg_s + np.concatenate([[0.0], np.cumsum(lasting + leg_s)[:-1]])
     headings = rng.uniform(0, 360) + np.concatenate([[0.0], np.cumsum(turns)[:-1]])

@@ -20,8 +20,6 @@ from agonic.simulation.draws import directions, knot_times, wander
 Array = NDArray[np.float64]
 Attitude = Callable[[Array], Rotation]
 
-GRAVITY_M_S2 = 9.80665  # standard gravity, CGPM 1901
-
 _STEP_S = 1e-3  # a central difference over ±1 ms is exact to 1e-6 of the rate of a hand's motion
 
 

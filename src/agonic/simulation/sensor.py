@@ -16,11 +16,11 @@ from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.kernels.rotation import angles_deg, yaw_pitch_roll
 from agonic.samples import Samples
-from agonic.simulation import motions
+from agonic.simulation import motions, surface
 from agonic.simulation.defects import Defect
 from agonic.simulation.draws import random_calibration
 from agonic.simulation.flight import flight
-from agonic.units import RAW
+from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,8 @@ _MOTIONS: Mapping[str, Callable[..., motions.Motion]] = MappingProxyType(
         "hand": motions.hand,
         "circle": motions.circle,
         "flight": flight,
+        "boat": surface.boat,
+        "car": surface.car,
         "static": motions.static,
     }
 )
@@ -57,7 +59,7 @@ def kinds() -> tuple[str, ...]:
     """The motions that `simulate` knows.
 
     >>> kinds()
-    ('tumble', 'sphere', 'belt', 'hand', 'circle', 'flight', 'static')
+    ('tumble', 'sphere', 'belt', 'hand', 'circle', 'flight', 'boat', 'car', 'static')
     """
     return tuple(_MOTIONS)
 
@@ -83,8 +85,10 @@ def simulate(
     ----------
     kind : the motion, with settings of its own by keyword: "tumble" (pace_s), "sphere", "belt"
         (tilt_deg, axis), "hand", "circle" (tilt_deg, smooth, period_s), "flight" (vehicle, leg_s,
-        stray_nT_A, full_current_A, latitude_deg, longitude_deg, altitude_m) and "static"
-        (heading_deg, pitch_deg, roll_deg); `simulate.motions` and `.flight` describe them.
+        turns_deg, stray_nT_A, full_current_A, latitude_deg, longitude_deg, altitude_m), "boat"
+        (speed_m_s, leg_s, wave_s, roll_sd_deg, pitch_sd_deg, surge_sd_m_s2), "car" (speed_m_s,
+        leg_s, slope_sd_deg) and "static" (heading_deg, pitch_deg, roll_deg);
+        `simulation.motions`, `.flight` and `.surface` describe them.
     n, rate_Hz : number of rows and rows a second.
     magnitude, inclination_deg, declination_deg : Earth's field, nT and degrees.
     noise : standard deviation of one reading on one axis, in the unit the calibration takes in.
@@ -188,7 +192,7 @@ def _in_counts(truth: Affine, counts_per_nT: float) -> Affine:
 def _recorded(time: Array, raw: Array, truth: Affine, motion: motions.Motion) -> Samples:
     """The columns that a logger would have written."""
     roll, pitch, heading = angles_deg(motion.rot_nb.as_matrix())
-    specific_force_n = motion.acceleration_n - np.array([0.0, 0.0, motions.GRAVITY_M_S2])
+    specific_force_n = motion.acceleration_n - np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
     return Samples(
         time=time,
         field=raw,

@@ -21,8 +21,8 @@ from agonic.kernels.rotation import angles_deg
 from agonic.samples import Samples
 from agonic.simulation.draws import random_calibration, wander
 from agonic.simulation.flight import Flown, Vehicle, drawn_A, fly, position
-from agonic.simulation.motions import GRAVITY_M_S2, rate_of_change, rotation_rate
-from agonic.units import RAW
+from agonic.simulation.motions import rate_of_change, rotation_rate
+from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 Placing = Literal["apart", "opposite"]
@@ -212,7 +212,7 @@ def _common(
 ) -> Samples:  # fmt: skip
     """What is recorded beside the readings, but for the attitude; the field is left at zero."""
     attitude, throttle = flown.attitude(time), flown.throttle(time)
-    force_n = rate_of_change(flown.velocity_n, time) - np.array([0.0, 0.0, GRAVITY_M_S2])
+    force_n = rate_of_change(flown.velocity_n, time) - np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
     return Samples(
         field=np.zeros((len(time), 3)),
         time=time,
@@ -244,7 +244,7 @@ def _recorded_angles(
     """Roll, pitch and heading with the errors of an attitude filter, larger in manoeuvres."""
     roll, pitch, heading = angles_deg(flown.attitude(time).as_matrix())
     acceleration = np.linalg.norm(rate_of_change(flown.velocity_n, time), axis=1)
-    larger = np.sqrt(1 + (MANOEUVRE * acceleration / GRAVITY_M_S2) ** 2)
+    larger = np.sqrt(1 + (MANOEUVRE * acceleration / STANDARD_GRAVITY_M_S2) ** 2)
     error = [wander(rng, time[-1], sd=1.0, pace_s=correlation_s)(time) for _ in range(3)]
     angles = {
         "roll_deg": roll + attitude_sd_deg * larger * error[0],

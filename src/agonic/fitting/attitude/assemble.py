@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
@@ -15,7 +14,7 @@ from agonic.fitting.attitude.settings import Settings
 from agonic.health import FEWEST, figure, usable_rows
 from agonic.kernels import taught
 from agonic.kernels.affine import FREE, SYMMETRIC
-from agonic.kernels.leastsq import inverse
+from agonic.kernels.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -41,7 +40,8 @@ def fitted(
     usable = usable_rows(samples.field)
     if usable.sum() < FEWEST:
         raise CoverageError(
-            f"{int(usable.sum())} usable readings are too few for a fit with the attitude",
+            f"{int(usable.sum())} usable readings are too few for a fit with the attitude"
+            f"{_left_out(samples, usable)}",
             turns="record a few minutes of turning through all headings",
         )
     gauge: str = settings.gauge
@@ -59,6 +59,14 @@ def fitted(
     return with_evidence(affine, estimate, problem, scale, samples, usable, tests, settings)
 
 
+def _left_out(samples: Samples, usable: NDArray[np.bool_]) -> str:
+    """Why readings are missing, in brackets; nothing where none are."""
+    reasons = [f"{n} rows: {why}" for why, n in samples.rejected.items()]
+    if not usable.all():
+        reasons.append(f"{int((~usable).sum())} readings clipped or stuck")
+    return f" (left out: {', '.join(reasons)})" if reasons else ""
+
+
 def _estimated(
     problem: taught.Problem, usable: NDArray[np.bool_], settings: Settings
 ) -> taught.Estimate:
@@ -70,10 +78,9 @@ def _estimated(
 def _turn_test(problem: taught.Problem, estimate: taught.Estimate) -> ModelTest:
     """Wald's test that the matrix is symmetric: no turn between the sensor and the attitude."""
     turn, covariance = taught.turn(problem, estimate.solution)
-    statistic = float(turn @ inverse(covariance) @ turn)
-    # errors of the attitude last, and what lasts is known from few independent readings (F test)
+    # errors of the attitude last, and what lasts is known from few independent readings
     independent = len(problem.points) / estimate.noise["dip"].correlation
-    p = float(fdtrc(3, max(independent - 3, 1.0), statistic / 3))
+    statistic, p = wald(turn, covariance, independent)
     degrees = figure(float(np.degrees(np.linalg.norm(turn))))
     words = (
         f"the sensor sits turned by {degrees}° against the axes of roll and pitch"

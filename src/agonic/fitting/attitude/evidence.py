@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from agonic.fit import Channel, Fit, ModelTest
 from agonic.fitting.attitude import restored
 from agonic.fitting.attitude.normalised import Scale
 from agonic.fitting.attitude.settings import Settings
-from agonic.health import Evidence, Finding, examine_taught, figure, inspect, mounted
+from agonic.health import Evidence, Finding, examine_taught, figure, inspect, misscaled, mounted
 from agonic.kernels import taught
 from agonic.kernels.coverage import visits
 from agonic.kernels.tilt import heading_by_vectors_deg
@@ -26,6 +27,9 @@ HEADING_DOUBTFUL_DEG = 5.0
 HEADING_REFUSED_DEG = 20.0
 WIDEST_GAP_DEG = 60.0
 LEAST_TILT_DEG = 10.0
+HALF_DEG = 150
+"""Headings that leave such a gap show less than a circle's centre, if the vehicle stays level."""
+LEVEL_TILT_DEG = 20.0
 
 
 def with_evidence(
@@ -38,38 +42,13 @@ def with_evidence(
     plain = restored.effective(estimate, problem, scale, samples)
     cleaned = samples.field - taught.added(problem, estimate.solution.params) * scale.size
     coverage = _coverage(plain, cleaned, weights > 0, problem, settings)
-    channels = {
-        kind: Channel(
-            residuals=taught.residuals(problem, kind, estimate.solution.params) * scale.size,
-            noise=noise.sd * scale.size,
-            correlation=noise.correlation,
-        )
-        for kind, noise in estimate.noise.items()
-    }
-    magnitude = channels["magnitude"]
-    normals = taught.normals(problem, estimate.solution.params)
-    gain = float(np.trace(plain.matrix) / 3)
-    evidence = Evidence(
-        readings=cleaned[usable],
-        time=None if samples.time is None else samples.time[usable],
-        residuals=magnitude.residuals[usable],
-        weights=weights[usable],
-        normals=normals[usable],
-        bias=plain.bias,
-        shape=plain.matrix / gain,
-        radius=scale.magnitude / gain,
-        noise=magnitude.noise,
-        correlation=magnitude.correlation,
-        coverage=coverage,
-        known_radius=scale.magnitude,
-        unit=samples.unit,
-    )
+    channels = _channels(estimate, problem, scale.size)
     fit = Fit(
         calibration=affine,
         n=int(usable.sum()),
-        residuals=magnitude.residuals,
+        residuals=channels["magnitude"].residuals,
         weights=weights,
-        noise=magnitude.noise,
+        noise=channels["magnitude"].noise,
         correlation=max(channel.correlation for channel in channels.values()),
         condition=estimate.solution.condition,
         iterations=estimate.solution.iterations,
@@ -78,11 +57,52 @@ def with_evidence(
         channels=channels,
         tests=tests,
     )
+    evidence = _evidence(fit, plain, cleaned, problem, estimate.solution.params, samples, usable)
     tilt_sd = _tilt_sd_deg(channels, evidence.radius)
     found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd)
     fit = replace(fit, findings=found)
     said = _remarks(fit, tilt_sd, problem)
     return fit if fit.verdict == "refused" else replace(fit, remarks=said)
+
+
+def _channels(
+    estimate: taught.Estimate, problem: taught.Problem, size: float
+) -> dict[str, Channel]:
+    """Residuals, noise and correlation of each kind, in the unit of the readings."""
+    return {
+        kind: Channel(
+            residuals=taught.residuals(problem, kind, estimate.solution.params) * size,
+            noise=noise.sd * size,
+            correlation=noise.correlation,
+        )
+        for kind, noise in estimate.noise.items()
+    }
+
+
+def _evidence(
+    fit: Fit, plain: Affine, cleaned: Array, problem: taught.Problem, params: Array,
+    samples: Samples, usable: NDArray[np.bool_],
+) -> Evidence:  # fmt: skip
+    """What the examination of a fit looks at: the readings without what sources added."""
+    assert plain.magnitude is not None
+    assert fit.weights is not None
+    magnitude = fit.channels["magnitude"]
+    gain = float(np.trace(plain.matrix) / 3)
+    return Evidence(
+        readings=cleaned[usable],
+        time=None if samples.time is None else samples.time[usable],
+        residuals=magnitude.residuals[usable],
+        weights=fit.weights[usable],
+        normals=taught.normals(problem, params)[usable],
+        bias=plain.bias,
+        shape=plain.matrix / gain,
+        radius=plain.magnitude / gain,
+        noise=magnitude.noise,
+        correlation=magnitude.correlation,
+        coverage=fit.coverage,
+        known_radius=plain.magnitude,
+        unit=samples.unit,
+    )
 
 
 def _coverage(
@@ -105,6 +125,25 @@ def _coverage(
     return replace(coverage, turns=turns_of_a_vehicle(field, problem.down[believed]))
 
 
+class Seen(NamedTuple):
+    """What a vehicle showed: the sectors of 15° that its headings were in, and its tilt."""
+
+    sectors: NDArray[np.intp]
+    widest: int
+    gap_deg: int
+    tilt_deg: float
+
+
+def seen_of(field: Array, down: Array) -> Seen:
+    """The headings and the tilt of a vehicle, by field and down (n, 3) in body axes."""
+    heading = heading_by_vectors_deg(field, down)
+    sectors = np.unique((heading // 15).astype(np.intp) % 24)
+    gaps = np.diff(np.append(sectors, sectors[0] + 24)) - 1
+    widest = int(np.argmax(gaps))
+    tilt = float(np.degrees(np.arccos(np.clip(np.percentile(down[:, 2], 5), -1.0, 1.0))))
+    return Seen(sectors, widest, 15 * int(gaps[widest]), tilt)
+
+
 def turns_of_a_vehicle(field: Array, down: Array) -> str:
     """The headings and the tilt that a vehicle would have to add.
 
@@ -114,18 +153,34 @@ def turns_of_a_vehicle(field: Array, down: Array) -> str:
     >>> turns_of_a_vehicle(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)
     'turn through all headings (seen: 0° to 105°), and bank and pitch by 20° or more on the way'
     """
-    heading = heading_by_vectors_deg(field, down)
-    visited = np.unique((heading // 15).astype(int) % 24)
-    gaps = np.diff(np.append(visited, visited[0] + 24)) - 1
-    widest = int(np.argmax(gaps))
-    tilt = float(np.degrees(np.arccos(np.clip(np.percentile(down[:, 2], 5), -1.0, 1.0))))
+    seen = seen_of(field, down)
     said = []
-    if 15 * gaps[widest] > WIDEST_GAP_DEG:
-        first, last = 15 * visited[(widest + 1) % len(visited)], 15 * (visited[widest] + 1)
+    if seen.gap_deg > WIDEST_GAP_DEG:
+        first = 15 * seen.sectors[(seen.widest + 1) % len(seen.sectors)]
+        last = 15 * (seen.sectors[seen.widest] + 1)
         said.append(f"turn through all headings (seen: {first}° to {last % 360}°)")
-    if tilt < LEAST_TILT_DEG:
+    if seen.tilt_deg < LEAST_TILT_DEG:
         said.append("bank and pitch by 20° or more on the way")
     return ", and ".join(said)
+
+
+def _half_seen(e: Evidence, problem: taught.Problem, cleaned: Array) -> Finding | None:
+    """A level vehicle that never turned half of the way: bias and soft iron look the same there.
+
+    What is stated then is mostly the prior's word, whatever the standard error says.
+    """
+    if problem.down is None or "azimuth" in problem.kinds:
+        return None
+    seen = seen_of((cleaned - e.bias) @ e.shape.T, problem.down)
+    if seen.gap_deg < HALF_DEG or seen.tilt_deg >= LEVEL_TILT_DEG:
+        return None
+    return Finding(
+        "coverage",
+        "refuse",
+        f"the headings leave a gap of {seen.gap_deg}° and the vehicle was level to "
+        f"{figure(seen.tilt_deg)}°: bias and soft iron cannot be told apart",
+        e.coverage.turns,
+    )
 
 
 def _tilt_sd_deg(channels: dict[str, Channel], radius: float) -> float | None:
@@ -156,15 +211,9 @@ def _findings(
     if misplaced is not None:
         return (misplaced, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
-    if samples.unit == "nT" and not 0.5 < gain < 2.0:
-        found_scale = Finding(
-            "scale",
-            "check",
-            f"readings had to be multiplied by {figure(gain)} to reach the stated field",
-            "check the unit of the log and the reference magnitude",
-        )
-        seen = (*seen, found_scale)
-    found = [*seen, *examine_taught(evidence)]
+    half = _half_seen(evidence, problem, cleaned)
+    examined = (f for f in examine_taught(evidence) if half is None or f.name != half.name)
+    found = [*seen, *filter(None, (misscaled(gain, samples.unit), half)), *examined]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(
             Finding(

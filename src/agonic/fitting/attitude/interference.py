@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.fitting.attitude.assemble import fitted
 from agonic.fitting.attitude.placement import placement
-from agonic.fitting.attitude.settings import Settings
+from agonic.fitting.attitude.settings import Gauge, Model, Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -19,7 +18,14 @@ def fit_interference(
     samples: Samples,
     reference: Reference,
     sources: Sequence[str] = ("current_A",),
-    **settings: Any,
+    *,
+    model: Model = "full",
+    gauge: Gauge = "auto",
+    robust: bool = True,
+    soft_iron_sd: float | None = 0.1,
+    turn_sd_deg: float | None = 2.0,
+    inclination_deg: float | None = None,
+    seed: int = 0,
 ) -> Fit:
     """Bias, matrix, and how much field each ampere (or other source) adds to the readings.
 
@@ -36,7 +42,7 @@ def fit_interference(
         samples it decides which residuals are used.
     sources : "current_A", "throttle", "second".
 
-    The settings as in `fit_levelled`.
+    model, gauge, robust, soft_iron_sd, turn_sd_deg, inclination_deg, seed : as in `fit_levelled`.
 
     Returns a `Fit` whose calibration is an `Interference`; with a second magnetometer and a
     current, the finding "placement" says whether the two sit where a mix can work. Raises
@@ -53,7 +59,10 @@ def fit_interference(
     """
     if not sources:
         raise AgonicError("sources is empty; name what disturbs: current_A, throttle or second")
-    chosen = Settings(**settings, sources=tuple(sources))
+    chosen = Settings(
+        model=model, gauge=gauge, sources=tuple(sources), robust=robust, soft_iron_sd=soft_iron_sd,
+        turn_sd_deg=turn_sd_deg, inclination_deg=inclination_deg, seed=seed,
+    )  # fmt: skip
     known = kinds(samples, reference)
     fit = fitted(samples, reference, known, chosen, "interference")
     if "second" not in sources:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 from agonic.fit import Fit
 from agonic.fitting.attitude.assemble import fitted
-from agonic.fitting.attitude.settings import Settings
+from agonic.fitting.attitude.settings import Gauge, Model, Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 
-def fit_levelled(samples: Samples, reference: Reference, **settings: Any) -> Fit:
+def fit_levelled(
+    samples: Samples,
+    reference: Reference,
+    *,
+    model: Model = "full",
+    gauge: Gauge = "auto",
+    sources: Sequence[str] = (),
+    robust: bool = True,
+    soft_iron_sd: float | None = 0.1,
+    turn_sd_deg: float | None = 2.0,
+    inclination_deg: float | None = None,
+    seed: int = 0,
+) -> Fit:
     """Bias and matrix that give every reading the magnitude and the dip of the place.
 
     With d the direction of down by roll and pitch, u = W (raw − bias), z = u·d, h = |u − z d|:
@@ -36,6 +48,7 @@ def fit_levelled(samples: Samples, reference: Reference, **settings: Any) -> Fit
     soft_iron_sd : standard deviation of the prior on the symmetric part of W/gain − identity.
     turn_sd_deg : that of the prior on the turn, about each axis.
     inclination_deg : dip at which the heading's standard error is stated; default: the place's.
+    seed : of the search for where to start.
 
     Returns a `Fit`. Raises `LogError` without roll and pitch, `UnitError` for a reference that is a
     magnitude only, and `CoverageError` where nothing can be fitted at all.
@@ -51,5 +64,8 @@ def fit_levelled(samples: Samples, reference: Reference, **settings: Any) -> Fit
     >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
     True
     """
-    chosen = Settings(**settings)
+    chosen = Settings(
+        model=model, gauge=gauge, sources=tuple(sources), robust=robust, soft_iron_sd=soft_iron_sd,
+        turn_sd_deg=turn_sd_deg, inclination_deg=inclination_deg, seed=seed,
+    )  # fmt: skip
     return fitted(samples, reference, ("magnitude", "dip"), chosen, "levelled")

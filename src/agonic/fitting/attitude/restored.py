@@ -58,7 +58,10 @@ def calibration(
     grown = _stretched(covariance, found, size, scale)
     slopes = found[size:].reshape(3, -1)
     return Interference(
-        **facts | {"covariance": grown}, sources=settings.sources, coefficients=slopes
+        **facts | {"covariance": grown},
+        sources=settings.sources,
+        coefficients=slopes,
+        second_sensor=samples.second_sensor if mixed else None,
     )
 
 

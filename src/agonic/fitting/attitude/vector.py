@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 from agonic.fit import Fit
 from agonic.fitting.attitude.assemble import fitted
-from agonic.fitting.attitude.settings import Settings
+from agonic.fitting.attitude.settings import Gauge, Model, Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 
-def fit_vector(samples: Samples, reference: Reference, **settings: Any) -> Fit:
+def fit_vector(
+    samples: Samples,
+    reference: Reference,
+    *,
+    model: Model = "full",
+    gauge: Gauge = "auto",
+    sources: Sequence[str] = (),
+    robust: bool = True,
+    soft_iron_sd: float | None = 0.1,
+    turn_sd_deg: float | None = 2.0,
+    inclination_deg: float | None = None,
+    seed: int = 0,
+) -> Fit:
     """Bias and matrix that turn every reading into the field of the place in body axes.
 
     Beside magnitude and dip as in `fit_levelled`, the azimuth: u·e = 0 with e horizontal, in body
@@ -24,7 +36,8 @@ def fit_vector(samples: Samples, reference: Reference, **settings: Any) -> Fit:
         magnetometer itself.
     reference : `Reference.vector` in the frame n.
 
-    The settings as in `fit_levelled`; the matrix is free by default.
+    model, gauge, sources, robust, soft_iron_sd, turn_sd_deg, inclination_deg, seed : as in
+        `fit_levelled`; the matrix is free by default.
 
     Returns a `Fit`. Raises as `fit_levelled`.
 
@@ -38,5 +51,8 @@ def fit_vector(samples: Samples, reference: Reference, **settings: Any) -> Fit:
     >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
     True
     """
-    chosen = Settings(**settings)
+    chosen = Settings(
+        model=model, gauge=gauge, sources=tuple(sources), robust=robust, soft_iron_sd=soft_iron_sd,
+        turn_sd_deg=turn_sd_deg, inclination_deg=inclination_deg, seed=seed,
+    )  # fmt: skip
     return fitted(samples, reference, ("magnitude", "dip", "azimuth"), chosen, "vector")

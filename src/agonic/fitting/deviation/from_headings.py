@@ -17,6 +17,7 @@ from agonic.fitting.deviation.readings import Readings, complete
 from agonic.health import Finding, Judged, figure
 from agonic.kernels import deviation as kernel
 from agonic.kernels import swing
+from agonic.kernels.angles import wrapped_deg
 from agonic.provenance import Input, Provenance
 
 Array = NDArray[np.float64]
@@ -155,7 +156,7 @@ def _finished(evidence: Evidence, classical: Mapping[str, float] | None) -> Devi
         calibration=card,
         classical=classical,
         compass_deg=evidence.compass_deg,
-        deviation_deg=kernel.wrapped_deg(solved.residuals + evidence.rows @ solved.params),
+        deviation_deg=wrapped_deg(solved.residuals + evidence.rows @ solved.params),
         residuals_deg=solved.residuals,
         weights=solved.weights,
         noise_deg=np.nan if card.noise_deg is None else card.noise_deg,
@@ -226,7 +227,7 @@ def _largest(tilt: Array) -> tuple[float, float] | None:
 
 
 def _classical(readings: Readings) -> dict[str, float] | None:
-    at = kernel.on_rose(readings.compass, kernel.wrapped_deg(readings.difference))
+    at = kernel.on_rose(readings.compass, wrapped_deg(readings.difference))
     if at is None:
         return None
     return dict(zip(kernel.LEVEL, kernel.classical(at).tolist(), strict=True))

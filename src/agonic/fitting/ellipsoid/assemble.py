@@ -13,7 +13,7 @@ from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.solve import Found
-from agonic.health import Finding, figure
+from agonic.health import Finding, figure, misscaled
 from agonic.kernels import gauge as gauges
 from agonic.reference import Reference
 
@@ -89,16 +89,8 @@ def settings(
 
 
 def scale_finding(affine: Affine) -> Finding | None:
-    """A mean gain far from one where both sides are in nT: a wrong unit or a wrong reference."""
-    gain = float(np.trace(affine.matrix) / 3)
-    if affine.unit_in != "nT" or 0.5 < gain < 2.0:
-        return None
-    return Finding(
-        "scale",
-        "check",
-        f"readings had to be multiplied by {figure(gain)} to reach the stated field",
-        "check the unit of the log and the reference magnitude",
-    )
+    """A wrong unit or a wrong reference."""
+    return misscaled(float(np.trace(affine.matrix) / 3), affine.unit_in)
 
 
 def remarks(
