@@ -60,7 +60,7 @@ class Samples:
     current_A, throttle : (n,) on-board current, throttle 0…1.
     latitude_deg, longitude_deg, altitude_m : (n,) geodetic position, height above WGS-84.
     second : (n, 3) readings of a second magnetometer of the vehicle at the same moments, in the
-        unit of `field` (see `with_second`).
+        unit of `field` (see `with_second`), whose name is `second_sensor`.
     station : (n,) number of the static position.
     scalar : (n,) reading of an absolute scalar magnetometer at the same moments, nT always.
     flagged : (n,) not 0 where a fit should leave the row out, as when torquers are on.
@@ -101,6 +101,7 @@ class Samples:
     name: str = "mag"
     frame: str = "m"
     device_id: int | None = None
+    second_sensor: str | None = None
     heading_estimated: bool = False
     corrected: bool = False
     logged: Logged | None = None
@@ -149,6 +150,29 @@ class Samples:
         chosen = np.asarray(rows)
         return replace(self, **{name: c[chosen] for name, c in self.columns().items()})
 
+    def seconds_since(self, epoch: datetime | None, *, known: bool = True) -> FloatArray:
+        """The times as something counts them that was begun at `epoch`, itself `None` undated.
+
+        `known` is false before anything was begun: then the times are as they are.
+        Raises `LogError` without times, or where only one of the two knows the date.
+
+        >>> day = datetime.fromisoformat("2026-05-01T00:00:00+00:00")
+        >>> later = Samples(time=[0.5], epoch=day.replace(minute=1), field=[[1.0, 2.0, 3.0]])
+        >>> later.seconds_since(day)
+        array([60.5])
+        """
+        if self.time is None:
+            raise LogError(f"{self.name} was logged without times, and they are needed")
+        if not known or (epoch is None and self.epoch is None):
+            return self.time
+        if epoch is None or self.epoch is None:
+            first, other = ("what was begun", "log") if self.epoch is None else ("log", "other")
+            raise LogError(
+                f"the {first} knows the date of its times and the {other} does not, so they "
+                "cannot be put in order; read the log with its date"
+            )
+        return np.asarray(self.time + (self.epoch - epoch).total_seconds())
+
     def with_second(self, other: Samples) -> Samples:
         """These samples with the readings of another magnetometer of the vehicle beside them.
 
@@ -174,7 +198,7 @@ class Samples:
         within = self.select(rows)
         assert within.time is not None
         seen = [np.interp(within.time, other.time, axis) for axis in other.field.T]
-        return within.with_columns(second=np.stack(seen, axis=1))
+        return within.with_columns(second=np.stack(seen, axis=1), second_sensor=other.name)
 
     def with_columns(self, **changed: Any) -> Samples:
         """The same samples with some columns or facts replaced.

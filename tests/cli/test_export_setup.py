@@ -11,8 +11,10 @@ import pytest
 import agonic as ag
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup
+from agonic.calibration.thermal import Thermal
 from agonic.cli import run
 from agonic.io.setupfile import save_setup
+from agonic.io.write_px4 import parse_px4
 
 FILES = ["compass.c", "compass.h", "compass_fit.c", "compass_fit.h", "compass_selftest.c"]
 LEVEL_NORTH = "{.raw = {{19100.0f, 0.0f, 45600.0f}}}"
@@ -94,6 +96,55 @@ def test_a_calibration_alone_is_a_header_or_the_whole_chain(capsys) -> None:
     whole = ("export", "boat-MAG1.json", "--to", "c", "--whole", "--declination", "1", "-o", "fw")
     status, said = answer(capsys, *whole)
     assert (status, sorted(path.name for path in Path("fw").iterdir())) == (0, FILES)
+
+
+WARM = Thermal(
+    bias=[[3000.0, -2000, 900], [800, -500, 300], [-120, 60, 40]],
+    matrix=[np.eye(3), 0.01 * np.eye(3), np.zeros((3, 3))], centre_C=20.0, half_range_C=30.0,
+    magnitude=49_000.0, sensor="MAG2", device_id=396809,
+)  # fmt: skip
+
+
+def test_a_calibration_over_temperature_goes_where_it_can(capsys) -> None:
+    ag.save(WARM, "warm.json")
+    for target, name in (("px4", "warm.params"), ("c", "warm.h"), ("matlab", "warm.mat")):
+        status, said = answer(capsys, "export", "warm.json", "--to", target)
+        assert (status, said["files"]) == (0, [name])
+    parameters = parse_px4("warm.params")
+    assert (parameters["TC_M_ENABLE"], parameters["TC_M1_ID"]) == (1, 396809)
+    status, said = answer(capsys, "export", "warm.json", "--to", "ardupilot", "--temperature", "25")
+    assert (status, said["files"]) == (0, ["warm.param"])
+    assert re.match(r"held at 25 C: .* off by up to \d+ nT", said["warnings"][0])
+
+
+def test_the_whole_chain_follows_the_temperature() -> None:
+    compass = Compass(calibration=WARM)
+    save_setup(Setup(compasses=(compass,)), "warm.toml")
+    assert run(["export", "warm.toml", "--to", "c", "--declination", "0"]) == 0
+    assert "float temperature_C[COMPASS_COMPASSES]" in Path("warm/compass.h").read_text()
+    sources = ["warm/compass.c", "warm/compass_selftest.c"]
+    subprocess.run(
+        ["cc", "-std=c99", "-DCOMPASS_MAIN", *sources, "-o", "program", "-lm"], check=True
+    )
+    done = subprocess.run(["./program"], check=True, capture_output=True, text=True)
+    assert done.stdout == "compass: 40 known readings, 0 wrong\n"
+
+
+@pytest.mark.parametrize(
+    ("reason", "arguments"),
+    [
+        ("--temperature", ["warm.json", "--to", "ros"]),
+        ("outside -10 to 50", ["warm.json", "--to", "c", "--temperature", "90"]),
+        ("does not change", ["boat-MAG1.json", "--to", "c", "--temperature", "20"]),
+        ("at each reading", ["boat.toml", "--to", "c", "--temperature", "20"]),
+    ],
+)
+def test_a_temperature_too_many_or_too_few_is_one_line(reason, arguments, capsys) -> None:
+    ag.save(WARM, "warm.json")
+    assert run(["export", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert reason in error
+    assert error.count("\n") == 1
 
 
 WRONG = {

@@ -17,6 +17,7 @@ OUTPUTS = (
     "disturbance",
 )  # fmt: skip
 VECTORS = {"raw", "second"}  # a row a magnetometer
+OF_EACH = {"temperature_C", "temperature_rate_C_s"}  # a number a magnetometer
 
 
 def compiled(folder: Path, *sources: str, flags: tuple[str, ...] = ("-O2",)) -> Path:
@@ -39,7 +40,11 @@ class Controller:
     def __init__(self, folder: Path, inputs: tuple[str, ...], *, compasses: int = 1) -> None:
         self.run = library(folder, "compass.c")
         vector = c_float * 3
-        kinds = {**dict.fromkeys(VECTORS, vector * compasses), "acceleration": vector}
+        kinds = {
+            **dict.fromkeys(VECTORS, vector * compasses),
+            **dict.fromkeys(OF_EACH, c_float * compasses),
+            "acceleration": vector,
+        }
 
         class Input(ctypes.Structure):
             _fields_ = [(name, kinds.get(name, c_float)) for name in inputs]

@@ -56,6 +56,7 @@ COMMON = {
     "noise": POSITIVE,
     "sensor": st.text(),
     "device_id": st.none() | st.integers(0, 2**31),
+    "latency_s": FLOATS,
     "validity": st.builds(
         Validity,
         largest_reading=st.none() | FLOATS,
@@ -71,6 +72,7 @@ AFFINES = st.one_of(
         Interference, "free", 24,
         sources=st.just(("throttle", "second")),
         coefficients=arrays(float, (3, 4), elements=FLOATS),
+        second_sensor=st.none() | st.text(),
     ),
 )  # fmt: skip
 ROTATIONS = st.integers(0, 2**32 - 1).map(

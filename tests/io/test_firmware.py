@@ -11,13 +11,13 @@ from controller import STRICT, Controller, compiled
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.calibration.base import Validity
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
+from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.headings import heading
-from agonic.headings.attitude import ACCELERATED, STANDARD_GRAVITY_M_S2
-from agonic.headings.from_samples import WEAKEST_HORIZONTAL
 from agonic.io.firmware import DeclinationGrid, declination_grid, prediction, write_firmware
 from agonic.io.firmware.plan import Plan
 from agonic.io.firmware.prediction import predict
@@ -54,6 +54,25 @@ MOTORS = Compass(
     ),
     latency_s=0.014,
 )  # fmt: skip
+WARM = Thermal(  # hysteresis as well
+    bias=[[20_000.0, -8000, 3000], [900, -700, 400], [-150, 60, 90], [30, 20, -40]],
+    matrix=[MATRIX, 0.02 * MATRIX, 0.004 * np.eye(3), [[0, 1e-3, 0], [1e-3, 0, 0], [0, 0, 2e-3]]],
+    centre_C=20.0, half_range_C=30.0, rate=[4000.0, -1500, 800], magnitude=49_000.0, sensor="MAG4",
+    validity=Validity(temperature_C=(-12.0, 51.0)),
+)  # fmt: skip
+CHAMBER = Compass(calibration=ag.Chain(steps=(WARM, MOUNTED)), deviation=HARD.deviation)
+ABOARD = Compass(  # calibrated in a chamber, then on board, where bias and motors come after
+    calibration=ag.Chain(
+        steps=(
+            replace(WARM, rate=None, sensor="MAG5", validity=Validity(temperature_C=(0.0, 40.0))),
+            MOUNTED,
+            Interference(
+                bias=[-4000.0, 2500, 1000], matrix=MATRIX, magnitude=49_000.0, frame_in="b",
+                frame_out="b", sources=("current_A",), coefficients=[[350.0], [0], [-150.0]],
+            ),
+        )
+    )
+)  # fmt: skip
 GRID = declination_grid((45.0, 56.0), (-3.0, 17.0), "2026-05-01")
 DATE_LINE = declination_grid((-49.9, -30.3), (165.1, -160.7), "2026-05-01")
 SETUPS = {
@@ -62,6 +81,8 @@ SETUPS = {
     "accelerometer": (Setup(compasses=(HARD,), tilt="accelerometer"), 2.5),
     "counts": (Setup(compasses=(COUNTS,), tilt="gyro", horizontal=19e3, vertical=45e3), GRID),
     "level": (Setup(compasses=(MOTORS,), tilt="level", horizontal=19_930.0, vertical=44_764.0), 0),
+    "chamber": (Setup(compasses=(replace(CHAMBER, deviation=None),), tilt="level"), -3.0),
+    "aboard": (Setup(compasses=(MOTORS, ABOARD, CHAMBER), horizontal=19e3, vertical=45e3), GRID),
     "three": (Setup(compasses=(MOTORS, COUNTS, HARD), tilt="log", tilt_limit_deg=60), DATE_LINE),
 }
 
@@ -72,7 +93,9 @@ def inputs_of(plan):
     where = (
         ("latitude_deg", "longitude_deg") if isinstance(plan.declination, DeclinationGrid) else ()
     )
-    return ("raw", *tilt[plan.tilt], *plan.sources, *where)
+    sources = [prediction.MEMBERS.get(name, name) for name in plan.sources]
+    warm = ("temperature_C",) if plan.warm else ()
+    return ("raw", *tilt[plan.tilt], *sources, *warm, *where)
 
 
 def apart(a, b):
@@ -111,6 +134,40 @@ def test_c_gives_what_python_gives_for_any_attitude(firmware):
     sure = np.abs(expected.disturbance - 1) > 1e-4
     assert (got["used"] == expected.used)[sure].all()
     assert (got["status"] == expected.status)[sure].mean() > 0.999  # but for readings on a limit
+
+
+def test_a_temperature_out_of_range_is_flagged_and_held_at_the_edge(tmp_path):
+    """Python extrapolates with a warning; a controller must not let a cubic run away."""
+    setup = Setup(compasses=(replace(ABOARD, calibration=ag.Chain(steps=(WARM, MOUNTED))),))
+    write_firmware(setup, tmp_path, declination=0)
+    c = Controller(tmp_path, (
+        "raw", "roll_deg", "pitch_deg", "temperature_rate_C_s", "temperature_C",
+    ))  # fmt: skip
+    levels = np.array([-12.4, 51.4, -12.6, -300.0, 51.6, 900.0, np.nan])
+    raw = np.tile(np.array([30_000.0, -20_000, 25_000]), (7, 1, 1))
+    still = dict.fromkeys(("roll_deg", "pitch_deg"), np.zeros(7))
+    got = c.heading(
+        raw=raw, temperature_C=levels[:, None], temperature_rate_C_s=np.zeros((7, 1)), **still
+    )
+    flagged = (got["status"].astype(int) & prediction.TEMPERATURE) > 0
+    assert flagged.tolist() == [False, False, True, True, True, True, True]
+    near = np.array([-12.4, 51.4, -12.5, -12.5, 51.5, 51.5, -12.5])
+    truth = MOUNTED.rotation.apply(WARM.correct(raw[:, 0], temperature=near))
+    assert np.abs(got["field"] - truth).max() < 0.1
+    extrapolated = WARM.bias_at(900.0) - WARM.bias_at(51.5)
+    assert np.linalg.norm(extrapolated) > 100_000
+
+
+def test_temperature_matters_and_float_follows_it(tmp_path):
+    """Each number is a polynomial: with the temperature of another, the heading is elsewhere."""
+    write_firmware(Setup(compasses=(CHAMBER,)), tmp_path, declination=0)
+    plan = Plan(setup=Setup(compasses=(CHAMBER,)), declination=0.0)
+    inputs = known_readings(plan, count=3000, seed=4)
+    c = Controller(tmp_path, inputs_of(plan))
+    right, expected = c.heading(**inputs), predict(plan, inputs)
+    assert np.abs(right["field"] - expected.field).max() < 0.1
+    wrong = c.heading(**inputs | {"temperature_C": np.full_like(inputs["temperature_C"], 20.0)})
+    assert np.median(apart(wrong["compass_deg"], right["compass_deg"])) > 0.2
 
 
 def test_the_headings_are_those_of_rotations_built_independently(tmp_path):
@@ -316,13 +373,6 @@ def test_the_files_tell_their_origin(firmware):
             assert "WMM2025 on 2026-05-01" in text
         else:
             assert f"Declination: {plan.declination:g} deg everywhere" in text
-
-
-def test_the_limits_are_those_of_headings_in_python():
-    assert prediction.WEAKEST_HORIZONTAL == WEAKEST_HORIZONTAL
-    assert (prediction.GRAVITY_M_S2, prediction.GRAVITY_SHARE) == (
-        STANDARD_GRAVITY_M_S2, ACCELERATED,
-    )  # fmt: skip
 
 
 def test_what_the_controller_cannot_know_is_said(tmp_path):

@@ -45,6 +45,8 @@ class Affine:
     noise : standard deviation of one reading on one axis, in `unit_in`.
     sensor, frame_in, frame_out : whose readings, in which axes.
     device_id : the number by which an autopilot knows the sensor, if it does.
+    latency_s : how late the readings came beside the attitude in the log it was made from; it is
+        undone where the attitude counts (headings, checks), `correct` has no need of it.
 
     Examples
     --------
@@ -66,6 +68,7 @@ class Affine:
     noise: float | None = None
     sensor: str = "mag"
     device_id: int | None = None
+    latency_s: float = 0.0
     frame_in: str = "m"
     frame_out: str = "m"
     validity: Validity = field(default_factory=Validity)

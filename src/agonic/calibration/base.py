@@ -75,9 +75,13 @@ def beside(calibration: Calibration, samples: Samples) -> dict[str, Array]:
         there["temperature_rate"] = rates(there["time"], there["temperature"])
     missing = [name for name in calibration.needs if name not in there]
     if missing:
+        told = [name for name in missing if name != "temperature_rate" or "time" not in there]
+        words = ", ".join(
+            name.replace("temperature_rate", "time (for temperature_rate)") for name in told
+        )
         raise LogError(
-            f"the calibration of {calibration.sensor} needs {', '.join(missing)} beside the "
-            "readings and the samples have none; record it with the magnetometer"
+            f"the calibration of {calibration.sensor} needs {words} beside the readings and the "
+            "samples have none; record it with the magnetometer"
         )
     return {name: there[name] for name in calibration.needs}
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.interference import WIDTH, Interference
+from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.provenance import Provenance
@@ -34,7 +35,7 @@ class Chain:
 
     kind: ClassVar[str] = "chain"
 
-    steps: tuple[Affine | Thermal | Alignment, ...]
+    steps: tuple[Affine | Thermal | Network | Alignment, ...]
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
@@ -69,7 +70,8 @@ class Chain:
         'affine'
         """
         held = tuple(
-            step.at(temperature_C) if isinstance(step, Thermal) else step for step in self.steps
+            step.at(temperature_C) if isinstance(step, Thermal | Network) else step
+            for step in self.steps
         )
         return replace(self, steps=held)
 
@@ -77,7 +79,7 @@ class Chain:
     def composed(self) -> Affine:
         """The whole chain as one step, without covariance: an `Interference` where a step is one.
 
-        Raises `AgonicError` where a step depends on temperature; `at` holds that.
+        Raises `AgonicError` where a step depends on temperature, which `at` holds, or is a network.
 
         Bias and coefficients of a step, seen through the matrix P of all steps before it:
 
@@ -100,6 +102,11 @@ class Chain:
                     "a step of this chain changes with temperature, so the chain is no single "
                     "affine; hold it at a temperature first: chain.at(20.0).composed"
                 )
+            if isinstance(step, Network):
+                raise AgonicError(
+                    "a step of this chain is a network, which no bias and matrix can hold; write "
+                    "the chain as C, or give the base of the network alone"
+                )
             back = _inverse(matrix)
             bias = bias + back @ step.bias
             for name, block in _blocks(step).items():
@@ -113,13 +120,17 @@ class Chain:
             "magnitude": affine[-1].magnitude if affine else None,
             "noise": affine[0].noise if affine else None,
             "device_id": affine[0].device_id if affine else None,
+            "latency_s": self.latency_s,
             "provenance": self.provenance,
             **{name: getattr(self, name) for name in ENDS},
         }
         if not added:
             return Affine(**common)
         return Interference(
-            **common, sources=tuple(added), coefficients=np.hstack(list(added.values()))
+            **common,
+            sources=tuple(added),
+            coefficients=np.hstack(list(added.values())),
+            second_sensor=self.second_sensor,
         )
 
     @property
@@ -146,6 +157,17 @@ class Chain:
     def sensor(self) -> str:
         """The sensor that the chain starts from."""
         return self.steps[0].sensor
+
+    @property
+    def second_sensor(self) -> str | None:
+        """The second magnetometer that a step takes into account, if one does and says which."""
+        named = (getattr(step, "second_sensor", None) for step in self.steps)
+        return next(filter(None, named), None)
+
+    @property
+    def latency_s(self) -> float:
+        """How late the readings came, by the first step that knows."""
+        return next((late for s in self.steps if (late := getattr(s, "latency_s", 0.0))), 0.0)
 
     @property
     def equation(self) -> str:

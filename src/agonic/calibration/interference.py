@@ -36,6 +36,7 @@ class Interference(Affine):
     ----------
     sources : names of the columns in x: "current_A", "throttle", "second" (three numbers).
     coefficients : (3, k), readings per unit of x.
+    second_sensor : the name of the second magnetometer, where the sources have one.
     covariance : (m, m) of `parameters`: those of an `Affine`, then the coefficients row by row.
 
     The others as in `Affine`; `bias` is that with x = 0.
@@ -52,6 +53,7 @@ class Interference(Affine):
 
     sources: tuple[str, ...]
     coefficients: Array
+    second_sensor: str | None = None
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.sources if name not in WIDTH]
@@ -130,7 +132,7 @@ def signals(sources: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(
         signal
         for name in sources
-        for signal in ([f"{name}_{axis}" for axis in "xyz"] if WIDTH[name] == 3 else [name])
+        for signal in ([f"{name}_{axis}" for axis in "xyz"] if WIDTH.get(name) == 3 else [name])
     )
 
 
@@ -172,4 +174,5 @@ def mean_of(first: Affine, second: Affine) -> Interference:
         },
         sources=("second",),
         coefficients=-across,
+        second_sensor=second.sensor,
     )

@@ -46,6 +46,14 @@ def export(
     device_id: Annotated[
         int | None, typer.Option(help="PX4 device id; default: the calibration's own.")
     ] = None,
+    temperature: Annotated[
+        float | None,
+        typer.Option(
+            "--temperature",
+            metavar="C",
+            help="Where to hold a calibration that changes with temperature; for px4 TREF.",
+        ),
+    ] = None,
     whole: Annotated[
         bool, typer.Option("--whole", help="c: from readings to heading, also for a CAL alone.")
     ] = False,
@@ -69,7 +77,8 @@ def export(
 ) -> int:
     """Write a calibration in another program's own form, with what that form cannot hold.
 
-    A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading.
+    A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading. A
+    calibration that changes with temperature keeps doing so in c, px4, matlab and table.
     """
     from agonic.io.calfile import load, read_bytes, require_calibration
     from agonic.io.firmware import write_firmware
@@ -84,6 +93,11 @@ def export(
             "setup names, one by one"
         )
     if is_setup or whole:
+        if temperature is not None:
+            raise AgonicError(
+                "firmware is given the temperature at each reading; --temperature is for targets "
+                "that hold one calibration"
+            )
         setup, source = _placed(load_setup(cal), declination, at, box, tolerance, date)
         written: Export = write_firmware(
             setup, out or cal.with_suffix(""), name=name, declination=source
@@ -91,7 +105,9 @@ def export(
     else:
         path = out or cal.with_suffix(SUFFIXES.get(to, ""))
         calibration = require_calibration(load(cal))
-        written = write_target(to, calibration, path, number=number, device_id=device_id)
+        written = write_target(
+            to, calibration, path, number=number, device_id=device_id, temperature_C=temperature
+        )
     _report(written, as_json)
     return 0
 

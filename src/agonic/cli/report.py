@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from agonic.cli.options import At, CalibrationPath, Date, Json, Magnitude, Sensor, Unit
 from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.calibration.base import Calibration
+    from agonic.calibration.thermal import Thermal
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,15 +36,24 @@ def report(
     field: Magnitude = None,
     as_json: Json = False,
 ) -> int:
-    """Show what a calibration does to a log: spheres, residuals, checks, provenance."""
+    """Show what a calibration does to a log: spheres, residuals, checks, provenance.
+
+    One over temperature is shown without a log too: its coefficients over the range.
+    """
     from agonic.calibrated import judge
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import calibration_and_samples
     from agonic.cli.place import expected
     from agonic.io.atomic import write_atomically
+    from agonic.io.calfile import load, require_calibration
     from agonic.report.html import render
     from agonic.report.record import record
+    from agonic.report.thermal_page import thermal_of
 
+    given = require_calibration(load(cal))
+    thermal = thermal_of(given)
+    if thermal is not None:
+        return _thermal(given, thermal, cal, log, out, sensor, unit, at, date, field, as_json)
     calibration, samples = calibration_and_samples(cal, log or own_log(cal), sensor, unit)
     reference, settings = expected(samples, at, date, field)
     result = judge(calibration, samples, reference, **settings)
@@ -52,6 +65,46 @@ def report(
     else:
         say(f"Report    {path}")
     return 0 if result.verdict == "good" else 1
+
+
+def _thermal(
+    calibration: Calibration, thermal: Thermal, cal: Path, log: Path | None, out: Path | None,
+    sensor: str | None, unit: str | None, at: str | None, date: str | None, field: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
+    """The page of a calibration over temperature; with a log also what it does to it."""
+    from dataclasses import asdict
+
+    from agonic.cli.output import print_json, say
+    from agonic.cli.pair import calibration_and_samples
+    from agonic.cli.place import expected
+    from agonic.io.atomic import write_atomically
+    from agonic.report.thermal_page import thermal_page
+    from agonic.verification import verify
+
+    samples, verification = None, None
+    if log is not None:
+        _, samples = calibration_and_samples(cal, log, sensor, unit)
+        reference, _ = expected(samples, at, date, field)
+        known = reference if calibration.unit_out == "nT" else None
+        verification = verify(calibration, samples, known)
+    title = cal.name if samples is None else f"{cal.name} on {samples.name}"
+    page = thermal_page(
+        calibration, thermal, title=title, samples=samples, verification=verification
+    )
+    path = write_atomically(out or cal.with_suffix(".html"), page)
+    good = verification is None or verification.passed
+    if as_json:
+        checks = [] if verification is None else [asdict(c) for c in verification.checks]
+        print_json("agonic/report@1", {
+            "sensor": calibration.sensor, "method": "thermal",
+            "verdict": "good" if good else "check", "checks": checks,
+            "range_C": thermal.validity.temperature_C, "degree": thermal.degree,
+            "files": [str(path)],
+        })  # fmt: skip
+    else:
+        say(f"Report    {path}")
+    return 0 if good else 1
 
 
 def own_log(cal: Path) -> Path:

@@ -21,6 +21,7 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference, signals
+from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.io.calfile import encode, require_calibration
@@ -123,7 +124,7 @@ def in_frame(
     Returns bias (3,) nT, matrix (3, 3) and warnings.
     """
     bias, matrix = physical(calibration, unit)
-    into, out, warnings = _turns(calibration, frame, rotation_bm)
+    into, out, warnings = turns(calibration, frame, rotation_bm)
     return into @ bias, out @ matrix @ into.T, warnings
 
 
@@ -143,11 +144,11 @@ def source_term(
             f"the target takes one of current and throttle into account, not {one.sources}; fit "
             "with one of them, or export the setup to c"
         )
-    into, _, _ = _turns(calibration, frame, rotation_bm)
+    into, _, _ = turns(calibration, frame, rotation_bm)
     return one.sources[0], into @ one.coefficients[:, 0]
 
 
-def _turns(
+def turns(
     calibration: Calibration, frame: str, rotation_bm: Rotation | None
 ) -> tuple[Array, Array, tuple[str, ...]]:
     """R_in and R_out of `in_frame`, and what was assumed."""
@@ -176,7 +177,7 @@ def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
             "give rotation_bm where they differ",
         )
     turn = Rotation.identity()
-    for step in _steps(calibration):
+    for step in steps_of(calibration):
         if isinstance(step, Alignment):
             turn = step.rotation * turn
         elif isinstance(step, Affine) and step.frame_in != step.frame_out:
@@ -188,7 +189,10 @@ def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     return turn if calibration.frame_in == "m" else turn.inv(), warning
 
 
-def _steps(calibration: Calibration) -> tuple[Affine | Thermal | Alignment, ...]:
+def steps_of(
+    calibration: Calibration,
+) -> tuple[Affine | Thermal | Network | Alignment, ...]:
+    """The steps of a chain, or the one that a calibration is."""
     known = require_calibration(calibration)
     return known.steps if isinstance(known, Chain) else (known,)
 
@@ -236,7 +240,7 @@ def symmetric_of(six: Iterable[float]) -> Array:
 
 def banner(calibration: Calibration, formula: str, warnings: Iterable[str] = ()) -> tuple[str, ...]:
     """Comment lines, plain ASCII: what the file is, its equation, origin and warnings."""
-    origins = [calibration.provenance, *(step.provenance for step in _steps(calibration))]
+    origins = [calibration.provenance, *(step.provenance for step in steps_of(calibration))]
     inputs = dict.fromkeys(i for origin in origins for i in origin.inputs)
     methods = dict.fromkeys(key for origin in origins for key in origin.method)
     software, created = origins[0].software, origins[0].created
@@ -251,7 +255,8 @@ def banner(calibration: Calibration, formula: str, warnings: Iterable[str] = ())
         *(f"Warning: {warning}" for warning in warnings),
     )
     return tuple(
-        " ".join(line.split()).encode("ascii", "backslashreplace").decode() for line in lines
+        " ".join(line.replace("°", "deg ").split()).encode("ascii", "backslashreplace").decode()
+        for line in lines
     )
 
 
@@ -265,6 +270,8 @@ def float32_text(value: float) -> str:
 
 
 def scaled_to(calibration: Calibration) -> float | None:
-    """The field magnitude that the last affine step was scaled to, in `unit_out`, if known."""
-    magnitudes = [step.magnitude for step in _steps(calibration) if isinstance(step, Affine)]
+    """The field magnitude that the last step with one was scaled to, in `unit_out`, if known."""
+    magnitudes = [
+        step.magnitude for step in steps_of(calibration) if isinstance(step, Affine | Thermal)
+    ]
     return magnitudes[-1] if magnitudes else None

@@ -46,10 +46,13 @@ def write(
     *,
     number: int | None = None,
     device_id: int | None = None,
+    temperature_C: float | None = None,
 ) -> Export:
     """Write a calibration for a target, for the vehicle's compass of that number, from 1.
 
-    The number is that of the sensor's name and the device id the calibration's own, unless given.
+    `temperature_C` is where one that changes with temperature is held: it must be given for a
+    target that knows no temperature. The number is that of the sensor's name and the device id the
+    calibration's own, unless given.
     """
     check_choice("target", target, tuple(TARGETS))
     which = compass_number(calibration.sensor) if number is None else number
@@ -58,7 +61,9 @@ def write(
         "ardupilot": {"compass": which},
         "px4": {"slot": which - 1, "device_id": device},
     }
-    return TARGETS[target](calibration, path, **options.get(target, {}))
+    return TARGETS[target](
+        calibration, path, temperature_C=temperature_C, **options.get(target, {})
+    )
 
 
 def compass_number(sensor: str) -> int:

@@ -29,6 +29,7 @@ from agonic.io.export import (
     source_term,
     symmetric_of,
 )
+from agonic.io.held import held
 from agonic.units import NANOTESLA_PER
 
 LARGEST_SCALE = 1.5  # COMPASS_MAX_SCALE_FACTOR: outside 1/1.5…1.5 the firmware takes 1
@@ -44,6 +45,7 @@ def write_ardupilot(
     *,
     compass: int = 1,
     rotation_bm: Rotation | None = None,
+    temperature_C: float | None = None,
 ) -> Export:
     """Write the COMPASS_* parameters that make ArduPilot apply a calibration.
 
@@ -52,6 +54,8 @@ def write_ardupilot(
     compass : 1, 2 or 3, the number in the parameter names (order of COMPASS_PRIO, not of the bus).
     rotation_bm : turns sensor axes into body axes, as the compass orientation of the vehicle does;
         only needed for a calibration in sensor axes.
+    temperature_C : at which a calibration is held that changes with temperature: ArduPilot has
+        parameters for the temperature of its inertial sensors and barometer, none for a compass.
 
     Raises `UnitError` for a calibration in raw units, and `AgonicError` for one that mixes two
     magnetometers or takes both current and throttle. Motor compensation is written where the
@@ -65,9 +69,9 @@ def write_ardupilot(
     ...     parse_ardupilot(export.path)["COMPASS_OFS_X"]
     -30.0
     """
-    parameters, warnings = ardupilot_parameters(
-        calibration, compass=compass, rotation_bm=rotation_bm
-    )
+    one, lost = held(calibration, temperature_C)
+    parameters, warnings = ardupilot_parameters(one, compass=compass, rotation_bm=rotation_bm)
+    warnings = (*lost, *warnings)
     motor = " + MOT x" if "COMPASS_MOTCT" in parameters else ""
     formula = f"field = M (SCALE (raw + OFS)){motor}, milligauss, body axes, M of DIA and ODI"
     notes = (

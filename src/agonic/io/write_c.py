@@ -2,7 +2,9 @@
 
     field = A (raw − b),   float32
 
-in the units and axes of the calibration, with a mounting in a chain inside the matrix.
+in the units and axes of the calibration, with a mounting in a chain inside the matrix. Where it
+changes with temperature, b and A are polynomials of it; beyond the range the temperature of the
+nearest edge counts, since a cubic runs away there, and the function says so.
 """
 
 from __future__ import annotations
@@ -17,8 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
+from agonic.io.c_thermal import thermal_header
 from agonic.io.calfile import read_bytes
 from agonic.io.export import Export, banner, float32_text, left_out, reduced, scaled_to
+from agonic.io.firmware.ctext import comment
+from agonic.io.held import held
+from agonic.io.polynomials import changes
 
 Float32 = NDArray[np.float32]
 
@@ -72,8 +78,17 @@ static inline int {name}_self_test(void)
 """
 
 
-def write_c(calibration: Calibration, path: Path | str, *, name: str = "mag") -> Export:
+def write_c(
+    calibration: Calibration,
+    path: Path | str,
+    *,
+    name: str = "mag",
+    temperature_C: float | None = None,
+) -> Export:
     """Write a C header (C99 and C++) with `{name}_b`, `_A`, `_correct` and `_self_test`.
+
+    A calibration that changes with temperature becomes polynomials, and `_correct` takes the
+    temperature; or with `temperature_C` it is held there.
 
     Raises `AgonicError` where `name` is not a C identifier.
 
@@ -87,17 +102,17 @@ def write_c(calibration: Calibration, path: Path | str, *, name: str = "mag") ->
     """
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise AgonicError(f"name is a C identifier such as mag, not {name!r}")
-    bias, matrix = reduced(calibration)
-    raw, expected, tolerance = _example(calibration, bias, matrix)
-    formula, warnings = "field = A (raw - b), float32", left_out(calibration)
-    notes = (
-        line.replace("/*", "/ *").replace("*/", "* /")
-        for line in banner(calibration, formula, warnings)
-    )
+    if changes(calibration) and temperature_C is None:
+        text, warnings = thermal_header(calibration, name)
+        return Export(path=write_atomically(path, text), target="c", warnings=warnings)
+    one, lost = held(calibration, temperature_C)
+    bias, matrix = reduced(one)
+    raw, expected, tolerance = _example(one, bias, matrix)
+    formula, warnings = "field = A (raw - b), float32", (*lost, *left_out(one))
     text = TEMPLATE.format(
         name=name,
         guard=name.upper(),
-        about="\n".join(f" * {note}" for note in notes),
+        about=comment(banner(calibration, formula, warnings)),
         unit_in=calibration.unit_in,
         unit_out=calibration.unit_out,
         frame_in=calibration.frame_in,
@@ -111,23 +126,42 @@ def write_c(calibration: Calibration, path: Path | str, *, name: str = "mag") ->
 
 
 def parse_c(path: Path | str, *, name: str = "mag") -> dict[str, Float32]:
-    """`b` (3,) and `A` (3, 3) of a header."""
+    """`b` (3,) and `A` (3, 3) of a header, or `T` (p, 12 or 15), `scale_C` and `range_C` (2,)."""
     text = read_bytes(path).decode(errors="replace")
+    of_temperature = re.search(rf"\b{name}_T\[", text)
     arrays = {}
-    for key, shape in (("b", (3,)), ("A", (3, 3))):
-        found = re.search(rf"\b{name}_{key}(?:\[3\])+ = ([^;]*);", text)
-        numbers = re.findall(r"[-+.\d]+(?=f)", found[1]) if found else []
-        if len(numbers) != np.prod(shape):
-            raise LogError(f"no {name}_{key} with {np.prod(shape)} numbers", path=path)
+    for key in ("T", "scale_C", "range_C") if of_temperature else ("b", "A"):
+        found = re.search(rf"\b{name}_{key}((?:\[\d+\])+) = ([^;]*);", text)
+        shape = [int(n) for n in re.findall(r"\d+", found[1])] if found else [0]
+        numbers = re.findall(r"[-+.\d]+(?:e[-+]\d+)?(?=f)", found[2]) if found else []
+        if not found or len(numbers) != np.prod(shape):
+            raise LogError(f"no {name}_{key} with its numbers", path=path)
         arrays[key] = np.array(numbers, dtype=np.float32).reshape(shape)
     return arrays
 
 
-def apply_c(arrays: Mapping[str, Float32], raw: ArrayLike) -> Float32:
+def apply_c(
+    arrays: Mapping[str, Float32],
+    raw: ArrayLike,
+    *,
+    temperature_C: ArrayLike = 0.0,
+    rate_C_s: ArrayLike = 0.0,
+) -> Float32:
     """The field (…, 3) that the header makes of readings, in its own float32."""
-    x, y, z = np.moveaxis(np.asarray(raw, dtype=np.float32) - arrays["b"], -1, 0)
-    rows = [row[0] * x + row[1] * y + row[2] * z for row in arrays["A"]]
-    return np.asarray(np.stack(rows, axis=-1), dtype=np.float32)
+    bias, matrix = arrays.get("b"), arrays.get("A")
+    if "T" in arrays:
+        clamped = np.clip(np.asarray(temperature_C, dtype=np.float32), *arrays["range_C"])
+        x = ((clamped - arrays["scale_C"][0]) / arrays["scale_C"][1])[..., None]
+        value = np.zeros_like(x)
+        for row in arrays["T"][::-1]:
+            value = value * x + row
+        rate = np.asarray(rate_C_s, dtype=np.float32)[..., None]
+        bias = value[..., :3] + (value[..., 12:] * rate if value.shape[-1] > 12 else np.float32(0))
+        matrix = value[..., 3:12].reshape(*value.shape[:-1], 3, 3)
+    assert bias is not None
+    assert matrix is not None
+    left = np.asarray(raw, dtype=np.float32) - bias
+    return np.asarray((matrix * left[..., None, :]).sum(axis=-1), dtype=np.float32)
 
 
 def _example(

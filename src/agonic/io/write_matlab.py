@@ -2,6 +2,10 @@
 
     C = (D − b) * A   on rows,   in the unit of the calibration,   so A is the matrix transposed
 
+Where it changes with temperature, A and b are those of `temperature_C`, and beside them stand
+
+    A(T) = Σ A_T(:,:,k) xᵏ⁻¹,   b(T) = Σ b_T(k,:) xᵏ⁻¹,   x = (T − centre_C) / half_range_C
+
 Source: MathWorks, `magcal` (Sensor Fusion and Tracking Toolbox).
 """
 
@@ -22,15 +26,26 @@ from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
 from agonic.io.export import Export, banner, left_out, reduced, scaled_to
+from agonic.io.held import held
+from agonic.io.polynomials import RATE, changes, polynomials, range_C
 
 HEADER = 116  # bytes of free text at the start of a MAT-file, version 5
 FORMULA = "C = (D - b) * A, a reading a row"
+OVER_TEMPERATURE = (
+    f"{FORMULA}, at temperature_C; at others b = sum of b_T(k,:) x^(k-1) + rate dT/dt, A = sum of "
+    "A_T(:,:,k) x^(k-1), x = (T - centre_C) / half_range_C"
+)
+WARM = ("A_T", "b_T", "rate", "centre_C", "half_range_C", "range_C", "temperature_C")
 
 
-def write_matlab(calibration: Calibration, path: Path | str) -> Export:
+def write_matlab(
+    calibration: Calibration, path: Path | str, *, temperature_C: float | None = None
+) -> Export:
     """Write `A`, `b` and `expmfs` as MATLAB's `magcal` returns them, with units and origin.
 
     The numbers are in the units of the calibration, nT or raw; `about` holds the rest in words.
+    One that changes with temperature is held at `temperature_C`, default the middle of its range,
+    and its polynomials are written beside that.
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.calibration.affine import Affine
@@ -40,35 +55,71 @@ def write_matlab(calibration: Calibration, path: Path | str) -> Export:
     ...     parse_matlab(export.path)["b"]
     array([[3000.,    0.,    0.]])
     """
-    bias, matrix = reduced(calibration)
+    warm: dict[str, Any] = {}
+    if changes(calibration):
+        if temperature_C is None:
+            temperature_C = float(np.mean(range_C(calibration)))
+        warm = _over_temperature(calibration) | {"temperature_C": temperature_C}
+    one, _ = held(calibration, temperature_C)
+    bias, matrix = reduced(one)
     magnitude = scaled_to(calibration)
     unknown = "the field magnitude is not known: expmfs is NaN"
-    warnings = (*left_out(calibration), *((unknown,) if magnitude is None else ()))
+    warnings = (*left_out(one), *((unknown,) if magnitude is None else ()))
     variables = {
+        **warm,
         "A": matrix.T,
         "b": bias[np.newaxis],
         "expmfs": np.nan if magnitude is None else magnitude,
         "unit_in": calibration.unit_in,
         "unit_out": calibration.unit_out,
-        "about": "\n".join(banner(calibration, FORMULA, warnings)),
+        "about": "\n".join(banner(calibration, OVER_TEMPERATURE if warm else FORMULA, warnings)),
     }
     written = write_atomically(path, _without_clock(variables))
     return Export(path=written, target="matlab", warnings=warnings)
 
 
 def parse_matlab(path: Path | str) -> dict[str, NDArray[np.float64]]:
-    """`A` (3, 3), `b` (1, 3) and `expmfs` (1, 1) of a file."""
+    """`A` (3, 3), `b` (1, 3), `expmfs` (1, 1), and of a calibration that changes `WARM`."""
     data = read_bytes(path)
     try:
-        held = loadmat(BytesIO(data), variable_names=["A", "b", "expmfs"])  # type: ignore[arg-type]
-        return {name: np.asarray(held[name], dtype=float) for name in ("A", "b", "expmfs")}
+        found = loadmat(BytesIO(data), variable_names=["A", "b", "expmfs", *WARM])  # type: ignore[arg-type]
+        names = ["A", "b", "expmfs", *(name for name in WARM if name in found)]
+        return {name: np.asarray(found[name], dtype=float) for name in names}
     except (MatReadError, NotImplementedError, KeyError, TypeError, ValueError) as error:
         raise LogError(f"not a MAT-file with A, b and expmfs ({error})", path=path) from None
 
 
-def apply_matlab(variables: Mapping[str, Any], raw: ArrayLike) -> NDArray[np.float64]:
-    """The field that MATLAB makes of readings (n, 3), (D − b) * A."""
-    return np.asarray((np.asarray(raw) - variables["b"]) @ variables["A"])
+def apply_matlab(
+    variables: Mapping[str, Any],
+    raw: ArrayLike,
+    *,
+    temperature_C: ArrayLike | None = None,
+    rate_C_s: ArrayLike = 0.0,
+) -> NDArray[np.float64]:
+    """The field that MATLAB makes of readings (n, 3), (D − b) * A, or by the polynomials of T."""
+    if temperature_C is None:
+        return np.asarray((np.asarray(raw) - variables["b"]) @ variables["A"])
+    centre, half = (np.ravel(variables[name])[0] for name in ("centre_C", "half_range_C"))
+    pages = np.atleast_3d(variables["A_T"])
+    powers = ((np.asarray(temperature_C) - centre) / half)[:, None] ** np.arange(pages.shape[2])
+    late = np.broadcast_to(rate_C_s, len(powers))[:, None] * variables["rate"]
+    left = np.asarray(raw) - powers @ variables["b_T"] - late
+    return np.asarray(np.einsum("ni,ijk,nk->nj", left, pages, powers))
+
+
+def _over_temperature(calibration: Calibration) -> dict[str, NDArray[np.float64] | float]:
+    """The polynomials, with the power in the last index of the matrices."""
+    found = polynomials(calibration)
+    lagging = RATE in found.signals
+    rate = found.coefficients[0, :, found.signals.index(RATE)] if lagging else np.zeros(3)
+    return {
+        "A_T": found.matrix.transpose(2, 1, 0),
+        "b_T": found.bias,
+        "rate": rate[np.newaxis],
+        "centre_C": found.centre_C,
+        "half_range_C": found.half_range_C,
+        "range_C": np.array([[found.low_C, found.high_C]]),
+    }
 
 
 def _without_clock(variables: Mapping[str, Any]) -> bytes:

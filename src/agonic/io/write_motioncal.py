@@ -23,6 +23,7 @@ from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
 from agonic.io.export import Export, left_out, scaled_to, six_numbers, symmetric_of
+from agonic.io.held import held
 from agonic.units import NANOTESLA_PER
 
 SIGNATURE = b"\x75\x54"
@@ -39,11 +40,14 @@ class Packet:
     matrix: tuple[float, ...]
 
 
-def write_motioncal(calibration: Calibration, path: Path | str) -> Export:
+def write_motioncal(
+    calibration: Calibration, path: Path | str, *, temperature_C: float | None = None
+) -> Export:
     """Write the packet that makes a MotionCal device apply a calibration.
 
     Send the bytes to the device's serial port. Accelerometer and gyroscope offsets are zero, as
-    MotionCal sends them. Raises `UnitError` for a calibration in raw units.
+    MotionCal sends them. `temperature_C` is where a calibration is held that changes with
+    temperature. Raises `UnitError` for a calibration in raw units.
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.calibration.affine import Affine
@@ -53,7 +57,9 @@ def write_motioncal(calibration: Calibration, path: Path | str) -> Export:
     ...     parse_motioncal(export.path)
     Packet(offset=(3.0, 0.0, 0.0), field=48.0, matrix=(1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     """
-    packet, warnings = motioncal_packet(calibration)
+    one, lost = held(calibration, temperature_C)
+    packet, warnings = motioncal_packet(one)
+    warnings = (*lost, *warnings)
     written = write_atomically(path, encode_motioncal(packet))
     return Export(path=written, target="motioncal", warnings=warnings)
 

@@ -1,12 +1,14 @@
 """PX4: a `.params` file with the CAL_MAGn_* parameters of one magnetometer.
 
-    field_body = R S (raw + P COMP − OFF),   gauss, raw in sensor axes,   S of SCALE and ODIAG
+    field_body = R S (raw + P COMP − OFF − TC(T)),   gauss, raw in sensor axes,   S of SCALE, ODIAG
+    TC(T) = X1 d + X2 d² + X3 d³,   d = T − TREF, T held within TMIN and TMAX
 
 Source: PX4/PX4-Autopilot, src/lib/sensor_calibration/Magnetometer.hpp (`Correct`) and
 Magnetometer.cpp (`set_offset`, `set_scale`, `set_offdiagonal`). OFF is subtracted: it is the bias.
 COMP is added before it, so it is minus what a unit of P adds to the readings. P is the throttle 0…1
 (CAL_MAG_COMP_TYP 1) or the current of battery 1 or 2 in kiloamperes (2, 3), and counts while the
 vehicle is armed (VehicleMagnetometer.cpp).
+TC is of TC_Mn_*: see `px4_thermal`.
 """
 
 from __future__ import annotations
@@ -29,7 +31,11 @@ from agonic.io.export import (
     six_numbers,
     source_term,
     symmetric_of,
+    turns,
 )
+from agonic.io.held import held
+from agonic.io.polynomials import changes
+from agonic.io.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
 from agonic.units import NANOTESLA_PER
 
 DEAD_BAND = 0.01
@@ -50,6 +56,7 @@ def write_px4(
     device_id: int | None = None,
     rotation: int | None = None,
     rotation_bm: Rotation | None = None,
+    temperature_C: float | None = None,
 ) -> Export:
     """Write the CAL_MAGn_* parameters that make PX4 apply a calibration.
 
@@ -60,6 +67,11 @@ def write_px4(
     rotation : CAL_MAGn_ROT, written where it is given: −1 for an internal sensor.
     rotation_bm : turns sensor axes into body axes, as PX4 does after the correction; only needed
         for a calibration in body axes.
+    temperature_C : TC_Mn_TREF, at which the matrix is taken, for a calibration that changes with
+        temperature; default: the middle of its range.
+
+    Such a calibration gives TC_Mn_* as well, the bias over temperature as a cubic. What the matrix
+    does over temperature has no place in PX4: a warning says how much that leaves in the field.
 
     Raises `UnitError` for a calibration in raw units, and `AgonicError` for one that mixes two
     magnetometers or takes both current and throttle. Power compensation is written where the
@@ -74,11 +86,14 @@ def write_px4(
     0.03
     """
     parameters, warnings = px4_parameters(
-        calibration, slot=slot, device_id=device_id, rotation=rotation, rotation_bm=rotation_bm
-    )
+        calibration, slot=slot, device_id=device_id, rotation=rotation, rotation_bm=rotation_bm,
+        temperature_C=temperature_C,
+    )  # fmt: skip
     power = " + P COMP" if POWER in parameters else ""
+    warmth = " - TC(T)" if THERMAL in parameters else ""
     formula = (
-        f"field = S (raw{power} - OFF), gauss, sensor axes, S of SCALE and ODIAG; then CAL_MAG_ROT"
+        f"field = S (raw{power} - OFF{warmth}), gauss, sensor axes, S of SCALE and ODIAG; then "
+        "CAL_MAG_ROT" + ("; TC = X1 d + X2 d^2 + X3 d^3, d = T - TREF" if warmth else "")
     )
     notes = (*banner(calibration, formula, warnings), "Vehicle-Id Component-Id Name Value Type")
     lines = [f"# {note}" for note in notes]
@@ -94,6 +109,7 @@ def px4_parameters(
     device_id: int | None = None,
     rotation: int | None = None,
     rotation_bm: Rotation | None = None,
+    temperature_C: float | None = None,
 ) -> tuple[dict[str, float | int], tuple[str, ...]]:
     """The parameters by name, and warnings.
 
@@ -103,11 +119,20 @@ def px4_parameters(
     >>> parameters["CAL_MAG0_XOFF"], parameters["CAL_MAG0_YSCALE"]
     (0.03, 1.1)
     """
+    thermal: dict[str, float | int] = {}
+    lost: tuple[str, ...] = ()
+    if changes(calibration):
+        temperature_C = reference_C(calibration, temperature_C)
+        into, _, _ = turns(calibration, "m", rotation_bm)
+        thermal, lost = thermal_parameters(calibration, temperature_C, into, slot=slot)
+    calibration, _ = held(calibration, temperature_C)
     bias, six, warnings = six_numbers(calibration, "m", unit="gauss", rotation_bm=rotation_bm)
     offset = bias / NANOTESLA_PER["G"]
     parameters: dict[str, float | int] = {}
     if device_id is not None:
         parameters[f"CAL_MAG{slot}_ID"] = _as_int32(int(device_id))
+        if thermal:
+            thermal[f"TC_M{slot}_ID"] = parameters[f"CAL_MAG{slot}_ID"]
     if rotation is not None:
         parameters[f"CAL_MAG{slot}_ROT"] = int(rotation)
     parameters |= dict(zip(_names(slot), map(float, (*offset, *six)), strict=True))
@@ -124,28 +149,36 @@ def px4_parameters(
             + ". PX4 compensates while armed only",
         )
     if device_id is None:
+        which = f"CAL_MAG{slot}_ID is" if not thermal else f"CAL_MAG{slot}_ID and TC_M{slot}_ID are"
         warnings += (
-            f"PX4 ignores slot {slot} unless CAL_MAG{slot}_ID is the sensor's device id: give "
-            "device_id (sensor_mag.device_id in the log)",
+            f"PX4 ignores slot {slot} unless {which} the sensor's device id: give device_id "
+            "(sensor_mag.device_id in the log)",
         )
     advice = (
         "set SENS_MAG_AUTOCAL 0, else PX4 changes these offsets after each flight by its own "
         "estimate",
     )
-    return parameters, (*warnings, *_remarks(offset, six), *advice)
+    return parameters | thermal, (*warnings, *lost, *_remarks(offset, six), *advice)
 
 
 def apply_px4(
-    parameters: Mapping[str, float], raw: ArrayLike, *, slot: int = 0, x: ArrayLike = 0.0
+    parameters: Mapping[str, float],
+    raw: ArrayLike,
+    *,
+    slot: int = 0,
+    x: ArrayLike = 0.0,
+    temperature_C: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
     """The field (…, 3) that PX4 makes of readings while armed, both in gauss and sensor axes.
 
-    `x` is the current in A or the throttle 0…1, whichever CAL_MAG_COMP_TYP says.
+    `x` is the current in A or the throttle 0…1, whichever CAL_MAG_COMP_TYP says; `temperature_C`
+    the sensor's, where TC_M is to count.
     """
     values = np.array([parameters[name] for name in _names(slot)])
     comp = np.array([parameters.get(name, 0.0) for name in _power_names(slot)])
     power = np.asarray(x, np.float64)[..., None] / AMPERES.get(int(parameters.get(POWER, 1)), 1.0)
-    return np.asarray((np.asarray(raw) + power * comp - values[:3]) @ symmetric_of(values[3:]).T)
+    offset = values[:3] + thermal_offset(parameters, temperature_C, slot=slot)
+    return np.asarray((np.asarray(raw) + power * comp - offset) @ symmetric_of(values[3:]).T)
 
 
 def parse_px4(path: Path | str) -> dict[str, float | int]:

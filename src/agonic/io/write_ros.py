@@ -19,17 +19,25 @@ from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import read_bytes
 from agonic.io.export import Export, banner, in_frame, left_out
+from agonic.io.held import held
 from agonic.units import NANOTESLA_PER
 
 MATRIX = "initial_mag_scaling_matrix"
 BIAS = tuple(f"initial_mag_bias_{axis}" for axis in "xyz")
 
 
-def write_ros(calibration: Calibration, path: Path | str, *, ros: int = 2) -> Export:
+def write_ros(
+    calibration: Calibration,
+    path: Path | str,
+    *,
+    ros: int = 2,
+    temperature_C: float | None = None,
+) -> Export:
     """Write the parameters of ROS's magnetometer bias remover.
 
     `ros` is 2 for a parameter file of ROS 2, 1 for keys that `rosparam` loads into the node's
-    private namespace. The mounting inside a calibration stays with tf. Raises `UnitError` for a
+    private namespace; `temperature_C` is where a calibration is held that changes with
+    temperature. The mounting inside a calibration stays with tf. Raises `UnitError` for a
     calibration in raw units.
 
     >>> from tempfile import TemporaryDirectory
@@ -42,8 +50,9 @@ def write_ros(calibration: Calibration, path: Path | str, *, ros: int = 2) -> Ex
     """
     if ros not in (1, 2):
         raise AgonicError(f"ros is 1 or 2, not {ros}")
-    bias, matrix, warnings = in_frame(calibration, calibration.frame_in, unit="tesla")
-    warnings += left_out(calibration)
+    one, lost = held(calibration, temperature_C)
+    bias, matrix, warnings = in_frame(one, one.frame_in, unit="tesla")
+    warnings = (*lost, *warnings, *left_out(one))
     values = (bias / NANOTESLA_PER["T"]).tolist()
     rows = [f"{name}: {_number(value)}" for name, value in zip(BIAS, values, strict=True)]
     rows.append(f"{MATRIX}: [{', '.join(map(_number, matrix.ravel().tolist()))}]")

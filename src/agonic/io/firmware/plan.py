@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import WIDTH, Interference, signals
-from agonic.calibration.setup import Setup
+from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
 from agonic.io.export import composed
 from agonic.io.firmware.grid import DeclinationGrid
+from agonic.io.polynomials import RATE, Polynomials, changes, polynomials, range_C
 from agonic.kernels.tilt import Order
 from agonic.units import RAW
 
@@ -27,6 +29,8 @@ TILT_INPUT: dict[str, TiltInput] = {
     "accelerometer": "acceleration", "level": "level",
 }  # fmt: skip
 """What the controller is given for each `tilt` of a setup."""
+FOREVER_C = 1e4
+"""Further than this no thermometer goes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,8 +42,42 @@ class Plan:
 
     @cached_property
     def calibrations(self) -> tuple[Affine, ...]:
-        """The calibration of each compass as one step."""
-        return tuple(composed(compass.calibration) for compass in self.setup.compasses)
+        """The calibration of each compass as one step, in the middle of its temperatures."""
+        return tuple(composed(_in_the_middle(compass)) for compass in self.setup.compasses)
+
+    @cached_property
+    def warm(self) -> bool:
+        """Whether any calibration changes with temperature, so that the controller is given it."""
+        return any(changes(compass.calibration) for compass in self.setup.compasses)
+
+    @cached_property
+    def polynomials(self) -> tuple[Polynomials, ...]:
+        """Those of each compass over temperature; of order 0 where it does not change."""
+        return tuple(
+            polynomials(compass.calibration)
+            if changes(compass.calibration)
+            else _steady(calibration)
+            for compass, calibration in zip(self.setup.compasses, self.calibrations, strict=True)
+        )
+
+    @property
+    def powers(self) -> Array:
+        """(k, p, 12 + 3 s): bias, matrix and the coefficients of s signals, a row a power of x."""
+        names = signals(self.sources)
+        p = max(len(found.bias) for found in self.polynomials)
+        table = np.zeros((len(self.polynomials), p, 12 + 3 * len(names)))
+        for rows, found in zip(table, self.polynomials, strict=True):
+            q = len(found.bias)
+            rows[:q, :3], rows[:q, 3:12] = found.bias, found.matrix.reshape(q, 9)
+            added = rows[:, 12:].reshape(p, 3, len(names))
+            for j, name in enumerate(found.signals):
+                added[:q, :, names.index(name)] = found.coefficients[:, :, j]
+        return table
+
+    @property
+    def temperatures(self) -> Array:
+        """(k, 4): centre and half range of x, and the temperatures that are followed, °C."""
+        return np.array([(p.centre_C, p.half_range_C, *p.clamp_C) for p in self.polynomials])
 
     @property
     def bias(self) -> Array:
@@ -74,13 +112,14 @@ class Plan:
     @property
     def sources(self) -> tuple[str, ...]:
         """What any of the compasses needs beside its readings, in the order of `WIDTH`."""
-        needed = {name for c in self.calibrations for name in c.needs}
-        if needed - set(WIDTH):
+        needed = {name for compass in self.setup.compasses for name in compass.calibration.needs}
+        known = (*WIDTH, RATE)
+        if unknown := needed - {*known, "temperature"}:
             raise AgonicError(
-                f"a calibration needs {', '.join(sorted(needed - set(WIDTH)))}, which the "
-                "firmware does not know"
+                f"a calibration needs {', '.join(sorted(unknown))}, which the firmware does not "
+                "know"
             )
-        return tuple(name for name in WIDTH if name in needed)
+        return tuple(name for name in known if name in needed)
 
     @property
     def coefficients(self) -> Array:
@@ -146,9 +185,37 @@ class Plan:
     @property
     def constants(self) -> int:
         """How many float32 the tables of the C hold."""
-        tables = [self.bias, self.matrix, np.zeros(len(self.expected)), self.coefficients]
+        tables = [np.zeros(len(self.expected))]
+        if self.warm:
+            tables += [self.powers, self.temperatures]
+        else:
+            tables += [self.bias, self.matrix, self.coefficients]
         if self.deviations is not None:
             tables.append(self.deviations if self.heeled else self.deviations[:, :5])
         if isinstance(self.declination, DeclinationGrid):
             tables.append(self.declination.north)  # two 16-bit numbers a node
         return sum(table.size for table in tables)
+
+
+def _in_the_middle(compass: Compass) -> Calibration:
+    """The calibration, held in the middle of its temperatures where it changes with them."""
+    calibration = compass.calibration
+    if not changes(calibration):
+        return calibration
+    held: Calibration = calibration.at(float(np.mean(range_C(calibration))))  # type: ignore[attr-defined]
+    return held
+
+
+def _steady(calibration: Affine) -> Polynomials:
+    """The polynomials of order 0 of a calibration that no temperature changes, for all of them."""
+    mixed = calibration if isinstance(calibration, Interference) else None
+    return Polynomials(
+        bias=calibration.bias[np.newaxis],
+        matrix=calibration.matrix[np.newaxis],
+        coefficients=mixed.coefficients[np.newaxis] if mixed else np.zeros((1, 3, 0)),
+        signals=signals(mixed.sources) if mixed else (),
+        centre_C=0.0,
+        half_range_C=1.0,
+        low_C=-FOREVER_C,
+        high_C=FOREVER_C,
+    )

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from agonic.io.firmware.grid import DeclinationGrid
 from agonic.io.firmware.plan import Plan
 from agonic.kernels import tilt as kernel
-from agonic.units import RAW
+from agonic.units import RAW, STANDARD_GRAVITY_M_S2, WEAKEST_HORIZONTAL
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.int64]
 
-DISTURBED, STEEP, VERTICAL, OUTSIDE, ACCELERATED = 1, 2, 4, 8, 16
+DISTURBED, STEEP, VERTICAL, OUTSIDE, ACCELERATED, TEMPERATURE = 1, 2, 4, 8, 16, 32
 """Bits of the status, as in the header."""
-WEAKEST_HORIZONTAL = 2000.0
-"""nT: below it lies the blackout zone of the World Magnetic Model, where no compass works."""
-GRAVITY_M_S2 = 9.80665
+MEMBERS = {"temperature": "temperature_C", "temperature_rate": "temperature_rate_C_s"}
+"""The member of the C input for a column of samples, where their names differ."""
+OF_EACH = ("second", *MEMBERS)
+"""Columns of which the input has one for each magnetometer."""
 GRAVITY_SHARE = 0.05
 """A specific force this much off gravity is more than a poor accelerometer reads at rest."""
 FAR = 3e38
@@ -56,12 +57,11 @@ def predict(plan: Plan, inputs: Mapping[str, Array]) -> Prediction:
 
 def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Prediction:
     """The outputs by one of the compasses."""
-    compass, card = plan.setup.compasses[which], plan.cards[which]
-    columns = {name: inputs[name] for name in compass.calibration.needs}
-    if "second" in columns:
-        columns["second"] = columns["second"][:, which]
-    field = compass.calibration.correct(inputs["raw"][:, which], **columns)
+    card = plan.cards[which]
+    field = corrected(plan, which, inputs["raw"][:, which], inputs)
     tilt, status = tilt_of(plan, inputs, len(field))
+    if plan.warm:
+        status |= np.where(_followed(plan, which, inputs)[1], 0, TEMPERATURE)
     level = kernel.turned(field, tilt, plan.order)
     heading = level.heading_deg
     magnitude = np.linalg.norm(field, axis=1)
@@ -90,6 +90,26 @@ def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Predicti
     )
 
 
+def corrected(plan: Plan, which: int, raw: Array, inputs: Mapping[str, Array]) -> Array:
+    """The field (n, 3) of readings (n, 3) of one compass, with what is beside them."""
+    calibration = plan.setup.compasses[which].calibration
+    columns = {name: inputs[MEMBERS.get(name, name)] for name in calibration.needs}
+    columns |= {name: columns[name][:, which] for name in OF_EACH if name in columns}
+    if "temperature" in columns:
+        columns["temperature"] = _followed(plan, which, inputs)[0]
+    return calibration.correct(raw, **columns)
+
+
+def _followed(
+    plan: Plan, which: int, inputs: Mapping[str, Array]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The temperature that counts, and where it is the one that was given."""
+    low, high = plan.polynomials[which].clamp_C
+    given = inputs["temperature_C"][:, which]
+    inside = (given >= low) & (given <= high)
+    return np.where(inside, given, np.where(given > high, high, low)), inside
+
+
 def tilt_of(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kernel.Tilt, Flags]:
     """The tilt of each row from what the controller is given, and where it is not to be trusted."""
     status = np.zeros(n, dtype=np.int64)
@@ -97,7 +117,7 @@ def tilt_of(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kernel.Til
         return kernel.of_angles(np.zeros(n), np.zeros(n)), status
     if plan.tilt == "acceleration":
         force = inputs["acceleration"]
-        share = np.linalg.norm(force, axis=1) / GRAVITY_M_S2 - 1
+        share = np.linalg.norm(force, axis=1) / STANDARD_GRAVITY_M_S2 - 1
         tilt = kernel.of_down(kernel.down_of_force(force))
         status |= np.where(np.abs(share) <= GRAVITY_SHARE, 0, ACCELERATED)
     else:

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from agonic.io.firmware.ctext import comment, filled, literal
 from agonic.io.firmware.grid import DeclinationGrid
 from agonic.io.firmware.plan import Plan
-from agonic.io.firmware.prediction import Prediction, predict
+from agonic.io.firmware.prediction import MEMBERS, Prediction, corrected, predict
 from agonic.io.firmware.sources import about
+from agonic.io.polynomials import affine_at, changes
 from agonic.kernels.rotation import rot_nb
 
 Array = NDArray[np.float64]
@@ -40,6 +41,7 @@ def known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str, Arra
     inputs["acceleration"][-3] *= 1.3
     inputs["current_A"], inputs["throttle"] = rng.uniform(0, 30, n), rng.uniform(0, 1, n)
     inputs["second"] = rng.normal(size=(n, k, 3)) * _reading_sizes(plan)[:, None]
+    inputs |= _temperatures(plan, n)
     inputs |= _places(plan.declination, rng, n)
     dip = np.pi / 3 if plan.dip is None else plan.dip
     field_b = np.einsum("nij,i->nj", turn, [np.cos(dip), 0.0, np.sin(dip)])
@@ -71,13 +73,24 @@ def _reading_sizes(plan: Plan) -> Array:
 
 def _raw(plan: Plan, which: int, direction_b: Array, inputs: dict[str, Array]) -> Array:
     """The readings that the calibration turns into that field."""
-    calibration = plan.calibrations[which]
-    size = plan.magnitudes[which]
-    names = {name: inputs[name] for name in calibration.needs}
-    if "second" in names:
-        names["second"] = names["second"][:, which]
-    offset = calibration.correct(np.zeros((len(direction_b), 3)), **names)
-    return np.asarray(np.linalg.solve(calibration.matrix, (size * direction_b - offset).T).T)
+    calibration = plan.setup.compasses[which].calibration
+    offset = corrected(plan, which, np.zeros((len(direction_b), 3)), inputs)
+    matrix = plan.calibrations[which].matrix
+    if changes(calibration):
+        low, high = plan.polynomials[which].clamp_C
+        matrix = affine_at(calibration, np.clip(inputs["temperature_C"][:, which], low, high))[1]
+    wanted = plan.magnitudes[which] * direction_b - offset
+    return np.asarray(np.linalg.solve(matrix, wanted[:, :, None])[:, :, 0])
+
+
+def _temperatures(plan: Plan, n: int) -> dict[str, Array]:
+    """Temperatures (n, k) over the range of each, two beyond, changing by 3 °C a minute."""
+    rng = np.random.default_rng(1)  # of its own, so that other setups keep their readings
+    low, high = plan.temperatures[:, 2:].T
+    share = rng.uniform(0.0, 1.0, (n, len(low)))
+    share[6:8] = [[-0.2], [1.2]]
+    rate = rng.uniform(-0.05, 0.05, (n, len(low)))
+    return {"temperature_C": low + share * (high - low), "temperature_rate_C_s": rate}
 
 
 def _places(grid: float | DeclinationGrid, rng: np.random.Generator, n: int) -> dict[str, Array]:
@@ -112,7 +125,8 @@ def selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None) -> s
 def _entry(plan: Plan, given: dict[str, Array], expected: Prediction, row: int) -> str:
     """One known reading, in the order of the structs."""
     tilt = {"angles": ("roll_deg", "pitch_deg"), "acceleration": ("acceleration",), "level": ()}
-    names = ["raw", *tilt[plan.tilt], *plan.sources]
+    sources = [MEMBERS.get(name, name) for name in plan.sources]
+    names = ["raw", *tilt[plan.tilt], *sources, *(["temperature_C"] if plan.warm else [])]
     if isinstance(plan.declination, DeclinationGrid):
         names += ["latitude_deg", "longitude_deg"]
     values = ", ".join(_nested(given[name][row]) for name in names)

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from agonic.calibration.affine import Affine
 from agonic.calibration.interference import signals
 from agonic.io.export import banner
 from agonic.io.firmware.ctext import braced, comment, filled, literal, whole
 from agonic.io.firmware.grid import UNIT, DeclinationGrid
 from agonic.io.firmware.plan import Plan
-from agonic.io.firmware.prediction import FAR, GRAVITY_M_S2, GRAVITY_SHARE, weakest
-from agonic.units import RAW
+from agonic.io.firmware.prediction import FAR, GRAVITY_SHARE, weakest
+from agonic.io.polynomials import RATE
+from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
 
 INPUTS = {
@@ -26,6 +28,10 @@ INPUTS = {
     "throttle": "    float throttle;  /* 0 to 1 */",
     "second": (
         "    float second[{GUARD}_COMPASSES][3]; /* readings of the magnetometer mixed with each */"
+    ),
+    "temperature": "    float temperature_C[{GUARD}_COMPASSES]; /* of each magnetometer itself */",
+    "temperature_rate": (
+        "    float temperature_rate_C_s[{GUARD}_COMPASSES]; /* its change, degrees C a second */"
     ),
     "grid": "    float latitude_deg;\n    float longitude_deg; /* east positive */",
 }
@@ -49,7 +55,7 @@ def source(plan: Plan, name: str) -> str:
 def parts(plan: Plan) -> Iterator[str]:
     """The templates of the source, in order."""
     yield "start"
-    yield "field_sources" if plan.sources else "field"
+    yield "field_warm" if plan.warm else ("field_sources" if plan.sources else "field")
     if plan.tilt == "angles":
         yield f"tilt_{plan.order.replace('-', '_')}"
     else:
@@ -70,8 +76,10 @@ def about(plan: Plan) -> list[str]:
     lines = [f"From the readings of magnetometers to true heading, float32; agonic {__version__}"]
     for compass, card in zip(plan.setup.compasses, plan.cards, strict=True):
         formula = "field = matrix (raw - bias), float32"
-        if compass.calibration.needs:
+        if set(compass.calibration.needs) - {"temperature"}:
             formula = "field = matrix (raw - bias - added signals), float32"
+        if "temperature" in compass.calibration.needs:
+            formula += ", each a polynomial of temperature"
         lines += ["", *banner(compass.calibration, formula)]
         if card is not None:
             state = f", {card.power_state}" if card.power_state else ""
@@ -95,6 +103,8 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
     first = plan.calibrations[0]
     guard = name.upper()
     needed = ["raw", plan.tilt, *plan.sources]
+    if plan.warm:
+        needed.append("temperature")
     if isinstance(plan.declination, DeclinationGrid):
         needed.append("grid")
     fields = {
@@ -103,11 +113,7 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
     }
     order = ORDERS[plan.setup.tilt_order]
     inputs = [fields[key].format(order=order, GUARD=guard) for key in needed if fields[key]]
-    sensors = [
-        f"{k}: {c.sensor}, readings in {'counts' if c.unit_in == RAW else c.unit_in}, "
-        f"{'sensor' if c.frame_in == 'm' else 'body'} axes"
-        for k, c in enumerate(plan.calibrations)
-    ]
+    sensors = [_sensor(k, c) for k, c in enumerate(plan.calibrations)]
     return {
         "name": name,
         "GUARD": guard,
@@ -121,16 +127,10 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
 
 
 def _tables(plan: Plan) -> dict[str, str]:
-    names = signals(plan.sources)
-    signal_values = ",\n".join(f"        {_signal(name)}" for name in names)
     values = {
         "steepest": literal(plan.steepest),
-        "bias": braced(plan.bias),
-        "matrix": braced(plan.matrix),
-        "signals": str(len(names)),
-        "signal_names": ", ".join(names),
-        "signal_values": signal_values,
-        "added": braced(plan.coefficients),
+        "first_status": "temperature_status(which, in)" if plan.warm else "0",
+        **(_warm(plan) if plan.warm else _constant(plan)),
     }
     table = plan.deviations
     if table is not None:
@@ -151,6 +151,47 @@ def _tables(plan: Plan) -> dict[str, str]:
     }
 
 
+def _constant(plan: Plan) -> dict[str, str]:
+    """Calibrations that no temperature changes."""
+    names = signals(plan.sources)
+    return {
+        "bias": braced(plan.bias),
+        "matrix": braced(plan.matrix),
+        "signals": str(len(names)),
+        "signal_names": ", ".join(names),
+        "signal_values": _values(names),
+        "added": braced(plan.coefficients),
+    }
+
+
+def _warm(plan: Plan) -> dict[str, str]:
+    """Calibrations as polynomials of temperature; pieces without signals are empty."""
+    names, table = signals(plan.sources), plan.powers
+    pieces = {
+        "define_signals": f"#define SIGNALS {len(names)}\n",
+        "and_added": f", and what a unit of {', '.join(names)} adds to each axis,",
+        "minus_added": " - added signals",
+        "signal_values": f"    const float signal[SIGNALS] = {{\n{_values(names)}\n    }};\n",
+        "take_signals": (
+            "        for (k = 0; k < SIGNALS; k++) {\n"
+            "            d[i] -= value[12 + i * SIGNALS + k] * signal[k];\n"
+            "        }\n"
+        ),
+    }
+    return {
+        "powers": str(table.shape[1]),
+        "numbers": str(table.shape[2]),
+        "polynomials": braced(table),
+        "ranges": braced(plan.temperatures),
+        **(pieces if names else dict.fromkeys(pieces, "")),
+    }
+
+
+def _values(names: tuple[str, ...]) -> str:
+    """The initialiser of the signals, a line each."""
+    return ",\n".join(f"        {_signal(name)}" for name in names)
+
+
 def _limits(plan: Plan) -> dict[str, str]:
     """Beyond what the status says that a heading is not to be trusted."""
     level = plan.tilt == "level"
@@ -162,7 +203,7 @@ def _limits(plan: Plan) -> dict[str, str]:
         "strength_words": "horizontal part" if level else "magnitude",
         "strength": "across" if level else "out->magnitude",
         "expected": braced([size or 0.0 for size in plan.expected]),
-        "gravity": literal(GRAVITY_M_S2),
+        "gravity": literal(STANDARD_GRAVITY_M_S2),
         "accelerated": literal(GRAVITY_SHARE),
     }
 
@@ -171,4 +212,15 @@ def _signal(name: str) -> str:
     """Where the C finds a signal."""
     if name.startswith("second_"):
         return f"in->second[which][{'xyz'.index(name[-1])}]"
+    if name == RATE:
+        return "in->temperature_rate_C_s[which]"
     return f"in->{name}"
+
+
+def _sensor(k: int, calibration: Affine) -> str:
+    """A magnetometer of the header's list."""
+    unit = "counts" if calibration.unit_in == RAW else calibration.unit_in
+    axes = "sensor" if calibration.frame_in == "m" else "body"
+    beside = getattr(calibration, "second_sensor", None)
+    mixed = f", mixed with {beside}" if beside else ""
+    return f"{k}: {calibration.sensor}, readings in {unit}, {axes} axes{mixed}"

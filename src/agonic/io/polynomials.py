@@ -1,0 +1,173 @@
+"""`Polynomials`: any calibration that changes with temperature, as C and tables can hold it.
+
+    field = matrix(T) (raw − bias(T) − coefficients(T) x),   each number a polynomial of T
+
+A chain with a step after its thermal one has a bias that is none: matrix(T)⁻¹ times the later
+bias. The order is raised until what is left is below the rounding of float32.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebpts1
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.base import Calibration
+from agonic.calibration.interference import WIDTH
+from agonic.calibration.interference import signals as signals_of
+from agonic.calibration.network import Network
+from agonic.calibration.thermal import MARGIN_C, Thermal
+from agonic.errors import AgonicError
+from agonic.io.export import steps_of
+from agonic.kernels import polynomial
+
+Array = NDArray[np.float64]
+
+HIGHEST = 12
+"""The highest order that is tried."""
+ROUNDING = 2.0**-26
+"""What may be left of a number, as a share of the largest of its kind: half of float32's own."""
+NOTHING = 2.0**-40
+"""Coefficients so small beside the largest number of their kind are the rounding of the fit."""
+RATE = "temperature_rate"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Polynomials:
+    """Coefficients of the powers 0, 1, … of x = (T − centre_C) / half_range_C.
+
+    `bias` (p, 3), `matrix` (p, 3, 3), `coefficients` (p, 3, k) of the k `signals`; they hold from
+    `low_C` to `high_C`, and by `MARGIN_C` beyond.
+    """
+
+    bias: Array
+    matrix: Array
+    coefficients: Array
+    signals: tuple[str, ...]
+    centre_C: float
+    half_range_C: float
+    low_C: float
+    high_C: float
+
+    @property
+    def clamp_C(self) -> tuple[float, float]:
+        """Where a controller stops following the temperature."""
+        return self.low_C - MARGIN_C, self.high_C + MARGIN_C
+
+
+def changes(calibration: Calibration) -> bool:
+    """Whether a calibration depends on temperature, and is affine at each."""
+    bent = any(isinstance(step, Network) for step in steps_of(calibration))
+    return "temperature" in calibration.needs and not bent
+
+
+def range_C(calibration: Calibration) -> tuple[float, float]:
+    """The temperatures for which all steps of a calibration were made.
+
+    >>> range_C(Thermal(bias=[[1, 0, 0]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0))
+    (-10.0, 50.0)
+    """
+    ranges = [_range(step) for step in steps_of(calibration) if isinstance(step, Thermal)]
+    if not ranges:
+        raise AgonicError(f"the calibration of {calibration.sensor} does not change with warmth")
+    low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
+    if not low <= high:
+        raise AgonicError("the steps of this calibration have no temperature in common")
+    return low, high
+
+
+def _range(step: Thermal) -> tuple[float, float]:
+    if step.validity.temperature_C is not None:
+        return step.validity.temperature_C
+    return step.centre_C - step.half_range_C, step.centre_C + step.half_range_C
+
+
+def affine_at(calibration: Calibration, temperature_C: ArrayLike) -> tuple[Array, Array, Array]:
+    """Bias (n, 3), matrix (n, 3, 3) and coefficients (n, 3, k) of `signals` at temperatures (n,).
+
+    At one temperature every calibration is affine in the reading and the signals, so the readings
+    0, e₁, e₂, e₃ and a unit of each signal tell all of it.
+
+    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
+    ...                centre_C=20.0, half_range_C=30.0)
+    >>> affine_at(warm, [20.0, 50.0])[0][:, 0].round(9).tolist()
+    [100.0, 150.0]
+    """
+    temperature = np.atleast_1d(np.asarray(temperature_C, dtype=np.float64))
+    n, size = len(temperature), 1e5  # of a usual reading, for the rounding
+    still = {name: np.zeros((n, 3)[: WIDTH.get(name, 1) // 3 + 1]) for name in calibration.needs}
+    still["temperature"] = temperature
+
+    def field(reading: Array, **moved: Array) -> Array:
+        return calibration.correct(np.broadcast_to(reading, (n, 3)), **{**still, **moved})
+
+    zero = field(np.zeros(3))
+    matrix = np.stack([field(size * axis) - zero for axis in np.eye(3)], axis=2) / size
+    added = []
+    for name in (n for n in calibration.needs if n != "temperature"):
+        for unit in np.eye(3) if WIDTH.get(name, 1) == 3 else (np.array(1.0),):
+            added.append(field(np.zeros(3), **{name: np.broadcast_to(unit, still[name].shape)}))
+    moved = np.stack([one - zero for one in added], axis=2) if added else np.zeros((n, 3, 0))
+    both = -np.linalg.solve(matrix, np.concatenate([zero[:, :, None], moved], axis=2))
+    return both[:, :, 0], matrix, both[:, :, 1:]
+
+
+def signals(calibration: Calibration) -> tuple[str, ...]:
+    """The numbers beside reading and temperature that a calibration takes, in order."""
+    return signals_of(tuple(name for name in calibration.needs if name != "temperature"))
+
+
+def polynomials(calibration: Calibration) -> Polynomials:
+    """The polynomials of a calibration that changes with temperature, of the lowest order.
+
+    Raises `AgonicError` where none of order 12 follows it.
+
+    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
+    ...                centre_C=20.0, half_range_C=30.0)
+    >>> polynomials(warm).bias.round(6)[:, 0].tolist()
+    [100.0, 50.0]
+    """
+    low, high = range_C(calibration)
+    centre, half = _scale(calibration, low, high)
+    reach = max((high - low) / 2, 0.0) + MARGIN_C
+    nodes = (low + high) / 2 + reach * chebpts1(4 * HIGHEST)
+    values = affine_at(calibration, nodes)
+    table = np.concatenate([part.reshape(len(nodes), -1) for part in values], axis=1)
+    largest = np.concatenate([_largest(part) for part in values])
+    x = polynomial.scaled(nodes, centre, half)
+    for degree in range(HIGHEST + 1):
+        powers = polynomial.powers(x, degree)
+        found = np.linalg.lstsq(powers, table, rcond=None)[0]
+        if (np.abs(powers @ found - table).max(axis=0) <= ROUNDING * largest).all():
+            found[np.abs(found) < NOTHING * largest] = 0.0
+            bias, matrix, rest = np.split(found, [3, 12], axis=1)
+            return Polynomials(
+                bias=bias,
+                matrix=matrix.reshape(-1, 3, 3),
+                coefficients=rest.reshape(degree + 1, 3, -1),
+                signals=signals(calibration),
+                centre_C=centre,
+                half_range_C=half,
+                low_C=low,
+                high_C=high,
+            )
+    raise AgonicError(
+        f"no polynomial of order {HIGHEST} follows this calibration over {low:g} to {high:g} °C; "
+        "hold it at a temperature, or fit it again over a shorter range"
+    )
+
+
+def _scale(calibration: Calibration, low: float, high: float) -> tuple[float, float]:
+    """Centre and half range: those of the only thermal step, so that its numbers stay its own."""
+    thermal = [step for step in steps_of(calibration) if isinstance(step, Thermal)]
+    if len(thermal) == 1:
+        return thermal[0].centre_C, thermal[0].half_range_C
+    return (low + high) / 2, max((high - low) / 2, MARGIN_C)
+
+
+def _largest(values: Array) -> Array:
+    """For each number, the size that its rounding is measured by: the largest of its kind."""
+    count = int(np.prod(values.shape[1:]))
+    return np.full(count, max(float(np.abs(values).max(initial=0.0)), 1e-12))
