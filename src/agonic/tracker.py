@@ -59,9 +59,10 @@ class Tracker:
         """Move on by the readings of a log or of a moment; one or many come to the same.
 
         Parameters: samples with times later than all before, in the unit and frame of the
-        calibration; reference, the magnitude of the field at each.
+        calibration; reference, the magnitude of the field at each. Rows that are flagged are
+        passed over.
 
-        Returns what was found; its `residual` is how far each reading was from its prediction.
+        Returns what was found; its `residual` is how far each reading used was from its prediction.
 
         Raises `LogError` without times, `UnitError` and `FrameError` where the samples are not
         those of the calibration, `AgonicError` where they are not later than what was seen.
@@ -80,15 +81,25 @@ class Tracker:
                 left=samples.frame,
                 right=base.frame_in,
             )
+        wanted = np.broadcast_to(reference.magnitudes(len(samples)), len(samples))
+        if samples.flagged is not None:
+            usable = samples.flagged == 0
+            if not usable.any():
+                return self._nothing()
+            samples, wanted = samples.select(usable), wanted[usable]
         self.state, found = update(
-            self.state,
-            self.params,
-            self.seconds(samples),
-            self._readings(samples),
-            reference.magnitudes(len(samples)),
+            self.state, self.params, self.seconds(samples), self._readings(samples), wanted
         )
         self.history = np.concatenate([self.history, found.history])
         return found
+
+    def _nothing(self) -> Coefficients:
+        """What an update without usable readings finds."""
+        none = np.empty(0)
+        return Coefficients(
+            state=self.state, residual=none, residual_sd=none, used=none.astype(bool), jumps=(),
+            history=np.empty((0, 7)),
+        )  # fmt: skip
 
     def _readings(self, samples: Samples) -> Array:
         """The readings, where the ground calibration knows of temperature as at its middle."""

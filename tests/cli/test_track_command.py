@@ -93,6 +93,55 @@ def test_an_orbit_is_followed_from_the_ground_calibration(capsys) -> None:
     assert len(found["history"]["time_s"]) == pytest.approx(200, abs=2)
 
 
+def test_a_thermal_ground_calibration_flagged_rows_and_a_resumed_state(capsys) -> None:
+    """Two pieces are the whole, with the shape in temperature kept and torquers passed over."""
+    made = simulate_orbit(
+        n=9000, moved=2000.0, thermal=1500.0, external=0.0, pointing="tumble", torquer=5000.0,
+        torquer_share=0.1, seed=6,
+    )  # fmt: skip
+    s = made.samples
+    ag.write_csv(s, "whole.csv")
+    ag.write_csv(s.select(s.time < 4000), "first.csv")
+    ag.write_csv(s.select(s.time >= 4000), "second.csv")
+    ag.save(made.ground, "ground.json")
+    options = ["--ground", "ground.json", "--solve", "bias", "--noise", "100", "--walk", "0.1",
+               "--external", "0", "--json"]  # fmt: skip
+    assert run(["track", "whole.csv", "--state", "whole.json", *options]) == 0
+    whole = said(capsys)
+    assert whole["n"] == (s.flagged == 0).sum()
+    assert whole["passed_over"] == (s.flagged != 0).sum()
+    assert run(["track", "first.csv", "--state", "state.json", *options]) == 0
+    capsys.readouterr()
+    assert run(["track", "second.csv", "--state", "state.json", "--json"]) == 0
+    pieces = said(capsys)
+    assert pieces["n"] == whole["n"]
+    assert pieces["bias"] == pytest.approx(whole["bias"], abs=1e-6)
+    assert pieces["bias_sd"] == pytest.approx(whole["bias_sd"], rel=1e-9)
+    state = ag.Tracker.resume("state.json").state
+    now = state.thermal.bias_at(s.temperature[-1:])[0]
+    assert np.abs(now - made.bias[-1]).max() < 30.0
+    assert np.ptp(state.thermal.bias_at([-15.0, 35.0]), axis=0) == pytest.approx(
+        np.ptp(made.truth.bias_at([-15.0, 35.0]), axis=0), rel=0.02
+    )
+
+
+def test_a_scalar_instrument_in_the_log_is_followed(capsys) -> None:
+    made = simulate_orbit(
+        n=3000, noise=0.3, scalar_sd=0.1, thermal=0.0, external=0.0, pointing="tumble", seed=3
+    )
+    ag.write_csv(made.samples.with_columns(latitude_deg=None), "log.csv")
+    assert run(["track", "log.csv", "--state", "state.json", "--json"]) in (0, 1)
+    found = said(capsys)
+    assert np.abs(np.array(found["bias"]) - made.bias[-1]).max() < 0.5
+    assert found["predicted_rms_nT"] < 5.0  # the first readings among them; 100 by the model
+    assert run(["track", "log.csv", "--state", "other.json", "--no-scalar"]) == 2
+    assert "field at the readings is not known" in capsys.readouterr().err
+    flagged = made.samples.with_columns(flagged=np.ones(3000))
+    ag.write_csv(flagged, "flagged.csv")
+    assert run(["track", "flagged.csv", "--state", "third.json"]) == 2
+    assert "all 3000 readings are flagged" in capsys.readouterr().err
+
+
 def test_the_walk_can_be_chosen_by_prediction(capsys) -> None:
     tumbling()
     options = ["--state", "state.json", *FIELD, "--walk", "auto", "--noise", "100", "--json"]

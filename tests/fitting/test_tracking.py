@@ -169,6 +169,21 @@ def test_split_is_whole(cuts: list[int], tmp_path: Path) -> None:
     assert [j.time for j in pieces.jumps] == [j.time for j in whole.jumps]
 
 
+def test_flagged_rows_are_passed_over() -> None:
+    samples, reference, _, _ = orbiting(2, walk=1.0)
+    on = np.arange(len(samples)) % 7 == 3
+    spoilt = samples.with_columns(
+        field=samples.field + 9000.0 * on[:, None], flagged=on.astype(float)
+    )
+    without, tracker = Tracker(params=PARAMS), Tracker(params=PARAMS)
+    expected = without.update(samples.select(~on), reference.select(~on))
+    found = tracker.update(spoilt, reference)
+    assert found.residual == pytest.approx(expected.residual)
+    assert tracker.n == (~on).sum()
+    later = spoilt.select(on).with_columns(time=samples.time[-1] + 1.0 + np.arange(on.sum()))
+    assert len(tracker.update(later, reference.select(on)).residual) == 0
+
+
 def test_one_reading_at_a_time_is_the_same() -> None:
     samples, reference, _, _ = orbiting(3, n=700)
     params = replace(PARAMS, walk=1.0)

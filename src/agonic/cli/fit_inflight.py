@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Between, Date, Json, LogPath, Sensor, Unit
+from agonic.cli.options import At, Between, Date, Json, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.fitting.inflight import InflightFit
     from agonic.reference import Reference
     from agonic.samples import Samples
+
+
+IN_MEMORY = 2_000_000
+"""Rows of a Parquet table from which it is read piece by piece."""
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -21,7 +25,13 @@ def add_to(kinds: typer.Typer) -> None:
 
 
 def inflight(
-    log: LogPath,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="A recording; or the files of a mission in order of time, read piece by piece.",
+        ),
+    ],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
     ] = None,
@@ -42,8 +52,33 @@ def inflight(
         str | None, typer.Option(metavar="LOW,HIGH", help="Use readings between these only.")
     ] = None,
     scalar: Annotated[
-        bool, typer.Option(help="Against the scalar instrument in the log, not the world model.")
+        bool | None,
+        typer.Option(
+            "--scalar/--no-scalar",
+            help="Against the scalar instrument, or the world model; default: as the log has it.",
+        ),
+    ] = None,
+    attitude: Annotated[
+        str,
+        typer.Option(
+            help="none; logged (roll, pitch, heading in the log teach too); nadir (one side kept "
+            "to the Earth, attitude from the track)."
+        ),
+    ] = "none",
+    temperature: Annotated[
+        int, typer.Option(metavar="ORDER", help="Polynomials in temperature up to this order.")
+    ] = 0,
+    matrix_rate: Annotated[
+        bool, typer.Option("--matrix-rate", help="Let the matrix change steadily with time.")
     ] = False,
+    sources: Annotated[
+        str,
+        typer.Option("--with", metavar="NAMES", help="What disturbs on board: current_A, …"),
+    ] = "",
+    within: Annotated[
+        float | None,
+        typer.Option("--within", metavar="NT", help="Leave out readings farther off than this."),
+    ] = None,
     sensor: Sensor = None,
     unit: Unit = None,
     at: At = None,
@@ -55,45 +90,101 @@ def inflight(
     between: Between = None,
     as_json: Json = False,
 ) -> int:
-    """Bias, gains or all nine numbers from the magnitude of the field on the way."""
-    from agonic.cli.fit import _sensor
+    """Bias, gains or all nine numbers from the field that is known on the way."""
     from agonic.cli.output import print_json, say
+    from agonic.errors import AgonicError
     from agonic.fitting.inflight import fit_inflight
     from agonic.io.calfile import load, require_calibration, save
+    from agonic.io.pieces import is_long
 
-    samples = _sensor(log, sensor, unit, between)
-    fit = fit_inflight(
-        samples,
-        _reference(samples, at, date, scalar),
-        ground=None if ground is None else require_calibration(load(ground)),
-        solve=solve,  # type: ignore[arg-type]
-        drift_knots=_knots(knots),
-        latitude_deg=_range(latitudes),
-        gain_sd=gain_sd,
-        robust=robust,
-    )
-    files = [str(save(fit.calibration, out))] if out and fit.verdict != "refused" else []
-    if as_json:
-        print_json("agonic/fit-inflight@1", {**record(fit), "sensor": samples.name, "files": files})
+    settings: dict[str, Any] = {
+        "ground": None if ground is None else require_calibration(load(ground)),
+        "solve": solve,
+        "drift_knots": _knots(knots),
+        "latitude_deg": _range(latitudes),
+        "temperature_degree": temperature,
+        "matrix_rate": matrix_rate,
+        "sources": tuple(name for name in sources.replace(",", " ").split() if name),
+        "gain_sd": gain_sd,
+        "robust": robust,
+    }
+    if is_long(logs, IN_MEMORY):
+        given = {"--at": at, "--between": between, "--within": within}
+        given["--attitude"] = None if attitude == "none" else attitude
+        unfit = [name for name, value in given.items() if value is not None]
+        if unfit:
+            raise AgonicError(f"a mission is read piece by piece, without {', '.join(unfit)}")
+        fit, samples = _mission(logs, sensor, unit, date, scalar, settings), None
     else:
-        say(summary(fit, samples.name))
-        say(f"\nWritten   {files[0]}" if files else "\nNothing was written.")
+        more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
+        samples = _samples(logs[0], sensor, unit, between, date)
+        fit = fit_inflight(samples, _reference(samples, at, date, scalar), **settings, **more)
+    name = fit.change.sensor
+    files = [str(save(fit.calibration, out))] if out and fit.verdict != "refused" else []
+    files += [] if out is None else [_page(out, fit, samples, logs[0].name)]
+    if as_json:
+        print_json("agonic/fit-inflight@1", {**record(fit), "sensor": name, "files": files})
+    else:
+        say(summary(fit, name))
+        say(f"\nWritten   {', '.join(files)}" if files else "\nNothing was written.")
     return 0 if fit.verdict == "good" else 1
 
 
-def _reference(
-    samples: Samples, at: str | None, date: str | None, scalar: bool
-) -> Reference | None:
-    from agonic.cli.place import expected
-    from agonic.errors import AgonicError
-    from agonic.reference import Reference
+def _samples(
+    log: Path, sensor: str | None, unit: str | None, between: str | None, date: str | None
+) -> Samples:
+    """The readings of one recording, with the date that was given where it has none."""
+    from agonic.cli.fit import _sensor
 
-    if not scalar:
-        return expected(samples, at, date, None)[0]
-    values = samples.columns().get("scalar")
-    if values is None:
-        raise AgonicError("--scalar: the log holds no scalar instrument (column scalar_nT)")
-    return Reference.magnitude(values, source="the scalar instrument in the log")
+    samples = _sensor(log, sensor, unit, between)
+    if date is None or samples.epoch is not None:
+        return samples
+    return samples.with_columns(epoch=_moment(date))
+
+
+def _page(out: Path, fit: InflightFit, samples: Samples | None, title: str) -> str:
+    """The report beside the calibration."""
+    from agonic.io.atomic import write_atomically
+    from agonic.report.inflight_page import inflight_page
+
+    page = inflight_page(fit, samples, title=title)
+    return str(write_atomically(out.with_suffix(".html"), page))
+
+
+def _moment(date: str) -> Any:
+    from datetime import UTC, datetime
+
+    from agonic.errors import AgonicError
+
+    try:
+        return datetime.fromisoformat(date).replace(tzinfo=UTC)
+    except ValueError:
+        raise AgonicError(f"--date {date!r} is not a date such as 2026-05-01") from None
+
+
+def _mission(
+    logs: list[Path], sensor: str | None, unit: str | None, date: str | None,
+    scalar: bool | None, settings: dict[str, Any],
+) -> InflightFit:  # fmt: skip
+    """The fit of a record that is read piece by piece."""
+    from agonic.cli.progress import counting
+    from agonic.fitting.inflight import fit_mission
+    from agonic.io.pieces import open_mission
+
+    mission = open_mission(logs, sensor=sensor, unit=unit, date=date)
+    if scalar is None:
+        scalar = next(mission.pieces()).scalar is not None
+    with counting(mission.rows) as told:
+        return fit_mission(mission, scalar=scalar, progress=told, **settings)
+
+
+def _reference(
+    samples: Samples, at: str | None, date: str | None, scalar: bool | None
+) -> Reference | None:
+    from agonic.cli.place import expected, scalar_reference
+
+    taught = scalar_reference(samples, scalar)
+    return taught or expected(samples, at, date, None)[0]
 
 
 def _knots(text: str) -> Any:
@@ -149,6 +240,8 @@ def record(fit: InflightFit) -> dict[str, Any]:
     """The fit as one flat object for programs."""
     from dataclasses import asdict
 
+    from agonic.calibration.interference import signals
+
     believed = fit.residuals[fit.weights > 0]
     return {
         "method": "inflight",
@@ -163,7 +256,31 @@ def record(fit: InflightFit) -> dict[str, Any]:
         "noise_nT": fit.noise,
         "residual_rms_nT": float((believed**2).mean() ** 0.5),
         "correlation_s": fit.correlation_s,
+        "lasting_nT": fit.lasting_nT,
+        "lasting_s": fit.lasting_s,
         "drift_intervals": fit.drift.intervals,
         "held_out_nT": {str(k): v for k, v in fit.held_out.items()},
+        "channels": {
+            kind: {"noise_nT": of.noise, "correlation": of.correlation}
+            for kind, of in fit.channels.items()
+        },
+        **_directions(fit),
+        "sources": dict(zip(signals(fit.source_names), fit.sources.T.tolist(), strict=True)),
         "findings": [asdict(finding) for finding in fit.findings],
+    }
+
+
+def _directions(fit: InflightFit) -> dict[str, Any]:
+    """What the attitude adds."""
+    import numpy as np
+
+    if fit.alignment is None or fit.direction_error_deg is None:
+        return {"direction_error_deg": None, "alignment_deg": None}
+    assert fit.alignment.covariance is not None
+    return {
+        "direction_error_deg": float(np.median(fit.direction_error_deg[fit.weights > 0])),
+        "alignment_deg": {
+            "rotation_vector": fit.alignment.rotation.as_rotvec(degrees=True),
+            "sd": np.degrees(np.sqrt(np.diag(fit.alignment.covariance))),
+        },
     }

@@ -26,6 +26,20 @@ def expected(
     return found.reference, {"inclination_deg": found.inclination_deg}
 
 
+def scalar_reference(samples: Samples, wanted: bool | None) -> Reference | None:
+    """The scalar instrument beside the sensor as reference, where there is one and it may teach.
+
+    `wanted` true requires it, false leaves it aside, `None` takes it where the log has it.
+    """
+    from agonic.reference import Reference
+
+    if wanted is False or (wanted is None and samples.scalar is None):
+        return None
+    if samples.scalar is None:
+        raise AgonicError("--scalar: the log holds no scalar instrument (column scalar_nT)")
+    return Reference.magnitude(samples.scalar, source="the scalar instrument in the log")
+
+
 def position(text: str) -> tuple[float, float, float]:
     """Latitude, longitude (degrees) and altitude (metres) of "LAT,LON[,ALT]".
 

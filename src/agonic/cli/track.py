@@ -49,13 +49,23 @@ def track(
         float | None,
         typer.Option(help="What the model leaves out, nT; default: as the model states."),
     ] = None,
+    scalar: Annotated[
+        bool | None,
+        typer.Option(
+            "--scalar/--no-scalar",
+            help="Against the scalar instrument, or the world model; default: as the log has it.",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Page about what is new.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Follow bias and matrix of a magnetometer in flight or in orbit, from log to log.
 
     Starts where STATE does not exist, from --ground or from nothing, and resumes where it does.
-    Readings that were seen before are passed over. Exit status 1 where the bias jumped or is not
-    to be trusted.
+    Readings that were seen before, or are flagged, are passed over. Exit status 1 where the bias
+    jumped or is not to be trusted.
     """
     from agonic.cli.output import print_json, say
     from agonic.tracker import Tracker
@@ -71,22 +81,26 @@ def track(
                 "another state to start anew"
             )
         tracker = Tracker.resume(state)
-        samples = _sensor(log, sensor, unit, tracker.state.base.sensor)
-        reference = _reference(samples, at, date, field)
+        rows, samples = _usable(_sensor(log, sensor, unit, tracker.state.base.sensor))
+        reference = _reference(samples, at, date, field, scalar)
     else:
-        samples = _sensor(log, sensor, unit)
-        reference = _reference(samples, at, date, field)
+        rows, samples = _usable(_sensor(log, sensor, unit))
+        reference = _reference(samples, at, date, field, scalar)
         tracker = _started(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
     found = None
     if new.any():
         found = tracker.update(samples.select(new), reference.select(new))
         tracker.save(state)
-    said = summary(tracker, found, len(samples))
+    files = []
+    if report is not None and found is not None:
+        files.append(_page(report, tracker, found, samples.select(new), log.name))
+    said = summary(tracker, found, rows)
     if as_json:
-        print_json("agonic/track@1", {**said, "state": str(state)})
+        print_json("agonic/track@1", {**said, "state": str(state), "files": files})
     else:
-        say("\n".join([*sentences(said), f"State     {state}"]))
+        written = [f"Report    {file}" for file in files]
+        say("\n".join([*sentences(said), f"State     {state}", *written]))
     return 0 if tracker.ok else 1
 
 
@@ -101,12 +115,25 @@ def _sensor(log: Path, sensor: str | None, unit: str | None, followed: str = "")
     return sensors[0]
 
 
+def _usable(samples: Samples) -> tuple[int, Samples]:
+    """How many rows there are, and those that are not flagged."""
+    rows = len(samples)
+    if samples.flagged is not None:
+        if samples.flagged.all():
+            raise AgonicError(f"all {rows} readings are flagged; there is nothing to follow")
+        samples = samples.select(samples.flagged == 0)
+    return rows, samples
+
+
 def _reference(
-    samples: Samples, at: str | None, date: str | None, field: float | None
+    samples: Samples, at: str | None, date: str | None, field: float | None, scalar: bool | None
 ) -> Reference:
     """The magnitude of the field at each reading."""
-    from agonic.cli.place import expected
+    from agonic.cli.place import expected, scalar_reference
 
+    taught = None if field is not None else scalar_reference(samples, scalar)
+    if taught is not None:
+        return taught
     reference, _ = expected(samples, at, date, field)
     if reference is None:
         raise AgonicError(
@@ -138,6 +165,14 @@ def _started(
         choice = choose_walk(samples, reference, calibration=calibration, params=params)
         params = replace(params, walk=choice.walk)
     return Tracker(calibration, params)
+
+
+def _page(path: Path, tracker: Tracker, found: Coefficients, new: Samples, title: str) -> str:
+    """The report about the readings of the log that are new."""
+    from agonic.io.atomic import write_atomically
+    from agonic.report.inflight_page import track_page
+
+    return str(write_atomically(path, track_page(tracker, found, new, title=title)))
 
 
 def _number(walk: str) -> float:
@@ -192,7 +227,7 @@ def sentences(said: dict[str, Any]) -> list[str]:
     """The summary for people."""
     mark = "✓" if said["verdict"] == "good" else "!"
     unit = said["unit"]
-    passed = f", {said['passed_over']} seen before" if said["passed_over"] else ""
+    passed = f", {said['passed_over']} passed over" if said["passed_over"] else ""
     values = zip("xyz", said["bias"], said["bias_sd"], strict=True)
     bias = ", ".join(f"{axis} {value:.1f} ± {sd:.1f}" for axis, value, sd in values)
     lines = [

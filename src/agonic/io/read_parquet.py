@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.io.columns import positions
+from agonic.io.columns import positions, understood
 from agonic.io.log import Log
 from agonic.io.table import log_of_table
 from agonic.provenance import Input
@@ -31,15 +32,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
 def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns that are understood, by header, and what to tell of the file."""
-    try:
-        from pyarrow.parquet import ParquetFile
-    except ImportError:
-        raise MissingExtraError("reading a Parquet file", "tables") from None
-    with path.open("rb") as stream:
-        stream.seek(-min(8, path.stat().st_size), 2)
-        if int.from_bytes(stream.read(4), "little") > _LARGEST_FOOTER:
-            raise LogError("its list of columns is too long for a log, or damaged")
-    with ParquetFile(path, pre_buffer=False) as file:
+    with _opened(path) as file:
         schema = file.schema
         headers = [schema.column(i).path for i in range(len(schema))]
         wanted = positions(headers)
@@ -51,3 +44,41 @@ def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     }
     others = [header for i, header in enumerate(headers) if i not in wanted]
     return table, {"format": "Parquet table", "others": others}
+
+
+def rows(path: Path) -> int:
+    """How many rows a Parquet table has, by its footer."""
+    with _opened(path) as file:
+        return int(file.metadata.num_rows)
+
+
+def batches(path: Path, size: int, without: tuple[str, ...] = ()) -> Iterator[dict[str, Any]]:
+    """The columns that are understood, `size` rows at a time.
+
+    `without` are columns of `Samples` to leave out. Pages are decoded as they are needed, so that
+    a row group as large as the file does no harm.
+    """
+    with _opened(path) as file:
+        schema = file.schema
+        wanted = [
+            name
+            for name in positions([schema.column(i).path for i in range(len(schema))]).values()
+            if (column := understood(name)) is None or column.quantity.column not in without
+        ]
+        for batch in file.iter_batches(batch_size=size, columns=wanted, use_threads=False):
+            yield {
+                name: column.to_numpy(zero_copy_only=False)
+                for name, column in zip(batch.schema.names, batch.columns, strict=True)
+            }
+
+
+def _opened(path: Path) -> Any:
+    try:
+        from pyarrow.parquet import ParquetFile
+    except ImportError:
+        raise MissingExtraError("reading a Parquet file", "tables") from None
+    with path.open("rb") as stream:
+        stream.seek(-min(8, path.stat().st_size), 2)
+        if int.from_bytes(stream.read(4), "little") > _LARGEST_FOOTER:
+            raise LogError("its list of columns is too long for a log, or damaged")
+    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 20)

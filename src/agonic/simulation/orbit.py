@@ -99,8 +99,9 @@ def simulate_orbit(
     settling_s: float = 1_500.0,
     seed: int = 0,
 ) -> SimulatedOrbit:
-    """Readings of a magnetometer in orbit: the world model and what lies outside it, seen through
-    a bias that follows temperature and time.
+    """Readings of a magnetometer in orbit, with all that moves its bias, and the truth.
+
+    The world model and what lies outside it, seen through a bias that follows temperature and time:
 
         raw = matrix(T)⁻¹ @ rot_bmᵀ rot_nbᵀ (field_n + external_n) + bias(T) + drift(t) + noise
 
@@ -137,6 +138,9 @@ def simulate_orbit(
     ------
     AgonicError
         For a setting that makes no sense.
+
+    Source: Vallado, Fundamentals of Astrodynamics, section 9.6, for the orbit; the world models of
+    IAGA and NOAA for the field.
 
     Examples
     --------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from datetime import timedelta
+from datetime import UTC, timedelta
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,18 +12,23 @@ from numpy.typing import NDArray
 from agonic.errors import AgonicError
 from agonic.field.place import field_along
 from agonic.health import figure
+from agonic.kernels.angles import wrapped_deg
+from agonic.kernels.celestial import sidereal_rad
+from agonic.kernels.geodesy import FLATTENING
 from agonic.kernels.leastsq import robust_scale
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
-    from agonic.fitting.inflight.from_samples import Task
     from agonic.fitting.inflight.record import InflightFit
+    from agonic.fitting.inflight.task import Task
 
 Array = NDArray[np.float64]
 
 EARTH_RADIUS_M = 6_371_200.0
 ORBITAL_M_S = 3000.0
 LOWEST_ORBIT_M = 80_000.0
+FLAT2 = (1.0 - FLATTENING) ** 2
+"""tan of a geocentric latitude on the ellipsoid over that of the geodetic one."""
 SOME = 400
 FAR_BETTER = 0.5
 """A cause is named when it would leave less than this share of what is unexplained."""
@@ -57,7 +62,7 @@ def likely_cause(fit: InflightFit, task: Task, samples: Samples) -> Cause | None
     """The usual mistake that explains the residual best, or None where none does."""
     rows = np.flatnonzero(task.believed)
     rows = rows[np.linspace(0, len(rows) - 1, min(SOME, len(rows))).astype(int)]
-    some = samples.with_columns(field=task.field, unit="nT").select(rows)
+    some = samples.with_columns(field=task.samples.field, unit="nT").select(rows)
     if some.latitude_deg is None or some.longitude_deg is None:
         return None
     now = _misfit(some)
@@ -117,6 +122,22 @@ def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Sam
         Cause("latitudes with the sign reversed would explain it", "count latitude positive north"),
         lambda s: s.with_columns(latitude_deg=-latitude),
     )
+    if samples.epoch is not None:
+        yield (
+            Cause(
+                "longitudes among the stars (inertial axes) would explain it",
+                "turn positions into Earth-fixed axes with the sidereal time",
+            ),
+            _earth_fixed,
+        )
+    yield (
+        Cause("geocentric latitudes would explain it", "give geodetic latitudes"),
+        lambda s: s.with_columns(
+            latitude_deg=np.degrees(
+                np.arctan(np.tan(np.radians(np.clip(latitude, -89.99, 89.99))) / FLAT2)
+            )
+        ),
+    )
     if np.abs(latitude).max() < 1.6 and np.abs(longitude).max() < 6.4:
         yield (
             Cause("positions in radians would explain it", "give positions in degrees"),
@@ -126,6 +147,15 @@ def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Sam
         )
     yield from _of_altitude(samples)
     yield from _of_date(samples)
+
+
+def _earth_fixed(samples: Samples) -> Samples:
+    """The track if its longitudes were right ascensions."""
+    assert samples.epoch is not None
+    assert samples.longitude_deg is not None
+    epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
+    turned = np.degrees(sidereal_rad(epoch.timestamp() + np.asarray(samples.time)))
+    return samples.with_columns(longitude_deg=(samples.longitude_deg - turned + 180) % 360 - 180)
 
 
 def _shifted(seconds: float) -> Callable[[Samples], Samples]:
@@ -142,7 +172,7 @@ def _shifted(seconds: float) -> Callable[[Samples], Samples]:
             for name in ("latitude_deg", "longitude_deg", "altitude_m")
             if (values := getattr(samples, name)) is not None
         }
-        moved["longitude_deg"] = (moved["longitude_deg"] + 180) % 360 - 180
+        moved["longitude_deg"] = wrapped_deg(moved["longitude_deg"])
         return samples.with_columns(**moved).select(within)
 
     return change

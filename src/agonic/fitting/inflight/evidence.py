@@ -15,17 +15,20 @@ from agonic.kernels.coverage import nearest_axis
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
-    from agonic.fitting.inflight.from_samples import Task
+    from agonic.fitting.inflight.task import Task
 
 Array = NDArray[np.float64]
 
 SUSPICIOUS = 0.003
 """Scatter over the field's magnitude from which the usual mistakes are tried."""
+MOSTLY = 0.8
+"""Share of the residual that lasts from which the same is done, however small it is."""
 LARGE = 0.015
 """Scatter over the field's magnitude from which the reference itself is doubted."""
 UNDETERMINED = 0.02
 """Standard error of a bias over the magnitude from which it is called undetermined."""
 STRAYS_DOUBTFUL = 0.1
+ATTITUDE_DOUBTFUL_DEG = 5.0
 
 
 def examined(fit: InflightFit, task: Task, samples: Samples) -> InflightFit:
@@ -35,6 +38,7 @@ def examined(fit: InflightFit, task: Task, samples: Samples) -> InflightFit:
         *_reference(fit, task, samples),
         *_undetermined(fit, task.magnitude),
         *_strays(fit),
+        *_attitude(fit),
     ]
     order = ("refuse", "check", "note")
     fit = replace(fit, findings=tuple(sorted(found, key=lambda f: order.index(f.severity))))
@@ -46,7 +50,8 @@ def _reference(fit: InflightFit, task: Task, samples: Samples) -> list[Finding]:
     impossible = impossible_track(samples)
     if impossible is not None:
         return [Finding("track", "refuse", *impossible)]
-    if fit.noise < SUSPICIOUS * task.magnitude:
+    mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
+    if fit.noise < SUSPICIOUS * task.magnitude and not mostly_lasting:
         return []
     cause = likely_cause(fit, task, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"
@@ -94,6 +99,23 @@ def _strays(fit: InflightFit) -> list[Finding]:
     ]
 
 
+def _attitude(fit: InflightFit) -> list[Finding]:
+    """An attitude that the field contradicts."""
+    if fit.direction_error_deg is None:
+        return []
+    middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
+    if middle < ATTITUDE_DOUBTFUL_DEG:
+        return []
+    return [
+        Finding(
+            "attitude in flight",
+            "check" if middle < 4 * ATTITUDE_DOUBTFUL_DEG else "refuse",
+            f"the field misses its direction by {figure(middle)}° (median)",
+            "check the attitude: its order of turns, its sign, its time; fit the magnitude alone",
+        )
+    ]
+
+
 def _remarks(fit: InflightFit, task: Task) -> tuple[str, ...]:
     """How good the result is, in words."""
     sd = fit.sd
@@ -107,8 +129,20 @@ def _remarks(fit: InflightFit, task: Task) -> tuple[str, ...]:
         said.append(
             f"it drifted by {figure(float(np.linalg.norm(ends[1] - ends[0])))} nT over the record"
         )
-    said.append(
-        f"residuals of {figure(fit.noise)} nT last {figure(max(fit.correlation_s, 0.01))} s, so "
-        f"{figure(fit.correlation)} readings count as one"
-    )
+    if fit.direction_error_deg is not None:
+        middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
+        said.append(f"the field misses its direction by {figure(middle)}° (median)")
+    said.append(f"residuals are {figure(fit.noise)} nT{_lasts(fit)}")
     return tuple(said)
+
+
+def _lasts(fit: InflightFit) -> str:
+    """What of the residuals lasts, and what that costs."""
+    if fit.correlation < 1.05:
+        return ""
+    of = (
+        f", {figure(fit.lasting_nT)} of them lasting {figure(fit.lasting_s)} s,"
+        if fit.lasting_s
+        else ""
+    )
+    return f"{of} and {figure(fit.correlation)} readings count as one"

@@ -3,96 +3,154 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Validity
-from agonic.calibration.chain import Chain
-from agonic.fitting.inflight.drift import Drift, knots_between, spline
+from agonic.calibration.alignment import Alignment
+from agonic.fit import Channel
+from agonic.fitting.inflight import composed
+from agonic.fitting.inflight.drift import Drift
+from agonic.fitting.inflight.pointing import eclipse
 from agonic.fitting.inflight.record import InflightFit
-from agonic.kernels import taught
-from agonic.kernels.affine import join, model_basis, split
+from agonic.fitting.inflight.solved import Estimate, Found, residuals_of, turn_of
+from agonic.fitting.inflight.task import Task
+from agonic.kernels import flight
+from agonic.kernels.affine import FREE, model_basis, split
+from agonic.kernels.polar import turned
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
-
-if TYPE_CHECKING:
-    from agonic.fitting.inflight.from_samples import Task
 
 Array = NDArray[np.float64]
 
 METHOD = ("huber-1981",)
 
 
-def fit(
-    task: Task, estimate: taught.Estimate, intervals: int,
-    samples: Samples, held_out: dict[int, float],
-) -> InflightFit:  # fmt: skip
-    """The fit in nT, before it is examined."""
-    noise = estimate.noise["magnitude"]
-    moved = _drift(task, estimate, intervals)
-    change = _change(task, estimate, moved, samples)
+def fit(result: Found, samples: Samples) -> InflightFit:
+    """The fit in nT, before it is examined; `samples` are those before the ground calibration."""
+    task, estimate = result.task, result.estimate
+    moved = _drift(estimate, task.magnitude)
+    change = _change(task, estimate, samples)
+    parts = composed.Parts.of(task, estimate, change)
+    turn = turn_of(estimate)
+    rows = task.rows(estimate.terms)
+    field = flight.corrected(rows, estimate.solution.params, estimate.layout) * task.magnitude
     weights = np.zeros(len(samples))
     weights[task.believed] = estimate.weight
-    bias, _ = moved.at(task.time)
-    field = (task.field - bias) @ change.matrix.T
-    gain = float(np.trace(change.matrix)) / 3
-    step = float(np.median(np.diff(task.time)))
+    channels = _channels(task, estimate)
+    magnitude = channels["magnitude"]
+    lasts = _lasting(estimate, magnitude.noise)
     return InflightFit(
-        calibration=_calibration(task, change, samples),
+        calibration=parts.calibration(samples),
         change=change,
+        after=parts.after(samples),
+        before=parts.before(),
+        ground=task.ground,
         drift=moved,
         n=int(task.believed.sum()),
-        field=field,
+        time=task.time,
+        epoch=samples.epoch,
+        latitude_deg=samples.latitude_deg,
+        temperature=samples.temperature,
+        eclipse=eclipse(samples),
+        field=field @ turn,
         residuals=np.linalg.norm(field, axis=1) - task.wanted * task.magnitude,
         weights=weights,
-        noise=noise.sd * task.magnitude * gain,
-        correlation=noise.correlation,
-        correlation_s=noise.correlation * step,
+        channels=channels,
+        alignment=None if task.toward is None else _alignment(task, estimate, change),
+        direction_error_deg=_direction_error_deg(task, field),
+        source_names=estimate.terms.sources,
+        sources=parts.sources,
+        sources_sd=parts.sources_sd,
+        noise=magnitude.noise,
+        correlation=magnitude.correlation,
+        correlation_s=magnitude.correlation * float(np.median(np.diff(task.time))),
+        lasting_nT=lasts[0],
+        lasting_s=lasts[1],
         condition=estimate.solution.condition,
         iterations=estimate.solution.iterations,
         converged=estimate.solution.converged,
-        solve=task.solve,
-        held_out=held_out,
+        solve=task.settings.solve,
+        held_out=result.held_out,
     )
 
 
-def _drift(task: Task, estimate: taught.Estimate, intervals: int) -> Drift:
+def _channels(task: Task, estimate: Estimate) -> dict[str, Channel]:
+    """Residuals and noise by kind in the calibrated field, nT."""
+    layout = estimate.layout
+    _, matrix = split(
+        model_basis("full", layout.gauge) @ estimate.solution.params[: layout.constants]
+    )
+    size = task.magnitude * float(np.trace(matrix)) / 3
+    channels = {}
+    for kind, noise in estimate.noise.items():
+        # across the field residuals are over √(1 + κ²F²), F about one
+        wide = size if kind == "magnitude" else size * np.sqrt(1 + estimate.sds[kind] ** 2)
+        channels[kind] = Channel(
+            residuals=residuals_of(task, estimate, kind) * wide,
+            noise=noise.sd * float(wide),
+            correlation=noise.correlation,
+        )
+    return channels
+
+
+def _lasting(estimate: Estimate, noise: float) -> tuple[float, float]:
+    """Standard deviation of what lasts in the magnitude, nT, and how long it does, s."""
+    errors = estimate.errors.get("magnitude", ())
+    variance = sum(error.variance for error in errors)
+    if not variance:
+        return 0.0, 0.0
+    size = noise / estimate.noise["magnitude"].sd
+    time = sum(error.variance * error.time_s for error in errors) / variance
+    return min(float(np.sqrt(variance)) * size, noise), float(time)
+
+
+def _direction_error_deg(task: Task, field: Array) -> Array | None:
+    """Angles between field and reference, both in the axes of the turned sensor."""
+    if task.toward is None:
+        return None
+    aim = task.toward.aim @ task.turn
+    across = np.linalg.norm(np.cross(field, aim), axis=1)
+    return np.asarray(np.degrees(np.arctan2(across, (field * aim).sum(axis=1))))
+
+
+def _drift(estimate: Estimate, magnitude: float) -> Drift:
     """The bias in time, nT."""
-    knots = knots_between(task.time[0], task.time[-1], intervals)
-    params, covariance = estimate.solution.params, estimate.solution.covariance
-    own = np.r_[0:3, 9 : len(params)]
+    terms, params = estimate.terms, estimate.solution.params
+    c, k, s = estimate.layout.constants, estimate.layout.bias_terms, terms.splines
+    own = np.r_[0:3, [c + axis * k + j for axis in range(3) for j in range(s)]].astype(np.intp)
     return Drift(
-        knots=knots,
-        middle=spline(task.time, knots).mean(axis=0),
-        constant=params[:3] * task.magnitude,
-        coefficients=params[9:].reshape(3, -1) * task.magnitude,
-        covariance=covariance[np.ix_(own, own)] * task.magnitude**2,
-        start=float(task.time[0]),
-        stop=float(task.time[-1]),
+        knots=terms.knots,
+        middle=terms.middle,
+        constant=params[:3] * magnitude,
+        coefficients=estimate.layout.biases(params)[:, :s] * magnitude,
+        covariance=estimate.solution.covariance[np.ix_(own, own)] * magnitude**2,
+        start=terms.start,
+        stop=terms.stop,
     )
 
 
-def _change(task: Task, estimate: taught.Estimate, moved: Drift, samples: Samples) -> Affine:
-    """field = matrix @ (ground field − bias at the end of the record), with covariance."""
-    params, covariance = estimate.solution.params, estimate.solution.covariance
-    last = spline(np.array([moved.stop]), moved.knots)[0] - moved.middle
-    onto = np.zeros((9, len(params)))
-    onto[:9, :9] = np.eye(9)
-    onto[:3, 9:] = np.kron(np.eye(3), last)
-    size = np.r_[np.full(3, task.magnitude), np.ones(6)]
-    _, matrix = split(model_basis("full") @ params[:9])
+def _change(task: Task, estimate: Estimate, samples: Samples) -> Affine:
+    """field = matrix @ (ground field − bias) at the end of the record and at the middle
+    temperature, with covariance; what is turned in it is left to the alignment."""
+    layout, params = estimate.layout, estimate.solution.params
+    at_end = composed.at_end(estimate)
+    size = composed.sizes(layout, task.magnitude)
+    covariance = at_end @ estimate.solution.covariance @ at_end.T * np.outer(size, size)
+    bias, matrix = split(model_basis("full", layout.gauge) @ (at_end @ params))
+    if layout.gauge == FREE:
+        _, rest = turned(matrix, covariance, FREE)
+        matrix, covariance = rest.rotation.T @ matrix, rest.covariance[:9, :9]
     ground = task.ground
-    unit = samples.unit if ground is None else ground.unit_out
     frame = samples.frame if ground is None else ground.frame_out
     return Affine(
-        bias=moved.at(np.array([moved.stop]))[0][0],
-        matrix=matrix,
-        covariance=onto @ covariance @ onto.T * np.outer(size, size),
-        unit_in=unit,
+        bias=bias * task.magnitude,
+        matrix=(matrix + matrix.T) / 2,
+        covariance=covariance,
+        unit_in=samples.unit if ground is None else ground.unit_out,
         unit_out="nT",
         magnitude=task.magnitude,
         noise=estimate.noise["magnitude"].sd * task.magnitude,
@@ -100,75 +158,45 @@ def _change(task: Task, estimate: taught.Estimate, moved: Drift, samples: Sample
         device_id=samples.device_id,
         frame_in=frame,
         frame_out=frame,
-        validity=_validity(samples),
+        validity=composed.validity(samples),
         provenance=Provenance(
             inputs=(samples.source or Input.of_array(samples.name, samples.field),),
-            settings=_settings(task, moved),
+            settings=_settings(task, estimate),
             method=METHOD,
         ),
     )
 
 
-def _calibration(task: Task, change: Affine, samples: Samples) -> Affine | Chain:
-    """Ground and change in one: multiplied out where the ground is affine, else a chain."""
-    ground = task.ground
-    if ground is None:
-        return change
-    if type(ground) is not Affine:
-        steps = (*ground.steps, change) if isinstance(ground, Chain) else (ground, change)
-        return Chain(steps=steps, provenance=change.provenance)  # type: ignore[arg-type]
-    matrix = change.matrix @ ground.matrix
-    bias = ground.bias + np.linalg.solve(ground.matrix, change.bias)
-    return replace(
-        change,
-        bias=bias,
-        matrix=matrix,
-        gauge="free",
-        covariance=_composed(ground, change),
-        unit_in=ground.unit_in,
-        frame_in=ground.frame_in,
-        validity=_validity(samples),
+def _alignment(task: Task, estimate: Estimate, change: Affine) -> Alignment:
+    """From sensor axes to those of the attitude."""
+    layout = estimate.layout
+    at_end = composed.at_end(estimate)
+    _, matrix = split(model_basis("full", FREE) @ (at_end @ estimate.solution.params))
+    _, rest = turned(matrix, at_end @ estimate.solution.covariance @ at_end.T, layout.gauge)
+    return Alignment(
+        rotation=Rotation.from_matrix(task.turn @ rest.rotation),
+        covariance=task.turn @ rest.covariance[9:, 9:] @ task.turn.T,
+        frame_in=change.frame_out,
+        sensor=change.sensor,
+        provenance=change.provenance,
     )
 
 
-def _composed(ground: Affine, change: Affine) -> Array:
-    """Covariance (12, 12) of bias and matrix of the two in one.
-
-        matrix = M W,   bias = b + W⁻¹ c
-
-    The flight knows bias and gains of the present; the ground's own errors of them are inside the
-    change already, so that only the change is uncertain.
-    """
-    w, inverse = ground.matrix, np.linalg.inv(ground.matrix)
-    local = np.zeros((12, 12))
-    local[:3, :3] = inverse
-    for i in range(3):
-        for j in range(3):
-            step = np.zeros((3, 3))
-            step[i, j] = 1.0
-            local[:, 3 + 3 * i + j] = join(np.zeros(3), step @ w)
-    assert change.covariance is not None
-    onto = np.linalg.pinv(model_basis("full", "free")) @ local @ model_basis("full")
-    return np.asarray(onto @ change.covariance @ onto.T)
-
-
-def _validity(samples: Samples) -> Validity:
-    warm = samples.temperature
-    return Validity(
-        largest_reading=float(np.abs(samples.field).max()),
-        temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
-    )
-
-
-def _settings(task: Task, moved: Drift) -> Mapping[str, Any]:
+def _settings(task: Task, estimate: Estimate) -> Mapping[str, Any]:
     """What was chosen, for the provenance."""
+    asked, terms = task.settings, estimate.terms
+    intervals = max(terms.splines - 2, 0)
     return {
         "fit": "inflight",
-        "solve": task.solve,
-        "drift_intervals": moved.intervals,
-        "gain_sd": task.gain_sd,
-        "soft_iron_sd": task.soft_iron_sd,
-        "robust": task.robust,
+        "solve": asked.solve,
+        "drift_intervals": intervals,
+        "temperature_degree": terms.degree,
+        "matrix_rate": terms.rate,
+        "sources": list(terms.sources),
+        "attitude": asked.attitude,
+        "gain_sd": asked.gain_sd,
+        "soft_iron_sd": asked.soft_iron_sd,
+        "robust": asked.robust,
         "ground": None if task.ground is None else task.ground.kind,
         "excluded": int((~task.believed).sum()),
     }

@@ -1,0 +1,237 @@
+"""A calibration that changes slowly, taught by magnitude and direction of a known field.
+
+    field = M(τ) (u − c(τ)),   c(τ) = c₀ + Σ_k c_k τ_k,   M(τ) = M₀ + Σ_k M_k τ_k
+
+with terms τ that are known of each reading: splines in time, powers of temperature, currents. The
+bias has terms of its own and the matrix others. Parameters in order: c₀ (3), the entries of M₀ (6
+symmetric, or 9 in the gauge free), c_k axis by axis, and xx yy zz xy xz yz of M_k, entry by entry.
+
+Three kinds of residual, each a distance in the space of the readings: "magnitude"; "azimuth", along
+the horizontal direction across the field; and "dip", along the third. The last two are linear in
+the field, so nothing happens to them at the magnetic poles.
+
+Fields are over their mean magnitude and terms are scaled to about one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import leastsq
+from agonic.kernels.affine import (
+    FREE,
+    SYMMETRIC,
+    magnitude_residual,
+    model_basis,
+    split,
+    with_covariates,
+)  # fmt: skip
+
+Array = NDArray[np.float64]
+
+KINDS = ("magnitude", "azimuth", "dip")
+_ROWS = 4096  # a block whose temporaries stay in the cache
+_SIX = model_basis("full", SYMMETRIC)[3:, 3:]
+
+
+class Rows(NamedTuple):
+    """Readings and what is known of each.
+
+    `points` (n, 3); `wanted` (n,) magnitudes; `aim` and `side` (n, 3) unit vectors in the axes of
+    the corrected field: the direction of the field and the horizontal one across it, or None;
+    `bias_terms` (n, k) and `matrix_terms` (n, l); `time` (n,) s; `outside` (n, 3) the direction of
+    the field in the axes in which errors of the model last, Earth-fixed ones, or None.
+    """
+
+    points: Array
+    wanted: Array
+    aim: Array | None
+    side: Array | None
+    bias_terms: Array
+    matrix_terms: Array
+    time: Array
+    outside: Array | None
+
+    def select(self, rows: NDArray[np.bool_] | slice) -> Rows:
+        """Some of them."""
+        return Rows(*(None if part is None else part[rows] for part in self))  # type: ignore[arg-type]
+
+
+Source = Callable[[], Iterable[Rows]]
+"""Gives all readings, piece by piece, each time it is called."""
+Watch = Callable[[Rows, Array, Array], None]
+"""Is shown a block of readings with their residuals and Jacobian."""
+
+
+class Layout(NamedTuple):
+    """How parameters are laid out: the gauge of M₀, and how many terms bias and matrix have."""
+
+    gauge: str
+    bias_terms: int
+    matrix_terms: int
+
+    @property
+    def constants(self) -> int:
+        """Parameters of c₀ and M₀."""
+        return 12 if self.gauge == FREE else 9
+
+    @property
+    def parameters(self) -> int:
+        """All of them.
+
+        >>> Layout("free", 2, 1).parameters
+        24
+        """
+        return self.constants + 3 * self.bias_terms + 6 * self.matrix_terms
+
+    @property
+    def start(self) -> Array:
+        """No bias and the identity."""
+        params = np.zeros(self.parameters)
+        params[3:6] = 1.0
+        return params
+
+    def biases(self, params: Array) -> Array:
+        """c_k as columns, (3, k)."""
+        end = self.constants + 3 * self.bias_terms
+        return params[self.constants : end].reshape(3, self.bias_terms)
+
+    def matrices(self, params: Array) -> Array:
+        """M_k, (l, 3, 3)."""
+        six = params[self.constants + 3 * self.bias_terms :].reshape(6, self.matrix_terms)
+        return np.asarray((_SIX @ six).T.reshape(-1, 3, 3))
+
+
+def corrected(rows: Rows, params: Array, layout: Layout) -> Array:
+    """The field (n, 3) of readings.
+
+    >>> alone = Rows(np.ones((1, 3)), np.ones(1), None, None, np.ones((1, 1)), np.zeros((1, 0)),
+    ...              np.zeros(1), None)
+    >>> layout = Layout("symmetric", 1, 0)
+    >>> corrected(alone, layout.start + 0.5 * (np.arange(12) == 9), layout).tolist()
+    [[0.5, 1.0, 1.0]]
+    """
+    bias, matrix = split(model_basis("full", layout.gauge) @ params[: layout.constants])
+    d = rows.points - rows.bias_terms @ layout.biases(params).T - bias
+    if not layout.matrix_terms:
+        return np.asarray(d @ matrix.T)
+    return np.asarray(np.einsum("nij,nj->ni", _matrices(rows, params, layout, matrix), d))
+
+
+def pieces(
+    source: Source, kind: str, layout: Layout, sd: float = 0.0, watch: Watch | None = None
+) -> leastsq.Pieces:
+    """The residuals of one kind, block by block, for the solver; `watch` sees each block."""
+
+    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
+        for rows in source():
+            for start in range(0, len(rows.points), _ROWS):
+                block = rows.select(slice(start, start + _ROWS))
+                r, jacobian = residual(block, kind, params, layout, sd)
+                if watch is not None:
+                    watch(block, r, jacobian)
+                yield r, jacobian
+
+    return blocks
+
+
+def residual(
+    rows: Rows, kind: str, params: Array, layout: Layout, sd: float = 0.0
+) -> tuple[Array, Array]:
+    """Residuals (n,) of one kind and their Jacobian (n, m).
+
+    Parameters: `sd`, for the magnitude the noise of the readings (see `magnitude_residual`); for
+    the others κ, errors of the attitude, rad, over the noise of the readings: then
+
+        r = u·e / √(|Mᵀe|² + κ²F²)
+
+    has the noise of the readings everywhere, and the noise in its own Jacobian makes no bias.
+    """
+    basis = model_basis("full", layout.gauge)
+    bias, matrix = split(basis @ params[: layout.constants])
+    raw = rows.points
+    if layout.bias_terms:
+        raw = raw - rows.bias_terms @ layout.biases(params).T
+    each = _matrices(rows, params, layout, matrix) if layout.matrix_terms else None
+    if kind != "magnitude":
+        spread = np.square(sd * rows.wanted)
+        r, by_local = _sideways(raw - bias, matrix if each is None else each,
+                                _across(rows, kind), spread)  # fmt: skip
+    elif each is None:
+        r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
+    else:
+        r, by_local = _row_by_row(raw - bias, each, rows.wanted, sd)
+    parts = [by_local @ basis]
+    if layout.bias_terms:
+        parts.append(with_covariates(by_local[:, :3], rows.bias_terms))
+    if layout.matrix_terms:
+        parts.append(with_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms))
+    return r, np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+
+
+def _across(rows: Rows, kind: str) -> Array:
+    assert rows.aim is not None
+    assert rows.side is not None
+    return rows.side if kind == "azimuth" else np.cross(rows.aim, rows.side)
+
+
+def _matrices(rows: Rows, params: Array, layout: Layout, matrix: Array) -> Array:
+    return np.asarray(matrix + np.tensordot(rows.matrix_terms, layout.matrices(params), axes=1))
+
+
+def _sideways(d: Array, matrix: Array, e: Array, spread: Array) -> tuple[Array, Array]:
+    """u·e/g with g² = |Wᵀe|² + spread, W (3, 3) or (n, 3, 3), and its Jacobian (n, 12).
+
+    With s = Wᵀe:   ∂r/∂bias = −s/g,   ∂r/∂W = e dᵀ/g − (r/g²) e sᵀ
+    """
+    s = np.squeeze(np.swapaxes(matrix, -1, -2) @ e[:, :, None], axis=2)
+    g = np.sqrt(np.einsum("ni,ni->n", s, s) + spread)
+    r = np.einsum("ni,ni->n", s, d) / g
+    jacobian = np.empty((len(d), 12))
+    jacobian[:, :3] = -s / g[:, None]
+    toward = d / g[:, None] - s * (r / g**2)[:, None]
+    jacobian[:, 3:] = (e[:, :, None] * toward[:, None, :]).reshape(len(d), 9)
+    return r, jacobian
+
+
+def _row_by_row(d: Array, matrix: Array, wanted: Array, noise_sd: float) -> tuple[Array, Array]:
+    """`magnitude_residual` where each row has a matrix (n, 3, 3) of its own."""
+    u = np.einsum("nij,nj->ni", matrix, d)
+    size = np.maximum(np.linalg.norm(u, axis=1), np.finfo(float).tiny)
+    e = u / size[:, None]
+    s = np.einsum("nji,nj->ni", matrix, e)
+    gradient = np.linalg.norm(s, axis=1)
+    normal = s / gradient[:, None]
+    turned = np.einsum("nij,nj->ni", matrix, normal)
+    along = np.einsum("ni,ni->n", turned, e)
+    r = (size - wanted) / gradient
+    a = e / gradient[:, None] - (turned - e * along[:, None]) * (r / (size * gradient))[:, None]
+    jacobian = np.empty((len(d), 12))
+    jacobian[:, :3] = -np.einsum("nji,nj->ni", matrix, a)
+    tilt = e * (r / gradient)[:, None]
+    entries = a[:, :, None] * d[:, None, :] - tilt[:, :, None] * normal[:, None, :]
+    jacobian[:, 3:] = entries.reshape(len(d), 9)
+    if noise_sd:
+        trace = np.einsum("nij,nij->n", matrix, matrix) - gradient**2
+        bend = np.einsum("ni,ni->n", turned, turned) - along**2
+        r = r - noise_sd**2 * 0.5 * (trace - 4.0 * bend) / (size * gradient)
+    return r, jacobian
+
+
+def turn_between(seen: Array, wanted: Array, weights: Array) -> Array:
+    """The rotation (3, 3) that takes directions (n, 3) best onto others: wanted ≈ R seen.
+
+    Wahba's problem by singular values (Markley 1988).
+
+    >>> quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    >>> seen = np.eye(3)
+    >>> np.allclose(turn_between(seen, seen @ quarter.T, np.ones(3)), quarter)
+    True
+    """
+    left, _, right = np.linalg.svd((wanted * weights[:, None]).T @ seen)
+    flip = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(left @ right)))])
+    return np.asarray(left @ flip @ right)
