@@ -1,0 +1,47 @@
+"""What goes into a network: the readings, and what was recorded beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration import interference
+from agonic.errors import AgonicError
+
+Array = NDArray[np.float64]
+
+WIDTH = {"field": 3, "temperature": 1, "temperature_rate": 1, **interference.WIDTH}
+"""What can be an input, and how many numbers it has a row; `field` is the reading itself."""
+
+
+def stacked(inputs: tuple[str, ...], raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
+    """The inputs (…, i) as they are, from readings (…, 3) and columns; numbers are spread.
+
+    >>> stacked(("field", "temperature"), [[1.0, 2.0, 3.0]], {"temperature": 20.0}).tolist()
+    [[1.0, 2.0, 3.0, 20.0]]
+    """
+    readings = np.asarray(raw, dtype=np.float64)
+    missing = [name for name in inputs if name != "field" and name not in columns]
+    if missing:
+        raise AgonicError(f"this network needs {', '.join(missing)} beside the readings")
+    parts = []
+    for name in inputs:
+        values = readings if name == "field" else np.asarray(columns[name], dtype=np.float64)
+        wide = values if WIDTH[name] == 3 else values[..., None]
+        parts.append(np.broadcast_to(wide, (*readings.shape[:-1], WIDTH[name])))
+    return np.concatenate(parts, axis=-1)
+
+
+def signals(inputs: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of the numbers that go in.
+
+    >>> signals(("field", "current_A"))
+    ('field_x', 'field_y', 'field_z', 'current_A')
+    """
+    return tuple(
+        signal
+        for name in inputs
+        for signal in ([f"{name}_{axis}" for axis in "xyz"] if WIDTH[name] == 3 else [name])
+    )

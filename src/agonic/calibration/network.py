@@ -1,0 +1,294 @@
+"""`Network`: a network of one hidden layer on top of an affine or thermal calibration."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity, read_only
+from agonic.calibration.inputs import WIDTH, stacked
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError, ValidityError
+from agonic.kernels import domain
+from agonic.kernels import network as kernel
+from agonic.provenance import Provenance
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Along = Literal["vector", "magnitude"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Network:
+    """The correction field = base(raw) + g(x) · middle + half · (V [tanh(U [x, 1]), 1]).
+
+    x are the inputs, scaled to −1…1 over the readings it was trained on; g is 1 there, falls to 0
+    at twice the distance that training rows have from the stored `centres`, and the correction is
+    never longer than `bound`: far away the base is all that is left. A network with one output
+    corrects along the field only. Without a base the network gives the whole field; there is then
+    nothing to fall back to, g is 1, and only the warning is left.
+
+    Parameters
+    ----------
+    base : an `Affine` (or `Interference`), a `Thermal`, or None.
+    inputs : names of what goes in: "field" (the readings), "temperature", "temperature_rate",
+        "current_A", "throttle", "second".
+    input_middle, input_half : (i,) x = (input − middle) / half.
+    output_middle, output_half : (o,) and a number, nT; o is 3, or 1 along the field.
+    hidden : (h, i+1) U: the weights of each node and, last, its constant.
+    output : (o, h+1) V, likewise.
+    covariance : (m, m) of U row by row, then V row by row; or None where it is not known.
+    centres, reach : (k, i) points among the inputs it was trained on, and the largest distance of
+        a training row from them, in x.
+    bound : nT, the longest correction; None without a base.
+    misfit : nT, standard deviation on an axis of what the base leaves (without a base: of the
+        field), which is what may be wrong outside.
+    unmodelled : nT, standard deviation on an axis of what the network itself leaves inside.
+    base_sd_ratio : standard errors of the base inside, over those it has by itself: less than 1
+        where it was fitted with the network, whose smaller residuals tell better.
+    held : inputs that are no longer taken from the samples but stay at a value (see `at`).
+
+    The others as in `Affine`.
+
+    Examples
+    --------
+    >>> flat = Affine(bias=[100.0, 0.0, 0.0], matrix=np.eye(3))
+    >>> bent = Network(
+    ...     base=flat, inputs=("field",), input_middle=np.zeros(3), input_half=np.full(3, 1e4),
+    ...     output_middle=np.zeros(3), output_half=50.0, hidden=[[1.0, 0.0, 0.0, 0.0]],
+    ...     output=[[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]], centres=[[0.0, 0.0, 0.0]], reach=1.0,
+    ...     bound=60.0,
+    ... )
+    >>> bent.correct([[10_000.0, 0.0, 0.0]]).round(3)  # 50 tanh(1) more than the base
+    array([[9938.08,    0.  ,    0.  ]])
+    """
+
+    kind: ClassVar[str] = "network"
+
+    base: Affine | Thermal | None
+    inputs: tuple[str, ...]
+    input_middle: Array
+    input_half: Array
+    output_middle: Array
+    output_half: float
+    hidden: Array
+    output: Array
+    centres: Array
+    reach: float
+    bound: float | None = None
+    misfit: float | None = None
+    unmodelled: float = 0.0
+    base_sd_ratio: float = 1.0
+    covariance: Array | None = None
+    held: Mapping[str, float] = field(default_factory=dict)
+    unit_in: str = "nT"
+    unit_out: str = "nT"
+    magnitude: float | None = None
+    noise: float | None = None
+    sensor: str = "mag"
+    device_id: int | None = None
+    frame_in: str = "m"
+    frame_out: str = "m"
+    validity: Validity = field(default_factory=Validity)
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.inputs if name not in WIDTH]
+        if unknown or not self.inputs or len(set(self.inputs)) < len(self.inputs):
+            raise AgonicError(
+                f"inputs must be some of {', '.join(WIDTH)}, each once; "
+                f"given: {', '.join(self.inputs) or 'none'}"
+            )
+        object.__setattr__(self, "inputs", tuple(self.inputs))
+        i, (h, o) = sum(WIDTH[name] for name in self.inputs), (len(self.hidden), len(self.output))
+        if o not in (1, 3) or (o == 1 and self.base is None):
+            raise AgonicError(f"{o} outputs: a network gives three, or one along a base's field")
+        shapes = {
+            "input_middle": (i,), "input_half": (i,), "output_middle": (o,),
+            "hidden": (h, i + 1), "output": (o, h + 1),
+            "centres": (len(np.asarray(self.centres)), i),
+        }  # fmt: skip
+        if self.covariance is not None:
+            m = h * (i + 1) + o * (h + 1)
+            shapes["covariance"] = (m, m)
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, read_only(name, getattr(self, name), shape))
+        if not (self.reach > 0 and self.output_half > 0 and (self.input_half > 0).all()):
+            raise AgonicError("reach and half ranges of a network must be above zero")
+        self._meet_base()
+
+    def _meet_base(self) -> None:
+        """The base starts and ends where the network does, and has a bound."""
+        if self.base is None:
+            return
+        if self.bound is None:
+            raise AgonicError("a network on a base needs a bound, nT")
+        if (self.base.frame_in, self.base.frame_out) != (self.frame_in, self.frame_out):
+            raise FrameError(
+                "a network and its base must share their axes",
+                left=self.base.frame_in + self.base.frame_out,
+                right=self.frame_in + self.frame_out,
+            )
+        if (self.base.unit_in, self.base.unit_out) != (self.unit_in, self.unit_out):
+            raise UnitError(
+                f"a network and its base must share their units: {self.base.unit_in} to "
+                f"{self.base.unit_out}, and {self.unit_in} to {self.unit_out}"
+            )
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The columns of the samples that it takes beside the readings."""
+        own = [name for name in self.inputs if name != "field" and name not in self.held]
+        return tuple(dict.fromkeys((*(() if self.base is None else self.base.needs), *own)))
+
+    @property
+    def shape(self) -> kernel.Shape:
+        """How many inputs, hidden nodes and outputs."""
+        return kernel.shape_of(self.hidden, self.output)
+
+    @property
+    def weights(self) -> Array:
+        """All weights (m,), in the order of `covariance`; what a later training starts from."""
+        return kernel.join(self.hidden, self.output)
+
+    @property
+    def target(self) -> Along:
+        """What taught it: "vector" corrects all components, "magnitude" along the field only."""
+        return "vector" if len(self.output) == 3 else "magnitude"
+
+    @property
+    def sd(self) -> Array | None:
+        """Standard deviations of the weights (m,)."""
+        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """The calibrated field of readings (…, 3) beside the columns that it needs.
+
+        Warns (`AgonicWarning`) of readings outside what it was trained on.
+        """
+        field, inside = self.evaluated(raw, columns)
+        if (inside < 0.5).any():
+            warnings.warn(self._beyond(inside < 0.5), AgonicWarning, stacklevel=2)
+        return field
+
+    def evaluated(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+        """The calibrated field (…, 3), and the share g (…) of the correction that is in it."""
+        x = self.scaled(raw, columns)
+        inside = self._inside(x)
+        added = self._bounded(self.output_middle + self.output_half * self._forward(x))
+        if self.base is None:
+            return added, inside
+        field = self._based(raw, columns)
+        if len(self.output) == 1:
+            added = added * _unit(field)
+        return np.asarray(field + inside[..., None] * added), inside
+
+    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+
+        With J = ∂correction/∂weights, P the directions that the network corrects (all, or along the
+        field), and q `base_sd_ratio`:
+
+            K C_base K + g² P (J C Jᵀ + unmodelled² I) P + (1 − g)² misfit² I,   K = I − (1 − q) g P
+
+        Outside the base is all there is, and may err by what the network corrected inside.
+        """
+        if self.covariance is None:
+            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+        rows = np.atleast_2d(np.asarray(raw, dtype=np.float64))
+        x = np.broadcast_to(self.scaled(rows, columns), (len(rows), self.shape.inputs))
+        g = self._inside(x)[:, None, None]
+        jacobian = self.output_half * kernel.jacobian(self.hidden, self.output, x)
+        own = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2)
+        own = own + self.unmodelled**2 * np.eye(len(self.output))
+        if self.base is None:
+            return np.asarray(own + _isotropic((1 - g) * (self.misfit or 0.0)))
+        along = _unit(self._based(rows, columns))[:, :, None]
+        onto = np.eye(3) if len(self.output) == 3 else along * np.swapaxes(along, 1, 2)
+        left = np.eye(3) - (1.0 - self.base_sd_ratio) * g * onto
+        below = self.base.uncertainty(rows, **self._for_base(columns))
+        taught = own if len(self.output) == 3 else onto * own
+        return np.asarray(
+            left @ below @ left + g**2 * taught + _isotropic((1 - g) * (self.misfit or 0.0))
+        )
+
+    def outside(self, raw: ArrayLike, **columns: ArrayLike) -> Mask:
+        """Which readings (…) are so far from the training that half the correction is gone."""
+        return np.asarray(self._inside(self.scaled(raw, columns)) < 0.5)
+
+    def inside(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """The share g (…) of the correction that is applied: 1 where it was trained, 0 far away."""
+        return self._inside(self.scaled(raw, columns))
+
+    def require_inside(self, raw: ArrayLike, **columns: ArrayLike) -> None:
+        """Raise `ValidityError`, with the mask of the rows, where readings are outside."""
+        beyond = self.outside(raw, **columns)
+        if beyond.any():
+            raise ValidityError(self._beyond(beyond), mask=beyond)
+
+    def at(self, temperature_C: float) -> Network:
+        """The network that this is while the temperature stays at a value, °C."""
+        values = {"temperature": float(temperature_C), "temperature_rate": 0.0}
+        held = {name: value for name, value in values.items() if name in self.inputs}
+        base = self.base.at(temperature_C) if isinstance(self.base, Thermal) else self.base
+        return replace(self, base=base, held={**self.held, **held})
+
+    def scaled(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
+        """The inputs x (…, i), from readings (…, 3) and the columns beside them."""
+        x = stacked(self.inputs, raw, {**columns, **self.held})
+        return np.asarray((x - self.input_middle) / self.input_half)
+
+    @property
+    def equation(self) -> str:
+        """The correction in words that hold for this calibration."""
+        kind = f"{self.shape.hidden} tanh nodes of {', '.join(self.inputs)}"
+        if self.base is None:
+            return f"field [{self.unit_out}] = network(x), {kind}, without a base"
+        along = "" if len(self.output) == 3 else " along the field"
+        return (
+            f"{self.base.equation}, and added to it{along} g(x) * network(x), {kind}, at most "
+            f"{self.bound:.6g} {self.unit_out}, g from 1 where it was trained to 0 outside"
+        )
+
+    def _forward(self, x: Array) -> Array:
+        return kernel.forward(self.hidden, self.output, x)
+
+    def _inside(self, x: Array) -> Array:
+        return domain.inside(domain.distances(x, self.centres), self.reach)
+
+    def _bounded(self, added: Array) -> Array:
+        if self.bound is None or self.base is None:
+            return added
+        length = np.linalg.norm(added, axis=-1, keepdims=True)
+        return np.asarray(added * np.minimum(1.0, self.bound / np.maximum(length, 1e-300)))
+
+    def _based(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
+        assert self.base is not None
+        return self.base.correct(raw, **self._for_base(columns))
+
+    def _for_base(self, columns: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+        needed = () if self.base is None else self.base.needs
+        return {name: columns[name] for name in needed if name in columns}
+
+    def _beyond(self, beyond: Mask) -> str:
+        back = "there it is a guess" if self.base is None else "there only its base corrects"
+        return (
+            f"{int(beyond.sum())} of {beyond.size} readings lie outside what the network of "
+            f"{self.sensor} was trained on; {back}"
+        )
+
+
+def _unit(field: Array) -> Array:
+    size = np.linalg.norm(field, axis=-1, keepdims=True)
+    return np.asarray(field / np.maximum(size, 1e-300))
+
+
+def _isotropic(sd: Array) -> Array:
+    """Covariances (n, 3, 3) of independent axes with standard deviations (n, 1, 1)."""
+    return np.asarray(sd**2 * np.eye(3))

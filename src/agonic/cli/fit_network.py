@@ -1,0 +1,239 @@
+"""`agonic fit network LOG`: a network on top of an affine calibration, or the table of nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.cli.options import At, Between, Date, Json, LogPath, Magnitude, Sensor, Unit
+
+if TYPE_CHECKING:
+    from agonic.fitting.network import NetworkChoice, NetworkFit
+    from agonic.reference import Reference
+    from agonic.samples import Samples
+
+
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind of fit."""
+    kinds.command("network")(network)
+
+
+def network(
+    log: LogPath,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TABLE",
+            help="The known field in the sensor's axes, as a log: a coil's, or a reference "
+            "magnetometer's; matched by time. Default: the world model (--at, --date, the track).",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
+    ] = None,
+    hidden: Annotated[int, typer.Option(help="Nodes of the hidden layer.")] = 3,
+    inputs: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="What goes in: field, temperature, temperature_rate, current_A, throttle, second.",
+        ),
+    ] = "field",
+    base: Annotated[
+        str, typer.Option(metavar="CAL", help="Calibration under it: a file, affine, or none.")
+    ] = "affine",
+    target: Annotated[
+        str | None,
+        typer.Option(help="vector, or magnitude; default: vector where the attitude is known."),
+    ] = None,
+    stopping: Annotated[
+        str, typer.Option(help="Against overfitting: bayesian, early or plain.")
+    ] = "bayesian",
+    select: Annotated[
+        bool, typer.Option("--select", help="Make the table of 7 to 2 hidden nodes, and choose.")
+    ] = False,
+    figure: Annotated[
+        Path | None,
+        typer.Option(metavar="SVG", help="Chart to write: of the training, or of the table."),
+    ] = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    robust: Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")] = True,
+    seed: Annotated[int, typer.Option(help="Of the random starts.")] = 0,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """A network where no affine calibration is enough; it is written only where it is better."""
+    from agonic.cli.fit import _sensor
+    from agonic.cli.output import print_json, say
+    from agonic.cli.progress import progress
+    from agonic.fitting.network import choose_network, fit_network
+    from agonic.io.atomic import write_atomically
+    from agonic.io.calfile import save
+    from agonic.report.network_chart import table_chart, training_chart
+
+    samples = _sensor(log, sensor, unit, between)
+    samples, known = _known(samples, reference, unit, (at, date, field))
+    settings: dict[str, Any] = {
+        "inputs": tuple(name.strip() for name in inputs.split(",") if name.strip()),
+        "base": _base(base),
+        "target": target or _target(samples, known),
+        "stopping": stopping,
+        "robust": robust,
+        "seed": seed,
+    }
+    choice = None
+    if select:
+        choice = choose_network(
+            samples, known, progress=lambda nodes: progress(nodes, "Training"), **settings
+        )
+    fit = choice.fit if choice else fit_network(samples, known, hidden=hidden, **settings)
+    files = [str(save(fit.chosen, out))] if out and fit.verdict != "refused" else []
+    if figure:
+        drawn = table_chart(choice) if choice else training_chart(fit)
+        files.append(str(write_atomically(figure, drawn.encode())))
+    if as_json:
+        values = {**record(fit, choice), "sensor": samples.name, "files": files}
+        print_json("agonic/fit-network@1", values)
+    else:
+        say(summary(fit, choice, samples.name))
+        say(f"\nWritten   {', '.join(files)}" if files else "\nNothing was written.")
+    return 0 if fit.verdict == "good" else 1
+
+
+def _known(
+    samples: Samples, table: Path | None, unit: str | None, place: tuple[Any, Any, Any]
+) -> tuple[Samples, Reference]:
+    """The rows whose field is known, and that field."""
+    from agonic.cli.place import expected
+    from agonic.errors import AgonicError
+
+    if table is not None:
+        return _matched(samples, table, unit)
+    found, _ = expected(samples, *place)
+    if found is None:
+        raise AgonicError(
+            "the field that the sensor was in is not known: give it with --reference TABLE, the "
+            "place with --at LAT,LON and --date, or its magnitude with --field"
+        )
+    return samples, found
+
+
+def _matched(samples: Samples, table: Path, unit: str | None) -> tuple[Samples, Reference]:
+    """The known field of a table at the times of the samples, or row by row without times."""
+    import numpy as np
+
+    from agonic.errors import AgonicError
+    from agonic.io.read import read
+    from agonic.reference import Reference
+
+    known = read(table, unit=unit)
+    if samples.time is not None and known.time is not None:
+        rows = (samples.time >= known.time[0]) & (samples.time <= known.time[-1])
+        if not rows.any():
+            raise AgonicError(f"{table} and the log were never recorded at the same time")
+        samples = samples.select(rows)
+        axes = [np.interp(samples.time, known.time, axis) for axis in known.field.T]  # type: ignore[arg-type]
+        values = np.stack(axes, axis=1)
+    elif len(known) == len(samples):
+        values = known.field
+    else:
+        raise AgonicError(
+            f"{table} has {len(known)} rows and the log {len(samples)}; give both times, or as "
+            "many rows"
+        )
+    frame = known.frame if known.frame in ("m", "b") else "m"
+    return samples, Reference.vector(values, frame=frame, source=table.name)
+
+
+def _base(text: str) -> Any:
+    """What --base names."""
+    from agonic.errors import AgonicError
+    from agonic.io.calfile import load
+
+    if text in ("affine", "none"):
+        return None if text == "none" else text
+    if not Path(text).exists():
+        raise AgonicError(f"--base {text!r} is neither affine, none, nor a calibration file")
+    return load(text)
+
+
+def _target(samples: Samples, reference: Reference) -> str:
+    """The vector where its components are known in the sensor's or the body's axes."""
+    attitude = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
+    turned = reference.frame == "n" and not samples.heading_estimated
+    known = reference.frame in ("m", "b") or (turned and all(a is not None for a in attitude))
+    return "vector" if reference.kind == "vector" and known else "magnitude"
+
+
+def summary(fit: NetworkFit, choice: NetworkChoice | None, name: str) -> str:
+    """The result in a few lines, with the table where one was made."""
+    import textwrap
+
+    from agonic.report.text import SIGNS
+    from agonic.report.verdict import MEANINGS
+
+    word = MEANINGS[fit.verdict][0].lower()
+    nodes = fit.calibration.shape.hidden
+    status = f"{choice.sentence}. {fit.status}" if choice else fit.status
+    status = status[:1].upper() + status[1:]
+    chosen = "network" if fit.chosen is fit.calibration else f"base ({fit.chosen.kind})"
+    return "\n".join(
+        [
+            *([table(choice), ""] if choice else []),
+            f"{SIGNS[fit.verdict]} {name}: {word} (network of {nodes} nodes taught by the "
+            f"{fit.calibration.target}, {fit.n} readings)",
+            *textwrap.wrap(status, 98, initial_indent="  ", subsequent_indent="  "),
+            f"  Chosen    the {chosen}",
+        ]
+    )
+
+
+def table(choice: NetworkChoice) -> str:
+    """The table of hidden nodes: R, largest and rms error, on all readings and on unseen ones."""
+    lines = [
+        "  nodes         R    max nT    rms nT   unseen R    max nT    rms nT",
+        *(
+            f"  {row.hidden:5d}  {row.regression:8.5f}  {row.maximum:8.2f}  {row.rms:8.2f}   "
+            f"{row.unseen_regression:8.5f}  {row.unseen_maximum:8.2f}  {row.unseen_rms:8.2f}"
+            for row in choice.table
+        ),
+    ]
+    if choice.base_rms is not None:
+        lines.append(f"   base  {'':38}{choice.base_maximum:8.2f}  {choice.base_rms:8.2f}")
+    return "\n".join(lines)
+
+
+def record(fit: NetworkFit, choice: NetworkChoice | None) -> dict[str, Any]:
+    """The fit as one flat object for programs."""
+    from dataclasses import asdict
+
+    comparison = fit.comparison
+    base = None if comparison is None or comparison.base is None else comparison.base
+    return {
+        "method": "network",
+        "verdict": fit.verdict,
+        "status": fit.status,
+        "n": fit.n,
+        "hidden": fit.calibration.shape.hidden,
+        "inputs": list(fit.calibration.inputs),
+        "target": fit.calibration.target,
+        "chosen": "network" if fit.chosen is fit.calibration else "base",
+        "calibration_kind": fit.chosen.kind,
+        "epochs": fit.iterations,
+        "mean_square": fit.mean_square,
+        "regression": fit.regression,
+        "noise_nT": fit.noise,
+        "residual_rms_nT": fit.rms,
+        "residual_max_nT": fit.maximum,
+        "unseen_rms_nT": None if comparison is None else comparison.network.rms,
+        "unseen_base_rms_nT": None if base is None else base.rms,
+        "bound_nT": fit.calibration.bound,
+        "table": [asdict(row) for row in choice.table] if choice else None,
+        "findings": [asdict(finding) for finding in fit.findings],
+    }

@@ -1,0 +1,164 @@
+"""The affine calibration under a network, where none is given: from vectors, or magnitudes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.thermal import Thermal
+from agonic.errors import CoverageError
+from agonic.kernels import leastsq, taught
+from agonic.kernels.affine import FREE, SYMMETRIC, model_basis, split
+from agonic.kernels.noise import noise_of
+
+Array = NDArray[np.float64]
+
+SOFT_IRON_SD = 0.1
+"""Prior on the matrix about one gain, which decides where the readings do not."""
+
+
+class Ends(NamedTuple):
+    """Whose readings, in which unit and axes, into which axes; the same for base and network."""
+
+    sensor: str
+    unit_in: str
+    frame_in: str
+    frame_out: str
+    device_id: int | None
+
+
+class Based(NamedTuple):
+    """A base and the standard deviation (nT) that its standard errors rest on; None if given."""
+
+    calibration: Affine | Thermal | None
+    noise: float | None = None
+
+
+def from_vectors(raw: Array, field: Array, ends: Ends, *, robust: bool) -> Based:
+    """The affine calibration from the field (n, 3) of every reading (n, 3).
+
+    raw = A field + c + noise is linear in A and c, and its noise is where it belongs:
+
+        matrix = A⁻¹,   bias = c,   with a prior on A about one gain
+    """
+    scaled = _scaled(raw, field)
+    rows = np.column_stack([scaled.field, np.ones(len(raw))])
+
+    def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
+        for axis in range(3):
+            jacobian = np.zeros((len(raw), 12))
+            jacobian[:, 4 * axis : 4 * axis + 4] = rows
+            yield rows @ params[4 * axis : 4 * axis + 4] - scaled.points[:, axis], jacobian
+
+    wanted = np.eye(3, 4).ravel()
+    sds = np.tile([*[SOFT_IRON_SD] * 3, 1e3], 3)
+
+    def prior(params: Array) -> tuple[Array, Array]:
+        return (params - wanted) / sds, np.diag(1 / sds)
+
+    solution = leastsq.solve(pieces, wanted, scale=1e-2, prior=prior)
+    for _ in range(6):
+        noise = noise_of(solution.residuals, robust, 12)
+        solution = leastsq.solve(
+            pieces, solution.params, scale=noise.sd, loss=noise.loss, prior=prior,
+            correlation=noise.correlation,
+        )  # fmt: skip
+        if noise_of(solution.residuals, robust, 12).settled(noise):
+            break
+    made = _inverted(solution, scaled, noise.sd, ends)
+    return Based(made, noise.sd * float(np.sqrt(noise.correlation)) * scaled.strength)
+
+
+class _Scaled(NamedTuple):
+    """Points and fields centred and of about one, and how to get back."""
+
+    points: Array
+    field: Array
+    centre: Array
+    size: float
+    middle: Array
+    strength: float
+
+
+def _scaled(raw: Array, field: Array) -> _Scaled:
+    centre, middle = raw.mean(axis=0), field.mean(axis=0)
+    size, strength = (
+        float(np.sqrt(np.mean((values - at) ** 2)))
+        for values, at in ((raw, centre), (field, middle))
+    )
+    if size == 0.0 or strength == 0.0:
+        what = "readings never change" if size == 0.0 else "known field never changes"
+        raise CoverageError(
+            f"the {what}, so nothing can be learned from them",
+            turns="record while the sensor turns, or drive the coil",
+        )
+    return _Scaled(
+        (raw - centre) / size, (field - middle) / strength, centre, size, middle, strength
+    )
+
+
+def _inverted(solution: leastsq.Solution, scaled: _Scaled, noise: float, ends: Ends) -> Affine:
+    """Bias and matrix from the response, with their covariance.
+
+    Unscaled: A = size/strength A', c = centre + size c' − A middle; then W = A⁻¹ and
+    dW = −W dA W, and bias = c.
+    """
+    rows = solution.params.reshape(3, 4)
+    onto = scaled.size / scaled.strength
+    response = onto * rows[:, :3]
+    bias = scaled.centre + scaled.size * rows[:, 3] - response @ scaled.middle
+    matrix = np.asarray(np.linalg.inv(response), dtype=np.float64)
+    local = np.zeros((12, 12))
+    for axis in range(3):
+        local[axis, 4 * axis : 4 * axis + 3] = -onto * scaled.middle
+        local[axis, 4 * axis + 3] = scaled.size
+        for k in range(3):
+            step = -onto * np.outer(matrix[:, axis], matrix[k])
+            local[3:, 4 * axis + k] = step.ravel()
+    reduced = np.linalg.pinv(model_basis("full", FREE)) @ local
+    return Affine(
+        bias=bias,
+        matrix=matrix,
+        covariance=reduced @ solution.covariance @ reduced.T,
+        gauge=FREE,
+        magnitude=float(np.sqrt(np.mean(scaled.middle @ scaled.middle + 3 * scaled.strength**2))),
+        noise=noise * scaled.size,
+        **ends._asdict(),
+    )
+
+
+def from_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, seed: int) -> Based:
+    """The affine calibration, symmetric, from the magnitude (n,) at every reading (n, 3)."""
+    centre = raw.mean(axis=0)
+    size, mean = float(np.sqrt(np.mean((raw - centre) ** 2) * 3)), float(magnitude.mean())
+    if size == 0.0:
+        raise CoverageError("the readings never change", turns="turn the sensor about all axes")
+    problem = taught.Problem(
+        points=(raw - centre) / size,
+        terms=np.zeros((len(raw), 0)),
+        horizontal=magnitude / mean,
+        vertical=np.zeros(1),
+        down=None,
+        across=None,
+        model="full",
+        gauge=SYMMETRIC,
+        soft_iron_sd=SOFT_IRON_SD,
+        turn_sd=None,
+    )
+    estimate = taught.estimate(problem, robust=robust, seed=seed)
+    point, matrix = split(model_basis("full") @ estimate.solution.params)
+    sizes = np.r_[np.full(3, size), np.full(6, mean / size)]
+    noise = estimate.noise["magnitude"]
+    made = Affine(
+        bias=centre + size * point,
+        matrix=matrix * mean / size,
+        covariance=estimate.solution.covariance * np.outer(sizes, sizes),
+        magnitude=mean,
+        noise=noise.sd * size,
+        **ends._asdict(),
+    )
+    return Based(made, noise.sd * float(np.sqrt(noise.correlation)) * mean)

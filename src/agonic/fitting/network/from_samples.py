@@ -1,0 +1,123 @@
+"""`fit_network`: a network on top of an affine calibration, from samples with a known field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.network import Network
+from agonic.errors import AgonicError
+from agonic.fitting.network import evidence
+from agonic.fitting.network.compared import compare
+from agonic.fitting.network.posed import Task, pose
+from agonic.fitting.network.result import NetworkFit
+from agonic.fitting.network.settings import Base, Settings, Target
+from agonic.fitting.network.training import Part, trained
+from agonic.kernels.marquardt import Stopping
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+def fit_network(
+    samples: Samples,
+    reference: Reference,
+    *,
+    hidden: int = 3,
+    inputs: tuple[str, ...] = ("field",),
+    base: Base = "affine",
+    target: Target = "vector",
+    stopping: Stopping = "bayesian",
+    compared: bool = True,
+    start: Network | None = None,
+    robust: bool = True,
+    restarts: int = 4,
+    most_epochs: int = 300,
+    seed: int = 0,
+) -> NetworkFit:
+    """A network of one hidden layer that corrects what an affine calibration leaves.
+
+        field = base(raw) + g(x) · network(x),   network(x) = V [tanh(U [x, 1]), 1]
+
+    trained by Levenberg–Marquardt backpropagation, and compared with its base on blocks of time
+    that neither has seen.
+
+    Parameters
+    ----------
+    samples : readings, and the columns that `inputs` name.
+    reference : for `target="vector"` the field at every reading in axes m or b, or in axes n with
+        roll, pitch and heading in the samples; for "magnitude" any reference.
+    hidden : nodes of the hidden layer.
+    inputs : what goes in: "field" (the readings), "temperature", "temperature_rate", "current_A",
+        "throttle", "second".
+    base : "affine" fits one from the same readings; an `Affine`, `Interference` or `Thermal` is
+        kept as it is; None leaves everything to the network, as in the paper.
+    target : "vector", or "magnitude": no attitude is needed, and only the length is corrected.
+    stopping : how overfitting is met: "bayesian" (weights held small by the evidence), "early"
+        (the error on held-out blocks), or "plain" (not at all, as in the paper).
+    compared : judge base and network on unseen blocks; it takes as long as four trainings.
+    start : a network to start from, with its base, inputs and scales (warm start).
+    robust : rows that stand out lose their weight (Tukey).
+    restarts : random starts that are tried. seed : of those.
+
+    Returns a `NetworkFit`: `calibration` is the network, `chosen` the better of the two. Raises
+    `CoverageError` where readings are too few or an input never changes, `LogError` where a column
+    is missing, `FrameError` where the axes do not meet.
+
+    Source: Wang, Sheng, He & Cheng (2020), doi:10.4236/jcc.2020.86004; Foresee & Hagan (1997).
+
+    Examples
+    --------
+    >>> from agonic.simulation.network import simulate_nonaffine
+    >>> made = simulate_nonaffine(n=2000, hysteresis=0.0, seed=1)
+    >>> fit = fit_network(made.samples, made.reference, hidden=6)
+    >>> fit.comparison.winner, fit.comparison.ratio < 0.5
+    ('network', True)
+    """
+    settings = Settings(
+        hidden=hidden, inputs=inputs, base=base, target=target, stopping=stopping, robust=robust,
+        restarts=restarts, most_epochs=most_epochs, seed=seed,
+    )  # fmt: skip
+    if start is not None:
+        settings = _as_started(settings, start)
+    task = pose(samples, reference, settings)
+    part = trained(task, np.flatnonzero(task.rows), start)
+    fit = _fit(task, part)
+    if compared:
+        fit = replace(fit, comparison=compare(task, np.flatnonzero(fit.weights > 0)))
+    return evidence.examined(fit, samples)
+
+
+def _as_started(settings: Settings, start: Network) -> Settings:
+    """The settings with what a start decides: base, inputs, hidden nodes, target."""
+    if start.held:
+        raise AgonicError("a network held at a temperature cannot be trained further")
+    return replace(
+        settings,
+        base=start.base,
+        inputs=start.inputs,
+        hidden=start.shape.hidden,
+        target=start.target,
+    )
+
+
+def _fit(task: Task, part: Part) -> NetworkFit:
+    """The fit before it is compared and examined; residuals and weights of every row."""
+    n, o = task.wanted.shape
+    residuals, weights = np.full((n, o), np.nan), np.zeros(n)
+    residuals[task.rows], weights[task.rows] = part.residuals, part.weights
+    return NetworkFit(
+        calibration=part.calibration,
+        n=int(task.rows.sum()),
+        residuals=residuals,
+        weights=weights,
+        noise=part.noise.sd,
+        correlation=part.noise.correlation,
+        epochs=part.trained.epochs,
+        effective=part.trained.effective,
+        converged=part.trained.converged,
+        regression=part.regression,
+    )

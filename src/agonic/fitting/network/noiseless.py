@@ -1,0 +1,77 @@
+"""The inputs of a training without the noise of the readings."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.inputs import WIDTH
+from agonic.calibration.thermal import Thermal
+from agonic.fitting.network.posed import Task
+from agonic.kernels.leastsq import robust_scale
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class Scale(NamedTuple):
+    """Inputs and targets as −1…1: x = (input − middle)/half, y = (target − middle)/half."""
+
+    input_middle: Array
+    input_half: Array
+    output_middle: Array
+    output_half: float
+
+
+class Noiseless(NamedTuple):
+    """The inputs as they would be without the noise of the readings.
+
+    With noise in the inputs a network learns how the field was distributed rather than what the
+    sensor does: where the field kept to a plane, say, it takes every reading back into it. The
+    known field says what the noise was: with e = field − known and W the matrix of the base,
+
+        x from raw − s W⁻¹ e,   s = 1 − sd²/noise²
+
+    s being the share of e that is the sensor's, sd the standard deviation of the reference.
+    """
+
+    task: Task
+    rows: Index
+    base: Affine | Thermal | None
+    field: Array
+    scale: Scale
+
+    @property
+    def there(self) -> bool:
+        """Whether readings go in and a base says what noise of the field is in them."""
+        return self.base is not None and "field" in self.task.settings.inputs
+
+    def x(self, error: Array) -> Array:
+        """Scaled inputs (k, i) when the field is off by `error` (k, o), nT."""
+        inputs = self.task.inputs[self.rows].copy()
+        if isinstance(self.base, Affine | Thermal) and "field" in self.task.settings.inputs:
+            if error.shape[1] == 1:
+                error = error * self.field / np.linalg.norm(self.field, axis=1, keepdims=True)
+            at = sum(WIDTH[n] for n in self.task.settings.inputs[: self._position])
+            inputs[:, at : at + 3] -= self._share(error) * self._back(error)
+        return np.asarray((inputs - self.scale.input_middle) / self.scale.input_half)
+
+    @property
+    def _position(self) -> int:
+        return self.task.settings.inputs.index("field")
+
+    def _share(self, error: Array) -> float:
+        noise = robust_scale(error.ravel())
+        return 1.0 - min((self.task.sd / max(noise, 1e-300)) ** 2, 1.0)
+
+    def _back(self, error: Array) -> Array:
+        """Errors of the field as errors of the readings, W⁻¹ e."""
+        if isinstance(self.base, Thermal):
+            matrix = self.base.matrix_at(self.task.columns["temperature"][self.rows])
+        else:
+            assert self.base is not None
+            matrix = self.base.matrix
+        return np.asarray(np.linalg.solve(matrix, error[:, :, None])[:, :, 0])

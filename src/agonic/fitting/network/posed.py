@@ -1,0 +1,176 @@
+"""From samples and reference to what a training takes: rows, inputs, what the field was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.inputs import WIDTH, stacked
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, CoverageError, FrameError, LogError
+from agonic.fitting.network import base as bases
+from agonic.fitting.network.settings import Settings
+from agonic.health import usable_rows
+from agonic.kernels.rotation import rot_nb
+from agonic.kernels.series import rates
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+FEWEST = 40
+PER_WEIGHT = 1.0
+"""At least so many readings for each weight of the network."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Task:
+    """Everything that a training needs, of all rows.
+
+    `inputs` (n, i) as they are; `columns` beside the readings; `wanted` (n, 3) in the axes of the
+    result, or (n, 1) magnitudes; `rows` (n,) those that take part.
+    """
+
+    samples: Samples
+    inputs: Array
+    columns: dict[str, Array]
+    wanted: Array
+    rows: Rows
+    ends: bases.Ends
+    source: str
+    sd: float
+    settings: Settings
+
+    def base(self, rows: NDArray[np.intp]) -> bases.Based:
+        """The base that was given, or an affine one from some of the rows."""
+        given = self.settings.base
+        if not isinstance(given, str):
+            return bases.Based(given)
+        raw, wanted = self.samples.field[rows], self.wanted[rows]
+        if self.settings.target == "vector":
+            return bases.from_vectors(raw, wanted, self.ends, robust=self.settings.robust)
+        return bases.from_magnitudes(
+            raw, wanted[:, 0], self.ends, robust=self.settings.robust, seed=self.settings.seed
+        )
+
+    def beside(self, rows: NDArray[np.intp]) -> dict[str, Array]:
+        """The columns that inputs and base take, of some of the rows."""
+        return {name: values[rows] for name, values in self.columns.items()}
+
+    def based(self, base: Affine | Thermal | None, rows: NDArray[np.intp]) -> Array:
+        """The field (n, 3) by the base, or zeros without one."""
+        if base is None:
+            return np.zeros((len(rows), 3))
+        needed = {name: self.columns[name][rows] for name in base.needs}
+        return base.correct(self.samples.field[rows], **needed)
+
+
+def pose(samples: Samples, reference: Reference, settings: Settings) -> Task:
+    """The task that samples and reference set, or a clear error."""
+    base = settings.base if not isinstance(settings.base, str) else None
+    columns = _columns(samples, settings, () if base is None else base.needs)
+    if settings.target == "vector":
+        wanted, frame_out = _vectors(samples, reference)
+    else:
+        wanted = np.array(np.broadcast_to(reference.magnitudes(len(samples)), len(samples)))[
+            :, None
+        ]
+        frame_out = samples.frame if base is None else base.frame_out
+    ends = bases.Ends(samples.name, samples.unit, samples.frame, frame_out, samples.device_id)
+    if base is not None:
+        _meet(base, ends)
+    rows = usable_rows(samples.field)
+    if samples.flagged is not None:
+        rows &= samples.flagged == 0
+    inputs = stacked(settings.inputs, samples.field, columns)
+    _enough(rows, inputs, settings)
+    return Task(
+        samples=samples, inputs=inputs, columns=columns, wanted=wanted, rows=rows, ends=ends,
+        source=reference.source, sd=reference.sd, settings=settings,
+    )  # fmt: skip
+
+
+def _columns(samples: Samples, settings: Settings, needs: tuple[str, ...]) -> dict[str, Array]:
+    """The columns that inputs and base take, or an error that names the missing ones."""
+    there = samples.columns()
+    if {"time", "temperature"} <= set(there):
+        there["temperature_rate"] = rates(there["time"], there["temperature"])
+    wanted = [*(name for name in settings.inputs if name != "field"), *needs]
+    missing = [name for name in wanted if name not in there]
+    if missing:
+        raise LogError(
+            f"{samples.name}: the samples have no {', '.join(missing)}; record it with the "
+            "magnetometer, or leave it out of inputs"
+        )
+    return {name: there[name] for name in wanted}
+
+
+def _vectors(samples: Samples, reference: Reference) -> tuple[Array, str]:
+    """The known field in axes fixed to the sensor or the body (n, 3), and their letter."""
+    n = len(samples)
+    if reference.kind != "vector":
+        raise AgonicError(
+            f'the reference is a {reference.kind} and target="vector" needs its components: give '
+            'Reference.vector, or train with target="magnitude"'
+        )
+    if len(reference.values) not in (1, n):
+        raise AgonicError(f"the reference has {len(reference.values)} rows and the samples {n}")
+    values = np.broadcast_to(reference.values, (n, 3))
+    if reference.frame in ("m", "b"):
+        return np.array(values), reference.frame
+    if reference.frame != "n":
+        raise FrameError(
+            "the known field must be in the axes of the sensor (m), of the body (b), or north-"
+            "east-down (n) with the attitude beside it",
+            left=str(reference.frame),
+            right="m",
+        )
+    angles = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
+    known = [values for values in angles if values is not None]
+    if len(known) < 3:
+        raise LogError(
+            f"{samples.name}: a field north-east-down needs roll, pitch and heading beside the "
+            'readings; give the field in sensor axes, or train with target="magnitude"'
+        )
+    return np.einsum("nji,nj->ni", rot_nb(known[0], known[1], known[2]), values), "b"
+
+
+def _meet(base: Affine | Thermal, ends: bases.Ends) -> None:
+    """The base that was given corrects these readings into these axes."""
+    if (base.unit_in, base.frame_in) != (ends.unit_in, ends.frame_in):
+        raise FrameError(
+            f"the base corrects readings in {base.unit_in}, axes {base.frame_in}; these are in "
+            f"{ends.unit_in}",
+            left=base.frame_in,
+            right=ends.frame_in,
+        )
+    if base.frame_out != ends.frame_out:
+        raise FrameError(
+            "the base and the known field must be in the same axes",
+            left=base.frame_out,
+            right=ends.frame_out,
+        )
+
+
+def _enough(rows: Rows, inputs: Array, settings: Settings) -> None:
+    outputs = 3 if settings.target == "vector" else 1
+    count = settings.hidden * (inputs.shape[1] + 1) + outputs * (settings.hidden + 1)
+    needed = max(FEWEST, int(PER_WEIGHT * count))
+    if rows.sum() < needed:
+        raise CoverageError(
+            f"{int(rows.sum())} usable readings cannot teach a network of {count} weights",
+            turns=f"record at least {needed}, or take fewer hidden nodes",
+        )
+    at = 0
+    for name in settings.inputs:
+        values = inputs[rows, at : at + WIDTH[name]]
+        at += WIDTH[name]
+        if np.ptp(values, axis=0).max() <= 1e-12 * np.abs(values).max():
+            raise CoverageError(
+                f"{name} never changes, so what it does to the readings cannot be learned",
+                turns=f"record while it changes, or leave {name} out of inputs",
+            )

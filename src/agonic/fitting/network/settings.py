@@ -1,0 +1,67 @@
+"""What there is to choose for the training of a network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.inputs import WIDTH
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, check_choice
+from agonic.kernels.marquardt import Stopping
+
+Target = Literal["vector", "magnitude"]
+Base = Affine | Thermal | Literal["affine"] | None
+
+MOST_HIDDEN = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a training; see `fit_network`."""
+
+    hidden: int = 3
+    inputs: tuple[str, ...] = ("field",)
+    base: Base = "affine"
+    target: Target = "vector"
+    stopping: Stopping = "bayesian"
+    robust: bool = True
+    restarts: int = 4
+    most_epochs: int = 300
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_choice("target", self.target, get_args(Target))
+        check_choice("stopping", self.stopping, get_args(Stopping))
+        object.__setattr__(self, "inputs", tuple(self.inputs))
+        if not 1 <= self.hidden <= MOST_HIDDEN:
+            raise AgonicError(f"hidden is {self.hidden}; a network has 1 to {MOST_HIDDEN} nodes")
+        unknown = [name for name in self.inputs if name not in WIDTH]
+        if unknown or not self.inputs or len(set(self.inputs)) < len(self.inputs):
+            given = ", ".join(self.inputs) or "none"
+            raise AgonicError(f"inputs must be some of {', '.join(WIDTH)}, once; given: {given}")
+        if not (self.base is None or isinstance(self.base, Affine | Thermal | str)):
+            raise AgonicError(
+                f"base is a {type(self.base).__name__}; give an Affine, an Interference or a "
+                'Thermal, "affine" to fit one, or None'
+            )
+        if isinstance(self.base, str):
+            check_choice("base", self.base, ("affine",))
+        if self.base is None and self.target == "magnitude":
+            raise AgonicError(
+                'target="magnitude" teaches a length and no direction, so it needs a base'
+            )
+        for name in ("restarts", "most_epochs"):
+            if getattr(self, name) < 1:
+                raise AgonicError(f"{name} is {getattr(self, name)}; it must be at least 1")
+
+    def recorded(self) -> Mapping[str, Any]:
+        """The settings for the provenance."""
+        base = self.base if isinstance(self.base, str | None) else self.base.kind
+        return {
+            "fit": "network", "hidden": self.hidden, "inputs": list(self.inputs), "base": base,
+            "target": self.target, "stopping": self.stopping, "robust": self.robust,
+            "restarts": self.restarts, "most_epochs": self.most_epochs, "seed": self.seed,
+        }  # fmt: skip

@@ -1,0 +1,257 @@
+"""The training itself: base, scales, weights, and again without what stands out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity
+from agonic.calibration.inputs import WIDTH
+from agonic.calibration.network import Network
+from agonic.calibration.thermal import Thermal
+from agonic.fitting.network.base import Based
+from agonic.fitting.network.noiseless import Noiseless, Scale
+from agonic.fitting.network.posed import Task
+from agonic.kernels import domain, marquardt, network
+from agonic.kernels.domain import shared
+from agonic.kernels.leastsq import correlation_length, robust_scale
+from agonic.kernels.noise import Noise, noise_of
+from agonic.provenance import Input, Provenance
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+CENTRES = 64
+"""Points that stand for the readings it was trained on."""
+LEAST_REACH = 0.1
+"""Readings that lie on a curve are close together; the network holds a little beside it, too."""
+ROOM = 1.25
+"""The longest correction, over the longest that training saw."""
+BLOCKS = 20
+"""Blocks of time; in early stopping every fifth is held out."""
+_GROSS = 12.0
+_LASTING = 1.5  # readings that count as one, from which on it is looked into
+_LEAST_PER_WEIGHT = 3.0  # residuals that count, so that the evidence has something to go by
+_ROUNDS = 4
+
+
+class Part(NamedTuple):
+    """A network trained on some of the rows, what it leaves there, and how it went."""
+
+    calibration: Network
+    trained: marquardt.Trained
+    noise: Noise
+    residuals: Array  # (k, o) nT, of the rows it was given
+    weights: Array  # (k,)
+    regression: float
+
+
+def trained(task: Task, rows: Index, start: Network | None = None) -> Part:
+    """The network of some of the rows; from `start` its base, scales and weights are taken."""
+    settings = task.settings
+    base, base_noise = task.base(rows) if start is None else Based(start.base)
+    field = task.based(base, rows)
+    target = task.wanted[rows] - (field if settings.target == "vector" else _length(field))
+    believed = _believed(target, settings.robust)
+    scale = _scale(task, rows[believed], target[believed]) if start is None else _scale_of(start)
+    problem = marquardt.Problem(
+        x=(task.inputs[rows] - scale.input_middle) / scale.input_half,
+        target=(target - scale.output_middle) / scale.output_half,
+        hidden=settings.hidden,
+        weight=None if believed.all() else believed.astype(np.float64),
+    )
+    noiseless = Noiseless(task, rows, base, field, scale)
+    found, noise, problem = _repeated(
+        problem, task, noiseless, None if start is None else start.weights
+    )
+    outputs = network.forward(*network.split(found.weights, problem.shape), problem.x)
+    weights = np.ones(len(rows)) if problem.weight is None else problem.weight
+    calibration = _network(task, base, scale, found, noise, problem, outputs, target, weights)
+    calibration = replace(
+        calibration,
+        unmodelled=scale.output_half * _unmodelled(problem, outputs, weights > 0, noise, found),
+        base_sd_ratio=1.0 if base_noise is None else _ratio(calibration, noise, base_noise),
+    )
+    return Part(
+        calibration=calibration,
+        trained=found,
+        noise=noise._replace(sd=noise.sd * scale.output_half),
+        residuals=(outputs - problem.target) * scale.output_half,
+        weights=weights,
+        regression=correlation(outputs[weights > 0], problem.target[weights > 0]),
+    )
+
+
+def _length(field: Array) -> Array:
+    return np.asarray(np.linalg.norm(field, axis=1, keepdims=True))
+
+
+def _believed(target: Array, robust: bool) -> NDArray[np.bool_]:
+    """Rows that are not gross: a network bends to what an affine leaves, but not to anything."""
+    size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
+    if not robust:
+        return np.ones(len(target), dtype=bool)
+    return np.asarray(size <= _GROSS * max(robust_scale(size), 1e-300))
+
+
+def _scale(task: Task, rows: Index, target: Array) -> Scale:
+    """Scales from the rows; one for the three axes of a vector, so that distances keep meaning."""
+    inputs = task.inputs[rows]
+    low, high = inputs.min(axis=0), inputs.max(axis=0)
+    half, at = (high - low) / 2, 0
+    for name in task.settings.inputs:
+        own = slice(at, at + WIDTH[name])
+        half[own] = half[own].max()
+        at += WIDTH[name]
+    least, most = target.min(axis=0), target.max(axis=0)
+    whole = float((most - least).max()) / 2
+    return Scale((low + high) / 2, half, (least + most) / 2, whole or 1.0)
+
+
+def _scale_of(start: Network) -> Scale:
+    return Scale(start.input_middle, start.input_half, start.output_middle, start.output_half)
+
+
+def blocks(n: int, count: int = BLOCKS) -> Index:
+    """The number of the block of time that each of n rows in order is in."""
+    return np.asarray(np.arange(n) * count // max(n, 1), dtype=np.intp)
+
+
+def _held(n: int) -> NDArray[np.bool_]:
+    return np.asarray(blocks(n) % 5 == 2)
+
+
+def _repeated(
+    problem: marquardt.Problem, task: Task, noiseless: Noiseless, warm: Array | None
+) -> tuple[marquardt.Trained, Noise, marquardt.Problem]:
+    """Trained until the weights of rows, and how many count as one, are what they were taken for.
+
+    Rows that stand out lose their weight, and any may have it back; inputs lose their noise.
+    Returns the problem with its inputs as they are.
+    """
+    settings, x, size = task.settings, problem.x, noiseless.scale.output_half
+    held = _held(len(x)) if settings.stopping == "early" else np.zeros(len(x), dtype=bool)
+    seen, unseen = np.flatnonzero(~held), np.flatnonzero(held)
+    error = -(noiseless.scale.output_middle + size * problem.target)
+    epochs: tuple[marquardt.Epoch, ...] = ()
+    start, ridge, twice = warm, None, noiseless.there
+    for _ in range(_ROUNDS):
+        calm = problem._replace(x=noiseless.x(error))
+        part = calm.subset(seen) if held.any() else calm
+        other = calm.subset(unseen) if held.any() else None
+        if start is None:
+            start = marquardt.starts(
+                part, seed=settings.seed, restarts=settings.restarts, held_out=other
+            )
+        found = marquardt.train(
+            part, start, stopping=settings.stopping, ridge=ridge, held_out=other,
+            most_epochs=settings.most_epochs,
+        )  # fmt: skip
+        epochs += found.epochs
+        left = network.forward(*network.split(found.weights, problem.shape), x) - problem.target
+        error = size * left
+        noise, weight = _noise(left, problem, found.weights, settings.robust)
+        before = np.ones(len(weight)) if problem.weight is None else problem.weight
+        same = np.abs(weight - before).max() < 0.1
+        if same and not twice and abs(noise.correlation / problem.correlation - 1) < 0.2:
+            break
+        twice = False
+        problem = problem._replace(
+            weight=None if (weight == 1.0).all() else weight, correlation=noise.correlation
+        )
+        start, ridge = found.weights, found.ridge if settings.stopping == "bayesian" else None
+    return found._replace(epochs=epochs), noise, problem
+
+
+def _noise(
+    left: Array, problem: marquardt.Problem, weights: Array, robust: bool
+) -> tuple[Noise, Array]:
+    """The noise of what is left (k, o), axis after axis, and the weight of each row.
+
+    What counts as one is asked of what is left times the activity of the nodes, which is what moves
+    the weights: an error that lasts for minutes says little of a sensor that turns in seconds.
+    """
+    noise = noise_of(left.T.ravel(), robust, len(weights))
+    weight = np.asarray(noise.loss.weight((left / noise.sd) ** 2).min(axis=1))
+    if noise.correlation > _LASTING:
+        hidden, _ = network.split(weights, problem.shape)
+        active = network.activity(hidden, problem.x)
+        active -= active.mean(axis=0)
+        lengths = [correlation_length(left[:, k] * column, weight)
+                   for k in range(left.shape[1]) for column in active.T]  # fmt: skip
+        most = len(left) * left.shape[1] / (_LEAST_PER_WEIGHT * len(weights))
+        noise = noise._replace(correlation=min(float(np.median(lengths)), max(most, 1.0)))
+    return noise, weight
+
+
+def _unmodelled(
+    problem: marquardt.Problem, outputs: Array, kept: NDArray[np.bool_], noise: Noise,
+    found: marquardt.Trained,
+) -> float:  # fmt: skip
+    """What the network leaves that is no noise, scaled: neighbours share it.
+
+    A fit takes off sd² (weights determined)/(residuals) of what neighbours share, even of noise.
+    """
+    left = (outputs - problem.target)[kept]
+    taken = noise.sd**2 * found.effective * noise.correlation / left.size
+    found_square, error = shared(left, problem.x[kept])
+    square = found_square + taken
+    return float(np.sqrt(square)) if square > error else 0.0
+
+
+def _ratio(made: Network, noise: Noise, base_noise: float) -> float:
+    """Standard errors of the base with the noise that the network leaves, over its own."""
+    assert made.noise is not None
+    return min(1.0, made.noise * float(np.sqrt(noise.correlation)) / max(base_noise, 1e-300))
+
+
+def correlation(outputs: Array, targets: Array) -> float:
+    """R between outputs and targets, all components together (the paper's coefficient)."""
+    a, b = outputs.ravel(), targets.ravel()
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / size if size > 0 else 0.0
+
+
+def _network(
+    task: Task, base: Affine | Thermal | None, scale: Scale, found: marquardt.Trained,
+    noise: Noise, problem: marquardt.Problem, outputs: Array, target: Array, weights: Array,
+) -> Network:  # fmt: skip
+    """The calibration, with where it holds."""
+    kept = weights > 0
+    hidden, output = network.split(found.weights, problem.shape)
+    centres, reach = domain.cover(problem.x[kept], CENTRES)
+    added = scale.output_middle + scale.output_half * outputs[kept]
+    longest = float(np.linalg.norm(added, axis=1).max())
+    samples, wanted = task.samples, task.wanted
+    misfit = target[kept] if base is not None else target[kept] - target[kept].mean(axis=0)
+    warm = samples.temperature
+    return Network(
+        base=base,
+        inputs=task.settings.inputs,
+        **scale._asdict(),
+        hidden=hidden,
+        output=output,
+        centres=centres,
+        reach=max(reach, LEAST_REACH),
+        bound=None if base is None else ROOM * longest,
+        misfit=float(np.sqrt(np.mean(misfit**2))),
+        covariance=found.covariance,
+        magnitude=float(np.sqrt(np.mean((wanted**2).sum(axis=1)))),
+        noise=noise.sd * scale.output_half,
+        validity=Validity(
+            largest_reading=float(np.abs(samples.field).max()),
+            temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
+        ),
+        provenance=Provenance(
+            inputs=(samples.source or Input.of_array(samples.name, samples.field),),
+            settings={"reference": task.source, **task.settings.recorded()},
+            method=("wang-sheng-he-cheng-2020", "foresee-hagan-1997", "nguyen-widrow-1990"),
+        ),
+        unit_out="nT",
+        **task.ends._asdict(),
+    )

@@ -1,0 +1,276 @@
+"""Levenberg–Marquardt backpropagation: the weights of a network from inputs and targets.
+
+The step of Wang et al. (2020), Eq. 14, with the weights themselves held small by λ:
+
+    Δω = −(JᵀJ + (λ + μ) I)⁻¹ (Jᵀe + λ ω)
+
+μ falls tenfold after a step that helped and rises tenfold after one that did not. λ is zero, or
+taken from the data themselves by MacKay's evidence (Foresee & Hagan 1997):
+
+    γ = Σ ℓ/(ℓ + λ),   α = γ/|ω|²,   β = (N − γ)/Σe²,   λ = α/β
+
+with ℓ the eigenvalues of JᵀJ, γ the number of weights that the data determine, and N the number of
+residuals, counted as fewer where successive ones are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from agonic.kernels import network
+from agonic.kernels.leastsq import inverse
+from agonic.kernels.network import Shape
+
+Array = NDArray[np.float64]
+Stopping = Literal["bayesian", "early", "plain"]
+
+SLOW = 0.02
+"""Training ends when steps gain less log-likelihood than this, one after the other,"""
+FLAT = 1e-4
+"""or less than this share of what is left."""
+PATIENCE = 6
+_GREATEST_MU = 1e10
+_FIRST_MU = 1e-3
+_SETTLING = 8  # epochs before the evidence is asked: far from the minimum it says nothing
+_FEW = 1000  # rows on which starts are tried
+_TRIAL = 8  # epochs of the first trial
+_ON_FEW = 200
+
+
+class Problem(NamedTuple):
+    """Scaled inputs (n, i) and targets (n, o); weights (n,) or None; rows that count as one."""
+
+    x: Array
+    target: Array
+    hidden: int
+    weight: Array | None = None
+    correlation: float = 1.0
+
+    @property
+    def shape(self) -> Shape:
+        """The shape of the network."""
+        return Shape(self.x.shape[1], self.hidden, self.target.shape[1])
+
+    def subset(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Problem:
+        """The same problem on some of the rows."""
+        weight = None if self.weight is None else self.weight[rows]
+        return self._replace(x=self.x[rows], target=self.target[rows], weight=weight)
+
+
+class Epoch(NamedTuple):
+    """One accepted step: mean square errors (scaled), of rows held out or NaN, μ, and γ."""
+
+    mean_square: float
+    held_out: float
+    mu: float
+    effective: float
+
+
+class Trained(NamedTuple):
+    """The weights, their posterior covariance, and how training went.
+
+    `precision` is β, the reciprocal variance of a scaled residual, and `ridge` λ.
+    """
+
+    weights: Array
+    covariance: Array
+    precision: float
+    ridge: float
+    effective: float
+    epochs: tuple[Epoch, ...]
+    converged: bool
+
+    @property
+    def mean_square(self) -> float:
+        """Mean square error of the scaled outputs at the end."""
+        return self.epochs[-1].mean_square if self.epochs else float("nan")
+
+    @property
+    def least_held_out(self) -> float:
+        """The least mean square error of the rows held out, infinite without them."""
+        seen = [e.held_out for e in self.epochs if not np.isnan(e.held_out)]
+        return min(seen, default=float("inf"))
+
+
+def train(
+    problem: Problem,
+    start: Array,
+    *,
+    stopping: Stopping = "bayesian",
+    held_out: Problem | None = None,
+    ridge: float | None = None,
+    most_epochs: int = 300,
+    progress: Callable[[Epoch], None] | None = None,
+) -> Trained:
+    """The weights that fit best from a start, (m,).
+
+    Parameters: `stopping` how overfitting is met: "bayesian" by λ from the evidence, "early" by the
+    error on `held_out`, "plain" not at all; `ridge` λ to begin with, as a training before left it.
+    """
+    state = _begin(problem, np.array(start, dtype=np.float64), ridge or 0.0, stopping)
+    evidence = stopping == "bayesian"
+    watched = held_out if stopping == "early" else None
+    if watched is not None:
+        state = state.watching(_mean_square(watched, state.weights))
+    epochs: list[Epoch] = []
+    slow, converged = 0, False
+    while len(epochs) < most_epochs and not converged:
+        if evidence and (ridge is not None or len(epochs) >= _SETTLING):
+            state = _reweighed(problem, state)
+        stepped = _step(problem, state)
+        if stepped is None:
+            converged = True
+            break
+        gain, state = stepped
+        unseen = float("nan") if watched is None else _mean_square(watched, state.weights)
+        state = state.watching(unseen)
+        epochs.append(Epoch(_mean(state, problem), unseen, state.mu, state.effective))
+        if progress is not None:
+            progress(epochs[-1])
+        ready = not evidence or ridge is not None or len(epochs) > _SETTLING
+        enough = max(SLOW, FLAT * _count(problem, state.sums) / 2)
+        slow = slow + 1 if gain < enough and ready else 0
+        converged = slow >= PATIENCE or state.worse >= PATIENCE
+    return _finished(problem, state, tuple(epochs), converged, watched is not None)
+
+
+def starts(problem: Problem, *, seed: int, restarts: int, held_out: Problem | None = None) -> Array:
+    """The most promising of several random starts, tried on some of the rows.
+
+    After a few epochs the better half goes on for twice as many, until one is left, which is
+    trained to its end: steps on some of the rows are cheap. One start is taken as it is drawn. With
+    `held_out` each is trained until the error there rises, and the least of those errors decides.
+    """
+    rng = np.random.default_rng(seed)
+    few = problem
+    if len(problem.x) > _FEW:
+        rows = np.sort(rng.choice(len(problem.x), _FEW, replace=False))
+        few = problem.subset(rows)
+    left, epochs = [network.random_weights(rng, problem.shape) for _ in range(restarts)], _TRIAL
+    if held_out is not None:
+        stopped = [train(problem, w, stopping="early", held_out=held_out) for w in left]
+        return min(stopped, key=lambda trained: trained.least_held_out).weights
+    while len(left) > 1:
+        tried = [train(few, start, stopping="plain", most_epochs=epochs) for start in left]
+        tried.sort(key=lambda trained: trained.mean_square)
+        left, epochs = [trained.weights for trained in tried[: len(tried) // 2]], 2 * epochs
+    if few is problem or restarts == 1:
+        return left[0]
+    return train(few, left[0], stopping="plain", most_epochs=_ON_FEW).weights
+
+
+class _State(NamedTuple):
+    """Where training stands."""
+
+    weights: Array
+    sums: network.Sums
+    ridge: float
+    mu: float
+    effective: float
+    best: Array  # with the least error held out
+    least: float
+    worse: int  # epochs since then
+
+    def watching(self, unseen: float) -> _State:
+        """With the error on rows held out taken note of."""
+        if np.isnan(unseen):
+            return self
+        if unseen < self.least:
+            return self._replace(best=self.weights, least=unseen, worse=0)
+        return self._replace(worse=self.worse + 1)
+
+
+def _begin(problem: Problem, start: Array, ridge: float, stopping: Stopping) -> _State:
+    sums = _sums(problem, start)
+    if stopping == "bayesian" and not ridge:
+        ridge = 1e-3 * sums.weight**0.5
+    return _State(start, sums, ridge, _FIRST_MU, float(len(start)), start, np.inf, 0)
+
+
+def _sums(problem: Problem, weights: Array) -> network.Sums:
+    hidden, output = network.split(weights, problem.shape)
+    return network.sums(hidden, output, problem.x, problem.target, problem.weight)
+
+
+def _square(problem: Problem, weights: Array) -> float:
+    hidden, output = network.split(weights, problem.shape)
+    return network.square_error(hidden, output, problem.x, problem.target, problem.weight)
+
+
+def _mean_square(problem: Problem, weights: Array) -> float:
+    total = len(problem.x) if problem.weight is None else float(problem.weight.sum())
+    return float(_square(problem, weights) / (max(total, 1e-300) * problem.target.shape[1]))
+
+
+def _mean(state: _State, problem: Problem) -> float:
+    return float(state.sums.square / (max(state.sums.weight, 1e-300) * problem.target.shape[1]))
+
+
+def _step(problem: Problem, state: _State) -> tuple[float, _State] | None:
+    """The next step that helps, and what log-likelihood it gains; None where none does."""
+    weights, sums, ridge = state.weights, state.sums, state.ridge
+    objective = sums.square + ridge * float(weights @ weights)
+    gradient = sums.gradient + ridge * weights
+    mu = state.mu
+    while mu < _GREATEST_MU:
+        damped = sums.information.copy()
+        damped[np.diag_indices_from(damped)] += ridge + mu
+        try:
+            step = cho_solve(cho_factor(damped), -gradient)
+        except np.linalg.LinAlgError:
+            mu *= 10.0
+            continue
+        trial = weights + step
+        now = _square(problem, trial) + ridge * float(trial @ trial)
+        if now < objective:
+            gain = 0.5 * (objective - now) * _precision(problem, sums, state.effective)
+            fresh = _sums(problem, trial)
+            return gain, state._replace(weights=trial, sums=fresh, mu=max(mu / 10.0, 1e-20))
+        mu *= 10.0
+    return None
+
+
+def _count(problem: Problem, sums: network.Sums) -> float:
+    """How many residuals there are, those that are alike counted once."""
+    return float(sums.weight * problem.target.shape[1] / problem.correlation)
+
+
+def _precision(problem: Problem, sums: network.Sums, effective: float) -> float:
+    """β/ν: the reciprocal variance of a scaled residual, over how many count as one."""
+    freedom = max(_count(problem, sums) - effective, 1.0)
+    return freedom / max(sums.square, 1e-300)
+
+
+def _reweighed(problem: Problem, state: _State) -> _State:
+    """γ, and λ by the evidence."""
+    values = np.maximum(np.linalg.eigvalsh(state.sums.information), 0.0)
+    effective = float((values / (values + state.ridge)).sum()) if state.ridge else len(values)
+    size = max(float(state.weights @ state.weights), 1e-300)
+    precision = _precision(problem, state.sums, effective)
+    ridge = max(effective, 1e-3) / size / precision
+    return state._replace(ridge=float(ridge), effective=float(effective))
+
+
+def _finished(
+    problem: Problem, state: _State, epochs: tuple[Epoch, ...], converged: bool, early: bool
+) -> Trained:
+    if early:
+        state = state._replace(weights=state.best, sums=_sums(problem, state.best))
+    precision = _precision(problem, state.sums, min(state.effective, len(state.weights)))
+    information = state.sums.information.copy()
+    least = 1e-9 * float(np.trace(information)) / len(information)
+    information[np.diag_indices_from(information)] += max(state.ridge, least)
+    return Trained(
+        weights=state.weights,
+        covariance=inverse(information * precision),
+        precision=precision * problem.correlation,
+        ridge=state.ridge,
+        effective=state.effective,
+        epochs=epochs,
+        converged=converged,
+    )
