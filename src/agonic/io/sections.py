@@ -1,0 +1,74 @@
+"""Sections of a TOML description as structs, every mistake in them named in plain words."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+import msgspec
+from msgspec import Struct
+
+from agonic.errors import AgonicError, LogError
+
+Made = TypeVar("Made")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file, or a `LogError` that says why there are none."""
+    try:
+        return tomllib.loads(path.read_bytes().decode())
+    except OSError as error:
+        raise LogError(f"cannot be read: {error.strerror or error}", path=path) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise LogError(f"this is no TOML: {error}", path=path) from None
+
+
+def section(
+    table: Any, kind: type[Struct], where: str, mistakes: list[str], beside: Sequence[str] = ()
+) -> Any:
+    """A section as it should be, or `None` with every mistake in it noted.
+
+    `beside` are the sections that may stand in the same place, for the list of what is known.
+
+    >>> class Place(Struct):
+    ...     latitude_deg: float
+    >>> mistakes: list[str] = []
+    >>> section({"latitude": 50.0}, Place, "[site]", mistakes)
+    >>> mistakes
+    ['[site] has no key `latitude` (its keys: latitude_deg)', '[site] needs `latitude_deg`']
+    """
+    if table is None:
+        return None
+    if not isinstance(table, Mapping):
+        mistakes.append(f"{where} must be a section with keys, not {table!r}")
+        return None
+    before = len(mistakes)
+    hints = get_type_hints(kind)
+    unknown = [key for key in table if key not in hints]
+    if unknown:
+        shown = ", ".join(f"`{key}`" for key in unknown)
+        known = ", ".join([*hints, *(f"[{name}]" for name in beside)])
+        mistakes.append(f"{where} has no key {shown} (its keys: {known})")
+    for key in table.keys() & hints.keys():
+        try:
+            msgspec.convert(table[key], hints[key])
+        except msgspec.ValidationError as error:
+            text = str(error).replace("Expected", "expected").replace(" | null", "")
+            mistakes.append(f"{where} `{key}` {text}")
+    needed = [f.name for f in msgspec.structs.fields(kind) if f.required and f.name not in table]
+    if needed:
+        mistakes.append(f"{where} needs {', '.join(f'`{key}`' for key in needed)}")
+    if len(mistakes) > before:
+        return None
+    return msgspec.convert(dict(table), kind)
+
+
+def tried(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
+    """What is made, or `None` and its mistake noted."""
+    try:
+        return make()
+    except AgonicError as error:
+        mistakes.append(f"{where}: {error}")
+        return None

@@ -1,0 +1,119 @@
+"""`agonic simulate|fit|plan alignment` as a person at an observatory would run them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agonic.cli import run
+from agonic.io.calfile import load
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
+    """Exit status and the one JSON object on stdout."""
+    capsys.readouterr()
+    status = run([*arguments, "--json"])
+    return status, json.loads(capsys.readouterr().out)
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """The one line that bad input gives."""
+    capsys.readouterr()
+    assert run(list(arguments)) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+def test_from_a_simulated_night_to_a_calibration(capsys) -> None:
+    status, said = answer(capsys, "simulate", "alignment", "-o", "night", "--seed", "4")
+    assert (status, said["orientations"], said["n"]) == (0, 24, 480)
+    truth = json.loads(Path("night/truth/truth.json").read_text())
+    status, fit = answer(
+        capsys, "fit", "alignment", "night", "-o", "cal.json", "--report", "night.html"
+    )
+    assert (status, fit["schema"], fit["verdict"]) == (0, "agonic/fit-alignment@1", "good")
+    assert fit["files"] == ["cal.json", "night.html"]
+    off = np.array(fit["angles_323_deg"]) - truth["angles_323_deg"]
+    assert np.abs(off * 3600 / fit["angles_323_sd_arcsec"]).max() < 4
+    assert fit["worst_sd_arcsec"] < 2.0
+    assert len(fit["orientations"]) == 24
+    assert {effect["name"] for effect in fit["error_budget"]} >= {"precession", "polar motion"}
+    calibration = load("cal.json")
+    matrix = np.array(fit["matrix_mc"])
+    np.testing.assert_allclose(calibration.rotation.as_matrix(), matrix.T, atol=1e-12)
+    assert (calibration.frame_in, calibration.frame_out) == ("m", "c")
+    page = Path("night.html").read_text()
+    assert page.count('class="dot"') == 48
+    assert "polar motion" in page
+
+
+def test_for_people(capsys) -> None:
+    assert run(["simulate", "alignment", "-o", "night"]) == 0
+    capsys.readouterr()
+    assert run(["fit", "alignment", "night/session.toml", "--solve", "bias"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("✓ magnetometer: good (alignment with a star sensor, 24 orientations)")
+    assert "α 36.68" in said
+    assert "Bias" in said
+    assert "Nothing was written." in said
+    assert max(map(len, said.splitlines())) <= 100
+
+
+def test_a_refused_session_writes_no_calibration(capsys) -> None:
+    assert run(["simulate", "alignment", "-o", "night", "--orientations", "1"]) == 0
+    status, said = answer(capsys, "fit", "alignment", "night", "-o", "cal.json")
+    assert (status, said["verdict"], said["files"]) == (1, "refused", [])
+    assert said["rank"] == 2
+    assert said["add"]
+    assert "the turn of the alignment about the field" in said["undetermined"][0]
+    assert not Path("cal.json").exists()
+
+
+def test_a_session_with_a_mistake(capsys) -> None:
+    assert run(["simulate", "alignment", "-o", "night"]) == 0
+    file = Path("night/session.toml")
+    file.write_text(file.read_text().replace("longitude_deg = 12", "longitude_deg = -12"))
+    capsys.readouterr()
+    assert run(["fit", "alignment", "night", "-o", "cal.json"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "longitude counted west would explain it" in said
+    assert not Path("cal.json").exists()
+
+
+def test_a_plan(capsys) -> None:
+    where = ("plan", "alignment", "--at", "52.07,12.68", "--date", "2026-01-01", "--wanted", "2")
+    status, said = answer(capsys, *where, "-o", "plan.html")
+    assert (status, said["schema"]) == (0, "agonic/plan-alignment@1")
+    assert said["worst_sd_arcsec"] <= 2.0
+    assert said["field_n_nT"][2] > 40_000
+    assert said["sd_arcsec"][0] is None  # one orientation determines nothing
+    assert Path("plan.html").read_text().count("<tr>") == len(said["orientations"]) + 1
+    assert run([*where, "-o", "plan.txt"]) == 0
+    assert "orientations of 20 readings each" in Path("plan.txt").read_text()
+
+
+def test_bad_input_is_one_line(capsys) -> None:
+    assert "cannot be read" in complaint(capsys, "fit", "alignment", "nowhere")
+    assert run(["simulate", "alignment", "-o", "night", "--orientations", "3", "-n", "3"]) == 0
+    assert "solve 'axes' is not known" in complaint(
+        capsys, "fit", "alignment", "night", "--solve", "axes"
+    )
+    assert "name it .html or .txt" in complaint(
+        capsys, "fit", "alignment", "night", "--report", "night.pdf"
+    )
+    assert "is not LAT,LON" in complaint(capsys, "plan", "alignment", "--at", "here")
+    assert "leave the alignment at" in complaint(
+        capsys, "plan", "alignment", "--at", "52,12", "--date", "2026-01-01", "--wanted", "0.001"
+    )
+    assert "--orientations: not an option" in complaint(
+        capsys, "simulate", "hand", "-o", "a.csv", "--orientations", "3"
+    )
