@@ -1,4 +1,4 @@
-"""Plan, record, check and calibrate: five sensors in a climatic chamber, end to end.
+"""Plan, record, check, calibrate and report: five sensors in a climatic chamber, end to end.
 
     python examples/thermal_campaign.py
 
@@ -10,12 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from agonic.calibrated_campaign import calibrate_campaign
-from agonic.campaign import plan_thermal
-from agonic.io.campaign import read_campaign
-from agonic.io.write_campaign import write_campaign
+import agonic as ag
 from agonic.report.plan_page import plan_page
-from agonic.simulation.campaign import simulate_campaign
 
 PUBLISHED = {
     "MMC5883MA-1": (5.44, 24.58, 1.11, 12.42),
@@ -25,19 +21,26 @@ PUBLISHED = {
     "MPU-9255-3": (1.84, 1.19, 1.13, 1.63),
 }  # largest of twelve standard deviations before over after: x, y, z, |B|
 
-plan = plan_thermal("2xMMC5883MA,3xMPU-9255", range_C=(-10, 50), rate_Hz=0.2)
+plan = ag.plan_thermal("2xMMC5883MA,3xMPU-9255", range_C=(-10, 50), rate_Hz=0.2)
 Path("plan.html").write_text(plan_page(plan), encoding="utf-8")
 print(f"{len(plan.stations)} stations, {plan.duration_s / 3600:.0f} h")
 
-made = simulate_campaign(plan, field_sd=50.0, seed=1)
-write_campaign(made.description, made.stations(), "recorded")
+made = ag.simulate_campaign(plan, field_sd=50.0, seed=1)
+ag.write_campaign(made.description, made.stations(), "recorded")
 
-result = calibrate_campaign(read_campaign("recorded"))
+result = ag.calibrate_campaign(ag.read_campaign("recorded"))
 for finding in result.findings:
     print(finding.severity, finding.sentence)
+page = ag.campaign_page(
+    result,
+    title="Simulated campaign",
+    beside=PUBLISHED,
+    beside_words="published, of other sensors than these simulated ones",
+)
+Path("report.html").write_text(page, encoding="utf-8")
 
 level = np.linspace(-10.0, 50.0, 61)
-print("\nspread before / after: x, y, z, |B| (simulated; published in brackets)")
+print("\nspread before / after: x, y, z, |B| (simulated; published of real sensors in brackets)")
 for sensor in result.sensors:
     calibration = sensor.fit.calibration
     error = calibration.bias_at(level) - made.truth[sensor.name].bias_at(level)
@@ -45,4 +48,11 @@ for sensor in result.sensors:
         f"{ours:5.2f} ({theirs:5.2f})"
         for ours, theirs in zip(sensor.fit.spread.improvement, PUBLISHED[sensor.name], strict=True)
     )
-    print(f"{sensor.name:12} {ratios}   bias to {np.sqrt(np.mean(error**2)):.0f} nT")
+    unseen = sensor.held_out.spread.improvement[3]
+    rms = np.sqrt(np.mean(error**2))
+    print(f"{sensor.name:12} {ratios}   |B| left out {unseen:5.2f}   bias to {rms:.0f} nT")
+
+chamber = result.chamber_field
+print(f"\nthe chamber's field changed by {chamber.common_sd:.0f} nT at a station; besides, nT:")
+for share in chamber.shares:
+    print(f"{share.name:12} noise {share.noise_sd:3.0f}   its own {share.own_sd:3.0f}")

@@ -1,11 +1,15 @@
 """A campaign from files to calibrations: against the truth, and with everything that goes wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from agonic.calibrated_campaign import calibrate_campaign
+from agonic.calibrated_campaign import CalibratedCampaign, calibrate_campaign, chamber_field
+from agonic.calibrated_campaign.chamber_field import Seen
 from agonic.campaign import Campaign, check_campaign
 from agonic.errors import AgonicError
+from agonic.fitting.thermal.gathered import gathered
 from agonic.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 
 RANGE = np.linspace(-10.0, 50.0, 61)
@@ -16,6 +20,11 @@ def made_with(faults: Faults | None = None) -> SimulatedCampaign:
     return simulate_campaign(
         "MMC5883MA,MPU-9255", rate_Hz=0.1, seed=11, field_sd=0.0, faults=faults
     )
+
+
+def calibrated(campaign: Campaign, **settings) -> CalibratedCampaign:
+    """Without the fits that are only tested, which take as long as the others."""
+    return calibrate_campaign(campaign, **{"held_out": False, **settings})
 
 
 def away(made: SimulatedCampaign, name: str, calibration) -> float:
@@ -33,7 +42,7 @@ def made() -> SimulatedCampaign:
 
 
 def test_all_sensors_of_a_campaign_come_near_the_truth(made) -> None:
-    result = calibrate_campaign(made.campaign, drift=False)
+    result = calibrated(made.campaign, drift=False)
     assert result.turns == "known"
     assert [sensor.name for sensor in result.sensors] == ["MMC5883MA", "MPU-9255"]
     for sensor in result.sensors:
@@ -46,7 +55,7 @@ def test_all_sensors_of_a_campaign_come_near_the_truth(made) -> None:
 
 
 def test_the_magnitude_alone_does_it_too(made) -> None:
-    result = calibrate_campaign(made.campaign, turns="unknown", only=["MPU-9255"], drift=False)
+    result = calibrated(made.campaign, turns="unknown", only=["MPU-9255"], drift=False)
     (sensor,) = result.sensors
     assert (result.turns, sensor.fit.taught_by) == ("unknown", "magnitude")
     assert away(made, "MPU-9255", sensor.fit.calibration) < 2.0
@@ -54,7 +63,7 @@ def test_the_magnitude_alone_does_it_too(made) -> None:
 
 def test_turns_that_the_readings_contradict_are_not_used() -> None:
     made = made_with(Faults(swapped=(4, 9)))
-    result = calibrate_campaign(made.campaign, drift=False)
+    result = calibrated(made.campaign, drift=False)
     assert result.turns == "unknown"
     assert "contradict" in result.reason
     assert result.verdict == "check"
@@ -72,7 +81,7 @@ def test_turns_that_the_readings_contradict_are_not_used() -> None:
 )
 def test_what_went_wrong_is_named_and_the_rest_is_calibrated(faults, named, sensors) -> None:
     made = made_with(faults)
-    result = calibrate_campaign(made.campaign, drift=False)
+    result = calibrated(made.campaign, drift=False)
     assert named in {finding.name for finding in result.findings}
     fitted = [sensor for sensor in result.sensors if sensor.fit is not None]
     assert len(fitted) == sensors
@@ -83,7 +92,7 @@ def test_what_went_wrong_is_named_and_the_rest_is_calibrated(faults, named, sens
 
 
 def test_a_sensor_without_usable_recordings_says_so() -> None:
-    result = calibrate_campaign(made_with(Faults(stuck="MPU-9255")).campaign)
+    result = calibrated(made_with(Faults(stuck="MPU-9255")).campaign)
     refused = result.sensors[1]
     assert refused.verdict == "refused"
     assert refused.status.startswith("None of its recordings")
@@ -93,17 +102,17 @@ def test_a_sensor_without_usable_recordings_says_so() -> None:
 def test_turns_must_be_described_to_be_used(made) -> None:
     undescribed = Campaign(recordings=made.campaign.recordings)
     with pytest.raises(AgonicError, match="not described"):
-        calibrate_campaign(undescribed, turns="known")
+        calibrated(undescribed, turns="known")
     assert check_campaign(undescribed)[0].rows == made.campaign.rows
-    result = calibrate_campaign(undescribed, magnitude=48_000.0, only=["MPU-9255"])
+    result = calibrated(undescribed, magnitude=48_000.0, only=["MPU-9255"])
     assert result.reason == "the turns of the stations are not described"
 
 
 def test_sensors_and_settings_that_are_not_there(made) -> None:
     with pytest.raises(AgonicError, match="no sensor x"):
-        calibrate_campaign(made.campaign, only=["x"])
+        calibrated(made.campaign, only=["x"])
     with pytest.raises(AgonicError, match="turns 'perhaps'"):
-        calibrate_campaign(made.campaign, turns="perhaps")
+        calibrated(made.campaign, turns="perhaps")
 
 
 def test_progress_is_told_by_sensor(made) -> None:
@@ -114,5 +123,95 @@ def test_progress_is_told_by_sensor(made) -> None:
             told.append(name)
             yield name
 
-    calibrate_campaign(made.campaign, progress=bar, turns="unknown")
+    calibrated(made.campaign, progress=bar, turns="unknown")
     assert told == ["MMC5883MA", "MPU-9255"]
+
+
+def drifting(made: SimulatedCampaign, found) -> np.ndarray:
+    """The true change of the chamber's field at the windows, less its mean at each station."""
+    true = made.field_n(found.time)
+    for number in np.unique(found.station):
+        true[found.station == number] -= true[found.station == number].mean(axis=0)
+    return true
+
+
+@pytest.fixture(scope="module")
+def restless() -> SimulatedCampaign:
+    return simulate_campaign("2xMMC5883MA,MPU-9255", rate_Hz=0.05, seed=3, field_sd=80.0)
+
+
+def test_what_all_sensors_see_alike_is_the_field_of_the_chamber(restless) -> None:
+    found = calibrated(restless.campaign).chamber_field
+    assert found.axes == ("back", "right", "down")
+    true = drifting(restless, found)
+    error = np.sqrt(np.mean((found.change - true) ** 2))
+    noise = min(share.noise_sd for share in found.shares)
+    assert error < 1.5 * noise  # of the better sensors, of which there are two
+    assert found.common_sd == pytest.approx(np.sqrt(np.mean(true**2)), rel=0.1)
+    for share in found.shares:
+        parts = found.common_sd**2 + share.noise_sd**2 + share.own_sd**2
+        assert np.sqrt(parts) == pytest.approx(share.total_sd, rel=0.1)
+        assert share.own_sd < 0.5 * found.common_sd
+
+
+def test_the_magnitude_alone_tells_the_change_along_the_field(restless) -> None:
+    found = calibrated(restless.campaign, turns="unknown").chamber_field
+    assert found.axes == ("along the field",)
+    dip = np.radians(restless.facts["inclination_deg"])
+    along = drifting(restless, found) @ [np.cos(dip), 0.0, np.sin(dip)]
+    assert np.corrcoef(along, found.change[:, 0])[0, 1] > 0.9
+
+
+def test_what_a_polynomial_gets_wrong_is_the_sensors_own_and_not_the_chambers(restless) -> None:
+    result = calibrated(restless.campaign)
+    seen = {}
+    for sensor in result.sensors:
+        sums, _ = gathered(result.campaign.samples(sensor.name), 0.5)
+        seen[sensor.name] = Seen(sensor.fit, sums.cells())
+    fit = seen["MMC5883MA-1"].fit
+    bias = fit.calibration.bias.copy()
+    bias[3, 0] += 300.0  # of x³
+    wrong = replace(fit, calibration=replace(fit.calibration, bias=bias))
+    seen["MMC5883MA-1"] = seen["MMC5883MA-1"]._replace(fit=wrong)
+    found = chamber_field(seen, result.campaign.description.rotations)
+    level = result.campaign.samples("MMC5883MA-1").temperature
+    misfit = 300.0 * np.std(((level - 20.0) / 30.0) ** 3) / np.sqrt(3)  # on one axis of three
+    assert found.shares[0].own_sd == pytest.approx(misfit, rel=0.1)
+    assert max(share.own_sd for share in found.shares[1:]) < 0.15 * misfit
+    assert found.common_sd == pytest.approx(result.chamber_field.common_sd, rel=0.1)
+
+
+def test_one_sensor_cannot_tell_itself_from_the_chamber(restless) -> None:
+    assert calibrated(restless.campaign, only=["MPU-9255"]).chamber_field is None
+
+
+def test_stations_left_out_are_corrected_nearly_as_well(made) -> None:
+    (sensor,) = calibrate_campaign(made.campaign, only=["MMC5883MA"], drift=False).sensors
+    unseen = sensor.held_out
+    assert unseen.folds == 4
+    assert unseen.spread.stations == tuple(range(1, 13))
+    assert np.allclose(unseen.spread.before, sensor.fit.spread.before)
+    assert unseen.spread.improvement[3] > 0.9 * sensor.fit.spread.improvement[3]
+    assert np.all(unseen.magnitude_rms < 2.0 * unseen.seen_rms)
+    assert unseen.magnitude_rms.mean() > unseen.seen_rms.mean()
+    assert sensor.verdict == "good"
+
+
+def test_iron_beside_one_station_shows_where_it_is_left_out(made) -> None:
+    by = dict(made.campaign.recordings["MMC5883MA"])
+    by[5] = by[5].with_columns(field=by[5].field * 1.01)
+    campaign = Campaign(recordings={"MMC5883MA": by}, description=made.campaign.description)
+    (sensor,) = calibrate_campaign(campaign, drift=False, turns="unknown").sensors
+    unseen = sensor.held_out
+    worst = int(np.argmax(unseen.magnitude_rms))
+    assert unseen.magnitude_rms[worst] > 3.0 * unseen.seen_rms[worst]
+    assert unseen.magnitude_rms.max() > 400.0  # of 480
+
+
+def test_too_few_stations_to_leave_any_out(made) -> None:
+    by = made.campaign.recordings["MPU-9255"]
+    few = {number: by[number] for number in by if number not in (3, 8)}
+    campaign = Campaign(recordings={"MPU-9255": few}, description=made.campaign.description)
+    (sensor,) = calibrate_campaign(campaign, drift=False, turns="unknown").sensors
+    assert sensor.fit is not None
+    assert sensor.held_out is None

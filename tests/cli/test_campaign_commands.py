@@ -132,7 +132,9 @@ def test_a_campaign_is_fitted(recorded, capsys) -> None:
     assert status == 0
     assert said["schema"] == "agonic/fit-thermal@1"
     assert (said["verdict"], said["turns"]) == ("good", "known")
-    assert "✓ MMC5883MA-1: good" in Path(said["files"][0]).read_text()
+    assert said["files"] == [str(Path("results/report.html"))]
+    assert Path(said["files"][0]).read_text().count("<article") == 2
+    assert 20.0 < said["chamber_field"]["sd_nT"] < 60.0
     truth = json.loads(Path("recorded/truth/truth.json").read_text())["sensors"]
     for sensor in said["sensors"]:
         at = sensor["at"]
@@ -143,6 +145,7 @@ def test_a_campaign_is_fitted(recorded, capsys) -> None:
         assert np.all(np.abs(error) < 5 * np.array(at["bias_sd_nT"]))
         assert np.abs(error).max() < 100.0
         assert len(sensor["improvement"]) == 4
+        assert sensor["held_out"]["improvement"][3] > 0.9 * sensor["improvement"][3]
         assert len(sensor["fixture_deg"]) == 12
         (file,) = sensor["files"]
         assert json.loads(Path(file).read_text())["calibration"]["kind"] == "thermal"
@@ -150,7 +153,8 @@ def test_a_campaign_is_fitted(recorded, capsys) -> None:
 
 def test_a_campaign_in_words(recorded, capsys) -> None:
     capsys.readouterr()
-    assert run(["fit", "thermal", recorded, "--stations", "unknown", "--degree", "auto"]) == 0
+    assert run(["fit", "thermal", recorded, "--stations", "unknown", "--degree", "auto",
+                "--no-held-out"]) == 0  # fmt: skip
     said = capsys.readouterr().out
     assert "2 sensors, stations 1–12, 34 560 readings" in said.replace("\u202f", " ")
     assert "✓ MMC5883MA-2: good" in said
@@ -161,7 +165,7 @@ def test_a_campaign_in_words(recorded, capsys) -> None:
 def test_a_spoilt_campaign_leaves_with_1(capsys) -> None:
     run(["simulate", "campaign", "-o", "bad", "--rate", "0.05", "--fault", "swapped=4,9",
          "--sensors", "MMC5883MA,MPU-9255", "--fault", "missing=11"])  # fmt: skip
-    status, said = answer(capsys, "fit", "thermal", "bad", "-s", "MPU-9255")
+    status, said = answer(capsys, "fit", "thermal", "bad", "-s", "MPU-9255", "--no-held-out")
     assert status == 1
     names = {finding["name"] for finding in said["findings"]}
     assert {"swapped stations", "missing stations"} <= names

@@ -46,6 +46,9 @@ def thermal(
         float | None,
         typer.Option(metavar="NT", help="Magnitude in the chamber; default: the description's."),
     ] = None,
+    held_out: Annotated[
+        bool, typer.Option(help="Try fits on stations that they have not seen; takes time.")
+    ] = True,
     as_json: Json = False,
 ) -> int:
     """Bias and matrix of every sensor over temperature, from turned stations.
@@ -64,10 +67,12 @@ def thermal(
         read = read_campaign(campaign, progress=bar)
     result = calibrate_campaign(
         read, turns=stations, magnitude=field, only=sensor or (), degree=chosen,  # type: ignore[arg-type]
-        bin_width_C=bin_width, progress=lambda names: progress(names, "Fitting"),
+        bin_width_C=bin_width, held_out=held_out,
+        progress=lambda names: progress(names, "Fitting"),
     )  # fmt: skip
     files = {} if out is None else _written(result, out)
-    reports = [] if out is None else [_reported(result, out)]
+    title = campaign.resolve().name if campaign.is_dir() else campaign.stem
+    reports = [] if out is None else [_reported(result, out, title, files)]
     if as_json:
         print_json("agonic/fit-thermal@1", {**record(result, files), "files": reports})
     else:
@@ -116,12 +121,17 @@ def _written(result: CalibratedCampaign, out: Path) -> dict[str, list[str]]:
     }
 
 
-def _reported(result: CalibratedCampaign, out: Path) -> str:
-    """The result in words, beside the calibrations."""
+def _reported(
+    result: CalibratedCampaign, out: Path, title: str, files: dict[str, list[str]]
+) -> str:
+    """The page about all sensors, beside the calibrations."""
     from agonic.io.atomic import write_atomically
-    from agonic.report.thermal_text import summary
+    from agonic.report.thermal_page import campaign_page
 
-    return str(write_atomically(out / "summary.txt", summary(result) + "\n"))
+    title = result.campaign.description.name or title
+    return str(
+        write_atomically(out / "report.html", campaign_page(result, title=title, files=files))
+    )
 
 
 def _stem(name: str) -> str:
@@ -132,6 +142,7 @@ def record(result: CalibratedCampaign, files: dict[str, list[str]]) -> dict[str,
     """The result as one object for programs, an entry for each sensor."""
     from dataclasses import asdict
 
+    chamber = result.chamber_field
     return {
         "verdict": result.verdict,
         "turns": result.turns,
@@ -139,25 +150,45 @@ def record(result: CalibratedCampaign, files: dict[str, list[str]]) -> dict[str,
         "stations": result.campaign.stations,
         "rows": result.campaign.rows,
         "findings": [asdict(finding) for finding in result.findings],
+        "chamber_field": None
+        if chamber is None
+        else {
+            "sd_nT": chamber.common_sd,
+            "axes": chamber.axes,
+            "sensors": {
+                share.name: {"noise_nT": share.noise_sd, "own_nT": share.own_sd}
+                for share in chamber.shares
+            },
+        },
         "sensors": [_sensor(sensor, files.get(sensor.name, [])) for sensor in result.sensors],
     }
 
 
 def _sensor(sensor: CalibratedSensor, files: list[str]) -> dict[str, Any]:
     """One sensor; a refused one has no numbers."""
+    from dataclasses import asdict
+
     said = {
         "sensor": sensor.name,
         "verdict": sensor.verdict,
         "status": sensor.status,
         "files": files,
     }
-    return said if sensor.fit is None else {**said, **_numbers(sensor.fit)}
+    if sensor.fit is None:
+        return said
+    unseen = sensor.held_out
+    tested = unseen and {
+        "stations": unseen.spread.stations,
+        "improvement": unseen.spread.improvement,
+        "magnitude_rms_nT": unseen.magnitude_rms,
+        "seen_rms_nT": unseen.seen_rms,
+    }
+    findings = [asdict(finding) for finding in sensor.findings]
+    return {**said, **_numbers(sensor.fit), "held_out": tested, "findings": findings}
 
 
 def _numbers(fit: ThermalFit) -> dict[str, Any]:
     """What a fit says in numbers."""
-    from dataclasses import asdict
-
     import numpy as np
 
     calibration = fit.calibration
@@ -188,5 +219,4 @@ def _numbers(fit: ThermalFit) -> dict[str, Any]:
         "drift_nT": fit.drift,
         "anomalies": {str(a.station): a.count for a in fit.anomalies},
         "equation": calibration.equation,
-        "findings": [asdict(finding) for finding in fit.findings],
     }

@@ -182,6 +182,30 @@ class Binned:
         self._keys += other._keys
         self._sums += other._sums
 
+    def part(self, stations: Iterable[int], coarser: int = 1) -> Binned:
+        """What was added of some stations, in bins `coarser` times as wide.
+
+        >>> sums = Binned(width_C=0.5)
+        >>> for number in (1, 2):
+        ...     sums.add(number, np.ones((100, 3)), np.linspace(0.0, 10.0, 100), heating=True)
+        >>> sums.part([2], coarser=4).cells().n.tolist()
+        [20.0, 20.0, 20.0, 20.0, 19.0, 1.0]
+        """
+        wanted = set(stations) & set(self.stations)
+        made = Binned(self.width_C * coarser)
+        made.stations = {
+            number: self.stations[number] for number in self.stations if number in wanted
+        }
+        made.anomalies = [left for left in self.anomalies if left.station in wanted]
+        for keys, sums in zip(self._keys, self._sums, strict=True):
+            rows = np.isin(keys[:, 0], sorted(wanted))
+            if rows.any():
+                old = keys[rows, 2]
+                moved = (old + 0.5) * self.width_C - (old // coarser + 0.5) * made.width_C
+                made._keys.append(np.column_stack([keys[rows, :2], old // coarser]))
+                made._sums.append(_moved(sums[rows], moved))
+        return made
+
     def __len__(self) -> int:
         return sum(seen.rows for seen in self.stations.values())
 
@@ -211,6 +235,16 @@ class Binned:
             shared=mean[:, 7:10] - t[:, None] * raw,
             covariance=second - raw[:, :, None] * raw[:, None, :],
         )
+
+
+def _moved(sums: Array, by: Array) -> Array:
+    """Sums (m, 17) with temperatures counted from a place that lies lower by `by` (m,)."""
+    count, first = sums[:, 0], sums[:, 1]
+    made = sums.copy()
+    made[:, 1] += count * by
+    made[:, 2] += 2 * by * first + count * by**2
+    made[:, 8:11] += by[:, None] * sums[:, 5:8]
+    return made
 
 
 def _standing(temperature: Array) -> float:

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import fixture, leastsq
+from agonic.kernels import fixture, leastsq, wander
+from agonic.kernels.averaged import averaged
 from agonic.kernels.noise import noise_of
 from agonic.kernels.positions import (
     Poses,
@@ -23,18 +24,21 @@ from agonic.kernels.positions import (
     parameters,
     posed,
     residuals,
-    steady,
+    spaces,
     stepped,
 )
 
 Array = NDArray[np.float64]
 
 _FIRST_EXCESS = 0.01**2
-_FIRST_SLOW = 0.001
+UNREST = 16.0
+"""Twice the logarithm of the likelihood by which slow changes of the field must show to be told."""
+RARE, LIKELY = 0.1, 0.5
+"""Probability that a field drifts before the readings are seen: one at rest, and one that changes."""
+_IMPLAUSIBLE = 0.015
 _ROUNDS = 25
 _FREE = 4
 _STRAY = 5.0
-_LEAST_SLOW = 1e-7
 _LEAST_TURN = 1e-7  # rad: the fixture is never believed to be better than this
 
 
@@ -44,11 +48,9 @@ class Estimate(NamedTuple):
     `residuals` are (m,) where the magnitude taught and (m, 3) where the vector did, in the
     normalised unit, and `weights` (m,) what the robust loss left of each mean; `excess` is the
     variance by which means scatter beyond their noise; `drift` (1,) or (3,) how the field changed
-    over the campaign (along itself, or in the chamber's axes), with its covariance, and `slow_sd`
-    the standard deviation of each function that the field may have followed at a station; `unrest`
-    says by how many standard deviations it shows that there are some. Only
-    where turns are known: `poses`, `fixture_sd` (rad), and `turned` (k,), the angle by which each
-    station stood off.
+    over the campaign (along itself, or in the chamber's axes), with its covariance; `slow` its
+    slow changes at each station. Only where turns are known: `poses`, `fixture_sd` (rad), and
+    `turned` (k,), the angle by which each station stood off.
     """
 
     coefficients: Array
@@ -62,8 +64,7 @@ class Estimate(NamedTuple):
     converged: bool
     drift: Array
     drift_covariance: Array
-    slow_sd: float
-    unrest: float
+    slow: wander.Wander
     poses: Poses | None = None
     fixture_sd: float = 0.0
     turned: Array | None = None
@@ -83,60 +84,64 @@ def by_turns(problem: Problem, start: Array) -> Estimate:
 
 
 def _settled(problem: Problem, start: Array, poses: Poses | None) -> Estimate:
-    """Solve, renew weights, directions, excess and beliefs, until nothing changes."""
-    width = problem.clock.shape[1] * (1 if poses is None else 3)
-    first = _FIRST_EXCESS if not problem.changing else 0.0
-    state = State(start, np.zeros(width), poses, first, problem.fixture_sd, _FIRST_SLOW)
+    """Solve, renew weights, directions, slow changes, excess and beliefs, until nothing changes."""
+    axes = 1 if poses is None else 3
+    none = np.zeros((len(problem.points), axes))
+    state = State(
+        start, np.zeros(problem.clock.shape[1] * axes), poses, _FIRST_EXCESS, problem.fixture_sd,
+        wander.Wander(), none,
+    )  # fmt: skip
     loss, correlation, iterations = leastsq.squares(), 1.0, 0
     for turn in range(_ROUNDS):
         pieces, prior = posed(problem, state)
-        params = parameters(state, len(start))
         solution = leastsq.solve(
-            pieces, params, scale=1.0, loss=loss, prior=prior, correlation=correlation,
-            tolerance=1e-3 if turn > 2 else 1e-1,
+            pieces, parameters(state, len(start)), scale=1.0, loss=loss, prior=prior,
+            correlation=correlation, tolerance=1e-3 if turn > 2 else 1e-1,
         )  # fmt: skip
         iterations += solution.iterations
         before, state = state, _renewed(problem, state, solution)
+        if problem.course is not None and turn < _FREE:  # first the slow changes take what is theirs
+            state = state._replace(excess=0.0)
+        state, taken = _calmed(problem, state, wander.KINDS if turn == 0 else (state.slow.kind,))
         left, variance = residuals(problem, state)
-        excess = _excess(left, variance, _effective(solution))
-        noise = noise_of(_whitened(left, variance + excess).T.ravel(), True, _effective(solution))
+        known = _effective(solution) + round(taken)
+        excess = _excess(left, variance, known)
+        noise = noise_of(_whitened(left, variance + excess).T.ravel(), True, known)
         same = abs(excess - before.excess) <= 1e-2 * (excess + float(np.median(variance)))
         calm = abs(np.log(noise.correlation / correlation)) < 0.05
         rested = abs(state.fixture_sd / before.fixture_sd - 1) < 0.02
-        rested &= abs(state.slow_sd / before.slow_sd - 1) < 0.05
+        rested &= abs(state.slow.sd - before.slow.sd) <= 0.05 * before.slow.sd
         loss = noise.loss
-        if not problem.changing or turn >= _FREE:  # first the slow changes take what is theirs
-            correlation = noise.correlation
-            state = state._replace(excess=excess)
-        still = same and calm and rested and solution.iterations <= 2
-        if still and turn > (1 if not problem.changing else _FREE):
+        if problem.course is None or turn >= _FREE:
+            correlation, state = noise.correlation, state._replace(excess=excess)
+        elif excess == 0.0 and noise.correlation == 1.0:
+            correlation = 1.0
+        if same and calm and rested and solution.iterations <= 2 and turn > 1:
             break
     return _estimate(problem, state, solution, loss, correlation, iterations)
 
 
-def _unrest(problem: Problem, state: State) -> float:
-    """How far the slow part of the residuals exceeds what noise makes, in standard deviations.
-
-    With Q the slow functions of all stations, orthonormal under the weights, and r = (1 − H)ε what
-    the fit leaves of white noise, qᵀq of q = Qᵀr has the mean tr V and the variance 2 tr V²,
-    V = Qᵀ(1 − H)Q. Changes of the field that no single mean shows are seen so.
-    """
-    if problem.slow is None or problem.changing:
-        return 0.0
-    pieces, prior = posed(problem, state._replace(excess=0.0))
+def _calmed(
+    problem: Problem, state: State, kinds: tuple[wander.Kind, ...]
+) -> tuple[State, float]:
+    """The state with the slow changes that its residuals call for, and the freedom they take."""
+    if problem.course is None:
+        return state, 0.0
+    pieces, prior = posed(problem, state._replace(slow=wander.Wander()))
     params = parameters(state, problem.layout.shape[1])
     z, jacobian = next(iter(pieces(params)))
-    beliefs = prior(params)[1]
-    covariance = leastsq.inverse(jacobian.T @ jacobian + beliefs.T @ beliefs)
-    noise = np.sqrt(np.einsum("mii->m", problem.covariance))
-    axis, _ = np.linalg.qr(problem.own / noise[:, None])
-    axes = len(z) // len(axis)
-    z = np.clip(z, -_STRAY, _STRAY).reshape(axes, -1)
-    q = (z @ axis).ravel()
-    by = np.einsum("ams,amp->asp", np.broadcast_to(axis, (axes, *axis.shape)),
-                   jacobian.reshape(axes, len(axis), -1)).reshape(len(q), -1)  # fmt: skip
-    v = np.eye(len(q)) - by @ covariance @ by.T
-    return float((q @ q - np.trace(v)) / np.sqrt(2 * np.sum(v * v)))
+    beliefs, by = prior(params)
+    held = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
+    step = -held @ (z @ jacobian + beliefs @ by)
+    least = z + jacobian @ step  # strays can be told where the rest fits
+    limit = _STRAY * max(leastsq.robust_scale(least), 1.0)
+    kept, of = np.clip(least, -limit, limit), spaces(problem, state)
+    slow = wander.estimated(of, kept, jacobian, (beliefs + by @ step, by), kinds)
+    if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
+        return state._replace(slow=wander.Wander(), followed=np.zeros_like(state.followed)), 0.0
+    z = z + kept - least
+    changes, taken = wander.followed(of, slow, z, len(problem.points))
+    return state._replace(slow=slow, followed=changes), taken
 
 
 def _effective(solution: leastsq.Solution) -> int:
@@ -171,25 +176,23 @@ def _whitened(left: Array, variance: Array) -> Array:
     return np.asarray(left / np.sqrt(np.broadcast_to(variance, left.shape)))
 
 
-def _renewed(problem: Problem, state: State, solution: leastsq.Solution) -> State:
-    """The state at a solution, with the belief in the fixture that its residuals call for."""
+def _moved(problem: Problem, state: State, params: Array) -> State:
+    """The state at parameters."""
     a, width = problem.layout.shape[1], len(state.drift)
-    params = solution.params
     new = state._replace(coefficients=params[:a], drift=params[a : a + width])
-    z, rows = posed(problem, state)[1](params)
-    if problem.changing:
-        first = a + steady(problem, state)
-        own = np.flatnonzero(np.any(rows[:, first : a + width] != 0, axis=1))
-        sd = _believed(solution, z, rows, slice(int(own[0]), int(own[-1]) + 1))
-        new = new._replace(slow_sd=max(state.slow_sd * sd, _LEAST_SLOW))
     if state.poses is None:
         return new
-    k, first = problem.stations, a + width
-    poses = stepped(state.poses, params[first:], k)
-    if problem.fixture_known:
-        return new._replace(poses=poses)
-    sd = _believed(solution, z, rows, slice(len(z) - 2 * k, len(z)))
-    return new._replace(poses=poses, fixture_sd=max(state.fixture_sd * sd, _LEAST_TURN))
+    return new._replace(poses=stepped(state.poses, params[a + width :], problem.stations))
+
+
+def _renewed(problem: Problem, state: State, solution: leastsq.Solution) -> State:
+    """The state at a solution, with the belief in the fixture that its residuals call for."""
+    new = _moved(problem, state, solution.params)
+    if state.poses is None or problem.fixture_known:
+        return new
+    z, rows = posed(problem, state)[1](solution.params)
+    sd = _believed(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
+    return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_TURN))
 
 
 def _believed(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> float:
@@ -219,8 +222,12 @@ def _estimate(
     problem: Problem, state: State, solution: leastsq.Solution, loss: leastsq.Loss,
     correlation: float, iterations: int,
 ) -> Estimate:  # fmt: skip
-    a = problem.layout.shape[1]
-    drift = steady(problem, state)
+    a, drift = problem.layout.shape[1], len(state.drift)
+    found, covariance = solution.params, solution.covariance
+    if drift and not problem.drifting:
+        likely = LIKELY if state.slow.gain > UNREST else RARE
+        found, covariance, _ = averaged(found, covariance, slice(a, a + drift), likely)
+        state, _ = _calmed(problem, _moved(problem, state, found), (state.slow.kind,))
     left, variance = residuals(problem, state)
     q = _whitened(left, variance + state.excess) ** 2
     turned = None
@@ -231,18 +238,17 @@ def _estimate(
         turned = 2 * np.arcsin(np.minimum(away / 2, 1.0))
     return Estimate(
         coefficients=state.coefficients,
-        covariance=solution.covariance[:a, :a],
+        covariance=covariance[:a, :a],
         residuals=left.squeeze(axis=1) if left.shape[1] == 1 else left,
         weights=np.asarray(loss.weight(q).min(axis=1)),
         excess=state.excess,
         correlation=correlation,
-        condition=leastsq.condition(solution.covariance[:a, :a]),
+        condition=leastsq.condition(covariance[:a, :a]),
         iterations=iterations,
         converged=solution.converged,
-        drift=state.drift[:drift],
+        drift=solution.params[a : a + drift],
         drift_covariance=solution.covariance[a : a + drift, a : a + drift],
-        slow_sd=state.slow_sd if problem.changing else 0.0,
-        unrest=_unrest(problem, state),
+        slow=state.slow,
         poses=state.poses,
         fixture_sd=state.fixture_sd,
         turned=turned,

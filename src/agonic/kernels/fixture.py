@@ -83,6 +83,27 @@ def exchanged(directions: Array, rot_nb: Array) -> Exchange:
     return best
 
 
+def cross(v: Array) -> Array:
+    """The matrices (…, 3, 3) that take the cross product with vectors (…, 3).
+
+    >>> (cross(np.array([1.0, 2.0, 3.0])) @ [1.0, 0.0, 0.0]).tolist()
+    [0.0, 3.0, -2.0]
+    """
+    return np.cross(np.eye(3), v[..., None, :])
+
+
+def shortest(before: Array, after: Array) -> Array:
+    """The smallest rotations (k, 3, 3) that turn unit vectors (k, 3) into others.
+
+    >>> x, y = np.eye(3)[:1], np.eye(3)[1:2]
+    >>> shortest(x, y)[0].round(9).tolist()
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    turning = cross(np.cross(before, after))
+    cosine = np.maximum(np.einsum("ki,ki->k", before, after), -1 + 1e-9)
+    return np.asarray(np.eye(3) + turning + turning @ turning / (1 + cosine)[:, None, None])
+
+
 def tangents(unit: Array) -> Array:
     """Two unit vectors square to each other and to unit vectors (…, 3), as columns (…, 3, 2).
 

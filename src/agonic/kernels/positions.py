@@ -8,13 +8,13 @@ and the direction of the field in the chamber (two). Points are centred and scal
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import fixture, leastsq, thermal
+from agonic.kernels import fixture, leastsq, thermal, wander
 from agonic.kernels.affine import SYMMETRIC
 
 Array = NDArray[np.float64]
@@ -23,9 +23,9 @@ Index = NDArray[np.intp]
 
 class Problem(NamedTuple):
     """The means of cells: `points` (m, 3), `covariance` (m, 3, 3) of each, `phi` (m, q), `station`
-    (m,) 0…k−1; `pace` (m,) the time as −½…½ where the field may drift, or None; `slow` (m, s) the
-    time within the station as functions that its field may have followed, or None, which are part
-    of the model where it is `changing`.
+    (m,) 0…k−1; `pace` (m,) the time as −½…½ where the field may drift, or None; `course` the times,
+    where it may change slowly, or None; the drift is averaged over being there or not unless it is
+    `drifting` for sure.
 
     `degree`, `gauge` and `rate` make the layout; `soft_iron_sd` the prior that holds what the
     stations leave open; `rot_nb` (k, 3, 3) the described turns, or None, and `fixture_sd` how well
@@ -38,8 +38,8 @@ class Problem(NamedTuple):
     station: Index
     pace: Array | None
     degree: int
-    slow: Array | None = None
-    changing: bool = False
+    course: wander.Course | None = None
+    drifting: bool = False
     gauge: str = SYMMETRIC
     rate: bool = False
     soft_iron_sd: float = 0.1
@@ -58,22 +58,9 @@ class Problem(NamedTuple):
         return int(self.station.max()) + 1
 
     @property
-    def own(self) -> Array:
-        """The functions that the field of each station may have followed, (m, k·s)."""
-        assert self.slow is not None
-        m, s = self.slow.shape
-        own = np.zeros((m, self.stations, s))
-        own[np.arange(m), self.station] = self.slow
-        return own.reshape(m, -1)
-
-    @property
     def clock(self) -> Array:
-        """What the field may have followed (m, d): the drift, then what each station may have."""
-        m = len(self.points)
-        parts = [np.zeros((m, 0)) if self.pace is None else self.pace[:, None]]
-        if self.changing:
-            parts.append(self.own)
-        return np.concatenate(parts, axis=1)
+        """What the field may have followed over the whole campaign, (m, 0) or (m, 1)."""
+        return np.zeros((len(self.points), 0)) if self.pace is None else self.pace[:, None]
 
 
 class Poses(NamedTuple):
@@ -88,11 +75,12 @@ class State(NamedTuple):
     """What is held while the solver runs, and renewed after."""
 
     coefficients: Array
-    drift: Array  # (d, 1) along the field or (d, 3) in the chamber's axes, one after the other
+    drift: Array  # (d,) along the field or (3d,) in the chamber's axes
     poses: Poses | None
     excess: float
     fixture_sd: float
-    slow_sd: float
+    slow: wander.Wander
+    followed: Array  # (m, 1) or (m, 3) as the drift: the slow changes at each mean
 
 
 def directions(problem: Problem, coefficients: Array) -> Array:
@@ -112,18 +100,14 @@ def parameters(state: State, a: int) -> Array:
     return np.concatenate(parts)
 
 
-def steady(problem: Problem, state: State) -> int:
-    """How many of the changes of the field are its steady drift."""
-    return 0 if problem.pace is None else 1 if state.poses is None else 3
-
-
 def residuals(problem: Problem, state: State) -> tuple[Array, Array]:
     """Residuals as they are, (m, 1) or (m, 3), and the variance of the noise in each."""
     bias, matrix = thermal.local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
         unit, spread = _across(problem, bias, matrix)
-        wanted = _wanted(problem, state, matrix, unit)
-        r, _ = thermal.size_residual(problem.points, bias, matrix, wanted)
+        changed = problem.clock @ state.drift + state.followed[:, 0]
+        wanted = _wanted(problem, matrix, unit) + changed
+        r, _ = _size_residual(problem, bias, matrix, wanted)
         s = np.einsum("mji,mj->mi", matrix, unit)
         gain = np.einsum("mi,mi->m", s, s)
         return (r / np.sqrt(gain))[:, None], (spread / gain)[:, None]
@@ -140,24 +124,77 @@ def _across(problem: Problem, bias: Array, matrix: Array) -> tuple[Array, Array]
     return unit, np.einsum("mi,mij,mj->m", s, problem.covariance, s)
 
 
-def _wanted(problem: Problem, state: State, matrix: Array, unit: Array) -> Array:
-    """The magnitude to expect of each mean: noise lengthens a vector by its part across, tr/2."""
+def _wanted(problem: Problem, matrix: Array, unit: Array) -> Array:
+    """The magnitude to expect of each mean, for its logarithm: noise across lengthens a vector by
+    its variance, tr/2, and noise along shortens the mean of the logarithm by half of its own.
+    """
     spread = np.einsum("mij,mjk,mik->m", matrix, problem.covariance, matrix)
     along = np.einsum("mi,mij,mjk,mlk,ml->m", unit, matrix, problem.covariance, matrix, unit)
-    wanted = 1.0 + (spread - along) / 2
-    return np.asarray(wanted + problem.clock @ state.drift)
+    return np.asarray(1.0 + (spread - 2 * along) / 2)
+
+
+def _size_residual(
+    problem: Problem, bias: Array, matrix: Array, wanted: Array
+) -> tuple[Array, Array]:
+    """ln(|W (raw − b)|/wanted), (m,), and its Jacobian by the local numbers.
+
+    The logarithm, for its derivative by the gain is free of noise. That of the magnitude itself
+    holds the noise, and where slow changes leave the gain open that noise would shrink it.
+    """
+    none = np.zeros(len(wanted))
+    size, jacobian = thermal.size_residual(problem.points, bias, matrix, none)
+    return np.log(size / wanted), jacobian / size[:, None]
 
 
 def _drifted(problem: Problem, state: State, poses: Poses) -> Array:
     """What the chamber's field had changed by at each mean, in the axes of the sensor, (m, 3)."""
-    changed = problem.clock @ state.drift.reshape(-1, 3)
+    changed = problem.clock @ state.drift.reshape(-1, 3) + state.followed
     return np.asarray(np.einsum("mij,mj->mi", _to_sensor(problem, poses), changed))
 
 
 def _to_sensor(problem: Problem, poses: Poses) -> Array:
-    """From the chamber's axes to the sensor's at each mean, (m, 3, 3)."""
+    """From the chamber's axes to the sensor's at each mean, (m, 3, 3).
+
+    As described, and then by the shortest way to the direction in which the field was seen: with a
+    station 1° off, a drift of 1000 nT would otherwise be off by 17 nT along the field.
+    """
     assert problem.rot_nb is not None
-    return np.asarray(np.einsum("ji,mkj->mik", poses.mount, problem.rot_nb[problem.station]))
+    described = np.einsum("ji,mkj->mik", poses.mount, problem.rot_nb)
+    shortest = fixture.shortest(described @ poses.field, poses.directions)
+    return np.asarray((shortest @ described)[problem.station])
+
+
+def spaces(problem: Problem, state: State) -> wander.Spaces:
+    """What slow changes of the field look like in the whitened residuals of each station."""
+    assert problem.course is not None
+    bias, matrix = thermal.local(state.coefficients, problem.layout, problem.phi)
+    if state.poses is None:
+        by_field = -_size_weight(problem, state, bias, matrix)[:, None, None]
+    else:
+        by_field = -_white(problem, state) @ np.linalg.inv(matrix)
+        by_field = by_field @ _to_sensor(problem, state.poses)
+    return wander.spaces(by_field, problem.course, problem.station)
+
+
+def _calming(problem: Problem, state: State) -> Callable[[Array], Array]:
+    """What whitens residuals and Jacobians with the slow changes that are believed in."""
+    if state.slow.sd == 0.0:
+        return lambda values: values
+    of = spaces(problem, state)
+    axes = wander.principal(of, state.slow.kind)
+    return lambda values: wander.whitened(of, state.slow.sd, axes, values)
+
+
+def _size_weight(problem: Problem, state: State, bias: Array, matrix: Array) -> Array:
+    """One over the standard deviation of each mean's magnitude, (m,)."""
+    unit, spread = _across(problem, bias, matrix)
+    s = np.einsum("mji,mj->mi", matrix, unit)
+    return np.asarray(1 / np.sqrt(spread + state.excess * np.einsum("mi,mi->m", s, s)))
+
+
+def _white(problem: Problem, state: State) -> Array:
+    """What makes the noise of each mean white, (m, 3, 3)."""
+    return np.linalg.inv(np.linalg.cholesky(problem.covariance + state.excess * np.eye(3)))
 
 
 def posed(problem: Problem, state: State) -> tuple[leastsq.Pieces, leastsq.Prior]:
@@ -172,19 +209,18 @@ def _size_pieces(problem: Problem, state: State) -> leastsq.Pieces:
     onto = problem.layout
     a = onto.shape[1]
     bias, matrix = thermal.local(state.coefficients, onto, problem.phi)
-    unit, spread = _across(problem, bias, matrix)
-    s = np.einsum("mji,mj->mi", matrix, unit)
-    weight = 1 / np.sqrt(spread + state.excess * np.einsum("mi,mi->m", s, s))
-    clock = problem.clock
-    still = state._replace(drift=np.zeros(clock.shape[1]))
-    wanted = _wanted(problem, still, matrix, unit)
+    unit, _ = _across(problem, bias, matrix)
+    weight, clock = _size_weight(problem, state, bias, matrix), problem.clock
+    calmed = _calming(problem, state)
+    wanted = _wanted(problem, matrix, unit)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
         bias, matrix = thermal.local(params[:a], onto, problem.phi)
         expected = wanted + clock @ params[a:]
-        r, jacobian = thermal.size_residual(problem.points, bias, matrix, expected)
+        r, jacobian = _size_residual(problem, bias, matrix, expected)
         by = thermal.by_coefficients(jacobian, onto, problem.phi)
-        yield r * weight, np.concatenate([by, -clock], axis=1) * weight[:, None]
+        rows = np.concatenate([by, -clock / expected[:, None]], axis=1) * weight[:, None]
+        yield calmed(r * weight), calmed(rows)
 
     return blocks
 
@@ -194,7 +230,8 @@ def _vector_pieces(problem: Problem, state: State, poses: Poses) -> leastsq.Piec
     onto, k = problem.layout, problem.stations
     a, width = onto.shape[1], len(state.drift)
     m, tangent = len(problem.points), fixture.tangents(poses.directions)
-    white = np.linalg.inv(np.linalg.cholesky(problem.covariance + state.excess * np.eye(3)))
+    white = _white(problem, state)
+    calmed = _calming(problem, state)
     turning, clock = _to_sensor(problem, poses), problem.clock
     places = np.arange(m)
 
@@ -219,24 +256,22 @@ def _vector_pieces(problem: Problem, state: State, poses: Poses) -> leastsq.Piec
         for j in range(2):
             jacobian[places, :, a + width + 2 * problem.station + j] = swayed[:, :, j]
         z = np.einsum("mij,mj->im", white, r).ravel()
-        yield z, np.einsum("mij,mjp->imp", white, jacobian).reshape(3 * m, -1)
+        rows = np.einsum("mij,mjp->imp", white, jacobian).reshape(3 * m, -1)
+        yield calmed(z), calmed(rows)
 
     return blocks
 
 
 def _belief(problem: Problem, state: State, more: int) -> leastsq.Prior:
-    """The prior on soft iron and on changes of the field, for parameters with `more` others last.
-
-    The steady drift may be as large as the field; slow changes are as large as believed now.
+    """The prior on soft iron and on the drift, which may be as large as the field, for parameters
+    with `more` others last.
     """
     width = len(state.drift)
     rows = thermal.belief(problem.gauge, problem.degree, problem.soft_iron_sd)
     a = problem.layout.shape[1]
     jacobian = np.zeros((len(rows) + width, a + width + more))
     jacobian[: len(rows), : rows.shape[1]] = rows
-    sd = np.full(width, state.slow_sd)
-    sd[: steady(problem, state)] = 1.0
-    jacobian[len(rows) :, a : a + width] = np.diag(1 / sd)
+    jacobian[len(rows) :, a : a + width] = np.eye(width)
 
     def prior(params: Array) -> tuple[Array, Array]:
         return jacobian @ params, jacobian
@@ -265,14 +300,14 @@ def _fixture_belief(problem: Problem, state: State, poses: Poses) -> leastsq.Pri
         seen, sway = fixture.moved(poses.directions, seen_tangent, steps)
         field, lean = fixture.moved(poses.field, field_tangent, shift)
         in_box = seen @ poses.mount.T
-        small = np.eye(3) + _cross(turn)
+        small = np.eye(3) + fixture.cross(turn)
         r = in_box @ small.T - back @ field
         jacobian = np.zeros((k, 3, len(params)))
         moved = small @ poses.mount @ sway
         for station in range(k):
             at = first + 2 * station
             jacobian[station, :, at : at + 2] = moved[station]
-            jacobian[station, :, first + 2 * k : first + 2 * k + 3] = -_cross(in_box[station])
+            jacobian[station, :, first + 2 * k : first + 2 * k + 3] = -fixture.cross(in_box[station])
         jacobian[:, :, first + 2 * k + 3 :] = -back @ lean
         flat = np.swapaxes(across, 1, 2)
         z = np.einsum("kij,kj->ki", flat, r).ravel() / state.fixture_sd
@@ -282,16 +317,11 @@ def _fixture_belief(problem: Problem, state: State, poses: Poses) -> leastsq.Pri
     return prior
 
 
-def _cross(v: Array) -> Array:
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def stepped(poses: Poses, steps: Array, k: int) -> Poses:
     """The poses after the small steps that the solver found."""
     seen, _ = fixture.moved(
         poses.directions, fixture.tangents(poses.directions), steps[: 2 * k].reshape(k, 2)
     )
     field, _ = fixture.moved(poses.field, fixture.tangents(poses.field), steps[2 * k + 3 :])
-    u, _, vt = np.linalg.svd((np.eye(3) + _cross(steps[2 * k : 2 * k + 3])) @ poses.mount)
+    u, _, vt = np.linalg.svd((np.eye(3) + fixture.cross(steps[2 * k : 2 * k + 3])) @ poses.mount)
     return Poses(seen, u @ vt, field)

@@ -166,7 +166,7 @@ def _hysteresis(fit: ThermalFit) -> Finding | None:
     sizes = np.concatenate([np.full(3, gain), np.full(6, magnitude / gain)])
     surely = np.abs(h.difference) > 5 * h.sd * max(fit.correlation, 1.0) ** 0.5
     size = np.where(surely, np.abs(h.difference) * sizes, 0.0)
-    if not (size > max(1e-4 * magnitude, 3 * fit.field_sd)).any():
+    if not (size > max(1e-4 * magnitude, 1.5 * fit.field_sd)).any():
         return None
     worst = int(np.argmax(size))
     handled = fit.calibration.rate is not None

@@ -14,13 +14,14 @@ from agonic.errors import AgonicError
 from agonic.fitting.thermal import by_bins, evidence, recordings
 from agonic.fitting.thermal.from_vector import fit_to_vector
 from agonic.fitting.thermal.gathered import Facts, facts_of, gathered
-from agonic.fitting.thermal.normalised import SLOW_GAIN, Posed, posed, restored
+from agonic.fitting.thermal.normalised import Posed, posed, restored
 from agonic.fitting.thermal.result import Anomaly, Fixture, ThermalFit
 from agonic.fitting.thermal.settings import Settings
 from agonic.fitting.thermal.solved import Solved, solved
 from agonic.fitting.thermal.spread import spread_of
 from agonic.health import Finding, figure
 from agonic.kernels.binned import Binned
+from agonic.kernels.chamber import UNREST
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -146,7 +147,7 @@ def _assembled(calibration: Thermal, result: Solved, of: Posed, sums: Binned) ->
     factor = scale.size if scale.magnitude is None else scale.magnitude
     divisor = gain if scale.magnitude is None else 1.0
     bins = by_bins.bins(result.separate, of, factor / scale.size, divisor)
-    drift = None if result.problem.pace is None else estimate.drift * unit
+    drift = estimate.drift * unit if result.drifts else None
     return ThermalFit(
         calibration=calibration,
         taught_by="magnitude" if result.problem.rot_nb is None else "turns",
@@ -169,7 +170,7 @@ def _assembled(calibration: Thermal, result: Solved, of: Posed, sums: Binned) ->
         fixture=_fixture(result, of, unit),
         drift=drift,
         drift_sd=None if drift is None else np.sqrt(np.diag(estimate.drift_covariance)) * unit,
-        field_sd=estimate.slow_sd * SLOW_GAIN * unit,
+        field_sd=estimate.slow.sd * unit if estimate.slow.gain > UNREST else 0.0,
         anomalies=_anomalies(sums),
         tests=result.tests,
     )

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
@@ -18,7 +17,7 @@ from agonic.fitting.thermal.settings import LARGEST_AUTO, Settings
 from agonic.health import Finding, figure
 from agonic.kernels import coil, series, thermal
 from agonic.kernels.affine import FREE, model_basis, split
-from agonic.kernels.leastsq import inverse
+from agonic.kernels.wald import wald
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -153,9 +152,7 @@ def _estimated(
     fuller = posed(degree, True)
     lagging = coil.estimate(fuller, robust=settings.robust)
     term, spread = lagging.solution.params[-3:], lagging.solution.covariance[-3:, -3:]
-    statistic = float(term @ inverse(spread) @ term)
-    independent = len(raw) / lagging.noise.correlation
-    p_value = float(fdtrc(3, max(independent - 3, 1.0), statistic / 3))
+    statistic, p_value = wald(term, spread, len(raw) / lagging.noise.correlation)
     there = settings.rate is True or p_value < _SIGNIFICANT
     words = (
         f"the bias lags by {figure(float(np.linalg.norm(term)) * scale.size)} {unit} while the "

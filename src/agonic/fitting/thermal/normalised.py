@@ -11,7 +11,7 @@ from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.errors import CoverageError
 from agonic.fitting.thermal.gathered import Facts
-from agonic.kernels import chamber, positions, thermal
+from agonic.kernels import chamber, positions, thermal, wander
 from agonic.kernels.affine import SYMMETRIC, model_basis, split
 from agonic.kernels.binned import Binned, Cells
 from agonic.reference import Reference
@@ -19,9 +19,6 @@ from agonic.reference import Reference
 Array = NDArray[np.float64]
 
 _NARROWEST_C = 1.0
-_SLOW = 4  # order of the polynomials in time that a station's field may follow
-SLOW_GAIN = float(np.sqrt(sum(1 / (2 * j + 1) for j in range(_SLOW + 1))))
-"""Standard deviation of a sum of Legendre polynomials over that of their coefficients."""
 _MISSING = 3  # stations that may be missing at a temperature that still counts as seen
 
 
@@ -125,7 +122,7 @@ def _magnitude(reference: Reference | None) -> tuple[float | None, float]:
 
 
 def problem(
-    of: Posed, degree: int, *, rate: bool, drift: bool, soft_iron_sd: float
+    of: Posed, degree: int, *, rate: bool, drift: bool, sure: bool, soft_iron_sd: float
 ) -> positions.Problem:
     """The kernel's problem, without turns."""
     cells, scale = of.cells, of.scale
@@ -139,23 +136,12 @@ def problem(
         phi=phi,
         station=of.station,
         pace=pace if drift else None,
+        drifting=sure,
         degree=degree,
         rate=rate,
         soft_iron_sd=soft_iron_sd,
-        slow=_slow_functions(of),
+        course=wander.course(clock, of.station) if np.isfinite(clock).all() else None,
     )
-
-
-def _slow_functions(of: Posed) -> Array | None:
-    """The time within each station as the first Legendre polynomials (m, s); None without times."""
-    if not np.isfinite(of.cells.time).all():
-        return None
-    s = np.zeros(len(of.cells.n))
-    for number in of.numbers:
-        rows = of.cells.number == number
-        t = of.cells.time[rows]
-        s[rows] = 2 * (t - t.min()) / max(float(np.ptp(t)), 1e-9) - 1
-    return np.asarray(np.polynomial.legendre.legvander(s, _SLOW), dtype=np.float64)
 
 
 def restored(

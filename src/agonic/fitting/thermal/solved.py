@@ -27,10 +27,6 @@ MISFIT_DEG = 4.0
 """Directions that are further from the described turns than this, rms, contradict them."""
 _MISFIT_FEW_DEG = 15.0
 _BETTER = 0.4
-IMPLAUSIBLE = 0.02
-"""No chamber's field changes by so much of itself while the temperature is run through."""
-UNREST = 4.0
-"""Standard deviations by which slow changes of the field must show."""
 _MIDDLE = 0.15  # of the half range: cells that start the search
 
 
@@ -52,18 +48,31 @@ class Solved(NamedTuple):
     tests: tuple[ModelTest, ...]
     turns: Turns | None
 
+    @property
+    def drifts(self) -> bool:
+        """Whether the field surely drifted, or was said to."""
+        return self.problem.drifting or any(
+            test.larger == "drift" and _kept(test) for test in self.tests
+        )
+
 
 def solved(of: Posed, settings: Settings) -> Solved:
     """The most probable coefficients of all temperatures and stations at once."""
     drift = settings.drift is not False and bool(np.isfinite(of.cells.time).all())
     rate = settings.rate is not False and _changes_both_ways(of)
     degree = 3 if settings.degree == "auto" else settings.degree
-    posed = problem(of, degree, rate=rate, drift=drift, soft_iron_sd=settings.soft_iron_sd)
+    posed = problem(
+        of, degree, rate=rate, drift=drift, sure=settings.drift is True,
+        soft_iron_sd=settings.soft_iron_sd,
+    )  # fmt: skip
     first = chamber.by_magnitude(posed, start(posed))
     if settings.degree == "auto":
         degree = by_bins.chosen_degree(by_bins.separate(of, posed, first.coefficients), of)
         if degree != posed.degree:
-            posed = problem(of, degree, rate=rate, drift=drift, soft_iron_sd=settings.soft_iron_sd)
+            posed = problem(
+                of, degree, rate=rate, drift=drift, sure=settings.drift is True,
+                soft_iron_sd=settings.soft_iron_sd,
+            )  # fmt: skip
             first = chamber.by_magnitude(posed, start(posed))
     posed, turns = _with_turns(of, posed, first, settings)
     best, posed, tests = _with_terms(of, posed, first, settings)
@@ -129,38 +138,18 @@ def _estimated(posed: positions.Problem, start_at: Array) -> chamber.Estimate:
 def _with_terms(
     of: Posed, posed: positions.Problem, first: chamber.Estimate, settings: Settings
 ) -> tuple[chamber.Estimate, positions.Problem, tuple[ModelTest, ...]]:
-    """The estimate with the terms that the readings ask for: the rate, the drift of the field."""
+    """The estimate with the term in the rate where the readings ask for it.
+
+    A rate that goes unseen hardly moves the others, for all temperatures were cooled and heated
+    through; it is decided upon. A drift would move them: it is averaged (`kernels.averaged`).
+    """
     whole = first if posed.rot_nb is None else _estimated(posed, first.coefficients)
-    asked = (_rate_test(of, posed, whole), _drift_test(of, posed, whole))
-    tests = [test for test in asked if test is not None]
-    keep = {test.larger: _kept(test) for test in tests}
-    rate = posed.rate and (settings.rate is True or keep.get("rate", False))
-    drift = posed.pace is not None and (settings.drift is True or keep.get("drift", False))
-    if rate == posed.rate and drift == (posed.pace is not None):
-        return *_with_slow(posed, whole), tuple(tests)
-    coefficients = whole.coefficients
-    if not rate and posed.rate:
-        coefficients = coefficients[:-3]
+    test = _rate_test(of, posed, whole)
+    if test is not None and settings.rate is not True and not _kept(test):
         posed = posed._replace(phi=posed.phi[:, :-1], rate=False)
-    if not drift:
-        posed = posed._replace(pace=None)
-    if whole.unrest > UNREST:
-        trimmed = whole._replace(coefficients=coefficients)  # a start: the slow changes come next
-        return *_with_slow(posed, trimmed), tuple(tests)
-    return *_with_slow(posed, _estimated(posed, coefficients)), tuple(tests)
-
-
-def _with_slow(
-    posed: positions.Problem, estimate: chamber.Estimate
-) -> tuple[chamber.Estimate, positions.Problem]:
-    """The estimate, with slow changes of the chamber's field where the means ask for them."""
-    if estimate.unrest < UNREST:
-        return estimate, posed
-    changing = posed._replace(changing=True)
-    with_slow = _estimated(changing, estimate.coefficients)
-    if with_slow.slow_sd > IMPLAUSIBLE:  # it stands in for something else that does not fit
-        return _estimated(posed, estimate.coefficients), posed
-    return with_slow, changing
+        whole = _estimated(posed, whole.coefficients[:-3])
+    tests = (test, _drift_test(of, posed, whole))
+    return whole, posed, tuple(each for each in tests if each is not None)
 
 
 def _kept(test: ModelTest) -> bool:

@@ -3,65 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from scipy.spatial.transform import Rotation
 
+from agonic.calibrated_campaign.chamber_field import Seen, chamber_field
+from agonic.calibrated_campaign.held_out import held_out as tested
+from agonic.calibrated_campaign.result import CalibratedCampaign, CalibratedSensor
 from agonic.campaign import Campaign, check_campaign
 from agonic.errors import AgonicError, check_choice
-from agonic.fitting.thermal import ThermalFit, fit_thermal
+from agonic.fitting.thermal import fit_binned
+from agonic.fitting.thermal.gathered import facts_of, gathered
 from agonic.fitting.thermal.settings import Settings
 from agonic.health import Finding
 from agonic.reference import Reference
-from agonic.samples import Samples
 
 Turns = Literal["auto", "known", "unknown"]
+Rotations = Mapping[int, Rotation] | Literal["unknown"]
 CONTRADICTED = ("swapped stations", "turns")
 """Findings after which the described turns are not believed."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CalibratedSensor:
-    """One sensor: its fit, or in `refused` why there is none."""
-
-    name: str
-    fit: ThermalFit | None = None
-    refused: str = ""
-
-    @property
-    def verdict(self) -> str:
-        """`good`, `check` or `refused`."""
-        return "refused" if self.fit is None else self.fit.verdict
-
-    @property
-    def status(self) -> str:
-        """The result in words."""
-        return self.refused if self.fit is None else self.fit.status
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CalibratedCampaign:
-    """All sensors of a campaign.
-
-    `campaign` is what could be used of it, `findings` what was not as planned; `turns` "known"
-    where the turns between the stations taught the fits, `reason` why.
-    """
+class _Task(NamedTuple):
+    """What is to be done with every sensor."""
 
     campaign: Campaign
-    findings: tuple[Finding, ...]
-    turns: str
-    reason: str
-    sensors: tuple[CalibratedSensor, ...] = field(default_factory=tuple)
-
-    @property
-    def verdict(self) -> str:
-        """The worst of the sensors and of the findings on the campaign."""
-        verdicts = {sensor.verdict for sensor in self.sensors}
-        severities = {finding.severity for finding in self.findings}
-        if "refused" in verdicts or not self.sensors:
-            return "refused"
-        return "check" if "check" in verdicts or severities & {"check", "refuse"} else "good"
+    reference: Reference | None
+    stations: Rotations
+    settings: Mapping[str, Any]
+    held_out: bool
 
 
 def calibrate_campaign(
@@ -70,6 +40,7 @@ def calibrate_campaign(
     turns: Turns = "auto",
     magnitude: float | None = None,
     only: Iterable[str] = (),
+    held_out: bool = True,
     progress: Any = None,
     **settings: Any,
 ) -> CalibratedCampaign:
@@ -82,10 +53,19 @@ def calibrate_campaign(
         alone; "auto" the turns where they are described and the readings do not contradict them.
     magnitude : of the chamber's field, nT; default: that of the description.
     only : names of sensors; default: all. settings : further ones of `fit_thermal`.
+    held_out : also fit every sensor without some of the stations, and try the result on those.
     progress : takes the names of the sensors and gives them back one by one.
 
     Returns a `CalibratedCampaign`; a sensor that cannot be fitted says why. Raises `AgonicError`
     for settings that do not exist, and for turns that are asked for and not described.
+
+    Source: Nikolaev et al. 2023, sections 3 to 5; Grubbs 1948 for what the sensors saw alike.
+
+    >>> from agonic.simulation.campaign import simulate_campaign
+    >>> made = simulate_campaign("2xMMC5883MA", rate_Hz=0.02, seed=2)
+    >>> result = calibrate_campaign(made.campaign)
+    >>> [(sensor.name, sensor.verdict) for sensor in result.sensors]
+    [('MMC5883MA-1', 'good'), ('MMC5883MA-2', 'good')]
     """
     check_choice("turns", turns, ("auto", "known", "unknown"))
     settings = {"fixture_sd_deg": campaign.description.fixture_sd_deg, **settings}
@@ -95,15 +75,16 @@ def calibrate_campaign(
     given = magnitude or campaign.description.magnitude
     reference = None if given is None else Reference.constant(given, source="the chamber")
     names = _names(campaign, only)
-    sensors = tuple(
-        _fitted(usable, name, reference, stations, settings) for name in _told(names, progress)
-    )
+    task = _Task(usable, reference, stations, settings, held_out)
+    made = [_fitted(task, name) for name in _told(names, progress)]
+    seen = {sensor.name: one for sensor, one in made if one is not None}
     return CalibratedCampaign(
         campaign=usable,
         findings=findings,
         turns="unknown" if stations == "unknown" else "known",
         reason=reason,
-        sensors=sensors,
+        sensors=tuple(sensor for sensor, _ in made),
+        chamber_field=chamber_field(seen, None if isinstance(stations, str) else stations),
     )
 
 
@@ -140,21 +121,21 @@ def _turns(
     return rotations, "the turns of the stations are described"
 
 
-def _fitted(
-    campaign: Campaign,
-    name: str,
-    reference: Reference | None,
-    stations: Mapping[int, Rotation] | Literal["unknown"],
-    settings: Mapping[str, Any],
-) -> CalibratedSensor:
-    """The fit of a sensor, or why there is none."""
-    if name not in campaign.sensors:
-        return CalibratedSensor(
-            name=name, refused="None of its recordings can be used (see what was found)."
-        )
-    samples: Samples = campaign.samples(name)
+def _fitted(task: _Task, name: str) -> tuple[CalibratedSensor, Seen | None]:
+    """The fit of a sensor with its cells, or why there is none."""
+    if name not in task.campaign.sensors:
+        why = "None of its recordings can be used (see what was found)."
+        return CalibratedSensor(name=name, refused=why), None
+    samples = task.campaign.samples(name)
+    facts, settings = facts_of(samples), {**task.settings, "stations": task.stations}
     try:
-        fit = fit_thermal(samples, reference, stations=stations, **settings)
+        sums, found = gathered(samples, Settings(**settings).bin_width_C)
+        fit = fit_binned(sums, facts, task.reference, found=found, **settings)
     except AgonicError as error:
-        return CalibratedSensor(name=name, refused=f"{error}.")
-    return CalibratedSensor(name=name, fit=fit)
+        return CalibratedSensor(name=name, refused=f"{error}."), None
+    if fit.verdict == "refused":
+        return CalibratedSensor(name=name, fit=fit), None
+    unseen = None
+    if task.held_out:
+        unseen = tested(sums, facts, task.reference, fit, task.stations, task.settings)
+    return CalibratedSensor(name=name, fit=fit, held_out=unseen), Seen(fit, sums.cells())

@@ -1,0 +1,252 @@
+"""Slow changes of the field while stations are recorded: correlated noise that tells its own size.
+
+The change is a stationary process of the time, the same on all axes, followed within each station as
+far as polynomials of sixth order go, and from station to station by its correlation. Its spectrum
+falls slowly, as that of Matérn's covariance (1 + a) exp(−a), a = √3 Δ/length, or as a bell,
+exp(−(Δ/length)²/2). The change is no parameter: the residuals are whitened with it, so a size near
+zero costs nothing and nothing has to be decided. Kind, size and length are those of the largest
+restricted likelihood (Patterson & Thompson 1971), in which every parameter takes its degrees of
+freedom; a process so long that it ties stations together is thought less likely at first.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, solve_triangular
+from scipy.optimize import minimize_scalar
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Kind = tuple[str, float]
+
+ORDER = 6
+KINDS: tuple[Kind, ...] = tuple(
+    (shape, length)
+    for shape, lengths in (
+        ("bell", (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)),
+        ("slow", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)),
+    )
+    for length in lengths
+)
+"""The shape of the spectrum, and the length in halves of a station's recording."""
+LONG, UNLIKELY = 2.0, 6.0
+"""Processes longer than this count as less likely: twice the logarithm of how much less."""
+LARGEST = 0.02
+"""The largest size that is looked for, in fields; no chamber changes by more of itself."""
+_GRID = np.log(np.geomspace(2e-6, LARGEST, 11))
+_POINTS = 3 * (ORDER + 1)  # of a station, at which the covariance is taken
+
+
+class Wander(NamedTuple):
+    """How large the changes are (standard deviation), their kind, and how surely they are there:
+    twice the logarithm of the restricted likelihood over that without any.
+    """
+
+    sd: float = 0.0
+    kind: Kind = KINDS[0]
+    gain: float = 0.0
+
+
+class Course(NamedTuple):
+    """The times of the means: the first Legendre polynomials within each station (m, s), and the
+    times of the stations (k, points) in halves of a recording.
+    """
+
+    functions: Array
+    times: Array
+
+
+class Spaces(NamedTuple):
+    """What slow changes look like in the whitened residuals.
+
+    Of each station `rows` (n,) are the residuals, `bases` (n, c) is orthonormal, and
+    `bases @ triangles` (n, a·s) are the changes by the functions, an axis after the other; `cells`
+    are the means.
+    """
+
+    course: Course
+    cells: tuple[Index, ...]
+    rows: tuple[Index, ...]
+    bases: tuple[Array, ...]
+    triangles: tuple[Array, ...]
+
+    def within(self, values: Array) -> Array:
+        """Residuals (n,) or a Jacobian (n, p) in the bases, station after station."""
+        return np.concatenate(
+            [q.T @ values[rows] for q, rows in zip(self.bases, self.rows, strict=True)]
+        )
+
+    @property
+    def parts(self) -> list[slice]:
+        """Where each station is in the bases."""
+        edges = np.cumsum([0, *(q.shape[1] for q in self.bases)])
+        return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+
+
+def course(time: Array, station: Index) -> Course:
+    """The course of means at times (m,) at stations (m,) 0…k−1.
+
+    >>> made = course(np.array([0.0, 1.0, 2.0]), np.zeros(3, dtype=int))
+    >>> made.functions[:, 1].tolist(), made.times[0, [0, -1]].tolist()
+    ([-1.0, 0.0, 1.0], [0.0, 2.0])
+    """
+    numbers = np.unique(station)
+    low = np.array([time[station == k].min() for k in numbers])
+    half = np.array([max(float(np.ptp(time[station == k])), 1e-9) / 2 for k in numbers])
+    at = np.searchsorted(numbers, station)
+    s = (time - low[at]) / half[at] - 1
+    grid = np.linspace(-1.0, 1.0, _POINTS)
+    times = (low[:, None] - low.min() + (grid + 1) * half[:, None]) / float(np.median(half))
+    return Course(np.polynomial.legendre.legvander(s, ORDER).astype(np.float64), times)
+
+
+def covariance(of: Course, kind: Kind) -> Array:
+    """Covariance (k, s, k, s) of the polynomials' coefficients, for a process of unit variance."""
+    shape, length = kind
+    flat = of.times.ravel()
+    away = np.abs(flat[:, None] - flat) / length
+    if shape == "bell":
+        process = np.exp(-(away**2) / 2)
+    else:
+        process = (1 + np.sqrt(3.0) * away) * np.exp(-np.sqrt(3.0) * away)
+    k = len(of.times)
+    grid = np.linspace(-1.0, 1.0, _POINTS)
+    project = np.linalg.pinv(np.polynomial.legendre.legvander(grid, ORDER))
+    blocks = process.reshape(k, _POINTS, k, _POINTS)
+    return np.asarray(np.einsum("ia,kalb,jb->kilj", project, blocks, project, optimize=True))
+
+
+def spaces(by_field: Array, of: Course, station: Index) -> Spaces:
+    """The spaces of all stations.
+
+    Parameters: by_field (m, a, a), the whitened residuals by the field at each mean, in the axes in
+    which it changes, the residuals ordered an axis after the other; the station (m,) of each mean.
+    """
+    m, axes, _ = by_field.shape
+    cells = tuple(np.flatnonzero(station == k) for k in np.unique(station))
+    rows = tuple((np.arange(axes)[:, None] * m + c).ravel() for c in cells)
+    split = [
+        np.linalg.qr(
+            np.einsum("mij,ms->imjs", by_field[c], of.functions[c]).reshape(axes * len(c), -1)
+        )
+        for c in cells
+    ]
+    return Spaces(of, cells, rows, tuple(q for q, _ in split), tuple(r for _, r in split))
+
+
+def whitened(of: Spaces, sd: float, axes: tuple[Array, Array], values: Array) -> Array:
+    """Residuals (n,) or a Jacobian (n, p) over the noise and the changes together.
+
+    `axes` are those of `principal`.
+    """
+    size, axis = axes
+    less = 1 - 1 / np.sqrt(1 + sd**2 * size)
+    part = axis @ (less * (axis.T @ of.within(values)).T).T
+    out = values.copy()
+    for at, rows, basis in zip(of.parts, of.rows, of.bases, strict=True):
+        out[rows] -= basis @ part[at]
+    return out
+
+
+def principal(of: Spaces, kind: Kind) -> tuple[Array, Array]:
+    """Variances (c,) of a process of unit variance in the bases, and their directions (c, c)."""
+    size, axis = eigh(_seen(of, kind), check_finite=False, driver="evd")
+    return np.maximum(size, 0.0), axis
+
+
+def _seen(of: Spaces, kind: Kind) -> Array:
+    """Covariance (c, c) in the bases of a process of unit variance."""
+    blocks = covariance(of.course, kind)
+    k, s = blocks.shape[:2]
+    axes = of.triangles[0].shape[1] // s
+    total = 0.0
+    for a in range(axes):
+        own = [r[:, a * s : (a + 1) * s] for r in of.triangles]
+        wide = np.zeros((sum(map(len, own)), k * s))
+        for n, (at, r) in enumerate(zip(of.parts, own, strict=True)):
+            wide[at, n * s : (n + 1) * s] = r
+        total = total + wide @ blocks.reshape(k * s, k * s) @ wide.T
+    return np.asarray(total)
+
+
+def followed(of: Spaces, by: Wander, z: Array, m: int) -> tuple[Array, float]:
+    """The most probable changes (m, a) behind the residuals, and how many numbers they took."""
+    axes = len(z) // m
+    changes = np.zeros((m, axes))
+    if by.sd == 0.0:
+        return changes, 0.0
+    size, axis = principal(of, by.kind)
+    share = 1 / (1 + by.sd**2 * size)
+    seen = axis @ (share * (axis.T @ of.within(z)))
+    blocks = covariance(of.course, by.kind)
+    s = blocks.shape[1]
+    pulled = np.array([
+        (r.T @ seen[at]).reshape(axes, s) for at, r in zip(of.parts, of.triangles, strict=True)
+    ])  # fmt: skip
+    coefficients = -(by.sd**2) * np.einsum("kilj,laj->kai", blocks, pulled)
+    for cells, c in zip(of.cells, coefficients, strict=True):
+        changes[cells] = of.course.functions[cells] @ c.T
+    return changes, float(np.sum(1 - share))
+
+
+def estimated(
+    of: Spaces, z: Array, jacobian: Array, prior: tuple[Array, Array],
+    kinds: tuple[Kind, ...] = KINDS,
+) -> Wander:  # fmt: skip
+    """The changes that residuals (n,) call for, with their Jacobian (n, p) and beliefs of unit sd.
+
+    With C the covariance of the residuals, and A = JᵀC⁻¹J, b = JᵀC⁻¹z (beliefs among them), twice
+    the negative logarithm of the restricted likelihood is
+
+        ln|C| + ln|A| + zᵀC⁻¹z − bᵀA⁻¹b
+
+    C differs from one in the stations' spaces only; the rest is added up once.
+    """
+    own_z, own = of.within(z), of.within(jacobian)
+    rest = _Rest(
+        jacobian.T @ jacobian - own.T @ own + prior[1].T @ prior[1],
+        jacobian.T @ z - own.T @ own_z + prior[1].T @ prior[0],
+    )
+    none = _cost(rest, np.zeros(len(own_z)), own_z, own, 0.0)
+    tried = []
+    for kind in kinds:
+        size, axis = principal(of, kind)
+        turned = (size, axis.T @ own_z, axis.T @ own)
+        costs = [_cost(rest, *turned, float(np.exp(at))) for at in _GRID]
+        unlikely = UNLIKELY if kind[1] > LONG else 0.0
+        tried.append((min(costs) + unlikely, int(np.argmin(costs)), kind, turned))
+    _, k, kind, turned = min(tried, key=lambda each: each[0])
+    found = minimize_scalar(
+        lambda at: _cost(rest, *turned, float(np.exp(at))), method="bounded",
+        bounds=(_GRID[max(k - 1, 0)], _GRID[min(k + 1, len(_GRID) - 1)]), options={"xatol": 0.01},
+    )  # fmt: skip
+    gain = none - float(found.fun) - (UNLIKELY if kind[1] > LONG else 0.0)
+    return Wander(float(np.exp(found.x)) if gain > 0 else 0.0, kind, max(gain, 0.0))
+
+
+class _Rest(NamedTuple):
+    """Information (p, p) and gradient (p,) outside of the stations' spaces."""
+
+    information: Array
+    gradient: Array
+
+
+def _cost(rest: _Rest, size: Array, y: Array, x: Array, sd: float) -> float:
+    """Twice the negative logarithm of the restricted likelihood, but for a constant.
+
+    Parameters: in the stations' spaces the variances (c,) of a process of unit variance, the
+    residuals (c,), and the Jacobian (c, p).
+    """
+    weight = 1 / (1 + sd**2 * size)
+    held = rest.information + x.T @ (weight[:, None] * x)
+    b = rest.gradient + x.T @ (weight * y)
+    scale = np.sqrt(np.maximum(np.diag(held), 1e-300))
+    scaled = held / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += 1e-13
+    lower = np.linalg.cholesky(scaled)
+    b = solve_triangular(lower, b / scale, lower=True, check_finite=False)
+    logs = 2 * np.log(scale * np.diag(lower)).sum() - np.log(weight).sum()
+    return float(logs + np.sum(weight * y * y) - b @ b)

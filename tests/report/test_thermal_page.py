@@ -1,0 +1,173 @@
+"""The pages about a calibration over temperature: what they say, draw, and keep from doing."""
+
+import re
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pytest
+
+from agonic.calibrated_campaign import CalibratedCampaign, CalibratedSensor, calibrate_campaign
+from agonic.calibration.thermal import Thermal
+from agonic.health import Finding
+from agonic.report import thermal_figures as figures
+from agonic.report.digits import MINUS, THIN
+from agonic.report.thermal_page import campaign_page, thermal_of, thermal_page
+from agonic.simulation.campaign import simulate_campaign
+
+EVIL = "</style><img src=x onerror=alert(1)>&\"'"
+
+
+def words(page: str) -> str:
+    """The text of a page, with plain spaces."""
+    body = re.sub(r"<(script|style).*?</\1>", " ", page, flags=re.DOTALL)
+    text = unescape(re.sub(r"<[^>]*>", " ", body))
+    return re.sub(r"\s+", " ", text.replace(THIN, " "))
+
+
+@pytest.fixture(scope="module")
+def result() -> CalibratedCampaign:
+    made = simulate_campaign("2xMMC5883MA", rate_Hz=0.02, seed=6, anomalies=2e-3)
+    return calibrate_campaign(made.campaign, degree="auto")
+
+
+@pytest.fixture(scope="module")
+def page(result) -> str:
+    return campaign_page(result, title="Box 3", files={"MMC5883MA-1": ["out/MMC5883MA-1.json"]})
+
+
+def test_the_table_is_the_published_ratio(result, page) -> None:
+    rows = re.findall(r'<table class="ratios">.*?</table>', page, flags=re.DOTALL)
+    cells = re.findall(r'<th scope="row">(.*?)</th>((?:<td>.*?</td>)+)', rows[0])
+    for (name, shown), sensor in zip(cells, result.sensors, strict=True):
+        assert name == sensor.name
+        values = [float(v) for v in re.findall(r"<td>(.*?)</td>", shown)]
+        spread = sensor.fit.spread
+        ratio = spread.before.max(axis=0) / spread.after.max(axis=0)
+        assert values[:4] == pytest.approx(ratio, abs=0.0051)
+        assert values[4] == pytest.approx(sensor.held_out.spread.improvement[3], abs=0.0051)
+
+
+def test_other_ratios_stand_beside_under_their_own_words(result) -> None:
+    page = campaign_page(
+        result, beside={"MMC5883MA-2": (11.71, 2.43, 1.47, 5.98)}, beside_words="measured elsewhere"
+    )
+    (row,) = re.findall(r'<tr class="beside">(.*?)</tr>', page)
+    assert re.findall(r">([^<>]+)<", row) == ["measured elsewhere", "11.71", "2.43", "1.47", "5.98"]
+
+
+def test_every_bin_is_a_dot_where_it_belongs(result) -> None:
+    fit = result.sensors[0].fit
+    curve = figures.curves(fit.calibration)[4]
+    cooling, heating = figures.dots_of(fit.bins, 4)
+    drawn = figures.coefficient(curve, (cooling, heating))
+    (d,) = re.findall(r'<path d="([^"]*)" class="dots cooling">', drawn)
+    places = np.array([[float(v) for v in at.split()] for at in re.findall(r"M([\d. ]+)h0", d)])
+    assert len(places) == np.isfinite(fit.bins.cooling[:, 4]).sum()
+    right = np.polyfit(cooling.temperature, places[:, 0], 1)
+    assert np.abs(np.polyval(right, cooling.temperature) - places[:, 0]).max() < 1.0
+    inside = (places[:, 1] > 0) & (places[:, 1] < 1000)
+    down = np.polyfit(cooling.values[inside], places[inside, 1], 1)
+    assert down[0] < 0  # larger is higher
+    assert np.abs(np.polyval(down, cooling.values[inside]) - places[inside, 1]).max() < 1.5
+
+
+def test_what_the_polynomial_leaves_is_bin_less_curve(result) -> None:
+    fit = result.sensors[0].fit
+    curve = figures.curves(fit.calibration)[0]
+    (left, _) = figures.dots_of(fit.bins, 0, less=curve)
+    there = np.isin(fit.bins.temperature, left.temperature)
+    exact = fit.bins.cooling[there, 0] - fit.calibration.bias_at(left.temperature)[:, 0]
+    scale = np.ptp(curve.value)
+    assert left.values == pytest.approx(exact, abs=1e-3 * scale)
+
+
+def test_the_curve_and_band_are_the_calibrations(result) -> None:
+    calibration = result.sensors[0].fit.calibration
+    for k, curve in enumerate(figures.curves(calibration)):
+        nine = np.array([
+            np.concatenate([calibration.at(t).bias, calibration.at(t).matrix[
+                [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
+            for t in curve.temperature[[0, 30, 60]]
+        ])  # fmt: skip
+        assert curve.value[[0, 30, 60]] == pytest.approx(nine[:, k])
+        assert curve.sd == pytest.approx(calibration.sd_at(curve.temperature)[:, k])
+
+
+def test_the_page_says_what_was_found(result, page) -> None:
+    said = words(page)
+    assert "Box 3" in said
+    assert "Turns known: the turns of the stations are described." in said
+    assert "Between cooling and heating the chamber's field changed by" in said
+    assert "the smallest after which no variance falls markedly" in said
+    assert "out/MMC5883MA-1.json" in said
+    count = sum(anomaly.count for anomaly in result.sensors[0].fit.anomalies)
+    assert count > 1
+    assert f"{count} readings stood out of the running median of their station" in said
+    for share in result.chamber_field.shares:
+        assert f"{share.name} {round(share.total_sd)} nT" in said
+    assert "4 fits, each without some of the stations" in said
+    low, high = result.sensors[0].fit.calibration.validity.temperature_C
+    assert f"{low:.1f} to {high:.1f} °C".replace("-", MINUS) in said
+
+
+def test_each_sensor_has_its_nine_figures_and_what_they_leave(page) -> None:
+    assert page.count("<article") == 2
+    for label in ("bias x, nT", "matrix zz", "matrix yz"):
+        assert page.count(f">{label}</p>") == 4
+
+
+def test_a_refused_sensor_and_findings_on_the_campaign_are_told(result) -> None:
+    spoilt = replace(
+        result,
+        sensors=(*result.sensors, CalibratedSensor(name="MAG3", refused="It never moved.")),
+        findings=(Finding("range", "check", "station 4 got no colder than 5 °C", "record again"),),
+        chamber_field=None,
+    )
+    said = words(campaign_page(spoilt))
+    assert "Refused : do not use To be looked at: MAG3." in said
+    assert "Do next: Record again." in said
+    assert "It never moved." in said
+    assert "It takes two sensors with clocks" in said
+
+
+def test_names_cannot_become_markup(result) -> None:
+    evil = replace(result, sensors=(replace(result.sensors[0], name=EVIL),))
+    page = campaign_page(evil, title=EVIL, files={EVIL: [EVIL]})
+    assert "<img" not in page
+    assert words(page).count("onerror=alert(1)") > 3
+
+
+def test_nothing_is_fetched_and_nothing_runs(page) -> None:
+    assert "<script" not in page
+    assert "http://" not in page
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page).group(1)
+    assert policy.startswith("default-src 'none'; img-src data:; style-src 'sha256-")
+
+
+def test_a_calibration_without_covariance_or_range_is_drawn_too() -> None:
+    bare = Thermal(
+        bias=[[1, 2, 3], [40, 50, 60]], matrix=[np.eye(3)] * 2, centre_C=0.0, half_range_C=10.0,
+        unit_in="raw", gauge="free",
+    )  # fmt: skip
+    page = thermal_page(bare, bare)
+    assert page.count('class="plot small"') == 12
+    assert "key band" not in page
+    assert "bias x, raw units" in page
+    assert thermal_of(bare) is bare
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [360, 1200])
+def test_the_page_fits_its_screen(opened, page, width, scheme) -> None:
+    shown = opened(page, viewport={"width": width, "height": 900}, color_scheme=scheme)
+    shown.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    assert shown.evaluate("document.documentElement.scrollWidth") <= width
+    assert shown.complaints == []
+    assert len(shown.requests) == 1
+    columns = shown.evaluate(
+        "getComputedStyle(document.querySelector('.multiples')).gridTemplateColumns"
+    )
+    assert len(columns.split()) == (1 if width == 360 else 3)
+    background = shown.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (background == "rgb(255, 255, 255)") == (scheme == "light")
