@@ -17,7 +17,7 @@ def test_every_reference_names_the_authors_and_the_year_of_its_key():
 
 
 def test_every_reference_can_be_looked_up():
-    handle = re.compile(r"doi:10\.\d{4,}/\S+$|Pub\. No\. \d+|ISBN [\d-]+$")
+    handle = re.compile(r"doi:10\.\d{4,}/\S+$|Pub\. No\. \d+|Patent [A-Z]{2} \d+|ISBN [\d-]+$")
     assert all(handle.search(text) for text in CITATIONS.values())
 
 

@@ -50,6 +50,8 @@ from agonic.version import __version__
 if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.calibrated import Calibrated as Calibrated
     from agonic.calibrated import calibrate as calibrate
+    from agonic.calibrated_campaign import CalibratedCampaign as CalibratedCampaign
+    from agonic.calibrated_campaign import calibrate_campaign as calibrate_campaign
     from agonic.calibration.affine import Affine as Affine
     from agonic.calibration.alignment import Alignment as Alignment
     from agonic.calibration.base import apply as apply
@@ -57,6 +59,7 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.calibration.deviation import Deviation as Deviation
     from agonic.calibration.interference import Interference as Interference
     from agonic.calibration.interference import mean_of as mean_of
+    from agonic.calibration.network import Network as Network
     from agonic.calibration.setup import Compass as Compass
     from agonic.calibration.setup import Setup as Setup
     from agonic.calibration.thermal import Thermal as Thermal
@@ -97,6 +100,11 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.field import wmm as wmm
     from agonic.field import wmmhr as wmmhr
     from agonic.fit import Fit as Fit
+    from agonic.fitting.alignment import AlignmentFit as AlignmentFit
+    from agonic.fitting.alignment import AlignmentPlan as AlignmentPlan
+    from agonic.fitting.alignment import error_budget as error_budget
+    from agonic.fitting.alignment import fit_alignment as fit_alignment
+    from agonic.fitting.alignment import plan_alignment as plan_alignment
     from agonic.fitting.attitude import fit_interference as fit_interference
     from agonic.fitting.attitude import fit_levelled as fit_levelled
     from agonic.fitting.attitude import fit_vector as fit_vector
@@ -108,9 +116,14 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.fitting.ellipsoid import fit_moments as fit_moments
     from agonic.fitting.inflight import InflightFit as InflightFit
     from agonic.fitting.inflight import fit_inflight as fit_inflight
+    from agonic.fitting.inflight import fit_mission as fit_mission
     from agonic.fitting.latency import LatencyFit as LatencyFit
     from agonic.fitting.latency import fit_latency as fit_latency
     from agonic.fitting.latency import undelayed as undelayed
+    from agonic.fitting.network import NetworkChoice as NetworkChoice
+    from agonic.fitting.network import NetworkFit as NetworkFit
+    from agonic.fitting.network import choose_network as choose_network
+    from agonic.fitting.network import fit_network as fit_network
     from agonic.fitting.thermal import ThermalFit as ThermalFit
     from agonic.fitting.thermal import fit_thermal as fit_thermal
     from agonic.fitting.tracking import WalkChoice as WalkChoice
@@ -125,9 +138,12 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.io.firmware import declination_grid as declination_grid
     from agonic.io.firmware import write_firmware as write_firmware
     from agonic.io.log import Log as Log
+    from agonic.io.pieces import Mission as Mission
+    from agonic.io.pieces import open_mission as open_mission
     from agonic.io.read import open_log as open_log
     from agonic.io.read import read as read
     from agonic.io.read import sensors as sensors
+    from agonic.io.session_file import read_session as read_session
     from agonic.io.setupfile import load_setup as load_setup
     from agonic.io.setupfile import save_setup as save_setup
     from agonic.io.swing import read_swing as read_swing
@@ -141,6 +157,7 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.io.write_motioncal import write_motioncal as write_motioncal
     from agonic.io.write_px4 import write_px4 as write_px4
     from agonic.io.write_ros import write_ros as write_ros
+    from agonic.io.write_session import write_session as write_session
     from agonic.io.write_table import write_table as write_table
     from agonic.moments import Moments as Moments
     from agonic.provenance import Provenance as Provenance
@@ -148,23 +165,31 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.report.card import card_text as card_text
     from agonic.report.card_page import card_page as card_page
     from agonic.report.html import render as render
+    from agonic.report.thermal_page import campaign_page as campaign_page
     from agonic.samples import Samples as Samples
+    from agonic.session import Session as Session
     from agonic.simulation import SimulatedVehicle as SimulatedVehicle
     from agonic.simulation import simulate as simulate
     from agonic.simulation import simulate_vehicle as simulate_vehicle
     from agonic.simulation.campaign import simulate_campaign as simulate_campaign
+    from agonic.simulation.kepler import Orbit as Orbit
+    from agonic.simulation.orbit import SimulatedOrbit as SimulatedOrbit
+    from agonic.simulation.orbit import simulate_orbit as simulate_orbit
+    from agonic.simulation.session import simulate_session as simulate_session
     from agonic.tracker import Tracker as Tracker
     from agonic.verification import Verification as Verification
     from agonic.verification import verify as verify
 
 _HOMES = {
     "calibrated": ("Calibrated", "calibrate"),
+    "calibrated_campaign": ("CalibratedCampaign", "calibrate_campaign"),
     "calibration.affine": ("Affine",),
     "calibration.alignment": ("Alignment",),
     "calibration.base": ("apply",),
     "calibration.chain": ("Chain",),
     "calibration.deviation": ("Deviation",),
     "calibration.interference": ("Interference", "mean_of"),
+    "calibration.network": ("Network",),
     "calibration.setup": ("Compass", "Setup"),
     "calibration.thermal": ("Thermal",),
     "calibration.tracking": ("TrackerParams", "TrackerState"),
@@ -176,11 +201,15 @@ _HOMES = {
     ),
     "field": ("igrf", "wmm", "wmmhr"),
     "fit": ("Fit",),
+    "fitting.alignment": (
+        "AlignmentFit", "AlignmentPlan", "error_budget", "fit_alignment", "plan_alignment",
+    ),
     "fitting.attitude": ("fit_interference", "fit_levelled", "fit_vector"),
     "fitting.deviation": ("DeviationFit", "SwingPlan", "fit_deviation", "plan_swing"),
     "fitting.ellipsoid": ("fit_ellipsoid", "fit_moments"),
-    "fitting.inflight": ("InflightFit", "fit_inflight"),
+    "fitting.inflight": ("InflightFit", "fit_inflight", "fit_mission"),
     "fitting.latency": ("LatencyFit", "fit_latency", "undelayed"),
+    "fitting.network": ("NetworkChoice", "NetworkFit", "choose_network", "fit_network"),
     "fitting.thermal": ("ThermalFit", "fit_thermal"),
     "fitting.tracking": ("WalkChoice", "choose_walk"),
     "headings": ("Heading", "heading"),
@@ -190,7 +219,9 @@ _HOMES = {
     "io.log": ("Log",),
     "io.campaign": ("read_campaign",),
     "io.write_campaign": ("write_campaign",),
+    "io.pieces": ("Mission", "open_mission"),
     "io.read": ("open_log", "read", "sensors"),
+    "io.session_file": ("read_session",),
     "io.setupfile": ("load_setup", "save_setup"),
     "io.swing": ("read_swing",),
     "io.tle": ("positions_from_tle",),
@@ -201,6 +232,7 @@ _HOMES = {
     "io.write_motioncal": ("write_motioncal",),
     "io.write_px4": ("write_px4",),
     "io.write_ros": ("write_ros",),
+    "io.write_session": ("write_session",),
     "io.write_table": ("write_table",),
     "moments": ("Moments",),
     "provenance": ("Provenance",),
@@ -208,9 +240,14 @@ _HOMES = {
     "report.card": ("card_text",),
     "report.card_page": ("card_page",),
     "report.html": ("render",),
+    "report.thermal_page": ("campaign_page",),
     "samples": ("Samples",),
+    "session": ("Session",),
     "simulation": ("SimulatedVehicle", "simulate", "simulate_vehicle"),
     "simulation.campaign": ("simulate_campaign",),
+    "simulation.session": ("simulate_session",),
+    "simulation.kepler": ("Orbit",),
+    "simulation.orbit": ("SimulatedOrbit", "simulate_orbit"),
     "tracker": ("Tracker",),
     "verification": ("Verification", "verify"),
 }  # fmt: skip

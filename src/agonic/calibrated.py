@@ -85,8 +85,8 @@ def calibrate(
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    choice = choose(samples, reference, kind, settings)
-    samples, fit = choice.samples, choice.fit
+    choice = _with_latency(choose(samples, reference, kind, settings))
+    samples, reference, fit = choice.samples, choice.reference, choice.fit
     folds = _folds(samples, reference, choice.again)
     gain = float(np.trace(fit.calibration.matrix) / 3)
     believed = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
@@ -100,6 +100,14 @@ def calibrate(
     )
     checks = (*verification.checks, _agreement(folds))
     return _judged(choice, replace(verification, checks=checks))
+
+
+def _with_latency(choice: Choice) -> Choice:
+    """The choice, with the latency kept in the calibration for all that use it later."""
+    if choice.latency is None:
+        return choice
+    kept = replace(choice.fit.calibration, latency_s=choice.latency.latency_s)
+    return replace(choice, fit=replace(choice.fit, calibration=kept))
 
 
 def judge(
@@ -119,7 +127,8 @@ def judge(
     settings["by_magnitude"] = method == "ellipsoid"
     fit = _evidence(calibration, samples, reference, settings)
     known = reference if calibration.unit_out == "nT" else None
-    given = Choice(samples, fit, method, "the calibration was made before", fit_ellipsoid)
+    why = "the calibration was made before"
+    given = Choice(samples, reference, fit, method, why, fit_ellipsoid)
     return _judged(given, verify(calibration, samples, known))
 
 
@@ -214,5 +223,6 @@ def _judged(choice: Choice, verification: Verification) -> Calibrated:
 
 def _of(check: Check) -> str:
     """A failed check with its numbers."""
-    limit = "" if check.limit is None else f" (limit {check.limit:g} {check.unit})"
-    return f"{check.name} is {check.value:.3g} {check.unit}{limit}".replace(" )", ")")
+    unit = f" {check.unit}" if check.unit not in ("", "°") else check.unit
+    limit = "" if check.limit is None else f" (limit {check.limit:g}{unit})"
+    return f"{check.name} is {check.value:.3g}{unit}{limit}"

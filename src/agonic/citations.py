@@ -19,7 +19,20 @@ CITATIONS: dict[str, str] = {
         "Position Location and Navigation Symposium, 177–184, 2000. "
         "doi:10.1109/PLANS.2000.838300"
     ),
+    "foresee-hagan-1997": (
+        "F. D. Foresee, M. T. Hagan: Gauss–Newton approximation to Bayesian learning. Proceedings "
+        "of the International Conference on Neural Networks 1997, IEEE, 1930–1935. "
+        "doi:10.1109/ICNN.1997.614194"
+    ),
+    "harbin-2018": (
+        "Harbin Institute of Technology: 磁场方位测量方法 (Method of measuring the direction of a "
+        "magnetic field), filed 18 July 2018. Patent CN 108871301 B"
+    ),
     "huber-1981": "P. J. Huber: Robust Statistics. Wiley, New York, 1981. doi:10.1002/0471725250",
+    "iers-2010": (
+        "G. Petit, B. Luzum (eds.): IERS Conventions (2010). IERS Technical Note 36, Verlag des "
+        "Bundesamts für Kartographie und Geodäsie, Frankfurt am Main, 2010. ISBN 3-89888-989-6"
+    ),
     "kukush-markovsky-vanhuffel-2004": (
         "A. Kukush, I. Markovsky, S. Van Huffel: Consistent estimation in an implicit quadratic "
         "measurement error model. Computational Statistics & Data Analysis 47(1), 123–147, 2004. "
@@ -39,6 +52,11 @@ CITATIONS: dict[str, str] = {
         "I. Markovsky, A. Kukush, S. Van Huffel: Consistent least squares fitting of ellipsoids. "
         "Numerische Mathematik 98(1), 177–194, 2004. doi:10.1007/s00211-004-0526-9"
     ),
+    "nguyen-widrow-1990": (
+        "D. Nguyen, B. Widrow: Improving the learning speed of 2-layer neural networks by choosing "
+        "initial values of the adaptive weights. International Joint Conference on Neural Networks "
+        "1990, IEEE, vol. 3, 21–26. doi:10.1109/IJCNN.1990.137819"
+    ),
     "nga-2004": (
         "National Geospatial-Intelligence Agency: Handbook of Magnetic Compass Adjustment "
         "(formerly Pub. No. 226). Bethesda, MD, 2004; as first published by the Defense Mapping "
@@ -50,6 +68,11 @@ CITATIONS: dict[str, str] = {
         "M. S. Shcherbakov, D. D. Sobolev: Calibration of onboard magnetometers of the attitude "
         "control system of the SamSat-ION university nanosatellite. Gyroscopy and Navigation "
         "14(3), 259–266, 2023. doi:10.1134/S2075108723030069"
+    ),
+    "wang-sheng-he-cheng-2020": (
+        "Y. K. Wang, T. Sheng, L. He, Z. Y. Cheng: Calibration method of magnetometer based on BP "
+        "neural network. Journal of Computer and Communications 8, 31–41, 2020. "
+        "doi:10.4236/jcc.2020.86004"
     ),
 }
 """Full references by the key that `Provenance.method` holds."""

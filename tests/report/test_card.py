@@ -131,3 +131,24 @@ def test_the_picture_stands_alone(fit) -> None:
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     assert root.find("{http://www.w3.org/2000/svg}style") is not None
     assert root.get("width") == "760"
+
+
+@pytest.mark.parametrize("width", [360, 400])
+def test_the_chart_can_be_read_on_a_telephone(opened, fit, width) -> None:
+    page = opened(card_page(fit), viewport={"width": width, "height": 900})
+    assert not page.locator(".card-chart.wide").is_visible()
+    shown = page.locator(".card-chart.narrow")
+    sizes = shown.evaluate(
+        """(svg) => [...svg.querySelectorAll("text")].map((text) =>
+            parseFloat(getComputedStyle(text).fontSize) * svg.getScreenCTM().a)"""
+    )
+    assert min(sizes) >= 11
+    boxes = shown.evaluate(
+        """(svg) => [...svg.querySelectorAll("text")].map((t) => {
+            const b = t.getBoundingClientRect(); return [b.left, b.right]; })"""
+    )
+    assert min(left for left, _ in boxes) >= 0
+    assert max(right for _, right in boxes) <= width
+    wide = opened(card_page(fit), viewport={"width": 1000, "height": 900})
+    assert wide.locator(".card-chart.wide").is_visible()
+    assert not wide.locator(".card-chart.narrow").is_visible()

@@ -111,3 +111,15 @@ def test_a_sensor_that_says_always_the_same_can_be_drawn(good):
         residual_strip(result, residuals), residual_histogram(residuals), magnitude_strip(result)
     )  # fmt: skip
     assert "nan" not in "".join(strips)
+
+
+def test_strays_that_did_not_count_are_arrows_and_set_no_scale(logged):
+    weights = np.where(np.arange(len(logged.samples)) % 211 == 0, 0.0, 1.0)
+    strayed = replace(logged, fit=replace(logged.fit, weights=weights))
+    residuals = residuals_of(strayed)
+    assert np.abs(residuals.values).max() > 10 * residuals.limit
+    svg = residual_strip(strayed, residuals)
+    assert 'class="beyond"' in svg
+    assert "▲" in svg
+    mean = path(svg, "mean")
+    assert np.std(mean[:, 1]) > 1.5  # not flattened: of a thousand

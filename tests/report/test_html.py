@@ -11,9 +11,14 @@ import pytest
 from handmade import calibrated, samples_of, tumble
 
 import agonic.report
+from agonic.calibration.interference import mean_of
+from agonic.health import Finding
 from agonic.report.digits import MINUS, THIN
 from agonic.report.html import render
+from agonic.report.quantities import quantities
+from agonic.report.text import summary
 
+ENTRIES = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)]
 EVIL = "</script><img src=x onerror=alert(1)>&\"'"
 
 
@@ -146,3 +151,72 @@ def test_words_can_be_read_on_their_ground(theme):
         for ground in ("paper", "card"):
             light, dark = sorted((luminance(colours[name]), luminance(colours[ground])))[::-1]
             assert (light + 0.05) / (dark + 0.05) >= 4.5, (name, ground)
+
+
+def test_a_good_calibration_asks_for_no_turns(good):
+    coverage = replace(good.fit.coverage, turns="turn the sensor until the field points along −z")
+    words = text_of(render([replace(good, fit=replace(good.fit, coverage=coverage))], title="log"))
+    assert "Turns to add" not in words
+    assert "No further turns are needed." in words
+    doubtful = replace(good, fit=replace(good.fit, coverage=coverage), verdict="check")
+    words = text_of(render([doubtful], title="log"))
+    assert "Turns to add: Turn the sensor until the field points along −z." in words
+    assert "No further turns" not in words
+
+
+def test_readings_that_were_judged_in_their_turn_are_not_marked(good):
+    everyone = np.ones(len(good.samples), dtype=bool)
+    judged = replace(good, verification=replace(good.verification, held_out=everyone))
+    page = render([judged], title="log")
+    assert 'class="held-out"' not in page
+    assert "key held-out" not in page
+    assert "Each of 6 000 readings was judged by a fit to other parts of the log" in text_of(page)
+    part = text_of(render([good], title="log"))
+    assert "Checked on 1 200 readings held out of the fit." in part
+
+
+def test_an_input_is_listed_once_and_one_row_is_a_row(good):
+    calibration, source = good.fit.calibration, good.samples.source
+    again = replace(
+        calibration, provenance=replace(calibration.provenance, inputs=(source,), parents=())
+    )
+    samples = replace(good.samples, rejected={"NaN or infinite field": 1, "time stands": 2})
+    result = replace(good, samples=samples, fit=replace(good.fit, calibration=again))
+    words = text_of(render([result], title="log"))
+    assert words.count(source.sha256) == 1
+    assert "1 row: NaN or infinite field 2 rows: time stands" in words
+
+
+def test_numbers_have_true_minuses(good):
+    south = replace(good.fit.coverage, inclination_deg=-65.6)
+    finding = Finding("field", "note", "the field dips by -66° since 2015-11-21")
+    fit = replace(good.fit, coverage=south, findings=(finding,))
+    words = text_of(render([replace(good, fit=fit, status=fit.status)], title="log"))
+    assert "level, at −66° inclination" in words
+    assert words.count("dips by −66° since 2015-11-21") == 2
+    assert not re.search(r"(?<![\w.-])-\d", words)
+
+
+def test_a_mix_of_two_sensors_has_no_bias(good):
+    rng = np.random.default_rng(4)
+    directions = tumble(3000)
+    samples = samples_of(directions)
+    second = samples_of(directions, seed=9).field + rng.normal(0, 50, samples.field.shape)
+    mix = mean_of(good.fit.calibration, good.fit.calibration)
+    mix = replace(mix, covariance=np.diag([50.0**2] * 3 + [1e-3**2] * 18))
+    paired = samples.with_columns(second=second)
+    made = calibrated(samples)
+    result = replace(made, samples=paired, fit=replace(made.fit, calibration=mix))
+    page = render([result], title="log")
+    words = text_of(page)
+    assert "Constant, nT" in words
+    assert "neither sensor has a bias" in words
+    assert "Scale factor" not in words
+    assert "Bias, nT" not in words
+    names = [group.name for group in quantities(result)]
+    assert names == ["Constant", "Weights of this sensor", "Weights of the second sensor"]
+    own, other = (np.array([q.value for q in g.rows]) for g in quantities(result)[1:])
+    half = np.array([good.fit.calibration.matrix[i, j] for i, j in ENTRIES]) / 2
+    np.testing.assert_allclose(own, half, atol=1e-12)
+    np.testing.assert_allclose(other, half, atol=1e-12)
+    assert summary([result]).splitlines()[2].startswith("  Constant")

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from handmade import BIAS, MATRIX
+from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
-from agonic.report.quantities import propagated_sd, quantities
+from agonic.report.quantities import propagated_sd, quantities, turn_deg, views
 
 
 @pytest.mark.parametrize(
@@ -24,8 +25,27 @@ def test_propagated_standard_errors_are_the_scatter_of_many_draws(good, view):
     np.testing.assert_allclose(propagated_sd(fit.calibration, view), scatter, rtol=0.06)
 
 
+def test_the_turn_of_a_sensor_has_the_scatter_of_many_draws(good):
+    turn = Rotation.from_rotvec([0.03, -0.05, 0.2]).as_matrix()
+    rng = np.random.default_rng(1)
+    spread = np.diag([100.0] * 3 + list(rng.uniform(1e-3, 4e-3, 9) ** 2))
+    calibration = Affine(bias=BIAS, matrix=turn @ MATRIX, covariance=spread, gauge="free")
+    order = ([0, 1, 2, 0, 0, 1, 1, 2, 2], [0, 1, 2, 1, 2, 2, 0, 0, 1])
+    drawn = []
+    for by in rng.multivariate_normal(np.zeros(9), spread[3:, 3:], 3000):
+        matrix = calibration.matrix.copy()
+        matrix[order] += by
+        drawn.append(turn_deg(replace(calibration, matrix=matrix)))
+    assert np.mean(drawn, axis=0) == pytest.approx(np.degrees([0.03, -0.05, 0.2]), abs=0.02)
+    np.testing.assert_allclose(
+        propagated_sd(calibration, turn_deg), np.std(drawn, axis=0), rtol=0.06
+    )
+    freed = replace(good, fit=replace(good.fit, calibration=calibration))
+    assert [q.name for q in views(freed)[-1].rows] == ["x", "y", "z"]
+
+
 def test_numbers_stand_beside_those_of_the_log(logged):
-    groups = {group.name: group for group in quantities(logged)}
+    groups = {group.name: group for group in [*quantities(logged), *views(logged)]}
     assert [q.value - q.logged for q in groups["Bias"].rows] == pytest.approx([-250, 90, -40])
     assert [q.logged for q in groups["Scale factor"].rows] == pytest.approx([1, 1, 1])
     assert [q.logged for q in groups["Non-orthogonality"].rows] == pytest.approx([0, 0, 0])
@@ -34,6 +54,6 @@ def test_numbers_stand_beside_those_of_the_log(logged):
 def test_readings_without_a_unit_say_so(good):
     calibration = replace(good.fit.calibration, unit_in="raw")
     result = replace(good, fit=replace(good.fit, calibration=calibration))
-    assert [group.unit for group in quantities(result)] == [
+    assert [group.unit for group in [*quantities(result), *views(result)]] == [
         "raw units", "nT per raw unit", "raw units per nT", "°",
     ]  # fmt: skip

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli import fit_deviation, fit_inflight, fit_latency, fit_thermal
+from agonic.cli import (
+    fit_alignment,
+    fit_deviation,
+    fit_inflight,
+    fit_latency,
+    fit_network,
+    fit_thermal,
+)
 from agonic.cli.options import (
     At,
     Between,
@@ -58,7 +65,9 @@ def add_to(app: typer.Typer) -> None:
     fit_deviation.add_to(kinds)
     fit_inflight.add_to(kinds)
     fit_latency.add_to(kinds)
+    fit_network.add_to(kinds)
     fit_thermal.add_to(kinds)
+    fit_alignment.add_to(kinds)
     app.add_typer(kinds, name="fit", rich_help_panel=None)
 
 
@@ -106,7 +115,7 @@ def levelled(
 ) -> int:
     """Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the place."""
     settings = _taught(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
-    samples = _sensor(log, sensor, unit, between, second)
+    samples = _sensor(log, sensor, unit, between, second, settings["sources"])
     return _run("levelled", samples, (at, date, None), settings, out, as_json)
 
 
@@ -129,7 +138,7 @@ def vector(
 ) -> int:
     """Bias and matrix where the whole attitude is known, heading included."""
     settings = _taught(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
-    samples = _sensor(log, sensor, unit, between, second)
+    samples = _sensor(log, sensor, unit, between, second, settings["sources"])
     return _run("vector", samples, (at, date, None), settings, out, as_json)
 
 
@@ -153,7 +162,7 @@ def interference(
 ) -> int:
     """What currents on board, or a second magnetometer, say of the disturbance."""
     settings = _taught(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
-    samples = _sensor(log, sensor, unit, between, second)
+    samples = _sensor(log, sensor, unit, between, second, settings["sources"])
     return _run("interference", samples, (at, date, field), settings, out, as_json)
 
 
@@ -172,14 +181,32 @@ def _taught(
 
 
 def _sensor(
-    log: Path, sensor: str | None, unit: str | None, between: str | None, second: str | None = None
+    log: Path,
+    sensor: str | None,
+    unit: str | None,
+    between: str | None,
+    second: str | None = None,
+    sources: tuple[str, ...] = (),
 ) -> Samples:
     """The sensor of the log that was asked for, or its only one, perhaps beside a second."""
     recording, sensors = log_and_sensors(log, sensor, unit, between)
+    names = ", ".join(samples.name for samples in recording.sensors)
     if len(sensors) > 1:
-        names = ", ".join(samples.name for samples in sensors)
         raise AgonicError(f"the log holds {names}; choose one with --sensor")
-    return sensors[0] if second is None else sensors[0].with_second(recording.sensor(second))
+    mixed = "second" in sources
+    if second is None:
+        if mixed and sensors[0].second is None:
+            raise AgonicError(
+                f"--with second needs to know which magnetometer: name it with --second; the log "
+                f"holds {names}"
+            )
+        return sensors[0]
+    if not mixed:
+        raise AgonicError(
+            f"--second {second} is not used without --with second (--with current_A,second takes "
+            "both)"
+        )
+    return sensors[0].with_second(recording.sensor(second))
 
 
 def _run(

@@ -117,6 +117,7 @@ def _of_log(
     log: Path, setup: Path, sensor: str | None, unit: str | None, between: str | None
 ) -> Swing:
     """The swing that a log with a heading of its own is."""
+    from agonic.cli.pair import beside_second
     from agonic.headings.swung import swung
     from agonic.io.read import open_log
     from agonic.io.setupfile import load_setup
@@ -124,7 +125,9 @@ def _of_log(
     from agonic.provenance import Input
 
     compasses = load_setup(setup)
-    samples = open_log(log, unit=unit).sensor(sensor or compasses.compasses[0].sensor)
+    first, recording = compasses.compasses[0], open_log(log, unit=unit)
+    samples = recording.sensor(sensor or first.sensor)
+    samples = beside_second(first.calibration, samples, recording)
     found = swung(stretch(samples, between), compasses)
     remarks = {"power_state": found.power_state, "compass": samples.name}
     if found.current_A is not None:

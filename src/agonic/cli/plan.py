@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.cli import plan_thermal
+from agonic.cli import plan_alignment, plan_thermal
 from agonic.cli.options import Json
 
 
@@ -18,6 +18,7 @@ def add_to(app: typer.Typer) -> None:
     )
     kinds.command("swing")(swing)
     plan_thermal.add_to(kinds)
+    plan_alignment.add_to(kinds)
     app.add_typer(kinds, name="plan", rich_help_panel=None)
 
 

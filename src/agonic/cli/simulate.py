@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli import simulate_campaign, simulate_orbit
+from agonic.cli import simulate_alignment, simulate_campaign, simulate_network, simulate_orbit
 from agonic.cli.options import Json
 from agonic.cli.simulate_campaign import FAULTS
+from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
+    from agonic.calibration.affine import Affine
     from agonic.simulation import Defect
 
 
@@ -26,12 +28,14 @@ def simulate(
     kind: Annotated[
         str,
         typer.Argument(
-            help="tumble, sphere, belt, hand, circle, flight, static, vehicle, orbit; or campaign."
+            help="tumble, sphere, belt, hand, circle, flight, boat, car, static, vehicle, orbit, "
+            "paper, paper-space, nonaffine; "
+            "campaign or alignment."
         ),
     ],
     out: Annotated[
         Path,
-        typer.Option("-o", "--out", metavar="FILE", help="CSV file; of a campaign the folder."),
+        typer.Option("-o", "--out", metavar="FILE", help="CSV file; else the folder."),
     ],
     n: Annotated[
         int, typer.Option("-n", help="Readings; default of an orbit: 86400, a day.", min=1)
@@ -58,9 +62,13 @@ def simulate(
     opposite: Annotated[
         bool, typer.Option("--opposite", help="A vehicle's second sensor is disturbed oppositely.")
     ] = False,
-    sensor: Annotated[
-        Path | None,
-        typer.Option("--truth", metavar="CAL", help="Whose readings; default: drawn by the seed."),
+    truth: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--truth",
+            metavar="CAL",
+            help="Whose readings; default: drawn by the seed. Twice: a vehicle's two sensors.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     sensors: Annotated[
@@ -93,22 +101,38 @@ def simulate(
         float | None, typer.Option(metavar="SD", help="Of an orbit: a scalar sensor's noise, nT.")
     ] = None,
     pointing: Annotated[str | None, typer.Option(help="Of an orbit: nadir or tumble.")] = None,
+    orientations: Annotated[
+        int | None, typer.Option(help="Of an alignment: how many; -n is readings in each.", min=1)
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Write readings of a simulated sensor or vehicle, and beside them what would undo it."""
+    _check_kind(kind)
+    if kind == "alignment":
+        stated = {
+            "orientations": orientations,
+            "readings": n if _stated(context, "n") else None,
+            "noise": noise if _stated(context, "noise") else None,
+        }
+        settings = {name: value for name, value in stated.items() if value is not None}
+        return simulate_alignment.alignment(out, as_json=as_json, seed=seed, **settings)
+    _refuse(kind, {"--orientations": orientations})
     if kind == "campaign":
         own_noise = noise if _stated(context, "noise") else None
         return simulate_campaign.campaign(
             out, sensors=sensors, rate=rate, noise=own_noise, field=field or 48_000.0,
             fault=fault or [], format=format, seed=seed, as_json=as_json,
         )  # fmt: skip
+    if kind in simulate_network.KINDS:
+        own_noise = noise if _stated(context, "noise") else None
+        return simulate_network.network(kind, out, as_json, n=n, noise=own_noise, seed=seed)
     aloft = {
         "drift": drift, "moved": moved, "jump": jump, "external": external, "torquer": torquer,
         "scalar_sd": scalar, "pointing": pointing,
     }  # fmt: skip
     if kind == "orbit":
         _refuse(kind, {
-            "--field": field, "--tilt": tilt, "--truth": sensor, "--bank": bank,
+            "--field": field, "--tilt": tilt, "--truth": truth, "--bank": bank,
             "--latency": latency, "--opposite": opposite or None,
             "--outliers": outliers or None, "--clip": clip or None,
         })  # fmt: skip
@@ -120,20 +144,23 @@ def simulate(
         given = {name: value for name, value in aloft.items() if value is not None}
         return simulate_orbit.orbit(out, as_json, seed=seed, step=step, **given)
     _refuse(kind, {f"--{name.removesuffix('_sd')}": value for name, value in aloft.items()})
-    others = {"--field": field, "--tilt": tilt, "--truth": sensor}
+    others = {"--field": field, "--tilt": tilt}
     flown = {"--bank": bank, "--latency": latency, "--opposite": opposite or None}
     misfits = others if kind == "vehicle" else flown
     _refuse(kind, misfits)
     defects = _defects(outliers, step, clip, seed)
     if kind == "vehicle":
         return _vehicle(
-            out, defects, as_json, n=n, noise=noise, seed=seed,
+            out, defects, truth, as_json, n=n, noise=noise, seed=seed,
             placing="opposite" if opposite else "apart",
             **({} if bank is None else {"bank_deg": bank}),
             **({} if latency is None else {"latency_s": latency / 1000}),
         )  # fmt: skip
+    if truth is not None and len(truth) > 1:
+        raise AgonicError(f"the kind {kind!r} has one sensor; give --truth once")
     return _sensor(
-        kind, out, sensor, as_json, n=n, noise=noise, seed=seed, defects=defects,
+        kind, out, truth[0] if truth else None, as_json,
+        n=n, noise=noise, seed=seed, defects=defects,
         **({} if field is None else {"magnitude": field}),
         **({} if tilt is None else {"tilt_deg": tilt}),
     )  # fmt: skip
@@ -141,8 +168,6 @@ def simulate(
 
 def _refuse(kind: str, misfits: Mapping[str, Any]) -> None:
     """Raise where an option was given that this kind does not have."""
-    from agonic.errors import AgonicError
-
     if given := [name for name, value in misfits.items() if value is not None]:
         raise AgonicError(f"{', '.join(given)}: not an option of the kind {kind!r}")
 
@@ -160,15 +185,11 @@ def _defects(outliers: float, step: float, clip: float, seed: int) -> list[Defec
 def _sensor(kind: str, out: Path, sensor: Path | None, as_json: bool, **settings: Any) -> int:
     """One sensor: its table and its calibration."""
     from agonic import simulation
-    from agonic.calibration.affine import Affine
     from agonic.cli.output import print_json, say
-    from agonic.errors import AgonicError
-    from agonic.io.calfile import load, save
+    from agonic.io.calfile import save
     from agonic.io.write_csv import write_csv
 
-    calibration = None if sensor is None else load(sensor)
-    if not (calibration is None or isinstance(calibration, Affine)):
-        raise AgonicError(f"{sensor} is a {calibration.kind}; the truth must be an affine one")
+    calibration = None if sensor is None else _truth(sensor)
     made = simulation.simulate(kind, calibration=calibration, **settings)
     write_csv(made.samples, out)
     truth = save(made.truth, out.with_suffix(".truth.json"))
@@ -182,13 +203,39 @@ def _sensor(kind: str, out: Path, sensor: Path | None, as_json: bool, **settings
     return 0
 
 
-def _vehicle(out: Path, defects: list[Defect], as_json: bool, **settings: Any) -> int:
-    """Two sensors of a vehicle in one table, and the calibration of each."""
+def _check_kind(kind: str) -> None:
+    """Raise where there is no such kind."""
+    from agonic.simulation import kinds
+
+    known = (
+        *kinds(), "vehicle", "orbit", *simulate_network.KINDS, "campaign", "alignment"
+    )  # fmt: skip
+    if kind not in known:
+        raise AgonicError(f"no kind {kind!r} to simulate; choose from {', '.join(known)}")
+
+
+def _truth(path: Path) -> Affine:
+    """A calibration whose readings are to be made."""
+    from agonic.calibration.affine import Affine
+    from agonic.io.calfile import load
+
+    found = load(path)
+    if not isinstance(found, Affine):
+        raise AgonicError(f"{path} is a {found.kind}; the truth must be an affine one")
+    return found
+
+
+def _vehicle(
+    out: Path, defects: list[Defect], whose: list[Path] | None, as_json: bool, **settings: Any
+) -> int:
+    """The sensors of a vehicle in one table, two or those of `whose`, and what undoes each."""
     from agonic.cli.output import print_json, say
     from agonic.io.calfile import save
     from agonic.io.write_csv import write_sensors
     from agonic.simulation import simulate_vehicle
 
+    if whose:
+        settings |= {"sensors": len(whose), "calibrations": [_truth(path) for path in whose]}
     made = simulate_vehicle(**settings)
     sensors = list(made.samples)
     for defect in defects:
@@ -204,7 +251,8 @@ def _vehicle(out: Path, defects: list[Defect], as_json: bool, **settings: Any) -
             "latency_ms": 1000 * made.latency_s,
         })  # fmt: skip
     else:
-        say(f"{len(made.heading_deg)} readings of two sensors: {out}")
+        count = "one sensor" if len(made.samples) == 1 else "two sensors"
+        say(f"{len(made.heading_deg)} readings of {count}: {out}")
         say(f"The truths: {', '.join(map(str, truths))}")
     return 0
 

@@ -24,6 +24,7 @@ from agonic.calibration.base import Calibration, Validity
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
+from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError
 from agonic.fit import Fit
@@ -36,6 +37,7 @@ from agonic.io.calrecords import (
     ChainRecord,
     DeviationRecord,
     InterferenceRecord,
+    NetworkRecord,
     ProvenanceRecord,
     ThermalRecord,
 )  # fmt: skip
@@ -78,7 +80,7 @@ def encode(calibration: Calibration | Deviation) -> bytes:
     return _rows_on_one_line(msgspec.json.format(msgspec.json.encode(record), indent=2)) + b"\n"
 
 
-def load(path: Path | str) -> Affine | Thermal | Alignment | Chain | Deviation:
+def load(path: Path | str) -> Affine | Thermal | Network | Alignment | Chain | Deviation:
     """Read a calibration file.
 
     Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
@@ -90,10 +92,18 @@ def load(path: Path | str) -> Affine | Thermal | Alignment | Chain | Deviation:
     """
     data = read_bytes(path)
     try:
-        _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
-        return _restored(msgspec.json.decode(data, type=CalibrationFile).calibration)
+        return decode(data)
     except (AgonicError, ValueError, RecursionError) as error:
         raise LogError(f"not a usable calibration file: {error}", path=path) from None
+
+
+def decode(data: bytes) -> Affine | Thermal | Network | Alignment | Chain | Deviation:
+    """The calibration in the bytes of a calibration file, as `encode` wrote them.
+
+    Raises `AgonicError` or `ValueError` where they are something else.
+    """
+    _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
+    return _restored(msgspec.json.decode(data, type=CalibrationFile).calibration)
 
 
 def schema() -> dict[str, Any]:
@@ -108,20 +118,20 @@ def schema() -> dict[str, Any]:
     }
 
 
-def require_calibration(value: object) -> Affine | Thermal | Alignment | Chain:
+def require_calibration(value: object) -> Affine | Thermal | Network | Alignment | Chain:
     """The value itself, or an error that says what to give instead."""
-    if isinstance(value, Affine | Thermal | Alignment | Chain):
+    if isinstance(value, Affine | Thermal | Network | Alignment | Chain):
         return value
     if isinstance(value, Deviation):
         raise AgonicError(
             "a Deviation corrects headings and a calibration of readings is needed: an Affine, a "
-            "Thermal, an Alignment or a Chain of them"
+            "Thermal, a Network, an Alignment or a Chain of them"
         )
     if isinstance(value, Fit):
         raise AgonicError("a Fit was given and a calibration is needed: give fit.calibration")
     raise AgonicError(
         f"a {type(value).__name__} was given and a calibration is needed: "
-        "an Affine, a Thermal, an Alignment or a Chain of them"
+        "an Affine, a Thermal, a Network, an Alignment or a Chain of them"
     )
 
 
@@ -176,7 +186,7 @@ def _require_known_version(text: str) -> None:
         )
 
 
-def _restored(record: AnyRecord) -> Affine | Thermal | Alignment | Chain | Deviation:
+def _restored(record: AnyRecord) -> Affine | Thermal | Network | Alignment | Chain | Deviation:
     if isinstance(record, DeviationRecord):
         values = msgspec.structs.asdict(record)
         return Deviation(**{**values, "provenance": _provenance(record.provenance)})
@@ -187,14 +197,17 @@ def _restored(record: AnyRecord) -> Affine | Thermal | Alignment | Chain | Devia
 
 
 def _restored_step(
-    record: AffineRecord | ThermalRecord | AlignmentRecord,
-) -> Affine | Thermal | Alignment:
+    record: AffineRecord | ThermalRecord | NetworkRecord | AlignmentRecord,
+) -> Affine | Thermal | Network | Alignment:
     values = msgspec.structs.asdict(record)
     values["provenance"] = _provenance(record.provenance)
-    if isinstance(record, AffineRecord | ThermalRecord):
+    if isinstance(record, AffineRecord | ThermalRecord | NetworkRecord):
         values["validity"] = msgspec.convert(record.validity, Validity, from_attributes=True)
         if isinstance(record, ThermalRecord):
             return Thermal(**values)
+        if isinstance(record, NetworkRecord):
+            base = None if record.base is None else _restored_step(record.base)
+            return Network(**{**values, "base": base})
         return (Interference if isinstance(record, InterferenceRecord) else Affine)(**values)
     values["rotation"] = _rotation(record.rotation.quat_wxyz)
     if record.covariance is not None:

@@ -91,6 +91,9 @@ class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="aff
     device_id: Annotated[
         int | None, Meta(description="The number by which an autopilot knows the sensor.")
     ] = None
+    latency_s: Annotated[
+        float, Meta(description="How late the readings came beside the attitude, seconds.")
+    ] = 0.0
     validity: ValidityRecord = ValidityRecord()
     provenance: ProvenanceRecord
 
@@ -105,6 +108,9 @@ class InterferenceRecord(AffineRecord, frozen=True, kw_only=True, tag="interfere
     coefficients: Annotated[
         tuple[Row, Row, Row], Meta(description="Row by row, unit_in per unit of x.")
     ]
+    second_sensor: Annotated[
+        str | None, Meta(description="The name of the second magnetometer, where it is a source.")
+    ] = None
 
 
 class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="thermal"):
@@ -152,6 +158,74 @@ class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="th
     provenance: ProvenanceRecord
 
 
+class NetworkRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="network"):
+    """field = base(raw) + g(x) · (output_middle + output_half · V [tanh(U [x, 1]), 1])."""
+
+    sensor: Sensor
+    unit_in: Unit
+    unit_out: Unit
+    frame_in: Frame
+    frame_out: Frame
+    base: Annotated[
+        AffineRecord | InterferenceRecord | ThermalRecord | None,
+        Meta(description="What corrects alone far from the training; null: nothing."),
+    ]
+    inputs: Annotated[
+        tuple[
+            Literal["field", "temperature", "temperature_rate", "current_A", "throttle", "second"],
+            ...,
+        ],
+        Meta(min_length=1, description="What goes in, in order; field is the reading, unit_in."),
+    ]
+    input_middle: Annotated[Row, Meta(description="x = (input − middle) / half.")]
+    input_half: Annotated[Row, Meta(description="x = (input − middle) / half.")]
+    output_middle: Annotated[Row, Meta(description="Three, or one along the field, unit_out.")]
+    output_half: Annotated[float, Meta(gt=0, description="From output 0 to 1, unit_out.")]
+    hidden: Annotated[
+        tuple[Row, ...], Meta(min_length=1, description="U: a row a node, its constant last.")
+    ]
+    output: Annotated[
+        tuple[Row, ...], Meta(min_length=1, description="V: a row an output, its constant last.")
+    ]
+    centres: Annotated[
+        tuple[Row, ...], Meta(min_length=1, description="Points that cover the training, in x.")
+    ]
+    reach: Annotated[
+        float,
+        Meta(gt=0, description="g(x) is 1 so far from the nearest centre, 0 at twice as far."),
+    ]
+    bound: Annotated[NotNegative | None, Meta(description="The longest correction, unit_out.")] = (
+        None
+    )
+    misfit: Annotated[
+        NotNegative | None, Meta(description="What the base leaves on an axis, sd, unit_out.")
+    ] = None
+    unmodelled: Annotated[
+        NotNegative, Meta(description="What the network leaves inside on an axis, sd, unit_out.")
+    ] = 0.0
+    base_sd_ratio: Annotated[
+        NotNegative, Meta(description="Standard errors of the base inside, over its own.")
+    ] = 1.0
+    covariance: Annotated[
+        tuple[Row, ...] | None, Meta(description="Of U row by row, then V row by row.")
+    ] = None
+    held: Annotated[
+        dict[str, float], Meta(description="Inputs that stay at a value instead of being read.")
+    ] = {}
+    magnitude: Annotated[
+        NotNegative | None, Meta(description="Field magnitude it was trained in, in unit_out.")
+    ] = None
+    noise: Annotated[
+        NotNegative | None,
+        Meta(description="Standard deviation of what is left on an axis, in unit_out."),
+    ] = None
+    device_id: Annotated[
+        int | None, Meta(description="The number by which an autopilot knows the sensor.")
+    ] = None
+    validity: ValidityRecord = ValidityRecord()
+    provenance: ProvenanceRecord
+
+
 class RotationRecord(Struct, frozen=True):
     """A rotation as a unit quaternion, Hamilton, scalar first."""
 
@@ -176,7 +250,10 @@ class ChainRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="chai
     """Calibrations applied one after the other, in this order."""
 
     steps: Annotated[
-        tuple[AffineRecord | InterferenceRecord | ThermalRecord | AlignmentRecord, ...],
+        tuple[
+            AffineRecord | InterferenceRecord | ThermalRecord | NetworkRecord | AlignmentRecord,
+            ...,
+        ],
         Meta(min_length=1),
     ]
     provenance: ProvenanceRecord
@@ -216,6 +293,7 @@ AnyRecord = (
     AffineRecord
     | InterferenceRecord
     | ThermalRecord
+    | NetworkRecord
     | AlignmentRecord
     | ChainRecord
     | DeviationRecord

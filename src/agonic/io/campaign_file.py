@@ -35,26 +35,23 @@ inclination_deg = 65
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from string import Formatter
-from typing import Any, TypeVar, get_type_hints
+from typing import Any
 
-import msgspec
 from msgspec import Struct
 
 from agonic.campaign.description import Description, Station, repeated
 from agonic.campaign.profile import Profile
 from agonic.campaign.sensors import Sensor
 from agonic.campaign.standard import standard_stations
-from agonic.errors import AgonicError, LogError
+from agonic.errors import LogError
+from agonic.io.sections import read_toml, section, tried
 from agonic.kernels.rotation import yaw_pitch_roll
 from agonic.units import canonical
 
 FILE_NAME = "campaign.toml"
-
-Made = TypeVar("Made")
 
 
 class CampaignSection(Struct):
@@ -132,12 +129,7 @@ def read_description(path: Path | str) -> Description:
 [station], [profile], [field]); [profile] `lowest_C` expected `float`, got `str`
     """
     file = Path(path)
-    try:
-        table = tomllib.loads(file.read_bytes().decode())
-    except OSError as error:
-        raise LogError(f"cannot be read: {error.strerror or error}", path=file) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise LogError(f"this is no TOML: {error}", path=file) from None
+    table = read_toml(file)
     mistakes: list[str] = []
     description = _described(table, file.parent, mistakes)
     if mistakes or description is None:
@@ -148,15 +140,15 @@ def read_description(path: Path | str) -> Description:
 def _described(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Description | None:
     """The description, with what is wrong added to `mistakes`."""
     plain = {key: value for key, value in table.items() if key not in SECTIONS}
-    head = _section(plain, CampaignSection, "the file", mistakes)
-    profile = _section(table.get("profile"), ProfileSection, "[profile]", mistakes)
-    field = _section(table.get("field", {}), FieldSection, "[field]", mistakes)
+    head = section(plain, CampaignSection, "the file", mistakes, SECTIONS)
+    profile = section(table.get("profile"), ProfileSection, "[profile]", mistakes)
+    field = section(table.get("field", {}), FieldSection, "[field]", mistakes)
     sensors = _listed(table.get("sensor", []), SensorSection, "sensor", mistakes)
     stations = _listed(table.get("station", []), StationSection, "station", mistakes)
     _check_names(sensors, stations, mistakes)
     _check_values(head, field, sensors, mistakes)
     _check_files(head, stations, folder, mistakes)
-    made = _tried(
+    made = tried(
         lambda: None if profile is None else Profile(**_fields(profile)), "[profile]", mistakes
     )
     if mistakes:
@@ -178,41 +170,12 @@ def _fields(section: Struct) -> dict[str, Any]:
     return {name: getattr(section, name) for name in section.__struct_fields__}
 
 
-def _section(table: Any, kind: type[Struct], where: str, mistakes: list[str]) -> Any:
-    """A section as it should be; every mistake in it is noted."""
-    if table is None:
-        return None
-    if not isinstance(table, Mapping):
-        mistakes.append(f"{where} must be a section with keys, not {table!r}")
-        return None
-    before = len(mistakes)
-    hints = get_type_hints(kind)
-    unknown = [key for key in table if key not in hints]
-    if unknown:
-        shown = ", ".join(f"`{key}`" for key in unknown)
-        extra = ", ".join(f"[{s}]" for s in SECTIONS)
-        known = ", ".join(hints) + (f", {extra}" if kind is CampaignSection else "")
-        mistakes.append(f"{where} has no key {shown} (its keys: {known})")
-    for key in table.keys() & hints.keys():
-        try:
-            msgspec.convert(table[key], hints[key])
-        except msgspec.ValidationError as error:
-            text = str(error).replace("Expected", "expected").replace(" | null", "")
-            mistakes.append(f"{where} `{key}` {text}")
-    needed = [f.name for f in msgspec.structs.fields(kind) if f.required and f.name not in table]
-    if needed:
-        mistakes.append(f"{where} needs {', '.join(f'`{key}`' for key in needed)}")
-    if len(mistakes) > before:
-        return None
-    return msgspec.convert(dict(table), kind)
-
-
 def _listed(tables: Any, kind: type[Struct], what: str, mistakes: list[str]) -> list[Any]:
     """Every [[sensor]] or [[station]] that is as it should be."""
     if not isinstance(tables, list):
         mistakes.append(f"write [[{what}]] with two brackets: there may be several")
         return []
-    made = [_section(table, kind, f"[[{what}]] {k}", mistakes) for k, table in enumerate(tables, 1)]
+    made = [section(table, kind, f"[[{what}]] {k}", mistakes) for k, table in enumerate(tables, 1)]
     return [one for one in made if one is not None]
 
 
@@ -243,7 +206,7 @@ def _check_values(head: Any, field: Any, sensors: list[Any], mistakes: list[str]
     """Units that exist, and numbers above zero."""
     units = [("the file", head.unit if head else None), *((s.name, s.unit) for s in sensors)]
     for where, unit in units:
-        _tried(lambda unit=unit: canonical(unit) if unit else "", where, mistakes)  # type: ignore[misc]
+        tried(lambda unit=unit: canonical(unit) if unit else "", where, mistakes)  # type: ignore[misc]
     above = [("rate_Hz", head.rate_Hz if head else None)]
     above += [("magnitude_nT", field.magnitude_nT if field else None)]
     above += [(f"{sensor.name}: noise_nT", sensor.noise_nT) for sensor in sensors]
@@ -268,15 +231,6 @@ def _check_files(head: Any, stations: list[Any], folder: Path, mistakes: list[st
         named = set()
     if named != {"station"}:
         mistakes.append(f"files = {head.files!r} is no pattern; write station-{{station:02d}}.csv")
-
-
-def _tried(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
-    """What is made, or `None` and its mistake noted."""
-    try:
-        return make()
-    except AgonicError as error:
-        mistakes.append(f"{where}: {error}")
-        return None
 
 
 def _sensor(section: SensorSection, unit: str | None) -> Sensor:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.io.clock import UNIX
-from agonic.io.columns import STANDARD_GRAVITY
 from agonic.io.dataflash_format import FloatArray, Index, Table
 from agonic.io.tlog_format import Messages
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 Columns = Mapping[str, tuple[str, float]]
 """For each column of a table the field of the message and the factor between their units."""
@@ -33,7 +33,7 @@ def _vectors(acceleration: float, rate: float, field: float) -> Columns:
 
 _TURN, _MILLI = 180 / np.pi, 1e-3
 _PLACE = {"Lat": ("lat", 1e-7), "Lng": ("lon", 1e-7), "Alt": ("alt", _MILLI)}
-_SCALED = _vectors(STANDARD_GRAVITY * _MILLI, _MILLI, 1.0)
+_SCALED = _vectors(STANDARD_GRAVITY_M_S2 * _MILLI, _MILLI, 1.0)
 
 INERTIAL: dict[str, Columns] = {
     "HIGHRES_IMU": _vectors(1.0, 1.0, 1e3),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
@@ -11,56 +12,85 @@ from numpy.typing import NDArray
 from agonic.calibration.deviation import POINTS, Deviation, heading_name
 from agonic.fitting.deviation import DeviationFit
 from agonic.report.card import LIMITS, judgement
-from agonic.report.figures import Axis
 from agonic.report.markup import Markup, element
+from agonic.report.strips import Axis
 
 Array = NDArray[np.float64]
 
 WIDTH, LEFT, RIGHT = 760.0, 64.0, 112.0
-MOST_DOTS = 1500
 _CIRCLE_DEG = np.arange(0.0, 361.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a chart is laid out: its pixels, the names of its panels, how many dots and headings.
+
+    Where there is no margin at the right, the limits are named inside.
+    """
+
+    name: str
+    width: float
+    left: float
+    right: float
+    titles: tuple[str, str]
+    most_dots: int
+    step_deg: int
+
+
+WIDE = Layout(
+    "wide", WIDTH, LEFT, RIGHT,
+    ("Before: deviation of the compass",
+     "After: what the card leaves, with the 95 % band of the curve"), 1500, 45,
+)  # fmt: skip
+NARROW = Layout(
+    "narrow", 400.0, 54.0, 20.0,
+    ("Before: deviation of the compass", "After: what is left, and its 95 % band"), 500, 90,
+)  # fmt: skip
 
 
 class Panel:
     """One of the two areas: the pixels it takes and the deviations it shows."""
 
-    def __init__(self, top: float, height: float, largest: float) -> None:
-        self.top, self.height = top, height
+    def __init__(self, layout: Layout, top: float, height: float, largest: float) -> None:
+        self.layout, self.top, self.height = layout, top, height
         self.axis = Axis("", -largest, largest)
+        self.left, self.end = layout.left, layout.width - layout.right
 
     def right(self, heading_deg: Array) -> Array:
         """Pixels from the left of headings."""
-        return np.asarray(LEFT + (WIDTH - LEFT - RIGHT) * heading_deg / 360.0)
+        return np.asarray(self.left + (self.end - self.left) * heading_deg / 360.0)
 
     def down(self, deviation_deg: Array) -> Array:
         """Pixels from the top of deviations; east is up."""
         return np.asarray(self.top + self.height * (1 - self.axis.share(deviation_deg)))
 
 
-def chart(result: Deviation | DeviationFit, **attributes: str) -> Markup:
+def chart(result: Deviation | DeviationFit, layout: Layout = WIDE, **attributes: str) -> Markup:
     """The chart as an SVG element; its colours come from `chart_style`."""
     card = result.calibration if isinstance(result, DeviationFit) else result
-    heading, residuals = _dots(result)
+    heading, residuals = _dots(result, layout.most_dots)
     curve = card.at(_CIRCLE_DEG)
     band = np.zeros_like(curve) if card.covariance is None else card.band_at(_CIRCLE_DEG)
     measured = card.at(heading) + residuals
-    before = Panel(34.0, 250.0, _largest(curve, measured, cap=180.0))
-    after = Panel(344.0, 150.0, _largest(band, residuals, cap=30.0))
+    before = Panel(layout, 34.0, 250.0, _largest(curve, measured, cap=180.0))
+    after = Panel(layout, 344.0, 150.0, _largest(band, residuals, cap=30.0))
     parts = [
-        *_frame(before, "Before: deviation of the compass"),
+        *_frame(before, layout.titles[0]),
         *_limits(before),
         _band(before, curve - band, curve + band),
         _line(before, curve, "curve"),
         _points(before, heading, measured),
-        *_frame(after, "After: what the card leaves, with the 95 % band of the curve"),
+        *_limit_names(before),
+        *_frame(after, layout.titles[1]),
         *_limits(after),
         _band(after, -band, band),
         _points(after, heading, residuals),
+        *_limit_names(after),
         *_rose(after),
     ]
     return element(
-        "svg", *parts, class_="card-chart", viewBox=f"0 0 {WIDTH:g} 548", role="img",
-        aria_label=judgement(card), **attributes,
+        "svg", *parts, class_=f"card-chart {layout.name}",
+        viewBox=f"0 0 {layout.width:g} 548", role="img", aria_label=judgement(card), **attributes,
     )  # fmt: skip
 
 
@@ -82,12 +112,12 @@ def chart_style() -> str:
     return (files("agonic.report") / "static" / "card_chart.css").read_text(encoding="utf-8")
 
 
-def _dots(result: Deviation | DeviationFit) -> tuple[Array, Array]:
-    """Headings and residuals of the readings that counted, at most `MOST_DOTS` of them."""
+def _dots(result: Deviation | DeviationFit, most: int) -> tuple[Array, Array]:
+    """Headings and residuals of the readings that counted, at most so many of them."""
     if not isinstance(result, DeviationFit):
         return np.empty(0), np.empty(0)
     used = np.flatnonzero(result.weights > 0)
-    used = used[:: max(1, -(-len(used) // MOST_DOTS))]
+    used = used[:: max(1, -(-len(used) // most))]
     return result.compass_deg[used], result.residuals_deg[used]
 
 
@@ -101,18 +131,19 @@ def _frame(panel: Panel, title: str) -> list[Markup]:
     """Title, grid and the numbers at the left."""
     ticks = panel.axis.ticks(8 if panel.height > 200 else 4)
     places = panel.down(ticks)
-    end, zero = WIDTH - RIGHT, float(panel.down(np.zeros(1))[0])
-    across = [f"M{LEFT:g} {at:.1f}H{end:g}" for at in places]
+    zero = float(panel.down(np.zeros(1))[0])
+    across = [f"M{panel.left:g} {at:.1f}H{panel.end:g}" for at in places]
+    step = float(panel.layout.step_deg)
     along = [
-        f"M{x:.1f} {panel.top:g}v{panel.height:g}" for x in panel.right(np.arange(0, 361, 45.0))
+        f"M{x:.1f} {panel.top:g}v{panel.height:g}" for x in panel.right(np.arange(0, 361, step))
     ]
     return [
-        element("text", title, class_="title", x=LEFT, y=panel.top - 12),
+        element("text", title, class_="title", x=panel.left, y=panel.top - 12),
         element("path", d="".join([*across, *along]), class_="grid"),
-        element("path", d=f"M{LEFT:g} {zero:.1f}H{end:g}", class_="zero"),
+        element("path", d=f"M{panel.left:g} {zero:.1f}H{panel.end:g}", class_="zero"),
         *(
-            element("text", _side(float(tick)), class_="tick", x=LEFT - 8, y=round(float(y) + 4, 1),
-                    text_anchor="end")
+            element("text", _side(float(tick)), class_="tick", x=panel.left - 8,
+                    y=round(float(y) + 4, 1), text_anchor="end")
             for tick, y in zip(ticks, places, strict=True)
         ),
     ]  # fmt: skip
@@ -129,20 +160,31 @@ def _side(deviation_deg: float) -> str:
 
 
 def _limits(panel: Panel) -> list[Markup]:
-    """Lines at the limits, named once at the right."""
+    """Lines at the limits."""
     parts = []
     for limit, name in LIMITS:
         at = panel.down(np.array([limit, -limit]))
-        kind = "limit " + name.replace(" ", "-")
-        path = "".join(f"M{LEFT:g} {y:.1f}H{WIDTH - RIGHT:g}" for y in at)
-        parts.append(element("path", d=path, class_=kind))
-        label = f"{limit:g}° {name}"
-        shift = 9.0 if limit == LIMITS[0][0] and panel.height > 200 else 4.0
+        path = "".join(f"M{panel.left:g} {y:.1f}H{panel.end:g}" for y in at)
+        parts.append(element("path", d=path, class_="limit " + name.replace(" ", "-")))
+    return parts
+
+
+def _limit_names(panel: Panel) -> list[Markup]:
+    """The limits by name, once each: in the margin, or, where there is none, on either side of
+    their lines."""
+    beside = panel.layout.right > 60.0
+    parts = []
+    for k, (limit, name) in enumerate(LIMITS):
+        at = float(panel.down(np.array([limit]))[0])
+        close = panel.height > 200
+        shift = (9.0 if k == 0 and close else 4.0) if beside else (14.0 if k == 0 else -5.0)
         parts.append(
             element(
-                "text", label, class_=kind, x=WIDTH - RIGHT + 6, y=round(float(at[0]) + shift, 1)
+                "text", f"{limit:g}° {name}", class_="limit " + name.replace(" ", "-"),
+                x=panel.end + 6 if beside else panel.end - 4, y=round(at + shift, 1),
+                text_anchor=None if beside else "end",
             )
-        )
+        )  # fmt: skip
     return parts
 
 
@@ -150,10 +192,10 @@ def _rose(panel: Panel) -> list[Markup]:
     """Headings along the foot."""
     foot = panel.top + panel.height
     parts = [
-        element("text", "what the compass reads", class_="tick", x=WIDTH - RIGHT, y=foot + 50,
+        element("text", "what the compass reads", class_="tick", x=panel.end, y=foot + 50,
                 text_anchor="end")
     ]  # fmt: skip
-    for heading in range(0, 361, 45):
+    for heading in range(0, 361, panel.layout.step_deg):
         x = round(float(panel.right(np.array(float(heading)))), 1)
         degrees, point = f"{heading % 360:03d}°", POINTS[heading % 360 * 2 // 45]
         for text, kind, y in ((degrees, "tick degrees", foot + 17), (point, "point", foot + 32)):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Mapping
-from importlib.resources import files
 from string import Template
 from typing import Literal, get_args
 
@@ -23,7 +20,8 @@ from agonic.report.card import (
     rows,
     verdict_words,
 )
-from agonic.report.card_chart import chart, chart_style
+from agonic.report.card_chart import NARROW, chart, chart_style
+from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
 
 Paper = Literal["A4", "A5"]
@@ -59,25 +57,19 @@ def card_page(
     card = result.calibration if isinstance(result, DeviationFit) else result
     refused = isinstance(result, DeviationFit) and result.verdict == "refused"
     kicker = element("p", "Compass deviation card", class_="kicker")
-    use = [element("p", judgement(card)), chart(result), _tables(card, step_deg)]
+    use = [
+        element("p", judgement(card)),
+        chart(result),
+        chart(result, NARROW),
+        _tables(card, step_deg),
+    ]
     parts = [_state(card), _verdict(result), *([] if refused else use)]
     body = markup(
         element("header", kicker, element("h1", title or card.sensor)),
         element("main", *parts, _evidence(result, details or {})),
     )
-    style = Template(_static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + chart_style()
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    return Template(_static("card.html")).substitute(
-        policy=f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'",
-        title=markup(f"Deviation card: {title or card.sensor}"),
-        icon=base64.b64encode(_static("icon.svg").encode()).decode(),
-        style=style,
-        body=body,
-    )
-
-
-def _static(name: str) -> str:
-    return (files("agonic.report") / "static" / name).read_text(encoding="utf-8")
+    style = Template(static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + chart_style()
+    return document(f"Deviation card: {title or card.sensor}", body, style=style)
 
 
 def _state(card: Deviation) -> Markup:

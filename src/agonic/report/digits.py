@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 THIN = "\N{NARROW NO-BREAK SPACE}"
 MINUS = "\N{MINUS SIGN}"
 UNDETERMINED = "undetermined"
+
+_HYPHEN = re.compile(r"(?<![\w.\-])-(?=\.?\d)")  # of a number, not of a date or a name
 
 
 def grouped(value: float, decimals: int = 0) -> str:
@@ -74,6 +77,24 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
         return UNDETERMINED
     space = "" if unit in ("", "°") else THIN
     return f"{significant(value, digits)}{space}{unit}"
+
+
+def counted(n: int, noun: str, plural: str = "") -> str:
+    """A number of things, with the noun as that number wants it.
+
+    >>> counted(1, "row"), counted(0, "row"), counted(2, "axis", "axes")
+    ('1 row', '0 rows', '2 axes')
+    """
+    return f"{grouped(n)} {noun if n == 1 else plural or noun + 's'}"
+
+
+def minused(text: str) -> str:
+    """Text in which a hyphen before a number is the minus that it stands for.
+
+    >>> minused("at -66° (2015-11-21, levelled -0.5, COMPASS-2)")
+    'at −66° (2015-11-21, levelled −0.5, COMPASS-2)'
+    """
+    return _HYPHEN.sub(MINUS, text)
 
 
 def percent(fraction: float) -> str:

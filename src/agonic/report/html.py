@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.resources import files
-from string import Template
 
 from agonic.calibrated import Calibrated
 from agonic.report import sections, sphere, tables
 from agonic.report.digits import degrees, grouped, quantity
+from agonic.report.documents import document, static
 from agonic.report.markup import Markup, data_script, element, markup, table
 from agonic.report.quantities import unit_label
 from agonic.report.verdict import MEANINGS
@@ -52,32 +49,8 @@ def render(
         ),
         data_script(sphere.corners(), id="icosphere"),
     )
-    return _page(title, body)
-
-
-def _page(title: str, body: Markup) -> str:
-    """The page around the body; nothing but its own style and script may run or be fetched."""
-    style, script = _static("report.css"), _static("sphere.js")
-    policy = (
-        f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; "
-        f"script-src '{_digest(script)}'"
-    )
-    return Template(_static("page.html")).substitute(
-        policy=policy,
-        title=markup(title),
-        icon=base64.b64encode(_static("icon.svg").encode()).decode(),
-        style=style,
-        body=body,
-        script=script,
-    )
-
-
-def _static(name: str) -> str:
-    return (files("agonic.report") / "static" / name).read_text(encoding="utf-8")
-
-
-def _digest(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    script = static("canvas.js") + static("sphere.js")
+    return document(title, body, style=static("report.css"), script=script)
 
 
 def _header(results: Sequence[Calibrated], title: str) -> Markup:

@@ -12,6 +12,7 @@ from agonic.kernels.affine import magnitude_residual
 from agonic.kernels.coverage import cells_of, icosphere
 from agonic.report.digits import grouped, quantity, signed
 from agonic.report.quantities import unit_label
+from agonic.report.strips import robust_limit
 
 Array = NDArray[np.float64]
 
@@ -36,9 +37,8 @@ class Residuals:
 
     @property
     def limit(self) -> float:
-        """Half the height of a strip: 99.5 % of the readings, at least five times the noise."""
-        reach = float(np.percentile(np.abs(self.values), 99.5))
-        return max(5.0 * self.noise, 1.1 * reach, _LEAST)
+        """Half the height of a strip: what counted in the fit, at least five times the noise."""
+        return robust_limit(self.values, max(5.0 * self.noise, _LEAST), self.weights)
 
     @property
     def mean_limit(self) -> float:
@@ -68,6 +68,16 @@ def residuals_of(result: Calibrated) -> Residuals:
         noise=fit.noise,
         unit=unit_label(fit.calibration.unit_in),
     )
+
+
+def parted(result: Calibrated) -> NDArray[np.bool_] | None:
+    """The rows held out of the fit (n,) where they are a part of it; `None` where every reading
+    was judged in its turn, by a fit to others, and where the readings are others altogether."""
+    held_out, weights = result.verification.held_out, result.fit.weights
+    if held_out is None:
+        return None
+    counted = np.ones(len(held_out), dtype=bool) if weights is None else weights > 0
+    return None if held_out[counted].all() else held_out
 
 
 def level(result: Calibrated) -> float:

@@ -9,10 +9,11 @@ import numpy as np
 
 from agonic.calibrated import Calibrated
 from agonic.report import figures, sphere, tables
-from agonic.report.digits import degrees, grouped, percent, quantity
+from agonic.report.digits import counted, degrees, grouped, minused, percent, quantity
 from agonic.report.markup import Markup, data_script, element
-from agonic.report.quantities import unit_label
-from agonic.report.residuals import FEWEST, Residuals, residuals_of
+from agonic.report.quantities import mixes, unit_label
+from agonic.report.residuals import FEWEST, Residuals, parted, residuals_of
+from agonic.report.strips import beyond_words, captioned
 from agonic.report.verdict import MEANINGS, next_move, sentence
 
 TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys; Home turns back."
@@ -30,10 +31,10 @@ def sensor(number: int, result: Calibrated, exports: Sequence[str], most: int) -
         _part("Magnitude and residuals", *_residuals(result, residuals)),
         _part("Verification", _held_out_note(result), tables.checks(result.verification)),
         _part("Method and model", tables.method(result)),
-        _part("Findings", tables.findings(result.fit)),
+        _part("Findings", tables.findings(result.fit.findings)),
         _part("Coverage", *_coverage(result)),
         _part("Exports", _exports(exports)),
-        _part("Provenance", tables.provenance(result)),
+        _part("Provenance", tables.provenance(result.fit.calibration, result.samples)),
         data_script(sphere.sphere_data(result, residuals, most), id=f"{name}-data"),
     ]
     return element(
@@ -51,8 +52,8 @@ def _verdict(result: Calibrated) -> Markup:
     return element(
         "div",
         element("p", tables.mark(result.verdict, word), f": {meaning}", class_="word"),
-        element("p", sentence(result.status)),
-        element("p", element("strong", "Do next: "), sentence(next_move(result))),
+        element("p", minused(sentence(result.status))),
+        element("p", element("strong", "Do next: "), minused(sentence(next_move(result)))),
         class_=f"verdict {result.verdict}",
     )
 
@@ -66,13 +67,13 @@ def _key_figures(result: Calibrated) -> Markup:
             tables.spread(verification), "held out, before → after"),
         "Heading standard error": (
             degrees(coverage.heading_sd_deg),
-            f"level, at {coverage.inclination_deg:.0f}° inclination"),
+            f"level, at {grouped(coverage.inclination_deg)}° inclination"),
         "Noise": (
             quantity(fit.noise, unit_label(fit.calibration.unit_in), 2),
             "one reading on one axis"),
         "Coverage": (
             f"{np.count_nonzero(coverage.cells)} of {len(coverage.cells)}",
-            f"directions, from {grouped(fit.n)} readings"),
+            f"directions, from {counted(fit.n, 'reading')}"),
     }  # fmt: skip
     return element(
         "dl",
@@ -91,12 +92,18 @@ def _key_figures(result: Calibrated) -> Markup:
 
 def _logged_note(result: Calibrated) -> Markup:
     logged = result.samples.logged
-    text = (
-        "The log holds no earlier correction to compare with."
-        if logged is None
-        else f"“In the log” is the correction found there ({logged.source}). It was taken out of "
-        "the readings before this calibration was made."
-    )
+    if mixes(result.fit.calibration):
+        text = (
+            "field = weights @ readings + weights of the second @ its readings + constant. In such "
+            "a mix neither sensor has a bias or scale factors of its own."
+        )
+    elif logged is None:
+        text = "The log holds no earlier correction to compare with."
+    else:
+        text = (
+            f"“In the log” is the correction found there ({logged.source}). It was taken out of "
+            "the readings before this calibration was made."
+        )
     return element("p", text, " ± is one standard error.", class_="aside")
 
 
@@ -156,15 +163,20 @@ def _residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
         "mean": "mean, weighted as in the fit",
         "noise": f"± noise, {noise}",
     }
-    if result.verification.held_out is not None:
+    if parted(result) is not None:
         over_time["held-out"] = "held out of the fit"
     return [
-        _strip(
+        captioned(
             "Magnitude over time",
             figures.magnitude_strip(result),
             {"before": "before", "after": "after the correction"},
         ),
-        _strip("Residuals over time", figures.residual_strip(result, residuals), over_time),
+        captioned(
+            "Residuals over time",
+            figures.residual_strip(result, residuals),
+            over_time,
+            beyond_words(residuals.values, residuals.limit, residuals.unit),
+        ),
         *_other_kinds(result, residuals, over_time),
         element("div", _histogram(residuals, noise), _residual_sphere(residuals), class_="pair"),
     ]
@@ -182,20 +194,24 @@ def _other_kinds(
         noise = quantity(channel.noise, residuals.unit, 2)
         keys = {**legend, "noise": f"± scatter, {noise}: the sensor’s noise and the attitude’s"}
         strips.append(
-            _strip(f"Residuals of the {kind} over time", figures.residual_strip(result, own), keys)
+            captioned(
+                f"Residuals of the {kind} over time",
+                figures.residual_strip(result, own),
+                keys,
+                beyond_words(own.values, own.limit, own.unit),
+            )
         )
     return strips
 
 
 def _histogram(residuals: Residuals, noise: str) -> Markup:
-    beyond = int(np.sum(np.abs(residuals.values) > residuals.limit))
     doubted = int(np.sum(residuals.weights < 0.5))
-    return _strip(
+    return captioned(
         "Histogram of residuals",
         figures.residual_histogram(residuals),
         {"bars": "readings", "normal": f"normal curve of the noise, {noise}"},
-        f"{grouped(doubted)} readings count less than half in the fit; "
-        f"{grouped(beyond)} lie beyond the edges.",
+        f"{counted(doubted, 'reading')} {'counts' if doubted == 1 else 'count'} less than half in "
+        "the fit.",
     )
 
 
@@ -211,23 +227,17 @@ def _residual_sphere(residuals: Residuals) -> Markup:
     )
 
 
-def _strip(name: str, plot: Markup, keys: Mapping[str, str], note: str = "") -> Markup:
-    legend = (
-        element("span", element("i", class_=f"key {key}"), words) for key, words in keys.items()
-    )
-    caption = element(
-        "figcaption", element("strong", name), element("p", *legend, class_="legend"), note
-    )
-    return element("figure", caption, plot, class_="strip")
-
-
 def _held_out_note(result: Calibrated) -> Markup:
     held_out = result.verification.held_out
-    text = (
-        "Checked on other readings than the fit has seen."
-        if held_out is None
-        else f"Checked on {grouped(int(held_out.sum()))} readings held out of the fit."
-    )
+    if held_out is None:
+        text = "Checked on other readings than the fit has seen."
+    elif parted(result) is None:
+        text = (
+            f"Each of {counted(int(held_out.sum()), 'reading')} was judged by a fit to other parts "
+            "of the log, which had not seen it."
+        )
+    else:
+        text = f"Checked on {counted(int(held_out.sum()), 'reading')} held out of the fit."
     return element("p", text, class_="aside")
 
 
@@ -235,9 +245,11 @@ def _coverage(result: Calibrated) -> list[Markup]:
     """Which directions were seen, and which turns are missing."""
     coverage = result.fit.coverage
     seen = element("p", f"{sphere.coverage_words(result)} ({percent(coverage.filled)}).")
+    if result.verdict == "good":
+        return [seen, element("p", "No further turns are needed.")]
     if coverage.turns:
         return [seen, element("p", element("strong", "Turns to add: "), sentence(coverage.turns))]
-    return [seen, element("p", "No further turns are needed.")] if result.fit.ok else [seen]
+    return [seen]
 
 
 def _exports(exports: Sequence[str]) -> Markup:

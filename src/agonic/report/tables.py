@@ -6,13 +6,23 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agonic.calibrated import Calibrated
+from agonic.calibration.base import Calibration
 from agonic.choice import undone
 from agonic.citations import CITATIONS
-from agonic.fit import Fit
-from agonic.report.digits import grouped, percent, quantity, rounded, signed, with_sd
+from agonic.health import Finding
+from agonic.report.digits import counted, minused, percent, quantity, rounded, signed, with_sd
 from agonic.report.markup import Markup, element, markup, row, table
-from agonic.report.quantities import Group, Quantity, quality, quantities, unit_label
+from agonic.report.quantities import (
+    Group,
+    Quantity,
+    mixes,
+    quality,
+    quantities,
+    unit_label,
+    views,
+)
 from agonic.report.verdict import sentence
+from agonic.samples import Samples
 from agonic.verification import Check, Verification
 
 NOTHING = "–"
@@ -47,16 +57,15 @@ def mark(verdict: str, *words: str) -> Markup:
 
 def numbers(result: Calibrated) -> Markup:
     """Every number with its standard error, beside what the log held."""
-    groups = quantities(result)
-    first, views = groups[:-2], groups[-2:]
-    compared = result.samples.logged is not None
+    first, others = quantities(result), views(result)
+    compared = result.samples.logged is not None and not mixes(result.fit.calibration)
     quality_rows = quality(result).items()
     return element(
         "div",
         _numbers(first, compared),
         element(
             "div",
-            _numbers(views, compared),
+            _numbers(others, compared) if others else "",
             table(["Quality", "This calibration"], quality_rows, class_="numbers"),
         ),
         class_="pair tables",
@@ -92,7 +101,7 @@ def checks(verification: Verification) -> Markup:
     """The named checks: value, limit, verdict and meaning."""
     rows = [
         [check.name, quantity(check.value, check.unit), _limit(check), _outcome(check),
-         sentence(check.meaning)]
+         minused(sentence(check.meaning))]
         for check in verification.checks
     ]  # fmt: skip
     return table(["Check", "Value", "Limit", "Verdict", "Meaning"], rows, class_="checks")
@@ -121,7 +130,7 @@ def method(result: Calibrated) -> Markup:
         return chosen
     items = (
         element(
-            "li", sentence(test.sentence),
+            "li", minused(sentence(test.sentence)),
             element("span", f" {test.larger} against {test.smaller}: statistic "
                     f"{test.statistic:.3g}, p = {test.p_value:.2g}", class_="aside"),
         )
@@ -130,17 +139,17 @@ def method(result: Calibrated) -> Markup:
     return markup(chosen, element("ul", *items))
 
 
-def findings(fit: Fit) -> Markup:
+def findings(found: Sequence[Finding]) -> Markup:
     """What was seen, by name, with the move that helps."""
-    if not fit.findings:
+    if not found:
         return element("p", "None.")
     rows = [
         [
             mark(*SEVERITIES[f.severity]),
-            markup(element("code", f.name), " ", sentence(f.what)),
-            sentence(f.move) if f.move else NOTHING,
+            markup(element("code", f.name), " ", minused(sentence(f.what))),
+            minused(sentence(f.move)) if f.move else NOTHING,
         ]
-        for f in fit.findings
+        for f in found
     ]
     return table(["Severity", "What was seen", "What to do"], rows, class_="findings")
 
@@ -154,19 +163,22 @@ def definitions(entries: Mapping[str, str | Sequence[str]]) -> Markup:
     return element("dl", *pairs)
 
 
-def provenance(result: Calibrated) -> Markup:
-    """Where the calibration came from, and in which units and axes it holds."""
-    calibration, source = result.fit.calibration, result.samples.source
+def provenance(calibration: Calibration, samples: Samples | None) -> Markup:
+    """Where a calibration came from, and in which units and axes it holds."""
     origin = calibration.provenance
-    inputs = [*(() if source is None else (source,)), *origin.inputs]
+    source = None if samples is None else samples.source
+    inputs = {i.sha256: i for i in (*(() if source is None else (source,)), *origin.inputs)}
+    rejected = {} if samples is None else samples.rejected
     entries: dict[str, str | Sequence[str]] = {
         "Equation": element("code", calibration.equation),
         "Units": f"readings in {unit_label(calibration.unit_in)}, field in "
         f"{unit_label(calibration.unit_out)}",
         "Frames": f"{_frame(calibration.frame_in)} to {_frame(calibration.frame_out)}",
-        "Inputs": [f"{i.name}, {grouped(i.count)} rows, SHA-256 {i.sha256}" for i in inputs],
-        "Left out": [f"{grouped(n)} rows: {why}" for why, n in result.samples.rejected.items()],
-        "Reader’s notes": result.samples.notes,
+        "Inputs": [
+            f"{i.name}, {counted(i.count, 'row')}, SHA-256 {i.sha256}" for i in inputs.values()
+        ],
+        "Left out": [f"{counted(n, 'row')}: {why}" for why, n in rejected.items()],
+        "Reader’s notes": () if samples is None else samples.notes,
         "Settings": [f"{name} = {_setting(value)}" for name, value in origin.settings.items()],
         "Derived from": origin.parents,
         "Software": f"{origin.software}, {origin.created}",
@@ -176,7 +188,7 @@ def provenance(result: Calibrated) -> Markup:
 
 
 def _setting(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return minused(f"{value:g}" if isinstance(value, float) else str(value))
 
 
 def _frame(letter: str) -> str:

@@ -1,0 +1,195 @@
+"""The retraining file: JSON that holds a network kept up to date exactly, to be resumed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from datetime import datetime
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retraining, Window
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.calfile import decode, encode, read_bytes
+from agonic.kernels import cusum
+
+Row = tuple[float, ...]
+Rows = tuple[Row, ...]
+
+SCHEMA = "agonic/retrain-state@1"
+
+_AS_THEY_ARE = (
+    "wait", "noise", "correlation", "n", "epoch", "onset", "settling", "early", "since_n",
+    "accepted", "rejected",
+    "sensor", "unit", "frame_in", "frame_out", "device_id", "reference_sd", "source",
+)  # fmt: skip
+
+
+class WindowRecord(Struct, frozen=True):
+    """The last readings."""
+
+    time: Row
+    raw: Rows
+    wanted: Rows
+    columns: dict[str, list[Any]]
+
+
+class RetrainingRecord(Struct, frozen=True, kw_only=True):
+    """One retraining."""
+
+    time: float
+    n: int
+    why: Literal["period", "change", "settling"]
+    accepted: bool
+    reason: str
+    rows: int
+    what: str
+    poisoned: bool
+    running_rms: float | None
+    candidate_rms: float | None
+    onset: float | None
+    epochs: int
+
+
+class StateRecord(Struct, frozen=True, kw_only=True):
+    """Where it stands; `running` is a calibration file, or null."""
+
+    running: msgspec.Raw
+    window: WindowRecord
+    watch: Rows
+    age: tuple[tuple[int, ...], ...]
+    wait: int
+    noise: float | None
+    correlation: float
+    n: int
+    time: float | None
+    epoch: datetime | None
+    onset: int | None
+    settling: int | None
+    early: bool
+    since_n: int
+    since_time: float | None
+    due_n: int | None
+    due_time: float | None
+    retrainings: tuple[RetrainingRecord, ...]
+    accepted: int
+    rejected: int
+    sensor: str
+    unit: str
+    frame_in: str
+    frame_out: str
+    device_id: int | None
+    reference_sd: float
+    source: str
+
+
+class RetrainFile(Struct, frozen=True):
+    """A network that is kept up to date, made with agonic."""
+
+    schema: str
+    params: dict[str, Any]
+    state: StateRecord
+
+
+def save_retrainer(params: RetrainerParams, state: RetrainerState, path: Path | str) -> Path:
+    """Write settings and state, every float as it is; the file replaces another in one step.
+
+    Raises `AgonicError` where the file cannot be written.
+    """
+    running = msgspec.Raw(b"null" if state.running is None else encode(state.running).strip())
+    record = RetrainFile(
+        SCHEMA,
+        asdict(params),
+        StateRecord(
+            running=running,
+            window=_recorded(state.window),
+            watch=_rows(state.watch.size),
+            age=tuple(map(tuple, state.watch.age.tolist())),
+            time=_finite(state.time),
+            since_time=_finite(state.since_time),
+            due_n=None if state.due_n == inf else int(state.due_n),
+            due_time=_finite(state.due_time),
+            retrainings=tuple(_retraining(one) for one in state.retrainings),
+            **{name: getattr(state, name) for name in _AS_THEY_ARE},
+        ),
+    )
+    return write_atomically(path, msgspec.json.encode(record) + b"\n")
+
+
+def load_retrainer(path: Path | str) -> tuple[RetrainerParams, RetrainerState]:
+    """Settings and state of a retraining file.
+
+    Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
+    """
+    data = read_bytes(path)
+    try:
+        record = msgspec.json.decode(data, type=RetrainFile)
+        if record.schema != SCHEMA:
+            raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
+        return msgspec.convert(record.params, RetrainerParams), _state(record.state)
+    except (AgonicError, ValueError, TypeError, RecursionError) as error:
+        raise LogError(f"not a usable retraining file: {error}", path=path) from None
+
+
+def _state(record: StateRecord) -> RetrainerState:
+    text = bytes(record.running)
+    running: Any = None if text == b"null" else decode(text)
+    window = record.window
+    k, channels = len(window.time), len(record.watch[0])
+    return RetrainerState(
+        running=running,
+        window=Window(
+            time=np.array(window.time, dtype=np.float64),
+            raw=np.array(window.raw, dtype=np.float64).reshape(k, 3),
+            wanted=np.array(window.wanted, dtype=np.float64).reshape(k, channels),
+            columns={
+                name: np.array(values, dtype=np.float64) for name, values in window.columns.items()
+            },
+        ),
+        watch=cusum.Sums(
+            np.array(record.watch, dtype=np.float64).reshape(2, channels),
+            np.array(record.age, dtype=np.intp).reshape(2, channels),
+        ),
+        time=-inf if record.time is None else record.time,
+        since_time=-inf if record.since_time is None else record.since_time,
+        due_n=inf if record.due_n is None else record.due_n,
+        due_time=inf if record.due_time is None else record.due_time,
+        retrainings=tuple(_restored(one) for one in record.retrainings),
+        **{name: getattr(record, name) for name in _AS_THEY_ARE},
+    )
+
+
+def _recorded(window: Window) -> WindowRecord:
+    return WindowRecord(
+        tuple(window.time.tolist()),
+        _rows(window.raw),
+        _rows(window.wanted),
+        {name: values.tolist() for name, values in window.columns.items()},
+    )
+
+
+def _rows(values: np.ndarray[Any, Any]) -> Rows:
+    return tuple(map(tuple, values.tolist()))
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def _retraining(one: Retraining) -> RetrainingRecord:
+    values = asdict(one)
+    for name in ("running_rms", "candidate_rms"):
+        values[name] = _finite(values[name])
+    return RetrainingRecord(**values)
+
+
+def _restored(record: RetrainingRecord) -> Retraining:
+    values = msgspec.structs.asdict(record)
+    for name in ("running_rms", "candidate_rms"):
+        values[name] = float("nan") if values[name] is None else values[name]
+    return Retraining(**values)

@@ -1,0 +1,95 @@
+"""The folder of a calibration: its file, exports, setup and report for every sensor."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from agonic.calibrated import Calibrated
+from agonic.calibration.setup import Compass, Setup
+from agonic.errors import UnitError
+from agonic.io.atomic import make_folder, write_atomically
+from agonic.io.calfile import save
+from agonic.io.setupfile import save_setup
+from agonic.io.targets import SUFFIXES, TARGETS
+from agonic.io.targets import write as write_target
+from agonic.report.html import render
+
+
+class Written(NamedTuple):
+    """The files of one sensor, and what its exports do not hold or do."""
+
+    files: list[str]
+    warnings: list[str]
+
+
+def write_folder(
+    results: Sequence[Calibrated], folder: Path, *, title: str, stack: str = ""
+) -> dict[str, Written]:
+    """Calibration files, exports and report; returns what was written for each sensor.
+
+    `title` is what the report is about, `stack` the autopilot that exports are for, or "".
+    """
+    make_folder(folder)
+    written = {result.samples.name: _sensor_files(result, stack, folder) for result in results}
+    files = {name: of_sensor.files for name, of_sensor in written.items()}
+    setup = _setup(results, written, folder)
+    page = str(folder / "report.html")
+    write_atomically(page, render(results, title=title, exports=files))
+    return {name: Written([*w.files, *setup, page], w.warnings) for name, w in written.items()}
+
+
+def _setup(
+    results: Sequence[Calibrated], written: dict[str, Written], folder: Path
+) -> list[str]:
+    """The setup of the vehicle, for `agonic heading`, where its compasses can be used as such."""
+    compasses = {
+        result.samples.name: Compass(
+            calibration=result.fit.calibration,
+            latency_s=result.latency.latency_s if result.latency else 0.0,
+        )
+        for result in results
+        if written[result.samples.name].files and result.fit.calibration.unit_out == "nT"
+    }
+    if not compasses:
+        return []
+    saved = {name: Path(written[name].files[0]).name for name in compasses}
+    setup = Setup(compasses=tuple(compasses.values()))
+    return [str(save_setup(setup, folder / "setup.toml", saved=saved))]
+
+
+def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
+    """The calibration file, a C header, and parameters for the stack the log came from.
+
+    Nothing is written of a refused calibration, nor parameters for an autopilot whose own
+    correction is still in the readings.
+    """
+    stem = folder / file_stem(result.samples.name)
+    if result.verdict == "refused":
+        old = [path.name for path in folder.glob(f"{glob.escape(stem.name)}.*")]
+        stale = f"{', '.join(sorted(old))}: of an earlier run, not of this report"
+        return Written([], [stale] if old else [])
+    calibration = result.fit.calibration
+    written = Written([str(save(calibration, stem.with_suffix(".json")))], [])
+    autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
+    for target in ("c", *autopilot):
+        try:
+            export = write_target(target, calibration, stem.with_suffix(SUFFIXES[target]))
+        except UnitError as error:  # raw units have no place in an autopilot
+            written.warnings.append(f"no export for {target}: {error}")
+            continue
+        written.files.append(str(export.path))
+        written.warnings.extend(f"{export.path.name}: {text}" for text in export.warnings)
+    return written
+
+
+def file_stem(sensor: str) -> str:
+    """A sensor's name as part of a file name.
+
+    >>> file_stem("sensor_mag[0]")
+    'sensor_mag_0'
+    """
+    kept = "".join(c if c.isalnum() or c in "-_" else "_" for c in sensor)
+    return kept.strip("_") or "sensor"

@@ -1,0 +1,293 @@
+"""Strips: what is drawn along an axis as inline SVG, however many readings there are.
+
+The drawing area is stretched to the width of the page and the numbers at its edges are not: they
+stand in strips of their own, at percentages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.report.digits import counted, grouped, quantity
+from agonic.report.markup import Markup, element
+
+Array = NDArray[np.float64]
+
+BINS = 400
+"""Columns of a strip; the least and the largest value of each are drawn, so no peak is lost."""
+
+MOST_ARROWS = 24
+_GAP = 3  # columns without a reading that break a line
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What is drawn along an edge of a strip: its label with the unit, and its range."""
+
+    label: str
+    low: float
+    high: float
+
+    def share(self, values: Array) -> Array:
+        """Where values lie between the ends, 0…1; what lies beyond is drawn at the end."""
+        return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))
+
+    def ticks(self, most: int = 6) -> Array:
+        """Round numbers along the axis: steps of 1, 2 or 5 times a power of ten.
+
+        >>> Axis("time, s", 0.0, 47.0).ticks()
+        array([ 0., 10., 20., 30., 40.])
+        """
+        rough = (self.high - self.low) / most
+        power = 10.0 ** np.floor(np.log10(rough))
+        step = power * next(m for m in (1, 2, 5, 10) if m * power >= rough * (1 - 1e-9))
+        first = np.ceil(self.low / step - 1e-9)
+        last = np.floor(self.high / step + 1e-9)
+        return np.asarray(np.arange(first, last + 1) * step + 0.0)  # the sum turns −0 into 0
+
+
+class Columns:
+    """Readings put into the columns of a strip by where they lie along its axis.
+
+    `right` (k,) is where each column with readings stands, thousandths of the area; `counts` (k,)
+    how many it holds.
+
+    >>> columns = Columns(Axis("", 0.0, 10.0), np.array([1.0, 9.0, 2.0]), most=2)
+    >>> columns.right.tolist(), columns.mean(np.array([5.0, 7.0, 6.0])).tolist()
+    ([150.0, 900.0], [5.5, 7.0])
+    """
+
+    def __init__(self, x: Axis, along: Array, most: int = BINS) -> None:
+        self.most = max(1, min(most, len(along)))
+        place = np.minimum((x.share(along) * self.most).astype(np.int32), self.most - 1)
+        sorted_already = bool((np.diff(place) >= 0).all())
+        self._order = None if sorted_already else np.argsort(place, kind="stable")
+        counts = np.bincount(place, minlength=self.most)
+        self.places = np.flatnonzero(counts)
+        self.counts = counts[self.places]
+        self._starts = np.cumsum(self.counts) - self.counts
+        self.right = right(x, self.mean(along))
+
+    def _sorted(self, values: Array) -> Array:
+        return values if self._order is None else values[self._order]
+
+    def mean(self, values: Array, weights: Array | None = None) -> Array:
+        """The mean of each column, weighted where weights are given; NaN where all are 0."""
+        if weights is None:
+            return np.asarray(np.add.reduceat(self._sorted(values), self._starts) / self.counts)
+        total = np.add.reduceat(self._sorted(weights), self._starts)
+        sums = np.add.reduceat(self._sorted(weights * values), self._starts)
+        means = np.full(len(sums), np.nan)
+        np.divide(sums, total, out=means, where=total > 0)
+        return means
+
+    def least(self, values: Array) -> Array:
+        """The least value of each column."""
+        return np.asarray(np.minimum.reduceat(self._sorted(values), self._starts))
+
+    def largest(self, values: Array) -> Array:
+        """The largest value of each column."""
+        return np.asarray(np.maximum.reduceat(self._sorted(values), self._starts))
+
+    def percentiles(self, values: Array, wanted: Sequence[float]) -> Array:
+        """Percentiles of each column, (len(wanted), k)."""
+        parts = np.split(self._sorted(values), self._starts[1:])
+        return np.array([np.percentile(part, wanted) for part in parts]).T
+
+    def edges(self) -> tuple[Array, Array]:
+        """Where each column begins and ends, thousandths of the area."""
+        return 1000.0 * self.places / self.most, 1000.0 * (self.places + 1) / self.most
+
+    def stretches(self) -> Iterator[slice]:
+        """Runs of columns without a gap between them."""
+        steps = np.diff(self.places)
+        wide = _GAP * max(float(np.median(steps)), 1.0) if len(steps) else 1.0
+        ends = [*(np.flatnonzero(steps > wide) + 1).tolist(), len(self.places)]
+        begin = 0
+        for end in ends:
+            yield slice(begin, end)
+            begin = end
+
+
+def right(axis: Axis, values: Array) -> Array:
+    """Thousandths of the area from the left."""
+    return 1000.0 * axis.share(values)
+
+
+def down(axis: Axis, values: Array) -> Array:
+    """Thousandths of the area from the top."""
+    return 1000.0 * (1.0 - axis.share(values))
+
+
+def points(across: Array, below: Array) -> str:
+    """Points as a path has them."""
+    return "L".join(f"{r:.1f} {d:.0f}" for r, d in zip(across, below, strict=True))
+
+
+def path(d: str, name: str, **attributes: str | float) -> Markup:
+    """A path of a class that the style sheet knows."""
+    return element("path", d=d, class_=name, **attributes)
+
+
+def line(columns: Columns, y: Axis, values: Array, name: str) -> Markup:
+    """A line through one value a column, broken where there are no readings or a NaN stands."""
+    at = down(y, values)
+    parts = (
+        f"M{points(columns.right[part], at[part])}"
+        for whole in columns.stretches()
+        for part in _known(at, whole)
+    )
+    return path("".join(parts), name)
+
+
+def _known(values: Array, part: slice) -> Iterator[slice]:
+    """Runs within a part in which no value is a NaN."""
+    known = np.concatenate([[False], np.isfinite(values[part]), [False]])
+    edges = (np.flatnonzero(known[1:] != known[:-1]) + part.start).tolist()
+    yield from map(slice, edges[::2], edges[1::2])
+
+
+def band(columns: Columns, y: Axis, low: Array, high: Array, name: str) -> Markup:
+    """A band between two values a column, broken where there are no readings."""
+    top, foot = down(y, high), down(y, low)
+    parts = (
+        f"M{points(columns.right[part], top[part])}"
+        f"L{points(columns.right[part][::-1], foot[part][::-1])}Z"
+        for part in columns.stretches()
+    )
+    return path("".join(parts), name)
+
+
+def spread(columns: Columns, y: Axis, values: Array, name: str) -> Markup:
+    """A band from the least to the largest value of each column."""
+    return band(columns, y, columns.least(values), columns.largest(values), name)
+
+
+def level(y: Axis, value: float, name: str) -> Markup:
+    """A line across the whole strip."""
+    return path(f"M0 {float(down(y, np.array(value))):.0f}H1000", name)
+
+
+def marked(columns: Columns, rows: NDArray[np.bool_], name: str) -> Markup:
+    """A bar along the foot under the columns that consist mostly of these rows."""
+    inside = columns.mean(rows.astype(np.float64)) > 0.5
+    first, last = columns.edges()
+    bars = (f"M{a:.1f} 990H{b:.1f}" for a, b in zip(first[inside], last[inside], strict=True))
+    return path("".join(bars), name)
+
+
+def arrows(columns: Columns, y: Axis, values: Array) -> list[Markup]:
+    """Arrows at the edges over the columns in which values lie beyond the axis, one a run."""
+    return [
+        *_arrows(columns, columns.largest(values) > y.high, "▲", "0.8em"),
+        *_arrows(columns, columns.least(values) < y.low, "▼", "100%"),
+    ]
+
+
+def _arrows(columns: Columns, beyond: NDArray[np.bool_], sign: str, at: str) -> list[Markup]:
+    """One arrow over each run of columns, of more runs than can be told apart only the first of
+    those that stand together."""
+    where = columns.right[beyond]
+    if not len(where):
+        return []
+    apart = max(1000.0 / MOST_ARROWS, 2000.0 / columns.most)
+    ends = np.flatnonzero(np.diff(where) > apart)
+    first, last = where[np.r_[0, ends + 1]], where[np.r_[ends, len(where) - 1]]
+    return [
+        element("text", sign, x=f"{(a + b) / 20:.1f}%", y=at)
+        for a, b in zip(first, last, strict=True)
+    ]
+
+
+def robust_limit(values: Array, least: float, weights: Array | None = None) -> float:
+    """Half the height of a strip about zero: what counted is inside, gross strays are not.
+
+    The 99.5th percentile of what counted, but never less than `least`, nor more than twelve times
+    the median distance from zero (eight standard deviations of a normal distribution).
+
+    >>> stray = np.r_[np.linspace(-1.0, 1.0, 99), 1e6]
+    >>> round(robust_limit(stray, 0.5), 3)
+    6.735
+    """
+    counted = values if weights is None or not weights.any() else values[weights > 0]
+    away = np.abs(counted)
+    if not len(away):
+        return least
+    reach = 1.1 * float(np.percentile(away, 99.5))
+    return max(least, min(reach, 1.1 * 12.0 * float(np.median(away))))
+
+
+def beyond_words(values: Array, limit: float, unit: str) -> str:
+    """How many values lie outside ±limit, and how far the farthest is; nothing where none does.
+
+    >>> beyond_words(np.array([1.0, -7.0, 2.0]), 5.0, "nT").replace("\u202f", " ")
+    '1 reading lies beyond the edges (arrows), the farthest at −7.00 nT.'
+    """
+    outside = np.abs(values) > limit
+    n = int(np.count_nonzero(outside))
+    if n == 0:
+        return ""
+    farthest = float(values[int(np.argmax(np.abs(values)))])
+    lie = "lies" if n == 1 else "lie"
+    return (
+        f"{counted(n, 'reading')} {lie} beyond the edges (arrows), the farthest at "
+        f"{quantity(farthest, unit)}."
+    )
+
+
+def plot(
+    x: Axis, y: Axis, layers: Sequence[Markup], label: str, signs: Sequence[Markup] = (),
+    kind: str = "",
+) -> Markup:  # fmt: skip
+    """A strip: the area, the ticks at its left and foot, and signs that are not stretched."""
+    left, foot = y.ticks(), x.ticks()
+    lines = [
+        *(path(f"M0 {at:.0f}H1000", "grid") for at in down(y, left)),
+        *(path(f"M{at:.0f} 0V1000", "grid") for at in right(x, foot)),
+    ]
+    beyond = (
+        [element("svg", *signs, class_="beyond", aria_hidden="true")] if signs else []
+    )  # fmt: skip
+    return element(
+        "div",
+        element("p", y.label, class_="axis axis-y"),
+        element("svg", *_tick_texts("y", left, down(y, left)), class_="ticks-y",
+                aria_hidden="true"),
+        element("svg", *lines, *layers, class_="area", viewBox="0 0 1000 1000",
+                preserveAspectRatio="none", role="img", aria_label=label),
+        *beyond,
+        element("svg", *_tick_texts("x", foot, right(x, foot)), class_="ticks-x",
+                aria_hidden="true"),
+        element("p", x.label, class_="axis axis-x"),
+        class_=f"plot {kind}".strip(),
+    )  # fmt: skip
+
+
+def _tick_texts(coordinate: str, ticks: Array, places: Array) -> list[Markup]:
+    step = ticks[1] - ticks[0] if len(ticks) > 1 else max(abs(ticks[0]), 1.0)
+    decimals = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    return [
+        element("text", grouped(float(tick), decimals), **{coordinate: f"{place / 10:.1f}%"})
+        for tick, place in zip(ticks, places, strict=True)
+    ]
+
+
+def captioned(
+    name: str, drawn: Markup, keys: dict[str, str] | None = None, note: str = ""
+) -> Markup:
+    """A strip as a figure with its name, the words of its colours, and a note."""
+    legend = (
+        element("span", element("i", class_=f"key {key}"), words)
+        for key, words in (keys or {}).items()
+    )
+    caption = element(
+        "figcaption",
+        element("strong", name),
+        element("p", *legend, class_="legend") if keys else "",
+        element("p", note, class_="note-line") if note else "",
+    )
+    return element("figure", caption, drawn, class_="strip")
