@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Validity, read_only
+from agonic.calibration.base import Validity, known, read_only
 from agonic.calibration.inputs import WIDTH, stacked
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError, ValidityError
@@ -199,13 +199,12 @@ class Network:
 
         Outside the base is all there is, and may err by what the network corrected inside.
         """
-        if self.covariance is None:
-            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+        covariance = known(self.covariance)
         rows = np.atleast_2d(np.asarray(raw, dtype=np.float64))
         x = np.broadcast_to(self.scaled(rows, columns), (len(rows), self.shape.inputs))
         g = self._inside(x)[:, None, None]
         jacobian = self.output_half * kernel.jacobian(self.hidden, self.output, x)
-        own = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2)
+        own = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2)
         own = own + self.unmodelled**2 * np.eye(len(self.output))
         if self.base is None:
             return np.asarray(own + _isotropic((1 - g) * (self.misfit or 0.0)))

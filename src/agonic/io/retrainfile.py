@@ -15,7 +15,8 @@ from msgspec import Struct
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retraining, Window
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.calfile import decode, encode, read_bytes
+from agonic.io.calfile import decode, encode
+from agonic.io.contents import read_bytes
 from agonic.kernels import cusum
 
 Row = tuple[float, ...]

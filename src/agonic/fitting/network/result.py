@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
-from agonic.health import Finding, Judged, figure
+from agonic.fit import Estimated
+from agonic.health import Finding, figure
 from agonic.kernels.marquardt import Epoch
 
 Array = NDArray[np.float64]
@@ -103,7 +104,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NetworkFit(Judged):
+class NetworkFit(Estimated):
     """A trained network and what it rests on.
 
     Parameters
@@ -116,6 +117,7 @@ class NetworkFit(Judged):
     noise : standard deviation of a residual on an axis, nT. `correlation` : how many count as one.
     epochs : mean square errors (scaled), μ and γ after each step of the training.
     effective : γ, how many of the weights the readings determine.
+    covariance : (m, m) of all weights, in the order of `Network.weights`.
     regression : R between the scaled outputs and targets, of the readings it was trained on.
     """
 
@@ -145,18 +147,6 @@ class NetworkFit(Judged):
         if base is None or self.comparison is None or self.comparison.winner == "network":
             return self.calibration
         return base
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance (m, m) of all weights."""
-        covariance = self.calibration.covariance
-        assert covariance is not None, "a fit always carries a covariance"
-        return covariance
-
-    @property
-    def sd(self) -> Array:
-        """Standard errors (m,) of the same."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def iterations(self) -> int:

@@ -20,7 +20,7 @@ from agonic.kernels import domain, marquardt, network
 from agonic.kernels.domain import shared
 from agonic.kernels.leastsq import correlation_length, robust_scale
 from agonic.kernels.noise import Noise, noise_of
-from agonic.provenance import Input, Provenance
+from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -229,7 +229,6 @@ def _network(
     longest = float(np.linalg.norm(added, axis=1).max())
     samples, wanted = task.samples, task.wanted
     misfit = target[kept] if base is not None else target[kept] - target[kept].mean(axis=0)
-    warm = samples.temperature
     return Network(
         base=base,
         inputs=task.settings.inputs,
@@ -243,12 +242,9 @@ def _network(
         covariance=found.covariance,
         magnitude=float(np.sqrt(np.mean((wanted**2).sum(axis=1)))),
         noise=noise.sd * scale.output_half,
-        validity=Validity(
-            largest_reading=float(np.abs(samples.field).max()),
-            temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
-        ),
+        validity=Validity.of(samples),
         provenance=Provenance(
-            inputs=(samples.source or Input.of_array(samples.name, samples.field),),
+            inputs=(samples.origin,),
             settings={"reference": task.source, **task.settings.recorded()},
             method=("wang-sheng-he-cheng-2020", "foresee-hagan-1997", "nguyen-widrow-1990"),
         ),

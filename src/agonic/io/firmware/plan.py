@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.interference import WIDTH, Interference, signals
+from agonic.calibration.inputs import SOURCES, signals
+from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
 from agonic.io.export import composed
 from agonic.io.firmware.grid import DeclinationGrid
-from agonic.io.polynomials import RATE, Polynomials, changes, polynomials, range_C
+from agonic.io.polynomials import RATE, Polynomials, changes, polynomials, range_C, steady
 from agonic.kernels.tilt import Order
 from agonic.units import RAW
 
@@ -29,8 +30,6 @@ TILT_INPUT: dict[str, TiltInput] = {
     "accelerometer": "acceleration", "level": "level",
 }  # fmt: skip
 """What the controller is given for each `tilt` of a setup."""
-FOREVER_C = 1e4
-"""Further than this no thermometer goes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +55,7 @@ class Plan:
         return tuple(
             polynomials(compass.calibration)
             if changes(compass.calibration)
-            else _steady(calibration)
+            else steady(calibration)
             for compass, calibration in zip(self.setup.compasses, self.calibrations, strict=True)
         )
 
@@ -111,9 +110,9 @@ class Plan:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """What any of the compasses needs beside its readings, in the order of `WIDTH`."""
+        """What any of the compasses needs beside its readings, in the order of `SOURCES`."""
         needed = {name for compass in self.setup.compasses for name in compass.calibration.needs}
-        known = (*WIDTH, RATE)
+        known = (*SOURCES, RATE)
         if unknown := needed - {*known, "temperature"}:
             raise AgonicError(
                 f"a calibration needs {', '.join(sorted(unknown))}, which the firmware does not "
@@ -204,18 +203,3 @@ def _in_the_middle(compass: Compass) -> Calibration:
         return calibration
     held: Calibration = calibration.at(float(np.mean(range_C(calibration))))  # type: ignore[attr-defined]
     return held
-
-
-def _steady(calibration: Affine) -> Polynomials:
-    """The polynomials of order 0 of a calibration that no temperature changes, for all of them."""
-    mixed = calibration if isinstance(calibration, Interference) else None
-    return Polynomials(
-        bias=calibration.bias[np.newaxis],
-        matrix=calibration.matrix[np.newaxis],
-        coefficients=mixed.coefficients[np.newaxis] if mixed else np.zeros((1, 3, 0)),
-        signals=signals(mixed.sources) if mixed else (),
-        centre_C=0.0,
-        half_range_C=1.0,
-        low_C=-FOREVER_C,
-        high_C=FOREVER_C,
-    )

@@ -8,6 +8,7 @@ from pathlib import Path
 from agonic.calibration.setup import Setup
 from agonic.errors import AgonicError
 from agonic.io.atomic import make_folder, write_atomically
+from agonic.io.c_network_parts import has_network
 from agonic.io.export import Export
 from agonic.io.firmware.ctext import filled, require_identifier
 from agonic.io.firmware.grid import DeclinationGrid
@@ -64,6 +65,13 @@ def write_firmware(
     >>> [path.name for path in written.files]
     ['compass.h', 'compass.c', 'compass_selftest.c', 'compass_fit.h', 'compass_fit.c']
     """
+    for compass in setup.compasses:
+        if has_network(compass.calibration):
+            raise AgonicError(
+                "the firmware of a setup holds a bias and a matrix for each compass, and the "
+                f"calibration of {compass.sensor} is a network: export it on its own (agonic "
+                "export CAL --to c), or give the setup the base of the network"
+            )
     plan = Plan(setup=setup, declination=_declination(setup, declination))
     values = {"name": require_identifier(name), "GUARD": name.upper()}
     texts = {

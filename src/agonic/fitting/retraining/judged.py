@@ -1,0 +1,168 @@
+"""Whether a candidate replaces what is running, and the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.retraining import RetrainerParams, Window
+from agonic.health import figure
+from agonic.kernels.leastsq import correlation_length, robust_scale
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CERTAIN = 3.0
+"""A candidate wins when the difference of square errors is so many of its standard errors."""
+STRAYS = 0.1
+"""Share of readings that fit nothing, from which on a window is not believed."""
+STRAY = 6.0
+"""Standard deviations from which on a reading is a stray."""
+BLOCKS = 20
+"""Blocks of time in a window; every fifth is held out."""
+STUCK = 0.1
+"""A reading that stays the same for so much of a window is that of a stuck sensor."""
+_FEWEST_STUCK = 20
+
+
+class Judgement(NamedTuple):
+    """Accepted or not, why, whether the readings are at fault, and unseen rms errors, nT."""
+
+    accepted: bool
+    reason: str
+    poisoned: bool
+    running_rms: float = float("nan")
+    candidate_rms: float = float("nan")
+
+
+class Unseen(NamedTuple):
+    """What a judge has of held-out readings: errors (k, o) nT by the running calibration, None
+    before the first, and by the candidate; by how much the candidate moves the field, as a share of
+    it; and the noise, nT, of the running one while nothing was wrong, where it is known."""
+
+    running: Array | None
+    candidate: Array
+    moves: float
+    strength: float
+    noise: float | None
+
+
+def held_out(n: int) -> Mask:
+    """The rows (n,) that no candidate is trained on: every fifth block of time.
+
+    >>> held_out(20).astype(int).tolist()
+    [0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0]
+    """
+    return np.asarray(np.arange(n) * BLOCKS // max(n, 1) % 5 == 2)
+
+
+def stuck(window: Window) -> str:
+    """What is wrong with readings that stay the same, or nothing."""
+    still = np.concatenate([[False], (np.diff(window.raw, axis=0) == 0).all(axis=1), [False]])
+    edges = np.flatnonzero(still[1:] != still[:-1])
+    longest = int((edges[1::2] - edges[::2]).max(initial=0)) + 1
+    if longest < max(_FEWEST_STUCK, STUCK * len(window)):
+        return ""
+    return f"the sensor is stuck: {longest} of {len(window)} readings are one and the same"
+
+
+def changed(errors: Array, noise: float | None, params: RetrainerParams) -> bool:
+    """Whether errors (k, o) since an alarm are so large that it is another sensor now.
+
+    Where they are less, it had not been learned well, and what was seen before still counts.
+    """
+    return noise is None or _rms(errors) > params.misfit * noise
+
+
+def judged(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN) -> Judgement:
+    """The judgement on a candidate; what is running wins ties.
+
+    Parameters: `certain` by how many standard errors it has to be better.
+    """
+    candidate, running = unseen.candidate, unseen.running
+    believed = _believed(candidate, running)
+    strays = 1.0 - float(believed.mean())
+    if strays > STRAYS:
+        return Judgement(
+            False, f"outliers: {figure(100 * strays)} % of the unseen readings fit neither the "
+            "candidate nor what is running", True,
+        )  # fmt: skip
+    made = _rms(candidate[believed])
+    before = float("nan") if running is None else _rms(running[believed])
+    wrong = _wrong_reference(unseen, made, params)
+    if wrong:
+        return Judgement(False, wrong, True, before, made)
+    if running is None:
+        said = f"there was nothing before: unseen readings err by {figure(made, 3)} nT (rms)"
+        return Judgement(True, said, False, before, made)
+    both = f"{figure(made, 3)} nT with the candidate, {figure(before, 3)} nT without (rms)"
+    if better(candidate[believed], running[believed], certain):
+        return Judgement(
+            True, f"the candidate is better: unseen readings err by {both}", False, before, made
+        )
+    word = "no better" if made < 1.05 * before else "worse"
+    said = f"the candidate is {word}: unseen readings err by {both}"
+    return Judgement(False, said, False, before, made)
+
+
+def better(errors: Array, than: Array, certain: float = CERTAIN) -> bool:
+    """Whether errors (k, o) are clearly smaller than others of the same readings."""
+    gained = (than**2 - errors**2).sum(axis=1)
+    away = gained - gained.mean()
+    length = correlation_length(away, np.ones(len(away)))
+    sd = float(np.sqrt(np.mean(away**2) * length / max(len(away) - 1, 1)))
+    return float(gained.mean()) > certain * sd
+
+
+def best_of(errors: Sequence[Array]) -> int:
+    """The number of the best of candidates, by their errors (k, o); an earlier one wins ties."""
+    best = 0
+    for later in range(1, len(errors)):
+        rows = _believed(errors[later], errors[best])
+        if rows.any() and better(errors[later][rows], errors[best][rows]):
+            best = later
+    return best
+
+
+def noise_of_rows(errors: Array) -> tuple[float, float]:
+    """Standard deviation on an axis, nT, and how many successive rows count as one."""
+    sd = max(robust_scale(errors.ravel()), 1e-6)
+    kept: Array = np.asarray((np.abs(errors) < STRAY * sd).all(axis=1), dtype=np.float64)
+    return sd, max(correlation_length(column, kept) for column in errors.T)
+
+
+def _believed(candidate: Array, running: Array | None) -> Mask:
+    """Rows that fit the candidate or what is running, to a few times the candidate's noise."""
+    limit = STRAY * max(robust_scale(candidate.ravel()), 1e-6)
+    fits = (np.abs(candidate) < limit).all(axis=1)
+    if running is not None:
+        fits |= (np.abs(running) < limit).all(axis=1)
+    return np.asarray(fits)
+
+
+def _wrong_reference(unseen: Unseen, made: float, params: RetrainerParams) -> str:
+    """What speaks against the reference, or nothing."""
+    if unseen.moves > params.furthest:
+        return (
+            f"wrong reference: the candidate moves the field by {figure(100 * unseen.moves)} % of "
+            f"it, more than the {figure(100 * params.furthest)} % that a sensor may change by; "
+            "look at unit, axes and date of the reference"
+        )
+    if unseen.noise is not None and made > params.misfit * unseen.noise:
+        return (
+            f"wrong reference, or a disturbance: the best candidate errs by {figure(made)} nT on "
+            f"unseen readings, and {figure(unseen.noise)} nT were left before"
+        )
+    if made > params.furthest * unseen.strength:
+        return (
+            f"wrong reference: the best candidate errs by {figure(made)} nT on unseen readings, "
+            f"in a field of {figure(unseen.strength)} nT"
+        )
+    return ""
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(errors**2)))

@@ -1,0 +1,158 @@
+"""When a retraining is due, and what of the readings is kept for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.network import Network
+from agonic.calibration.retraining import (
+    KEPT,
+    RetrainerParams,
+    RetrainerState,
+    Retraining,
+    Running,
+    Why,
+    Window,
+)
+from agonic.kernels import cusum
+
+Array = NDArray[np.float64]
+
+GROWTH = 1.25
+"""A change that was learned is learned again with so many times the readings, until the window is
+full: what few readings showed of it need not hold for the next ones."""
+
+
+class Due(NamedTuple):
+    """The row after which something is due, and why."""
+
+    row: int
+    why: Why
+
+
+def due_at(state: RetrainerState, params: RetrainerParams, time: Array) -> Due | None:
+    """The first of rows at `time` (n,) after which a retraining is due, if one is.
+
+    Short of a change nothing is trained on less than a whole window: what runs knows more.
+    """
+    full = _full(state, params, time)
+    why: Why = "period"
+    if state.onset is not None:
+        why, row = "change", state.onset + state.wait - state.n - 1
+    elif state.early:
+        why, row = "change", full
+    elif state.settling is not None:
+        why, row = "settling", min(state.since_n + state.settling - state.n - 1, full)
+    else:
+        by_time = int(np.searchsorted(time, state.due_time))
+        row = int(max(min(state.due_n - state.n - 1, by_time), full))
+    row = max(row, 0)
+    return Due(row, why) if row < len(time) else None
+
+
+def _full(state: RetrainerState, params: RetrainerParams, time: Array) -> int:
+    """The row with which the window is as long as it may get."""
+    row = state.since_n + params.window_n - state.n - 1
+    if params.window_s is not None:
+        row = min(row, int(np.searchsorted(time, state.since_time + params.window_s)))
+    return row
+
+
+def is_full(state: RetrainerState, params: RetrainerParams) -> bool:
+    """Whether the window is as long as it may get."""
+    by_time = params.window_s is not None and state.time >= state.since_time + params.window_s
+    return by_time or state.n - state.since_n >= params.window_n
+
+
+def watching(state: RetrainerState) -> bool:
+    """Whether changes are looked for: not before anything runs, nor while one is being learned."""
+    learning = state.onset is not None or state.settling is not None or state.early
+    return state.running is not None and state.noise is not None and not learning
+
+
+def taken(state: RetrainerState, params: RetrainerParams, rows: Window) -> RetrainerState:
+    """The state after rows that were seen, without those that are too old."""
+    window = state.window.with_rows(rows)
+    n, time = state.n + len(rows), float(rows.time[-1])
+    start = max(len(window) - params.window_n, 0)
+    if params.window_s is not None:
+        start = max(start, int(np.searchsorted(window.time, time - params.window_s)))
+    if start:
+        window = window.select(slice(start, None))
+    onset = state.onset if state.onset is None else max(state.onset, n - len(window))
+    return replace(state, window=window, n=n, time=time, onset=onset)
+
+
+def started(running: Running | None, params: RetrainerParams) -> RetrainerState:
+    """The state before any reading, with what corrects at the start, if anything does."""
+    channels = 3 if params.target == "vector" else 1
+    nothing = Window(time=np.empty(0), raw=np.empty((0, 3)), wanted=np.empty((0, channels)))
+    ends = () if running is None else ("sensor", "frame_in", "frame_out", "device_id")
+    return RetrainerState(
+        running=running, window=nothing, watch=cusum.fresh(channels), wait=params.fewest,
+        noise=running.noise if isinstance(running, Network) else None,
+        unit="nT" if running is None else running.unit_in,
+        **{name: getattr(running, name) for name in ends},
+    )  # fmt: skip
+
+
+def begun(state: RetrainerState, params: RetrainerParams, time: float) -> RetrainerState:
+    """The state before its first reading, at `time` s: periods count from there."""
+    state = rescheduled(replace(state, time=time, since_time=time), params)
+    return replace(state, time=-np.inf)
+
+
+def rescheduled(state: RetrainerState, params: RetrainerParams) -> RetrainerState:
+    """The state with the next periodical retraining a period from now."""
+    every_n, every_s = params.every_n, params.every_s
+    if every_n is None and every_s is None:
+        every_n, every_s = (
+            (params.window_n, None) if params.window_s is None else (None, params.window_s)
+        )
+    return replace(
+        state,
+        due_n=np.inf if every_n is None else state.n + every_n,
+        due_time=np.inf if every_s is None else state.time + every_s,
+    )
+
+
+def brought_forward(state: RetrainerState) -> RetrainerState:
+    """The state after an alarm too faint for a change: trained again once the window is full."""
+    return replace(state, onset=None, early=True)
+
+
+def pushed(state: RetrainerState, params: RetrainerParams, done: Retraining) -> RetrainerState:
+    """The state after a retraining: what is kept of the window, and what is due next.
+
+    After an accepted change the readings from before it are dropped, and it is learned again as the
+    window fills. A poisoned stretch is dropped, and the next one waited out twice as long before it
+    is believed.
+    """
+    window, wait, changed = state.window, params.fewest, done.onset is not None
+    if changed and done.poisoned:
+        assert state.onset is not None
+        window = window.select(slice(0, state.onset - state.first))
+        wait = min(2 * state.wait, params.window_n)
+    elif changed and done.accepted:
+        assert state.onset is not None
+        window = window.select(slice(state.onset - state.first, None))
+        state = replace(state, since_n=state.onset, since_time=float(window.time[0]))
+    learning = done.why == "settling" or (done.accepted and changed)
+    settling = None
+    if learning and not done.poisoned and not is_full(state, params):
+        settling = ceil(GROWTH * (state.n - state.since_n))
+    return rescheduled(
+        replace(
+            state, window=window, wait=wait, settling=settling, onset=None, early=False,
+            watch=cusum.fresh(state.window.wanted.shape[1]),
+            retrainings=(*state.retrainings, done)[-KEPT:],
+            accepted=state.accepted + done.accepted,
+            rejected=state.rejected + (not done.accepted),
+        ),
+        params,
+    )  # fmt: skip

@@ -1,0 +1,143 @@
+"""Tables about a network: hidden nodes, base against network, weights, what it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.inputs import signals
+from agonic.calibration.network import Network
+from agonic.fitting.network import Comparison, NetworkChoice
+from agonic.report.digits import counted, grouped, minused, percent, quantity, with_sd
+from agonic.report.markup import Markup, element, markup, table
+from agonic.report.tables import NOTHING
+
+Array = NDArray[np.float64]
+
+MAGNITUDE_ONLY = (
+    "It was taught by the magnitude of the field alone. A magnitude cannot show by how much the "
+    "field is turned, where the turn varies with its direction: only the length is corrected, "
+    "along the field that the base gives, and direction errors of the base stay as they are."
+)
+
+
+def compared(comparison: Comparison, target: str) -> list[Markup]:
+    """Base and network on the same unseen readings, in nT, and which won by how much."""
+    named = {"base": comparison.base, "network": comparison.network}
+    rows = [
+        [name, quantity(errors.rms, "nT"), quantity(errors.maximum, "nT")]
+        for name, errors in named.items()
+        if errors is not None
+    ]
+    of = "rms error on an axis" if target == "vector" else "rms error of the magnitude"
+    parts = [table(["Unseen readings", of, "largest"], rows, class_="nodes")]
+    if comparison.base is not None:
+        by = comparison.directions
+        worse = int(np.count_nonzero(by[:, 1] > by[:, 0])) if len(by) else 0
+        parts.append(
+            element(
+                "p",
+                f"{comparison.sentence[:1].upper()}{comparison.sentence[1:]}: "
+                f"{percent(comparison.ratio)} of the error of the base is left, a difference of "
+                f"{grouped(comparison.certainty, 1)} of its standard errors over the blocks. In "
+                f"{counted(worse, 'direction')} of {len(by)} the network is not better.",
+            )
+        )
+    return parts
+
+
+def nodes(choice: NetworkChoice) -> Markup:
+    """R, largest and rms error by hidden nodes, of all readings and of unseen ones."""
+    head = ["Nodes", "R", "largest, nT", "rms, nT", "unseen R", "unseen largest", "unseen rms"]
+    chosen = choice.fit.calibration.shape.hidden
+    lines = []
+    for row in choice.table:
+        cells = [
+            f"{row.hidden}", f"{row.regression:.5f}", grouped(row.maximum, 2), grouped(row.rms, 2),
+            f"{row.unseen_regression:.5f}", grouped(row.unseen_maximum, 2),
+            grouped(row.unseen_rms, 2),
+        ]  # fmt: skip
+        lines.append(_line(cells, "chosen" if row.hidden == chosen else None))
+    if choice.base_rms is not None and choice.base_maximum is not None:
+        cells = [
+            "base",
+            *[NOTHING] * 4,
+            grouped(choice.base_maximum, 2),
+            grouped(choice.base_rms, 2),
+        ]
+        lines.append(_line(cells, None))
+    columns = element("tr", *(element("th", text, scope="col") for text in head))
+    return element("table", element("thead", columns), element("tbody", *lines), class_="nodes")
+
+
+def _line(cells: list[str], name: str | None) -> Markup:
+    first, *others = cells
+    head = element("th", first, scope="row")
+    return element("tr", head, *(element("td", cell) for cell in others), class_=name)
+
+
+def weights(network: Network) -> Markup:
+    """Every weight with its standard error: from the inputs to the nodes, and on to the outputs."""
+    shape, sd = network.shape, network.sd
+    cut = shape.hidden * (shape.inputs + 1)
+    of_u = None if sd is None else sd[:cut].reshape(shape.hidden, -1)
+    of_v = None if sd is None else sd[cut:].reshape(shape.outputs, -1)
+    names = [f"node {k + 1}" for k in range(shape.hidden)]
+    outputs = ["x", "y", "z"] if shape.outputs == 3 else ["along"]
+
+    def cells(values: Array, sds: Array | None, j: int) -> list[str]:
+        return [with_sd(float(v), None if sds is None else float(sds[j, k])) for k, v in
+                enumerate(values[j])]  # fmt: skip
+
+    inner = [[names[j], *cells(network.hidden, of_u, j)] for j in range(shape.hidden)]
+    outer = [
+        [f"output {outputs[j]}", *cells(network.output, of_v, j)] for j in range(shape.outputs)
+    ]
+    return markup(
+        table(["U", *signals(network.inputs), "constant"], inner, class_="weights"),
+        table(["V", *names, "constant"], outer, class_="weights"),
+    )
+
+
+def described(network: Network) -> dict[str, str | list[str]]:
+    """What the network takes, gives, and where it holds."""
+    base = network.base
+    below = "none: the network gives the whole field"
+    if base is not None:
+        below = f"{base.kind}, {base.equation}"
+    size = network.input_half
+    ranges = [
+        f"{name}: {grouped(float(m - h), _decimals(h))} … {grouped(float(m + h), _decimals(h))}"
+        for name, m, h in zip(signals(network.inputs), network.input_middle, size, strict=True)
+    ]
+    bound = "none" if network.bound is None else quantity(network.bound, network.unit_out)
+    taught = "vector" if network.target == "vector" else "magnitude, along the field only"
+    return {
+        "Nodes": f"{network.shape.hidden} (tanh), {network.shape.size} weights",
+        "Base": below,
+        "Taught by": f"the {taught}",
+        "Inputs trained on": ranges,
+        "Held at": [f"{name} = {value:g}" for name, value in network.held.items()],
+        "Longest correction": bound,
+        "Domain": f"{counted(len(network.centres), 'point')} cover it, to "
+        f"{quantity(network.reach, '', 2)} of half the range of an input",
+    }
+
+
+def _decimals(half: float) -> int:
+    return max(0, 2 - int(np.floor(np.log10(half)))) if half < 100 else 0
+
+
+def base_numbers(base: Affine) -> Markup:
+    """Bias and matrix of an affine base, with standard errors where they are known."""
+    sd = base.sd
+    bias = [
+        with_sd(float(v), None if sd is None else float(sd[k])) for k, v in enumerate(base.bias)
+    ]
+    rows = [[f"bias, {base.unit_in}", *bias]]
+    rows += [
+        [f"matrix, {axis}", *(minused(f"{v:.6f}") for v in base.matrix[k])]
+        for k, axis in enumerate("xyz")
+    ]
+    return table(["Base", "x", "y", "z"], rows, class_="weights")

@@ -1,0 +1,265 @@
+"""`Retrainer`: readings in, corrected readings out, and what corrects them kept up to date."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.retraining import (
+    RetrainerParams,
+    RetrainerState,
+    Retraining,
+    Running,
+    Why,
+    Window,
+)
+from agonic.errors import AgonicError
+from agonic.fitting import retraining
+from agonic.fitting.retraining import Judgement, Unseen
+from agonic.health import Finding, figure, sentences
+from agonic.io.retrainfile import load_retrainer, save_retrainer
+from agonic.kernels import cusum
+from agonic.reference import Reference
+from agonic.retrainer.candidates import Candidate, adapted, candidates, corrected, errors
+from agonic.retrainer.rows import met, rows_of
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+ENOUGH = 50
+"""Unseen readings from which on they say how large the noise is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Corrected:
+    """What an update gave: readings corrected by what was running when each of them came.
+
+    `time` (n,) s, `field` (n, 3) nT, and `residual` (n, 3), or (n, 1) of the magnitude, nT, are of
+    the readings that were used, NaN while nothing was running; `retrainings` those that took place.
+    """
+
+    time: Array
+    field: Array
+    residual: Array
+    retrainings: tuple[Retraining, ...]
+
+
+class Retrainer:
+    """A network that is trained again on the last readings, periodically and after a change.
+
+    Holds the settings and the state; `update` moves the state on. A candidate, which starts from
+    the running weights, replaces what is running only where it is clearly better on readings of the
+    window that it was not trained on.
+
+    Parameters
+    ----------
+    calibration : what corrects at the start: a `Network`, an `Affine` or `Thermal` to put one on,
+        or None.
+    params : how it is kept up to date.
+
+    Source: Wang, Sheng, He & Cheng (2020), section 4, doi:10.4236/jcc.2020.86004; changes by Page's
+    (1954) cumulative sums, doi:10.1093/biomet/41.1-2.100.
+
+    Examples
+    --------
+    >>> from agonic.fitting.network import fit_network
+    >>> from agonic.simulation.network import simulate_paper
+    >>> made = simulate_paper(30.0)  # the sensor changes at 15 s
+    >>> ground = made.select(made.samples.time < 15.0)
+    >>> fit = fit_network(ground.samples, ground.reference, base=None, compared=False)
+    >>> retrainer = Retrainer(fit.calibration, RetrainerParams(window_s=15.0))
+    >>> seen = retrainer.update(made.samples, made.reference)
+    >>> [(one.why, one.accepted) for one in seen.retrainings if one.onset is not None]
+    [('change', True)]
+    """
+
+    def __init__(
+        self, calibration: Running | None = None, params: RetrainerParams | None = None
+    ) -> None:
+        self.params = adapted(params or RetrainerParams(), calibration)
+        self.state: RetrainerState = retraining.started(calibration, self.params)
+
+    def update(self, samples: Samples, reference: Reference) -> Corrected:
+        """Move on by the readings of a log or of a moment; one or many come to the same.
+
+        Parameters: samples with times later than all before, in the unit and axes of the
+        calibration, with the columns that the network takes; reference, the field at each, in axes
+        m or b, or n with the attitude in the samples, or its magnitude where that is the target.
+        Rows that are flagged are passed over.
+
+        Returns the readings corrected, and the retrainings.
+
+        Raises `LogError` without times or columns, `UnitError` and `FrameError` where samples and
+        reference do not meet the calibration, `AgonicError` where they are not later.
+        """
+        state = met(self.state, self.params, samples, reference)
+        rows = rows_of(state, self.params, samples, reference)
+        if state.n == 0 and len(rows):
+            begun = replace(state, epoch=samples.epoch)
+            state = retraining.begun(begun, self.params, float(rows.time[0]))
+        self.state, done = state, 0
+        seen: list[tuple[Array, Array]] = []
+        fresh: list[Retraining] = []
+        while done < len(rows):
+            due = retraining.due_at(self.state, self.params, rows.time[done:])
+            stop = len(rows) if due is None else done + due.row + 1
+            piece = rows.select(slice(done, stop))
+            field = corrected(self.state.running, piece)
+            residual = errors(field, piece.wanted)
+            taken, alarmed = self._taken(piece, residual)
+            seen.append((field[:taken], residual[:taken]))
+            done += taken
+            if due is not None and done == stop and not alarmed:
+                fresh += self._due(due.why)
+        fields, residuals = zip(*seen, strict=True) if seen else ((rows.raw,), (rows.wanted,))
+        return Corrected(
+            time=rows.time, field=np.concatenate(fields), residual=np.concatenate(residuals),
+            retrainings=tuple(fresh),
+        )  # fmt: skip
+
+    def _taken(self, piece: Window, residual: Array) -> tuple[int, bool]:
+        """Rows into the window, up to the first at which the residual is seen to have changed."""
+        state, params = self.state, self.params
+        if state.noise is None or not retraining.watching(state):
+            self.state = retraining.taken(state, params, piece)
+            return len(piece), False
+        seen = cusum.advance(
+            state.watch, residual / state.noise, drift=params.shift_sd / 2, alarm=params.alarm,
+            correlation=state.correlation,
+        )  # fmt: skip
+        state = replace(state, watch=seen.sums)
+        state = retraining.taken(state, params, piece.select(slice(0, seen.rows)))
+        if seen.alarmed:
+            state = replace(state, onset=max(state.n - seen.age, state.first))
+        self.state = state
+        return seen.rows, seen.alarmed
+
+    def _due(self, why: Why) -> list[Retraining]:
+        """The retraining that is due, unless an alarm turns out too faint for one."""
+        state = self.state
+        if state.onset is None:
+            return [self._retrained(state.window, why)]
+        rows = state.window.select(slice(state.onset - state.first, None))
+        since = errors(corrected(state.running, rows), rows.wanted)
+        if retraining.changed(since, state.noise, self.params):
+            return [self._retrained(rows, why)]
+        self.state = retraining.brought_forward(state)
+        if not retraining.is_full(state, self.params):
+            return []
+        return [self._retrained(state.window, why)]
+
+    def _retrained(self, rows: Window, why: Why) -> Retraining:
+        """Train candidates on rows, and put the best in place if it is clearly better."""
+        state = self.state
+        verdict, chosen = self._judged(rows, why)
+        done = Retraining(
+            time=state.time, n=state.n, why=why, accepted=verdict.accepted, reason=verdict.reason,
+            rows=len(rows), what="" if chosen is None else chosen.what, poisoned=verdict.poisoned,
+            running_rms=verdict.running_rms, candidate_rms=verdict.candidate_rms,
+            onset=None if state.onset is None else float(rows.time[0]),
+            epochs=0 if chosen is None else chosen.epochs,
+        )  # fmt: skip
+        if verdict.accepted and chosen is not None:
+            state = replace(state, running=chosen.calibration)
+        state = retraining.pushed(state, self.params, done)
+        unseen = rows.select(retraining.held_out(len(rows)))
+        told = not verdict.poisoned and (verdict.accepted or done.onset is None)
+        if told and (state.noise is None or len(unseen) >= ENOUGH):
+            left = errors(corrected(state.running, unseen), unseen.wanted)
+            noise, correlation = retraining.noise_of_rows(left)
+            state = replace(state, noise=noise, correlation=correlation)
+        self.state = state
+        return done
+
+    def _judged(self, rows: Window, why: Why) -> tuple[Judgement, Candidate | None]:
+        """The best candidate of some rows, and whether it is to replace what is running."""
+        state, params = self.state, self.params
+        wrong = retraining.stuck(rows)
+        if wrong:
+            return Judgement(False, wrong, True), None
+        out = retraining.held_out(len(rows))
+        unseen = rows.select(out)
+        whole = state.onset is None and retraining.is_full(state, params)
+        try:
+            offered = candidates(state, params, rows.select(~out), whole=whole)
+        except AgonicError as error:
+            return Judgement(False, f"nothing could be trained: {error}", True), None
+        if not offered:
+            return Judgement(False, f"{len(rows)} readings are too few to train on", False), None
+        left = [one.errors(unseen) for one in offered]
+        best = retraining.best_of(left)
+        now, then = corrected(state.running, unseen), corrected(offered[best].calibration, unseen)
+        strength = float(np.sqrt(np.mean((then**2).sum(axis=1))))
+        moves = 0.0
+        if state.running is not None:
+            moves = float(np.sqrt(np.mean(((then - now) ** 2).sum(axis=1)))) / strength
+        told = Unseen(
+            running=None if state.running is None else errors(now, unseen.wanted),
+            candidate=left[best], moves=moves, strength=strength, noise=state.noise,
+        )  # fmt: skip
+        # what runs after a change was trained on fewer of the same readings: no proof is needed
+        certain = 0.0 if why == "settling" else retraining.CERTAIN
+        return retraining.judged(told, params, certain=certain), offered[best]
+
+    @property
+    def calibration(self) -> Running:
+        """What corrects now.
+
+        Raises `AgonicError` before the first training.
+        """
+        if self.state.running is None:
+            raise AgonicError("nothing has been trained yet; update the retrainer first")
+        return self.state.running
+
+    @property
+    def n(self) -> int:
+        """How many readings were seen."""
+        return self.state.n
+
+    @property
+    def retrainings(self) -> tuple[Retraining, ...]:
+        """The last retrainings, accepted and rejected, at most a thousand."""
+        return self.state.retrainings
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the user should know, by name."""
+        return retraining.findings(self.state)
+
+    @property
+    def verdict(self) -> str:
+        """`good`, `check` or `refused`."""
+        severities = {finding.severity for finding in self.findings}
+        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+
+    @property
+    def ok(self) -> bool:
+        """Nothing to object."""
+        return self.verdict == "good"
+
+    @property
+    def status(self) -> str:
+        """What came of the retrainings, and the findings in words."""
+        state = self.state
+        said = f"{state.accepted} of {state.accepted + state.rejected} retrainings were accepted"
+        if state.noise is not None:
+            said += f"; what is running leaves {figure(state.noise)} nT on an axis"
+        return sentences(*(finding.sentence for finding in self.findings), said)
+
+    def save(self, path: Path | str) -> Path:
+        """Write everything that `resume` needs to go on, in one step."""
+        return save_retrainer(self.params, self.state, path)
+
+    @classmethod
+    def resume(cls, path: Path | str) -> Retrainer:
+        """The retrainer that was saved, as if it had never stopped.
+
+        Raises `LogError` where the file is missing, damaged or something else.
+        """
+        params, state = load_retrainer(path)
+        retrainer = cls(None, params)
+        retrainer.params, retrainer.state = params, state
+        return retrainer
