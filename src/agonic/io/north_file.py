@@ -7,7 +7,7 @@ constant_arcsec = -35           # true north less the gyro's
 constant_sd_arcsec = 1
 reading_sd_arcsec = 4           # of the circle; without: told by the spread
 time_sd_s = 0.1                 # of a stopped time; without: told by the spread
-transit_constant = 0.00374      # c, degrees per unit of amplitude and second; without: from settings
+transit_constant = 0.00374      # c, degrees per unit of amplitude and s; without: from settings
 
 [reversal]
 file = "reversal.csv"           # reading_deg or reading_gon: the turning points in order
@@ -35,27 +35,27 @@ mirror = true
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from msgspec import Struct
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.io.atomic import make_folder, write_atomically
-from agonic.io.calfile import save
 from agonic.io.companions import numbers
+from agonic.io.north_sections import (
+    SECTIONS,
+    GyroSection,
+    Head,
+    PlatformSection,
+    SightingSection,
+)
 from agonic.io.sections import read_toml, section
 from agonic.io.session_file import _calibration as calibration_of
 from agonic.io.session_file import _north_east_down as north_east_down
 from agonic.io.session_file import _pier as pier_of
 from agonic.io.session_file import _samples as samples_of
-from agonic.io.session_sections import MagnetometerSection, PierSection, ReferenceSection
-from agonic.io.write_csv import write_csv
 from agonic.provenance import Input, sha256_of
 from agonic.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 
@@ -66,69 +66,6 @@ FILE_NAME = "north.toml"
 GON_DEG = 0.9
 
 
-class Head(Struct):
-    """What stands before the first section."""
-
-    name: str = ""
-
-
-class GyroSection(Struct):
-    """[gyro]"""
-
-    constant_arcsec: float = 0.0
-    constant_sd_arcsec: float = 0.0
-    reading_sd_arcsec: float | None = None
-    time_sd_s: float | None = None
-    transit_constant: float | None = None
-    transit_constant_sd: float = 0.0
-
-
-class ReversalSection(Struct):
-    """[reversal]"""
-
-    file: str = "reversal.csv"
-
-
-class TransitSection(Struct):
-    """[transit]"""
-
-    file: str = "transit.csv"
-
-
-class SwingSection(Struct):
-    """[swing]"""
-
-    file: str = "swing.csv"
-
-
-class SightingSection(Struct):
-    """[[sighting]]"""
-
-    name: str
-    readings_deg: list[float] | None = None
-    readings_gon: list[float] | None = None
-    mirror: bool = False
-
-
-class PlatformSection(Struct):
-    """[platform]"""
-
-    file: str = "platform.csv"
-    circle_sd_arcsec: float = 2.0
-    level_sd_arcsec: float = 2.0
-    mirror: bool = False
-
-
-SECTIONS: dict[str, type[Struct]] = {
-    "gyro": GyroSection,
-    "reversal": ReversalSection,
-    "transit": TransitSection,
-    "swing": SwingSection,
-    "platform": PlatformSection,
-    "magnetometer": MagnetometerSection,
-    "reference": ReferenceSection,
-    "pier": PierSection,
-}
 TABLES = {
     "reversal": ("reading_deg",),
     "transit": ("setting_deg", "east_s", "west_s", "amplitude_east", "amplitude_west"),
@@ -149,6 +86,7 @@ def read_north(path: Path | str) -> NorthSession:
     description at once, and `AgonicError` where its parts do not belong together.
 
     >>> from tempfile import TemporaryDirectory
+    >>> from agonic.io.write_north import write_north
     >>> from agonic.simulation.north import simulate_north
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_north(simulate_north(orientations=0).session, folder)
@@ -239,7 +177,7 @@ def _sightings(given: Any, mistakes: list[str]) -> tuple[Sighting, ...]:
         if part is None:
             continue
         if (part.readings_deg is None) == (part.readings_gon is None):
-            mistakes.append(f"[[sighting]] {number} needs readings_deg or readings_gon, one of them")
+            mistakes.append(f"[[sighting]] {number} needs readings_deg or readings_gon")
             continue
         degrees = part.readings_deg or [GON_DEG * value for value in part.readings_gon or []]
         if not degrees:
@@ -300,92 +238,3 @@ def _column(cells: list[list[str]], at: tuple[int, float], name: str, path: Path
         row = int(bad[0])
         raise LogError(f"{name} is {cells[row][column]!r}, no number", path=path, row=row + 2)
     return values * factor
-
-
-def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
-    """Write north.toml and its tables, as `read_north` reads them; return their paths.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> from agonic.simulation.north import simulate_north
-    >>> with TemporaryDirectory() as folder:
-    ...     files = write_north(simulate_north(orientations=0).session, folder)
-    ...     print(*(file.name for file in files))
-    reversal.csv transit.csv swing.csv north.toml
-    """
-    home = make_folder(folder)
-    transits, swing, platform = session.transits, session.swing, session.platform
-    tables: dict[str, dict[str, ArrayLike]] = {}
-    if session.turning_deg is not None:
-        tables["reversal"] = {"reading_deg": session.turning_deg}
-    if transits is not None:
-        tables["transit"] = {name: getattr(transits, name) for name in TABLES["transit"]}
-    if swing is not None:
-        tables["swing"] = {name: getattr(swing, name) for name in TABLES["swing"]}
-    if platform is not None:
-        tables["platform"] = {name: getattr(platform, name) for name in TABLES["platform"]}
-    files = [
-        write_atomically(home / f"{name}.csv", text_of_table(columns))
-        for name, columns in tables.items()
-    ]
-    for samples, name in ((session.magnetometer, "magnetometer"), (session.reference, "reference")):
-        if samples is not None:
-            files.append(write_csv(samples, home / f"{name}.csv"))
-    if session.calibration is not None:
-        files.append(save(session.calibration, home / "calibration.json"))
-    return [*files, write_atomically(home / FILE_NAME, _text(session))]
-
-
-def text_of_table(columns: Mapping[str, ArrayLike]) -> str:
-    """A table as CSV, numbers to their last digit."""
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*(np.asarray(c).tolist() for c in columns.values()), strict=True))
-    return stream.getvalue()
-
-
-def _text(session: NorthSession) -> str:
-    """north.toml."""
-    gyro = {
-        name: getattr(session, name)
-        for name in GyroSection.__struct_fields__
-    }  # fmt: skip
-    lines = [f"name = {json.dumps(session.name)}", *section_text("gyro", gyro)]
-    given = {
-        "reversal": session.turning_deg, "transit": session.transits, "swing": session.swing
-    }  # fmt: skip
-    for name, part in given.items():
-        if part is not None:
-            lines += section_text(name, {"file": f"{name}.csv"})
-    for sighting in session.sightings:
-        lines += section_text("[sighting]", {
-            "name": sighting.name, "readings_deg": sighting.reading_deg.tolist(),
-            "mirror": sighting.mirror,
-        })  # fmt: skip
-    platform = session.platform
-    if platform is not None:
-        lines += section_text("platform", {
-            "file": "platform.csv", "circle_sd_arcsec": platform.circle_sd_arcsec,
-            "level_sd_arcsec": platform.level_sd_arcsec, "mirror": platform.mirror,
-        })  # fmt: skip
-    if session.magnetometer is not None:
-        lines += section_text("magnetometer", {
-            "file": "magnetometer.csv", "noise_nT": session.noise,
-            "calibration": None if session.calibration is None else "calibration.json",
-        })  # fmt: skip
-        lines += section_text("reference", {
-            "file": "reference.csv", "axes": "NED", "noise_nT": session.reference_noise
-        })  # fmt: skip
-        lines += section_text("pier", {
-            "difference_nT": session.pier.difference.tolist(), "sd_nT": session.pier.sd
-        })  # fmt: skip
-    return "\n".join(lines) + "\n"
-
-
-def section_text(name: str, keys: Mapping[str, Any]) -> list[str]:
-    """A section of TOML; what is not known is left out."""
-    return [
-        "", f"[{name}]",
-        *(f"{key} = {json.dumps(value, ensure_ascii=False)}"
-          for key, value in keys.items() if value is not None),
-    ]  # fmt: skip

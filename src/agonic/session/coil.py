@@ -73,7 +73,8 @@ def _amiss(session: CoilSession) -> list[str]:
         said.append("the current never changes; reverse it")
     if samples.time is None:
         said.append("the magnetometer's table has no times")
-    if samples.unit != "nT":
+    known = session.calibration
+    if (samples.unit if known is None else known.unit_out) != "nT":
         said.append("the magnetometer's readings need a unit")
     frames = {"m"}
     if session.alignment is not None:

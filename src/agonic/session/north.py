@@ -1,4 +1,4 @@
-"""`NorthSession`: a gyrotheodolite's readings, what was sighted, and a platform turned beside it."""
+"""`NorthSession`: readings of a gyrotheodolite, what was sighted, a platform beside it."""
 
 from __future__ import annotations
 
@@ -130,4 +130,9 @@ def _amiss(session: NorthSession) -> list[str]:
     three = (session.platform, session.magnetometer, session.reference)
     if any(part is not None for part in three) and any(part is None for part in three):
         said.append("an alignment needs platform, magnetometer and reference, all three")
+    known, magnetometer, reference = session.calibration, session.magnetometer, session.reference
+    if magnetometer is not None and known is None and magnetometer.unit != "nT":
+        said.append("the magnetometer's readings need a unit")
+    if reference is not None and reference.unit != "nT":
+        said.append("the reference's readings need a unit")
     return said

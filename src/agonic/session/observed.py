@@ -34,8 +34,7 @@ class Observed:
     star_covariance : (k, 3, 3) rad², camera axes. noise, reference_noise : (k,) nT.
     boresight_i : (k, 3). readings : (k, 2) of star sensor and magnetometer.
     star_noise : (2,) rad, of one reading across and about the boresight: the scatter within
-        orientations, NaN where there is none to tell. field_noise : the same of magnetometer and
-        reference, nT.
+        orientations, NaN where there is none to tell.
     """
 
     orientation: NDArray[np.int64]
@@ -49,7 +48,6 @@ class Observed:
     boresight_i: Array
     readings: NDArray[np.int64]
     star_noise: Array
-    field_noise: Array
 
     def __len__(self) -> int:
         return len(self.orientation)
@@ -103,7 +101,6 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
         boresight_i=boresight / np.linalg.norm(boresight, axis=1, keepdims=True),
         readings=np.stack([[len(own) for own in rows], fields.counts], axis=1),
         star_noise=star_noise,
-        field_noise=fields.scatter,
     )
 
 

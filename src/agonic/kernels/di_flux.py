@@ -1,0 +1,116 @@
+"""A theodolite with a fluxgate on its telescope: what it reads at any setting of its two circles.
+
+At the horizontal reading h and the zenith reading v the telescope points along t, with A = h − h₀
+the azimuth from the magnetic meridian at h₀; q is square to it along the trunnion axis and p where
+v goes on to:
+
+    t = (sin v cos A, sin v sin A, −cos v)   q = (−sin A, cos A, 0)
+    p = (cos v cos A, cos v sin A, sin v)
+
+The fluxgate lies along t + δ q + ε p with small collimation errors δ and ε, and has an offset S₀;
+in the field F (cos I, 0, sin I) it reads
+
+    S = F [cos I (sin v cos A − δ sin A + ε cos v cos A) + sin I (ε sin v − cos v)] + S₀.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import leastsq
+
+Array = NDArray[np.float64]
+
+NAMES = ("meridian", "inclination", "delta", "epsilon", "offset", "scale")
+"""Unknowns: h₀, I, δ, ε in radians, S₀/F, and F in the unit of the readings."""
+
+
+class Settings(NamedTuple):
+    """Readings of both circles, (n,) radians, and of the fluxgate, (n,).
+
+    Where `from_meridian` is set the horizontal reading counts from the magnetic meridian itself.
+    """
+
+    horizontal: Array
+    zenith: Array
+    reading: Array
+    from_meridian: NDArray[np.bool_]
+
+
+class Estimate(NamedTuple):
+    """The unknowns (6,) with covariance, residuals (n,) in the unit of the readings, freedom."""
+
+    params: Array
+    covariance: Array
+    residuals: Array
+    freedom: int
+    noise: float
+
+
+def expected(params: Array, at: Settings) -> tuple[Array, Array]:
+    """What the fluxgate reads, (n,), and the Jacobian (n, 6)."""
+    meridian, inclination, delta, epsilon, offset, scale = params
+    azimuth = at.horizontal - np.where(at.from_meridian, 0.0, meridian)
+    ca, sa = np.cos(azimuth), np.sin(azimuth)
+    cv, sv = np.cos(at.zenith), np.sin(at.zenith)
+    ci, si = np.cos(inclination), np.sin(inclination)
+    level, upright = sv * ca - delta * sa + epsilon * cv * ca, epsilon * sv - cv
+    sighted = ci * level + si * upright + offset
+    by_azimuth = ci * (-sv * sa - delta * ca - epsilon * cv * sa)
+    jacobian = scale * np.stack(
+        [
+            np.where(at.from_meridian, 0.0, -by_azimuth),
+            ci * upright - si * level,
+            -ci * sa,
+            ci * cv * ca + si * sv,
+            np.ones_like(sa),
+            sighted / scale,
+        ],
+        axis=1,
+    )
+    return scale * sighted, jacobian
+
+
+def estimate(
+    at: Settings, start: Array, groups: NDArray[np.int64], *, scale_known: bool
+) -> Estimate:
+    """The unknowns of settings that repeat in `groups`, by least squares.
+
+    Readings of one setting share what the circle was set wrong by, so the noise is told by the
+    means of the groups: their misfit over the settings less the unknowns.
+    """
+    free = np.ones(len(NAMES), dtype=bool)
+    free[-1] = not scale_known
+    unit = start[-1]
+
+    def pieces(step: Array) -> list[tuple[Array, Array]]:
+        params = start.copy()
+        params[free] += step
+        values, jacobian = expected(params, mean)
+        return [((values - mean.reading) / unit, jacobian[:, free] / unit)]
+
+    mean = _means(at, groups)
+    solution = leastsq.solve(pieces, np.zeros(int(free.sum())), scale=1e-5, tolerance=1e-8)
+    params = start.copy()
+    params[free] += solution.params
+    residuals, jacobian = pieces(solution.params)[0]
+    freedom = len(residuals) - int(free.sum())
+    noise = float(np.sqrt(residuals @ residuals / freedom)) if freedom > 0 else float("nan")
+    covariance = np.zeros((len(NAMES), len(NAMES)))
+    covariance[np.ix_(free, free)] = noise**2 * leastsq.inverse(jacobian.T @ jacobian)
+    return Estimate(params, covariance, residuals * unit, freedom, noise * unit)
+
+
+def _means(at: Settings, groups: NDArray[np.int64]) -> Settings:
+    """One reading a setting: circles and fluxgate move by so little that means are exact."""
+    numbers = np.unique(groups)
+    rows = [np.flatnonzero(groups == number) for number in numbers]
+    horizontal, zenith, reading = (
+        np.array([column[own].mean() for own in rows])
+        for column in (at.horizontal, at.zenith, at.reading)
+    )
+    from_meridian = np.array([bool(at.from_meridian[own[0]]) for own in rows])
+    return Settings(horizontal, zenith, reading, from_meridian)

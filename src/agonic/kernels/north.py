@@ -1,0 +1,236 @@
+"""North from a hanging gyro: its turning points, its transits, its whole swing.
+
+The spin axis of a gyro that hangs from a band swings about the meridian; the readings of the circle
+that follow it are
+
+    u(t) = N + e^(−λt) (p cos ωt + q sin ωt),
+
+N the reading of the circle at north. Readings and N are in degrees and increase to the east.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import leastsq
+
+Array = NDArray[np.float64]
+
+ENOUGH_TURNING, ENOUGH_SWING = 3, 12
+_SCHULER = np.array([0.25, 0.5, 0.25])
+_GRID, _PERIODS = 400, 0.4
+"""Frequencies tried for a start, from so many periods in the record on."""
+
+
+class North(NamedTuple):
+    """The circle's reading at north and its standard error, degrees; NaN where nothing tells it.
+
+    `freedom` is how many independent differences the standard error rests on.
+    """
+
+    reading_deg: float
+    sd_deg: float
+    freedom: int
+
+
+class Swing(NamedTuple):
+    """A damped sinusoid: N, p, q, λ, ω with covariance, residuals (n,) and noise of a reading.
+
+    `correlation` is how many successive readings count as one.
+    """
+
+    params: Array
+    covariance: Array
+    residuals: Array
+    noise: float
+    correlation: float
+    converged: bool
+
+
+def schuler_means(turning: Array) -> Array:
+    """N_i = (u_i + 2 u_{i+1} + u_{i+2})/4 of turning points (n,), (n − 2,).
+
+    Free of the amplitude and, to first order, of its decay.
+
+    >>> schuler_means(np.array([10.0, 2.0, 8.0, 3.0])).tolist()
+    [5.5, 5.25]
+    """
+    return np.convolve(turning, _SCHULER, mode="valid")
+
+
+def reversal(turning: Array, reading_sd: float | None = None) -> North:
+    """North of n ≥ 3 turning points: the mean of the Schuler means, its standard error from their
+    spread.
+
+    Neighbouring means share readings. With M (n − 2, n) from readings to means and Q what centres
+    them, E Σ(N_i − N̄)² = σ² tr(QMMᵀ), and N̄ = wᵀu has the variance σ² wᵀw. With a single mean, or
+    a `reading_sd` that is stated, σ is that.
+
+    >>> reversal(np.array([10.0, 2.0, 8.0, 3.0])).reading_deg
+    5.375
+    """
+    n, means = len(turning), schuler_means(turning)
+    m = len(means)
+    onto = np.stack([np.convolve(row, _SCHULER, mode="valid") for row in np.eye(n)], axis=1)
+    weight = onto.mean(axis=0)
+    centred = onto - weight
+    variance = reading_sd**2 if reading_sd else (
+        float(((means - means.mean()) ** 2).sum() / (centred**2).sum()) if m > 1 else np.nan
+    )  # fmt: skip
+    sd = float(np.sqrt(variance * (weight @ weight)))
+    return North(float(means.mean()), sd, m - 1)
+
+
+def transit_product(amplitude_east: Array, amplitude_west: Array, dt_s: Array) -> Array:
+    """a Δt: half the sum of the amplitudes times the eastern less the western half-period, s."""
+    return np.asarray((amplitude_east + amplitude_west) / 2 * dt_s)
+
+
+def transit_constant(setting_deg: Array, product: Array) -> float:
+    """c = (N′₂ − N′₁)/(a₁Δt₁ − a₂Δt₂) of two settings.
+
+    >>> transit_constant(np.array([0.0, 0.5]), np.array([100.0, -25.0]))
+    0.004
+    """
+    return float((setting_deg[1] - setting_deg[0]) / (product[0] - product[1]))
+
+
+def transit(
+    setting_deg: Array, product: Array, product_sd: Array,
+    constant: float | None = None, constant_sd: float = 0.0,
+) -> tuple[North, float, float]:  # fmt: skip
+    """North N = N′ + c a Δt of n transits, with c and its standard error.
+
+    Where c is not given it comes from the settings: a Δt = (N − N′)/c is a straight line in N′,
+    and N where it crosses zero; of two settings that is `transit_constant`. The noise is that of
+    a Δt, `product_sd`; where it is NaN the spread about the line tells it.
+    """
+    if constant is not None:
+        return _with_constant(setting_deg, product, product_sd, constant, constant_sd)
+    middle = float(setting_deg.mean())
+    design = np.stack([np.ones(len(product)), setting_deg - middle], axis=1)
+    line, *_ = np.linalg.lstsq(design, product, rcond=None)
+    freedom = len(product) - 2
+    spread = np.linalg.inv(design.T @ design) * _variance(
+        product - design @ line, product_sd, freedom
+    )
+    away = -line[0] / line[1]
+    slope = np.array([-1 / line[1], line[0] / line[1] ** 2])
+    sd = float(np.sqrt(slope @ spread @ slope))
+    constant_sd = float(np.sqrt(spread[1, 1])) / line[1] ** 2
+    return North(middle + float(away), sd, freedom), float(-1 / line[1]), constant_sd
+
+
+def _with_constant(
+    setting_deg: Array, product: Array, product_sd: Array, constant: float, constant_sd: float
+) -> tuple[North, float, float]:
+    each = setting_deg + constant * product
+    freedom = len(each) - 1
+    variance = _variance(each - each.mean(), constant * product_sd, freedom) / len(each)
+    sd = float(np.sqrt(variance + (constant_sd * product.mean()) ** 2))
+    return North(float(each.mean()), sd, freedom), constant, constant_sd
+
+
+def _variance(residuals: Array, stated_sd: Array, freedom: int) -> float:
+    """Of one transit: what is stated, or else the spread; NaN with neither."""
+    if np.isfinite(stated_sd).all():
+        return float((stated_sd**2).mean())
+    return float((residuals**2).sum() / freedom) if freedom > 0 else float("nan")
+
+
+def swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
+    """The damped sinusoid through a whole record (n,), by Levenberg–Marquardt.
+
+    The noise is taken from the residuals, with their correlation, unless it is stated.
+    """
+    since = time_s - time_s[0]
+    start = _start(since, reading_deg)
+    pieces = partial(_pieces, since, reading_deg)
+    scale = reading_sd or max(float(np.std(reading_deg)), 1e-9) * 1e-2
+    first = leastsq.solve(lambda p: [pieces(p)], start, scale=scale, tolerance=1e-6)
+    freedom = max(len(since) - len(start), 1)
+    noise = reading_sd or max(float(np.sqrt((first.residuals**2).sum() / freedom)), 1e-12)
+    correlation = leastsq.correlation_length(first.residuals, np.ones(len(since)))
+    _, jacobian = pieces(first.params)
+    covariance = noise**2 * correlation * leastsq.inverse(jacobian.T @ jacobian)
+    return Swing(
+        first.params, covariance, first.residuals, float(noise), correlation, first.converged
+    )
+
+
+def swung_deg(params: Array, since_s: Array) -> Array:
+    """N + e^(−λt) (p cos ωt + q sin ωt) at seconds since the first reading, (n,).
+
+    >>> swung_deg(np.array([5.0, 2.0, 0.0, 0.0, np.pi]), np.array([0.0, 1.0])).tolist()
+    [7.0, 3.0]
+    """
+    north, p, q, decay, omega = params
+    phase = omega * since_s
+    return np.asarray(north + np.exp(-decay * since_s) * (p * np.cos(phase) + q * np.sin(phase)))
+
+
+def _pieces(since: Array, reading: Array, params: Array) -> tuple[Array, Array]:
+    """Residuals and Jacobian by N, p, q, λ, ω."""
+    _, p, q, decay, omega = params
+    damped = np.exp(-decay * since)
+    cosine, sine = damped * np.cos(omega * since), damped * np.sin(omega * since)
+    wave, slope = p * cosine + q * sine, q * cosine - p * sine
+    jacobian = np.stack([np.ones_like(since), cosine, sine, -since * wave, since * slope], axis=1)
+    return params[0] + wave - reading, jacobian
+
+
+def _start(since: Array, reading: Array) -> Array:
+    """The undamped sinusoid of the frequency, among many, that leaves least."""
+    span = float(since[-1])
+    highest = np.pi / max(float(np.median(np.diff(since))), span / 200)
+    trials = np.geomspace(2 * np.pi * _PERIODS / span, highest, _GRID)
+    best = min((_undamped(omega, since, reading) for omega in trials), key=lambda found: found[0])
+    _, linear, omega = best
+    return np.array([*linear, 0.0, omega])
+
+
+def _undamped(omega: float, since: Array, reading: Array) -> tuple[float, Array, float]:
+    design = np.stack([np.ones_like(since), np.cos(omega * since), np.sin(omega * since)], axis=1)
+    linear, *_ = np.linalg.lstsq(design, reading, rcond=None)
+    return float(((reading - design @ linear) ** 2).sum()), linear, float(omega)
+
+
+class Pointing(NamedTuple):
+    """The mean direction of readings in both faces, the collimation, standard errors; degrees."""
+
+    reading_deg: float
+    sd_deg: float
+    collimation_deg: float
+    freedom: int
+
+
+def pointing(reading_deg: Array, reading_sd: float | None = None) -> Pointing:
+    """A sighting read in one or both faces: those of the second stand half a turn away.
+
+    A line of sight that is off by the collimation reads too much in the first face and as much
+    too little in the second, so the mean of the faces is free of it. The face of the first
+    reading is the first.
+
+    >>> both = pointing(np.array([10.002, 189.998, 10.004, 190.0]))
+    >>> round(both.reading_deg, 6), round(both.collimation_deg, 6)
+    (10.001, 0.002)
+    """
+    off = (reading_deg - reading_deg[0] + 180.0) % 360.0 - 180.0
+    second = np.abs(off) > 90.0
+    off = np.where(second, (off + 360.0) % 360.0 - 180.0, off)
+    design = np.stack([np.ones(len(off)), np.where(second, -1.0, 1.0)], axis=1)
+    if not second.any():
+        design = design[:, :1]
+    found, *_ = np.linalg.lstsq(design, off, rcond=None)
+    freedom = len(off) - design.shape[1]
+    left = off - design @ found
+    variance = reading_sd**2 if reading_sd else (
+        float(left @ left) / freedom if freedom > 0 else np.nan
+    )  # fmt: skip
+    sd = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
+    collimation = float(found[1]) if second.any() else float("nan")
+    return Pointing(float((reading_deg[0] + found[0]) % 360.0), sd, collimation, freedom)

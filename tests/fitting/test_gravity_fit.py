@@ -1,0 +1,118 @@
+"""`fit_gravity` against simulated truth."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import apply
+from agonic.errors import LogError
+from agonic.fitting.gravity import fit_gravity
+from agonic.kernels import gravity as kernel
+from agonic.simulation.gravity import simulate_gravity
+
+
+def turn_between(a, b):
+    """Rotation vector, rad, from one rotation to the other."""
+    return Rotation.from_matrix(a @ b.T).as_rotvec()
+
+
+@pytest.mark.parametrize("bias", [False, True])
+def test_the_turn_is_found_and_its_error_honest(bias: bool) -> None:
+    q = []
+    zero = (200.0, -300.0, 100.0) if bias else (0.0, 0.0, 0.0)
+    for seed in range(60):
+        made = simulate_gravity(bias=zero, orientations=20, seed=seed)
+        fit = fit_gravity(made.samples, bias=bias)
+        assert fit.ok
+        off = turn_between(fit.rot_bm, made.rot_bm)
+        q.append(off @ np.linalg.solve(fit.estimate.covariance[:3, :3], off))
+    # three times an F of 3 and 16 (13) degrees of freedom: mean 3.4 (3.5)
+    assert np.mean(q) == pytest.approx(3.4, abs=1.2)
+
+
+def test_exact_readings_give_the_exact_turn_even_by_right_angles() -> None:
+    """The 24 starts find a sensor that was mounted on its side."""
+    for seed, turn in enumerate((3.0, 100.0, 170.0)):
+        made = simulate_gravity(noise=1e-6, force_noise=1e-9, turn_deg=turn, seed=seed)
+        fit = fit_gravity(made.samples)
+        assert np.linalg.norm(turn_between(fit.rot_bm, made.rot_bm)) < 1e-8
+        assert fit.inclination_deg == pytest.approx(67.53, abs=0.01)
+
+
+def test_the_jacobian() -> None:
+    rng = np.random.default_rng(0)
+    down = rng.standard_normal((5, 3))
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    field, rotation = rng.standard_normal((5, 3)), Rotation.random(rng=rng).as_matrix()
+    rest = rng.standard_normal(4)
+    jacobian = kernel._jacobian(rotation, rest, down, field)
+    for k in range(7):
+        step = np.zeros(7)
+        step[k] = 1e-6
+        ahead, behind = (
+            kernel._residual(Rotation.from_rotvec(s[:3]).as_matrix() @ rotation, rest + s[3:],
+                             down, field)
+            for s in (step, -step)
+        )  # fmt: skip
+        np.testing.assert_allclose(jacobian[:, k], (ahead - behind) / 2e-6, atol=1e-8)
+
+
+def test_what_stands_still_is_found() -> None:
+    made = simulate_gravity(orientations=10, still_s=3.0, turn_s=2.0, seed=2)
+    samples = made.samples
+    number = kernel.still(samples.time, samples.acceleration, samples.field)
+    assert number.max() == 9
+    resting = number >= 0
+    phase = samples.time % 5.0
+    assert (phase[resting] <= 3.0 + 0.3).all()
+    assert resting.mean() > 0.4
+    # a turn about the vertical is seen by the magnetometer alone
+    time = np.arange(0, 20, 0.02)
+    rng = np.random.default_rng(0)
+    force = np.tile([0.0, 0, -9.8], (1000, 1)) + 0.02 * rng.standard_normal((1000, 3))
+    angle = np.clip(time - 8, 0, 4)
+    field = 2e4 * np.stack([np.cos(angle), np.sin(angle), 2 + 0 * angle], axis=1)
+    turned = kernel.still(time, force, field + 50 * rng.standard_normal((1000, 3)))
+    assert turned.max() == 1
+    assert (turned[(time > 8.3) & (time < 11.7)] == -1).all()
+
+
+def test_stations_are_taken_as_numbered() -> None:
+    made = simulate_gravity(seed=1)
+    samples = made.samples
+    number = kernel.still(samples.time, samples.acceleration, samples.field)
+    numbered = samples.with_columns(station=number.astype(float), time=None)
+    np.testing.assert_allclose(
+        fit_gravity(numbered).rot_bm, fit_gravity(samples).rot_bm, atol=1e-12
+    )
+
+
+def test_a_body_that_stays_level_is_refused() -> None:
+    made = simulate_gravity(tilt_deg=0.05, seed=3)
+    fit = fit_gravity(made.samples)
+    assert fit.verdict == "refused"
+    assert fit.findings[0].name == "turn undetermined"
+    assert "1.00) of the accelerometer's axes" in fit.findings[0].what.replace("−", "-")
+
+
+def test_an_uncalibrated_magnetometer_is_noticed_and_its_calibration_used() -> None:
+    made = simulate_gravity(bias=(4_000.0, -7_000.0, 3_000.0), seed=4)
+    plain = fit_gravity(made.samples)
+    assert "vertical varies" in {f.name for f in plain.findings}
+    own = Affine(bias=[4_000.0, -7_000.0, 3_000.0], matrix=np.eye(3))
+    fit = fit_gravity(made.samples, own)
+    assert fit.ok
+    assert np.degrees(np.linalg.norm(turn_between(fit.rot_bm, made.rot_bm))) < 0.1
+    turned = apply(fit.calibration, made.samples)
+    assert turned.frame == "b"
+    expected = (made.samples.field - own.bias) @ fit.rot_bm.T
+    np.testing.assert_allclose(turned.field, expected, atol=1e-6)
+
+
+def test_logs_that_will_not_do() -> None:
+    made = simulate_gravity(orientations=3)
+    with pytest.raises(LogError, match="3 orientations at rest were found and 6 are needed"):
+        fit_gravity(made.samples)
+    with pytest.raises(LogError, match="without acceleration"):
+        fit_gravity(made.samples.with_columns(acceleration=None))

@@ -1,0 +1,177 @@
+"""`fit_north` and `fit_di_flux` against simulated truth and hand reductions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from agonic.errors import AgonicError, CoverageError
+from agonic.fitting.north import fit_di_flux, fit_north
+from agonic.kernels import di_flux as kernel
+from agonic.kernels.frames import ARCSEC_RAD
+from agonic.session.north import NorthSession, Sighting
+from agonic.simulation.di_flux import simulate_di_flux
+from agonic.simulation.north import simulate_north
+
+
+def test_every_method_is_honest_and_the_sinusoid_best() -> None:
+    z = {"swing": [], "reversal": [], "transit": [], "mark": [], "turn": []}
+    for seed in range(60):
+        made = simulate_north(seed=seed, constant_sd_arcsec=1e-9)
+        fit = fit_north(made.session)
+        assert fit.method == "swing"
+        assert fit.by["swing"].sd_deg < 0.5 * min(
+            fit.by["reversal"].sd_deg, fit.by["transit"].sd_deg
+        )
+        gyro = made.north_deg - made.session.constant_arcsec / 3600
+        for name, found in fit.by.items():
+            z[name].append((found.reading_deg - gyro) / found.sd_deg)
+        mark = fit.azimuths[0]
+        z["mark"].append(3600 * (mark.azimuth_deg - made.mark_azimuth_deg) / mark.sd_arcsec)
+        off = Rotation.from_matrix(made.rot_mb @ fit.aligned.rot_mb.T).as_rotvec()
+        z["turn"].append(off @ np.linalg.solve(fit.aligned.covariance, off))
+    for name in ("swing", "reversal", "transit", "mark"):
+        assert abs(np.mean(z[name])) < 0.45, name  # the transit has its own 0.4″ of curvature
+        assert 0.75 < np.std(z[name]) < 1.3, name
+    assert np.mean(z["turn"]) == pytest.approx(3.0, abs=1.0)  # χ² of three
+
+
+def test_without_noise_north_and_alignment_are_exact() -> None:
+    made = simulate_north(
+        reading_sd_arcsec=1e-7, time_sd_s=1e-9, constant_sd_arcsec=0, noise=1e-6,
+        reference_noise=1e-6, circle_sd_arcsec=1e-6, level_sd_arcsec=1e-6,
+    )  # fmt: skip
+    fit = fit_north(made.session)
+    assert abs(fit.north_deg - made.north_deg) * 3600 < 1e-4
+    turn = Rotation.from_matrix(made.rot_mb @ fit.aligned.rot_mb.T).magnitude() / ARCSEC_RAD
+    # the reference is interpolated within a second of its slow waves
+    assert turn < 0.01
+    assert abs(fit.azimuths[0].azimuth_deg - made.mark_azimuth_deg) * 3600 < 1e-3
+    reversal, transit = fit.by["reversal"], fit.by["transit"]
+    gyro = fit.by["swing"].reading_deg
+    assert abs(reversal.reading_deg - gyro) * 3600 < 1.0  # second order of the decay
+    assert abs(transit.reading_deg - gyro) * 3600 < 1.0  # third order of the setting
+
+
+def test_norths_own_error_turns_the_platform_about_down() -> None:
+    made = simulate_north(seed=3)
+    sure = fit_north(made.session).aligned
+    unsure = fit_north(replace(made.session, constant_sd_arcsec=3.0)).aligned
+    extra = unsure.covariance - sure.covariance
+    down_m = unsure.rot_mb[:, 2]
+    expected = (3.0**2 - made.session.constant_sd_arcsec**2) * ARCSEC_RAD**2
+    # the tilts of the platform tell a little, to 17″, of what turns with it and what does not
+    assert down_m @ extra @ down_m == pytest.approx(expected, rel=0.1)
+
+
+def test_the_calibration_takes_readings_into_the_platforms_axes() -> None:
+    made = simulate_north(noise=1e-3, reference_noise=1e-3, seed=2)
+    fit = fit_north(made.session)
+    calibration = fit.calibration
+    assert (calibration.frame_in, calibration.frame_out) == ("m", "b")
+    np.testing.assert_allclose(
+        calibration.rotation.as_matrix(), made.rot_mb.T, atol=4 * fit.sd_arcsec * ARCSEC_RAD
+    )
+
+
+def test_a_mirror_looks_back() -> None:
+    session = NorthSession(
+        turning_deg=np.array([10.0, 12.0, 10.0, 12.0]),
+        sightings=(
+            Sighting(name="line", reading_deg=np.array([101.0])),
+            Sighting(name="cube", reading_deg=np.array([101.0]), mirror=True),
+        ),
+    )
+    line, cube = fit_north(session).azimuths
+    assert (line.azimuth_deg, cube.azimuth_deg) == (90.0, 270.0)
+
+
+def test_findings() -> None:
+    made = simulate_north(orientations=3, seed=1)
+    wrong = replace(made.session, turning_deg=made.session.turning_deg + 0.02)
+    assert {f.name for f in fit_north(wrong).findings} == {"methods disagree"}
+    swing = made.session.swing
+    short = replace(swing, time_s=swing.time_s[:50], reading_deg=swing.reading_deg[:50])
+    names = {f.name for f in fit_north(replace(made.session, swing=short)).findings}
+    assert "short swing" in names
+    platform = replace(made.session.platform, mirror=False, pitch_deg=np.array([9.0, 0, -9.0]))
+    fit = fit_north(replace(made.session, platform=platform))
+    assert "platform misfit" in {f.name for f in fit.findings}
+    one = simulate_north(orientations=1).session
+    assert fit_north(one).verdict == "refused"
+    alone = NorthSession(turning_deg=np.array([10.0, 12.0, 10.0]))
+    assert [f.name for f in fit_north(alone).findings] == ["no spread"]
+
+
+def test_a_session_that_cannot_be_names_every_mistake() -> None:
+    with pytest.raises(AgonicError, match=r"too few.*all three"):
+        NorthSession(turning_deg=np.array([1.0]), platform=simulate_north().session.platform)
+    with pytest.raises(AgonicError, match="no readings of the gyro"):
+        NorthSession()
+
+
+def test_the_theodolites_jacobian() -> None:
+    rng = np.random.default_rng(0)
+    at = kernel.Settings(*rng.uniform(0, 6, (3, 12)), np.arange(12) % 3 == 0)
+    params = np.array([0.3, 1.1, 2e-3, -3e-3, 1e-4, 48_000.0])
+    _, jacobian = kernel.expected(params, at)
+    for k in range(6):
+        step = np.zeros(6)
+        step[k] = 1e-6 * max(abs(params[k]), 1.0)
+        slope = (kernel.expected(params + step, at)[0] - kernel.expected(params - step, at)[0]) / (
+            2 * step[k]
+        )
+        np.testing.assert_allclose(jacobian[:, k], slope, rtol=1e-6, atol=1e-4)
+
+
+def test_a_sheet_without_noise_is_undone() -> None:
+    made = simulate_di_flux(noise=0.0, mark_sd_arcsec=0.0)
+    fit = fit_di_flux(made.sheet)
+    assert fit.declination_deg == pytest.approx(made.declination_deg, abs=1e-4 / 3600)
+    assert fit.inclination_deg == pytest.approx(made.inclination_deg, abs=1e-4 / 3600)
+    assert fit.collimation_arcsec == pytest.approx(
+        (made.delta_arcsec, made.epsilon_arcsec), abs=1e-3
+    )
+    assert fit.offset == pytest.approx(made.offset, abs=1e-4)
+    assert 3600 * fit.mark.collimation_deg == pytest.approx(4.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("inclination", [64.3, -55.0, 12.0])
+def test_sheets_are_honest(inclination: float) -> None:
+    """Three degrees of freedom: the median of |error/sd| of Student's t is 0.765."""
+    z = []
+    for seed in range(150):
+        made = simulate_di_flux(inclination_deg=inclination, seed=seed)
+        fit = fit_di_flux(made.sheet)
+        assert fit.estimate.freedom == 3
+        z.append([
+            3600 * (fit.declination_deg - made.declination_deg) / fit.declination_sd_arcsec,
+            3600 * (fit.inclination_deg - made.inclination_deg) / fit.inclination_sd_arcsec,
+            (fit.collimation_arcsec[0] - made.delta_arcsec) / fit.collimation_sd_arcsec[0],
+            (fit.collimation_arcsec[1] - made.epsilon_arcsec) / fit.collimation_sd_arcsec[1],
+            (fit.offset - made.offset) / fit.offset_sd,
+        ])  # fmt: skip
+    middle = np.median(np.abs(z), axis=0)
+    assert ((middle > 0.55) & (middle < 1.0)).all(), middle
+
+
+def test_findings_of_a_sheet() -> None:
+    made = simulate_di_flux()
+    misread = made.sheet.horizontal_deg.copy()
+    misread[2:4] += 0.05
+    fit = fit_di_flux(replace(made.sheet, horizontal_deg=misread))
+    assert [f.name for f in fit.findings] == ["settings disagree"]
+    alone = fit_di_flux(replace(made.sheet, mark_azimuth_deg=None))
+    assert alone.declination_deg is None
+    assert [f.name for f in alone.findings] == ["no mark"]
+    no_scale = made.sheet.setting < 8
+    short = replace(
+        made.sheet, magnitude=None,
+        **{name: getattr(made.sheet, name)[no_scale]
+           for name in ("horizontal_deg", "zenith_deg", "reading", "setting", "time")},
+    )  # fmt: skip
+    assert "no scale" in {f.name for f in fit_di_flux(short).findings}
+    assert fit_di_flux(short, magnitude=48_800.0).ok
+    with pytest.raises(CoverageError, match="level and"):
+        fit_di_flux(replace(short, zenith_deg=np.full(16, 90.0)))
