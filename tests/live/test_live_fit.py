@@ -185,3 +185,14 @@ def test_the_standard_error_at_the_stop_is_honest():
         _, live = obeyed(np.random.default_rng(100 + seed), 0.5)
         z.append((live.calibration.bias - BIAS) / live.calibration.sd[:3])
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4
+
+
+def test_a_disturbance_that_lasts_is_told_after_the_fit_has_bent_to_it():
+    rng = np.random.default_rng(6)
+    live = LiveFit(magnitude=50_000.0)
+    good = readings(tumbled(rng, 600), rng)
+    live.add(np.arange(600) / RATE_HZ, good)
+    spoilt = BIAS + 1.18 * (readings(tumbled(rng, 600), rng) - BIAS)
+    live.add(12 + np.arange(600) / RATE_HZ, spoilt)
+    assert "disturbed" in names(live)
+    assert not live.guidance.done

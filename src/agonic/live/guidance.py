@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 NEAR_METAL = 0.05  # of the field's magnitude
 SHORT = 0.3  # rad, below which a turn is hardly any work
+SCATTER = 0.02  # of the field's magnitude, of single readings
 STUCK = 50  # repeats in a row
 OFF_MODEL = 0.15  # of the world model's magnitude
 
@@ -49,7 +50,11 @@ def guidance(
         say = "turn the sensor slowly about all three axes"
         return Guidance(say=say, findings=tuple(findings))
     calibration, coverage = fitted
-    findings += [*_near_metal(state, calibration), *_off_model(params, calibration)]
+    findings += [
+        *_near_metal(state, calibration),
+        *_scattered(calibration),
+        *_off_model(params, calibration),
+    ]
     present = state.recent[-5:, 1:].mean(axis=0)
     present = calibration.correct(present[None])[0]
     wanted = _wanted(params, state.found, present / np.linalg.norm(present))
@@ -109,6 +114,24 @@ def _near_metal(state: LiveState, calibration: Affine) -> list[Finding]:
             f"the field here is {100 * abs(off):.0f} % {word} than elsewhere: iron, a magnet or a "
             "current is near",
             "move away from it and go on turning",
+        )
+    ]
+
+
+def _scattered(calibration: Affine) -> list[Finding]:
+    """No sphere fits: the field was not the same all the time."""
+    assert calibration.magnitude is not None
+    share = (calibration.noise or 0.0) * float(np.trace(calibration.matrix)) / 3
+    share /= calibration.magnitude
+    if share < SCATTER:
+        return []
+    return [
+        Finding(
+            "disturbed",
+            "check",
+            f"readings scatter by {100 * share:.1f} % of the field about the best sphere: the "
+            "field was not the same all the time",
+            "go away from steel, magnets and currents and start again",
         )
     ]
 

@@ -1,0 +1,200 @@
+"""`agonic live SOURCE`: calibrate while the sensor is being turned, in a browser or a terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.cli.options import At, Date, Json, Magnitude, Sensor, Unit
+from agonic.errors import AgonicError, MissingExtraError
+
+if TYPE_CHECKING:
+    from agonic.calibration.affine import Affine
+    from agonic.reference import Reference
+    from agonic.streams import Source
+    from agonic.web.session import Session
+
+PORT = 8737
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("live")(live)
+
+
+def live(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="serial:DEVICE[:BAUD], udp://[HOST]:PORT, tcp://HOST:PORT, each also after "
+            "mavlink+, a log to replay, or sim.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")
+    ] = Path("live-agonic"),
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    target: Annotated[
+        float, typer.Option(metavar="DEG", help="Standard error of the heading that is enough.")
+    ] = 0.5,
+    before: Annotated[
+        list[Path] | None,
+        typer.Option("--before", metavar="CAL", help="Calibration to show beside the new one."),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(help="Of a log or sim, over its own; 0: as fast as possible.")
+    ] = 1.0,
+    port: Annotated[int, typer.Option(help="Of the page; 0: any.", min=0, max=65535)] = PORT,
+    listen: Annotated[
+        str | None,
+        typer.Option(metavar="ADDR", help="Show the page to other machines, by a secret address."),
+    ] = None,
+    text: Annotated[bool, typer.Option("--text", help="In the terminal, without a page.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Calibrate while the sensor is being turned: what is covered, how good it is, what to do next.
+
+    Opens a page on this machine; its button Accept writes what `agonic calibrate` writes. With
+    --text or --json the same in the terminal, which ends when the target is reached or the source
+    has ended. Readings that come without a unit stay raw.
+    """
+    from agonic.streams import open_source
+    from agonic.web.session import Plan, Session
+
+    opened = open_source(source, unit=unit, speed=speed)
+    reference, settings = _expected(opened, at, date, field)
+    plan = Plan(
+        folder=out, reference=reference, settings=settings, target_deg=target, sensor=sensor,
+        before=_before(before or []),
+    )  # fmt: skip
+    session = Session(opened, plan)
+    if text or as_json:
+        return _in_terminal(session, as_json)
+    return _on_page(session, listen, port)
+
+
+def _expected(
+    source: Source, at: str | None, date: str | None, field: float | None
+) -> tuple[Reference | None, dict[str, Any]]:
+    """What the field should be: as told, by the log that is replayed, or by the simulation."""
+    import numpy as np
+
+    from agonic.cli.place import expected
+    from agonic.reference import Reference
+    from agonic.samples import Samples
+    from agonic.streams.played import Played
+
+    played = source.sensors if isinstance(source, Played) else ()
+    if field is None and at is None and played and played[0].notes == ("simulated",):
+        return Reference.constant(50_000.0, source="the simulation"), {}
+    samples = played[0] if played else Samples(field=np.array([[0.0, 0.0, 1.0]]))
+    reference, settings = expected(samples, at, date, field)
+    if reference is None:
+        return None, settings
+    magnitudes = reference.magnitudes(len(samples))
+    constant = Reference.constant(
+        float(magnitudes.mean()), sd=reference.sd, source=reference.source
+    )
+    return constant, settings
+
+
+def _before(paths: list[Path]) -> dict[str, Affine]:
+    """Calibrations by the name of their sensor."""
+    from agonic.calibration.affine import Affine
+    from agonic.io.calfile import load
+
+    found: dict[str, Affine] = {}
+    for path in paths:
+        calibration = load(path)
+        if not isinstance(calibration, Affine):
+            raise AgonicError(f"{path} is not a calibration of bias and matrix")
+        found[calibration.sensor] = calibration
+    return found
+
+
+def _on_page(session: Session, listen: str | None, port: int) -> int:
+    """Serve the page until interrupted."""
+    try:
+        from agonic.web.server import serve
+    except ImportError:
+        raise MissingExtraError("the live page", "live") from None
+    from agonic.cli.output import say
+
+    def ready(address: str) -> None:
+        say(f"Live      {address}")
+        say(f"Writes to {session.plan.folder}; Ctrl-C stops")
+
+    serve(session, listen=listen, port=port, ready=ready)
+    return 0
+
+
+def _in_terminal(session: Session, as_json: bool) -> int:
+    """Guide in words until the target is reached or the source has ended, then write."""
+    import sys
+    import time
+
+    from agonic.cli.output import print_json, say
+    from agonic.report.record import record, unfitted
+    from agonic.report.text import summary
+
+    session.start()
+    lines = _Lines(sys.stderr if as_json else sys.stdout)
+    try:
+        while True:
+            time.sleep(0.25)
+            status = session.status
+            lines.show(status)
+            reached = bool(status.sensors) and all(one.done for one in status.sensors)
+            if status.ended or reached:
+                break
+    finally:
+        session.stop()
+    if not session.shown:
+        raise AgonicError(f"no readings came: {session.status.heard}")
+    outcomes = session.accept()
+    if session.status.trouble:
+        raise AgonicError(session.status.trouble)
+    failures = [unfitted(o.sensor, o.status) for o in outcomes if o.sensor not in session.written]
+    if as_json:
+        records = [record(r, *session.written[r.samples.name]) for r in session.results]
+        print_json("agonic/live@1", {"sensors": records + failures})
+    else:
+        if session.results:
+            say(summary(session.results))
+        for failure in failures:
+            say(f"\n✗ {failure['sensor']}: refused\n  {failure['status']}")
+        say(f"\nReport    {session.plan.folder / 'report.html'}")
+    good = not failures and all(result.verdict == "good" for result in session.results)
+    return 0 if good else 1
+
+
+class _Lines:
+    """The guidance as lines: each sensor's when its words change, at most one a second."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream, self._said, self._at = stream, {}, {}  # type: ignore[var-annotated]
+
+    def show(self, status: Any) -> None:
+        """Print what is new in a status."""
+        import time
+
+        self._line("", status.heard, status.heard, 0.0)
+        for one in status.sensors:
+            error = "" if one.heading_sd_deg is None else f"  heading ±{one.heading_sd_deg:.2f}°"
+            wrong = "".join(f"  ! {problem.text}" for problem in one.problems)
+            words = f"{one.say}{wrong}"
+            told = f"{one.name}: {100 * one.progress:3.0f} % covered{error}  {words}"
+            self._line(one.name, words, told, time.monotonic())
+
+    def _line(self, who: str, words: str, line: str, now: float) -> None:
+        if self._said.get(who) == words or (now - self._at.get(who, -9.0) < 1.0 and who):
+            return
+        self._said[who], self._at[who] = words, now
+        print(line, file=self._stream, flush=True)

@@ -1,0 +1,32 @@
+"""What a source tells: readings, and how it is getting on."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Chunk(NamedTuple):
+    """Readings of one sensor: `time` (n,) s, `field` (n, 3) in `unit`, in the axes `frame`."""
+
+    sensor: str
+    time: Array
+    field: Array
+    unit: str
+    frame: str = "m"
+    device_id: int | None = None
+
+
+class Said(NamedTuple):
+    """How a source is getting on, in words; `connected` whether readings can come."""
+
+    connected: bool
+    text: str
+    ended: bool = False
+
+
+Event = Chunk | Said

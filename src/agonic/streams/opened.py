@@ -1,0 +1,104 @@
+"""`open_source`: the source that a word on the command line names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Event as Flag
+from typing import Any, Protocol
+from urllib.parse import SplitResult, parse_qsl, urlsplit
+
+from agonic.errors import AgonicError
+from agonic.streams.connected import Connected, Decoder, LineDecoder
+from agonic.streams.device import Device
+from agonic.streams.events import Event
+from agonic.streams.links import Link, SerialLink, TcpLink, UdpLink
+from agonic.streams.played import replayed, simulated
+from agonic.units import RAW
+
+BAUD = 115_200
+FORMS = (
+    "serial:/dev/ttyUSB0[:115200], udp://[HOST]:PORT, tcp://HOST:PORT, "
+    "mavlink+udp://[HOST]:PORT, mavlink+tcp://HOST:PORT, mavlink+serial:/dev/ttyACM0[:115200], "
+    "a log, or sim"
+)
+_SETTINGS = {"kind": str, "rate": float, "sensors": int, "seed": int, "minutes": float}
+
+
+class Source(Protocol):
+    """Where readings come from: `events` yields until `stop` is set or there are no more."""
+
+    name: str
+
+    @property
+    def stack(self) -> str: ...
+    @property
+    def device(self) -> Device | None: ...
+    def events(self, stop: Flag) -> Iterator[Event]: ...
+
+
+def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> Source:
+    """The source of live readings that a text names.
+
+    Parameters
+    ----------
+    text : `serial:DEVICE[:BAUD]`, `udp://[HOST]:PORT`, `tcp://HOST:PORT`, the same after
+        `mavlink+`, the path of a log, or `sim`.
+    unit : of readings that come without one; "raw" by default.
+    speed : of a log or simulation, over its own; 0 is as fast as possible.
+
+    Raises `AgonicError` where the text names none, and `LogError` where a log cannot be read.
+
+    >>> open_source("udp://:14550").name, open_source("sim", speed=0).name
+    ('UDP port 14550', 'the simulation')
+    """
+    scheme, _, rest = text.partition(":")
+    mavlink, wire = scheme.startswith("mavlink+"), scheme.removeprefix("mavlink+")
+    if wire in ("serial", "udp", "tcp") and rest:
+        link = _serial(rest) if wire == "serial" else _network(text, urlsplit(text), wire)
+        return Connected(link, _decoder(mavlink, unit))
+    if text == "sim" or text.startswith("sim?"):
+        return simulated(speed=speed, **_settings(text.partition("?")[2]))
+    if mavlink or "://" in text:
+        raise AgonicError(f"{text!r} names no source; use {FORMS}")
+    return replayed(Path(text), speed, unit)
+
+
+def _decoder(mavlink: bool, unit: str | None) -> Decoder:
+    if not mavlink:
+        return LineDecoder(unit or RAW)
+    from agonic.streams.vehicle import Vehicle
+
+    return Vehicle()
+
+
+def _serial(rest: str) -> SerialLink:
+    device, _, baud = rest.removeprefix("//").rpartition(":")
+    if device and baud.isdecimal():
+        return SerialLink(device, int(baud))
+    return SerialLink(rest.removeprefix("//"), BAUD)
+
+
+def _network(text: str, parts: SplitResult, wire: str) -> Link:
+    try:
+        host, port = parts.hostname or "", parts.port
+    except ValueError:
+        host, port = "", None
+    if not port or (wire == "tcp" and not host):
+        raise AgonicError(f"{text!r} needs {'HOST:' if wire == 'tcp' else ''}PORT; use {FORMS}")
+    return TcpLink(host, port) if wire == "tcp" else UdpLink(host or "127.0.0.1", port)
+
+
+def _settings(query: str) -> dict[str, Any]:
+    """The settings in `kind=tumble&rate=100`."""
+    given: dict[str, Any] = {}
+    for name, value in parse_qsl(query, keep_blank_values=True):
+        if name not in _SETTINGS:
+            raise AgonicError(f"sim has no setting {name!r}; it takes {', '.join(_SETTINGS)}")
+        try:
+            given[name] = _SETTINGS[name](value)
+        except ValueError:
+            raise AgonicError(f"{name}={value} is no number") from None
+    if "rate" in given:
+        given["rate_Hz"] = given.pop("rate")
+    return given

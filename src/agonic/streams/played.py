@@ -1,0 +1,91 @@
+"""Readings that were made before: a log replayed, and a simulation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from threading import Event as Flag
+
+import numpy as np
+
+from agonic.errors import LogError
+from agonic.io.read import open_log
+from agonic.samples import Samples
+from agonic.simulation import random_calibration, simulate
+from agonic.streams.events import Chunk, Event, Said
+
+STEP_S = 0.02
+"""Between two chunks."""
+
+RATE_HZ = 50.0
+"""Of readings that were logged without times."""
+
+
+class Played:
+    """Recorded sensors, played at `speed` times their own pace; as fast as possible at 0."""
+
+    def __init__(
+        self, sensors: Sequence[Samples], name: str, speed: float = 1.0, stack: str = ""
+    ) -> None:
+        self.sensors, self.name, self.speed, self.stack = tuple(sensors), name, speed, stack
+
+    @property
+    def device(self) -> None:
+        """Nothing can be written to what was recorded."""
+        return None
+
+    def events(self, stop: Flag) -> Iterator[Event]:
+        """The readings, each when its time has come."""
+        yield Said(True, f"playing {self.name}")
+        times = [_times(samples) for samples in self.sensors]
+        first = min(t[0] for t in times)
+        last = max(t[-1] for t in times)
+        done = [0] * len(times)
+        began = time.monotonic()
+        played = first
+        while played <= last and not stop.is_set():
+            if self.speed > 0:
+                stop.wait(STEP_S)
+                played = first + self.speed * (time.monotonic() - began)
+            else:
+                played += 1.0
+            for k, samples in enumerate(self.sensors):
+                until = int(np.searchsorted(times[k], played, side="right"))
+                if until > done[k]:
+                    rows = slice(done[k], until)
+                    yield Chunk(
+                        samples.name, times[k][rows], samples.field[rows], samples.unit,
+                        samples.frame, samples.device_id,
+                    )  # fmt: skip
+                    done[k] = until
+        yield Said(False, f"{self.name} has ended", ended=True)
+
+
+def replayed(path: Path, speed: float, unit: str | None) -> Played:
+    """A log at a speed; `LogError` where it cannot be read."""
+    if not speed >= 0:
+        raise LogError(f"a speed of {speed:g} is none: 1 is its own, 0 as fast as possible")
+    log = open_log(path, unit=unit)
+    return Played(log.sensors, log.path.name, speed, log.stack)
+
+
+def simulated(
+    *, kind: str = "hand", rate_Hz: float = 50.0, sensors: int = 1, seed: int = 0,
+    minutes: float = 10.0, speed: float = 1.0,
+) -> Played:  # fmt: skip
+    """Sensors that are turned together, in a field of 50 000 nT dipping 60°."""
+    rng = np.random.default_rng(seed)
+    made = [
+        simulate(
+            kind, n=int(minutes * 60 * rate_Hz), rate_Hz=rate_Hz, seed=seed, noise=150.0,
+            calibration=replace(random_calibration(rng), sensor=f"mag{k or ''}"),
+        ).samples
+        for k in range(sensors)
+    ]  # fmt: skip
+    return Played(made, "the simulation", speed)
+
+
+def _times(samples: Samples) -> np.ndarray:
+    return np.arange(len(samples)) / RATE_HZ if samples.time is None else samples.time

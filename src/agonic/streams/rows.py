@@ -1,0 +1,169 @@
+"""Lines of text as readings: MotionCal, tables with a header or without, NMEA-like sentences."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from agonic.errors import AgonicError
+from agonic.io.columns import Column, identified, understood
+from agonic.units import RAW
+
+Vector = tuple[float, float, float]
+
+
+class Row(NamedTuple):
+    """One reading: the sensor's name, the field, its unit, and the device's own time, s."""
+
+    sensor: str
+    field: Vector
+    unit: str
+    time: float | None = None
+
+
+class Unreadable(AgonicError):
+    """A line that holds no reading, with the reason."""
+
+
+_SEPARATORS = re.compile(r"[,;\t ]\s*")
+_SENTENCES = {"VNIMU": "G"}
+"""Sentences whose first three values are an uncorrected field, and their unit (VectorNav)."""
+_CORRECTED = ("VNMAG", "VNYMR", "VNYIA", "VNYBA")
+"""Sentences of the same maker whose field the device has already corrected."""
+_TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "ns": 1e-9}
+_MOTIONCAL_OTHERS = ("Uni:", "Ori:")
+
+
+@dataclass
+class Rows:
+    """What is known of the lines so far: the header, once there was one.
+
+    `unit` is that of numbers without a header; `told` holds the device's answers `Cal1:` and
+    `Cal2:`, by name.
+    """
+
+    unit: str = RAW
+    header: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    time: tuple[int, float] | None = None
+    width: int = 0
+    told: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    motioncal: bool = False
+
+    def read(self, line: str) -> list[Row]:
+        """The readings in a line, none where it is a header, a remark or empty.
+
+        Raises `Unreadable` for anything else.
+
+        >>> Rows().read("Raw:0,0,8192,0,0,0,200,-10,430")
+        [Row(sensor='mag', field=(200.0, -10.0, 430.0), unit='mG', time=None)]
+        >>> rows = Rows()
+        >>> rows.read("millis,mag_x_uT,mag_y_uT,mag_z_uT"), rows.read("20,1.5,2,43")[0].time
+        ([], 0.02)
+        """
+        text = line.strip()
+        if not text or text[0] in "#%" or text.startswith(_MOTIONCAL_OTHERS):
+            return []
+        if text.startswith("Raw:"):
+            self.motioncal = True
+            return [Row("mag", _three(_numbers(text[4:], 9)[6:]), "mG")]
+        if text.startswith(("Cal1:", "Cal2:")):
+            self.told[text[:4]] = _numbers(text[5:], None)
+            return []
+        if text[0] in "$!":
+            return [_sentence(text)]
+        return self._cells([cell.strip() for cell in _SEPARATORS.split(text) if cell.strip()])
+
+    def _cells(self, cells: list[str]) -> list[Row]:
+        values = [_number(cell) for cell in cells]
+        words = sum(
+            math.isnan(v) and c.lower() != "nan" for c, v in zip(cells, values, strict=True)
+        )
+        if 2 * words > len(cells):
+            self._begin(cells)
+            return []
+        if not self.header:
+            if len(values) != 3:
+                raise Unreadable(
+                    f"{len(values)} numbers without a header: send three (x, y, z), or a header"
+                )
+            return [Row("mag", _three(values), self.unit)]
+        if len(values) != self.width:
+            raise Unreadable(f"{len(values)} cells under a header of {self.width}")
+        time = None if self.time is None else values[self.time[0]] * self.time[1]
+        return [
+            Row(name, _three([values[i] * by for i, by in columns]), self.units[name], time)
+            for name, columns in self.header.items()
+        ]
+
+    def _begin(self, cells: list[str]) -> None:
+        """Take a line as header."""
+        found = identified(cells).get("field", {})
+        whole = {number: axes for number, axes in found.items() if len(axes) == 3}
+        if not whole:
+            raise Unreadable("a header without a field: name the columns mag_x_uT, mag_y_uT, …")
+        place = {cell: i for i, cell in enumerate(cells)}
+        self.header = {
+            f"mag{number}": [(place[axes[a].header], 1.0) for a in "xyz"]
+            for number, axes in whole.items()
+        }
+        self.units = {f"mag{n}": _unit(axes) or self.unit for n, axes in whole.items()}
+        self.width, self.time = len(cells), _clock(cells)
+
+
+def _unit(axes: Mapping[str, Column]) -> str | None:
+    units = {column.unit for column in axes.values()}
+    return units.pop() if len(units) == 1 else None
+
+
+def _clock(cells: list[str]) -> tuple[int, float] | None:
+    """The column of the device's clock, and its unit in seconds."""
+    for i, cell in enumerate(cells):
+        column = understood(cell)
+        if column is not None and column.quantity.column == "time":
+            by = column.quantity.units.get((column.unit or "s").lower(), (None, 0))[0]
+            return None if by is None else (i, float(by))
+    return None
+
+
+def _sentence(text: str) -> Row:
+    """The reading in `$NAME,x,y,z,…*HH`; the checksum is the XOR of what lies between."""
+    body, star, check = text[1:].partition("*")
+    if star:
+        total = 0
+        for byte in body.encode("latin-1", "replace"):
+            total ^= byte
+        if check.strip()[:2].upper() != f"{total:02X}":
+            raise Unreadable("a sentence whose checksum is wrong")
+    name, *cells = body.split(",")
+    if name in _CORRECTED:
+        raise Unreadable(f"${name} is already corrected by the device: have it send $VNIMU")
+    if name not in _SENTENCES and not name.endswith("MAG"):
+        raise Unreadable(f"${name} holds no field that is known: send $…MAG,x,y,z")
+    values = [_number(cell) for cell in cells[:3]]
+    if len(values) < 3 or any(map(math.isnan, values)):
+        raise Unreadable(f"${name} without three numbers")
+    return Row("mag", _three(values), _SENTENCES.get(name, ""))
+
+
+def _three(values: list[float] | tuple[float, ...]) -> Vector:
+    x, y, z = values[:3]
+    return x, y, z
+
+
+def _numbers(text: str, count: int | None) -> tuple[float, ...]:
+    """The numbers between commas; exactly so many, where it is known."""
+    values = tuple(_number(cell) for cell in text.split(","))
+    if (count is not None and len(values) != count) or any(map(math.isnan, values)):
+        raise Unreadable(f"a line that should hold {count or 'only'} numbers")
+    return values
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan

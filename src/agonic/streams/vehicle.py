@@ -1,0 +1,232 @@
+"""`Vehicle`: the compasses of a vehicle that speaks MAVLink, as they read before any correction.
+
+ArduPilot sends its readings corrected, RAW_IMU too (GCS_Common.cpp, send_raw_imu); its parameters
+are fetched and the correction is taken out as in a log. PX4 sends HIGHRES_IMU with its estimate of
+the bias in flight, which telemetry does not tell, and is refused.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from agonic.calibration.base import Calibration
+from agonic.errors import AgonicError, MissingExtraError
+from agonic.io.dataflash_compass import recover
+from agonic.io.dataflash_format import Table
+from agonic.io.targets import compass_number
+from agonic.io.write_ardupilot import ardupilot_parameters
+from agonic.streams.clock import Clock
+from agonic.streams.device import ANSWER_S, Change
+from agonic.streams.events import Chunk, Event, Said
+from agonic.streams.links import Received
+from agonic.streams.parameters import Parameters
+from agonic.units import RAW
+
+ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8
+STACKS = {ARDUPILOT: "ardupilot", PX4: "px4"}
+SLOTS = {"RAW_IMU": "", "SCALED_IMU2": "2", "SCALED_IMU3": "3"}
+OTHERS = {"HIGHRES_IMU": ("mG", 1e3), "SCALED_IMU": ("mG", 1.0), "SCALED_IMU2": ("mG", 1.0),
+          "SCALED_IMU3": ("mG", 1.0), "RAW_IMU": (RAW, 1.0)}  # fmt: skip
+"""Of other autopilots, as they send: unit, and factor to it."""
+
+RATE_HZ = 50
+HEARTBEAT_S = 1.0
+REQUEST_S = 5.0
+GROUND = (255, 190)
+"""System and component of a ground station."""
+
+_PX4_SAYS = (
+    "PX4 sends its readings corrected, with an estimate of the bias that telemetry does not tell: "
+    "they cannot be calibrated live; calibrate from the vehicle's own log (.ulg)"
+)
+
+
+class Vehicle:
+    """Understands MAVLink; also a device that keeps a calibration (ArduPilot)."""
+
+    def __init__(self) -> None:
+        try:
+            from pymavlink.dialects.v20 import ardupilotmega
+        except ImportError:
+            raise MissingExtraError("reading MAVLink", "mavlink") from None
+        self._dialect = ardupilotmega
+        self.stack = ""
+        self._writing = False
+        self.begin(lambda _: None)
+
+    def begin(self, write: Callable[[bytes], None]) -> None:
+        """A new connection: the vehicle is met anew."""
+        self._link = self._dialect.MAVLink(_Wire(write), *GROUND)
+        self._link.robust_parsing = True
+        self._system: tuple[int, int] | None = None
+        self._autopilot = NO_AUTOPILOT
+        self._clock, self._seen = Clock(), set[str]()
+        self._beat_at = self._request_at = self._told_at = -np.inf
+        self.parameters = Parameters(self._ask, self._ask_all)
+
+    @property
+    def name(self) -> str:
+        """What a calibration can be written to."""
+        return "ArduPilot vehicle" if self._autopilot == ARDUPILOT else ""
+
+    @property
+    def device(self) -> Vehicle | None:
+        """Itself, once it is known to be one that takes parameters."""
+        return self if self.name else None
+
+    def feed(self, received: Received, now: float) -> list[Event]:
+        """The readings in what was received, and what stands in their way."""
+        found: dict[str, list[Any]] = {}
+        events: list[Event] = []
+        messages = self._link.parse_buffer(received.data) if received.data else None
+        for message in messages or ():
+            kind = message.get_type()
+            if kind == "HEARTBEAT":
+                events += self._met(message)
+            elif self._system is None or message.get_srcSystem() != self._system[0]:
+                continue
+            elif kind == "PARAM_VALUE":
+                self.parameters.take(message, now)
+            elif kind in OTHERS:
+                found.setdefault(kind, []).append(message)
+        for kind, heard in found.items():
+            events += self._readings(kind, heard, now)
+        return events + self._tend(now)
+
+    # ---- meeting the vehicle, and keeping it sending ---------------------------------------
+
+    def _met(self, beat: Any) -> list[Event]:
+        if self._system is not None or beat.autopilot == NO_AUTOPILOT:
+            return []
+        self._system = (beat.get_srcSystem(), beat.get_srcComponent())
+        self._autopilot = int(beat.autopilot)
+        self.stack = STACKS.get(self._autopilot, "")
+        if self._autopilot == PX4:
+            return [Said(True, _PX4_SAYS)]
+        kind = self.name or "vehicle"
+        return [Said(True, f"{kind} {self._system[0]} answers")]
+
+    def _tend(self, now: float) -> list[Event]:
+        """Heartbeats, and requests for what is missing."""
+        events: list[Event] = []
+        if now - self._beat_at > HEARTBEAT_S:
+            self._beat_at = now
+            self._link.heartbeat_send(6, NO_AUTOPILOT, 0, 0, 4)  # a ground station, active
+        if self._system is None:
+            return events
+        if now - self._request_at > REQUEST_S:
+            self._request_at = now
+            self._request()
+        for slot in sorted(self._seen):
+            refused = self.parameters.pursue(slot, now)
+            if refused:
+                events.append(
+                    Said(True, f"{refused}: its readings are corrected and cannot be taken back; "
+                         "check the link, or calibrate from the vehicle's own log (.bin)")
+                )  # fmt: skip
+        return events
+
+    def _request(self) -> None:
+        """Have the readings sent often; old firmware knows streams only."""
+        assert self._system is not None
+        interval = 1e6 / RATE_HZ
+        for name in SLOTS:
+            number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
+            self._link.command_long_send(*self._system, 511, 0, number, interval, 0, 0, 0, 0, 0)
+        if not self._seen:
+            self._link.request_data_stream_send(*self._system, 1, RATE_HZ, 1)
+
+    def _ask(self, name: str) -> None:
+        assert self._system is not None
+        self._link.param_request_read_send(*self._system, name.encode(), -1)
+
+    def _ask_all(self) -> None:
+        assert self._system is not None
+        self._link.param_request_list_send(*self._system)
+
+    # ---- readings ----------------------------------------------------------------------------
+
+    def _readings(self, kind: str, heard: list[Any], now: float) -> list[Event]:
+        if self._writing or self._autopilot == PX4:
+            return []
+        field = np.array([[m.xmag, m.ymag, m.zmag] for m in heard], dtype=float)
+        answered = np.isfinite(field).all(axis=1) & field.any(axis=1)
+        if not answered.any():
+            return []
+        own = [_moment(m) for m, there in zip(heard, answered, strict=True) if there]
+        field = field[answered]
+        if self._autopilot != ARDUPILOT:
+            unit, factor = OTHERS[kind]
+            return [Chunk(kind, self._clock.times(own, now, kind), field * factor, unit)]
+        if kind not in SLOTS:
+            return []
+        slot = SLOTS[kind]
+        self._seen.add(slot)
+        if self.parameters.missing(slot):
+            return []
+        columns = {f"Mag{axis}": field[:, k] for k, axis in enumerate("XYZ")}
+        found = recover(Table(np.arange(len(field)), columns), self.parameters.table, slot)
+        time_s = self._clock.times(own, now, kind)
+        return [Chunk(kind, time_s, found.raw, "nT", "b", found.device_id)]
+
+    # ---- writing -----------------------------------------------------------------------------
+
+    def changes(self, calibration: Calibration) -> tuple[list[Change], tuple[str, ...]]:
+        """The parameters that a calibration sets, beside those in the vehicle."""
+        number = compass_number(calibration.sensor)
+        parameters, warnings = ardupilot_parameters(calibration, compass=number)
+        values = self.parameters.values
+        wanted = {**parameters, "COMPASS_LEARN": 0.0}
+        return [Change(name, values.get(name), new) for name, new in wanted.items()], warnings
+
+    def write(
+        self, changes: Sequence[Change], calibration: Calibration
+    ) -> Mapping[str, float | None]:
+        """Set the parameters, and read every one of them back from the vehicle."""
+        if self._system is None:
+            raise AgonicError("the vehicle does not answer; nothing was written")
+        values, names = self.parameters.values, [change.name for change in changes]
+        self._writing = True
+        try:
+            for change in changes:
+                self._link.param_set_send(*self._system, change.name.encode(), change.new, 9)
+            time.sleep(0.2)
+            for name in names:  # what is told from now on is read back
+                values.pop(name, None)
+            until = time.monotonic() + ANSWER_S
+            while time.monotonic() < until:
+                wrong = [c for c in changes if values.get(c.name) != float(np.float32(c.new))]
+                if not wrong:
+                    break
+                for change in wrong:
+                    if change.name in values:
+                        self._link.param_set_send(
+                            *self._system, change.name.encode(), change.new, 9
+                        )
+                        values.pop(change.name, None)
+                    self._ask(change.name)
+                time.sleep(0.3)
+        finally:
+            self._writing = False
+        return {name: values.get(name) for name in names}
+
+
+class _Wire:
+    """What pymavlink writes to."""
+
+    def __init__(self, write: Callable[[bytes], None]) -> None:
+        self._write = write
+
+    def write(self, data: bytes) -> None:
+        self._write(bytes(data))
+
+
+def _moment(message: Any) -> float:
+    """The vehicle's time of a reading, s."""
+    if hasattr(message, "time_usec"):
+        return float(message.time_usec) / 1e6
+    return float(message.time_boot_ms) / 1e3

@@ -1,0 +1,1 @@
+"""The live page: sensors being turned, in a browser."""

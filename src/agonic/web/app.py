@@ -1,0 +1,240 @@
+"""The server of the live page: loopback by default, and no client can slow another."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import time
+from collections.abc import Callable
+from importlib.resources import files
+from typing import Any
+from urllib.parse import urlsplit
+
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from agonic.kernels.coverage import icosphere
+from agonic.report.documents import static as of_report
+from agonic.web.messages import (
+    LARGEST,
+    Accept,
+    Asked,
+    Hello,
+    Offer,
+    Restart,
+    Status,
+    Write,
+    asked,
+    encode,
+    points,
+)
+from agonic.web.session import Session, in_background
+from agonic.web.shown import MOST
+
+FRAME_S = 1 / 30
+"""Between two messages with points."""
+
+MOST_POINTS = 5000
+"""Points of a message; a page that is behind gets the rest in the next."""
+
+MOST_CLIENTS = 64
+PATIENCE = 20
+"""Messages a second that a page may send, and wrong ones in all, before it is let go."""
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_TYPES = {"js": "text/javascript", "css": "text/css"}
+_FILES: dict[str, Callable[[], str]] = {
+    "live.js": lambda: _static("live.js"),
+    "live.css": lambda: of_report("base.css") + of_report("report.css") + _static("live.css"),
+    "canvas.js": lambda: of_report("canvas.js"),
+}
+
+
+def make_app(session: Session, *, token: str | None = None) -> Starlette:
+    """The application; with a `token` only for those whose address has `?token=…`."""
+    clients: set[WebSocket] = set()
+
+    def allowed(connection: HTTPConnection) -> bool:
+        if token is None:
+            return _host(connection) in LOOPBACK
+        return hmac.compare_digest(connection.query_params.get("token", ""), token)
+
+    async def page(request: Request) -> Response:
+        if not allowed(request):
+            return _refused()
+        return _answer(_static("index.html"), "text/html")
+
+    async def resource(request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in _FILES:
+            return PlainTextResponse("there is no such file", status_code=404)
+        return _answer(_FILES[name](), _TYPES[name.rpartition(".")[2]])
+
+    async def report(request: Request) -> Response:
+        path = session.plan.folder / "report.html"
+        if not allowed(request):
+            return _refused()
+        if not path.is_file():
+            return PlainTextResponse("there is no report yet: accept first", status_code=404)
+        return FileResponse(path, headers={"Cache-Control": "no-store"})
+
+    async def socket(websocket: WebSocket) -> None:
+        full = len(clients) >= MOST_CLIENTS
+        if full or not allowed(websocket) or not _same_origin(websocket):
+            await websocket.close(code=1008)
+            return
+        await websocket.accept()
+        clients.add(websocket)
+        try:
+            await _serve(websocket, session)
+        finally:
+            clients.discard(websocket)
+
+    return Starlette(
+        routes=[
+            Route("/", page),
+            Route("/static/{name}", resource),
+            Route("/report", report),
+            WebSocketRoute("/socket", socket),
+        ]
+    )
+
+
+async def _serve(websocket: WebSocket, session: Session) -> None:
+    """Talk to one page until it leaves."""
+    tasks = [
+        asyncio.create_task(_tell(websocket, session)),
+        asyncio.create_task(_listen(websocket, session)),
+    ]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _tell(websocket: WebSocket, session: Session) -> None:
+    """Send what the page has not seen: the latest status, and points since the last ones.
+
+    A page that reads slowly finds fewer points and always the present status; nothing is queued
+    for it beyond the message under way.
+    """
+    await websocket.send_text(encode(hello(session)).decode())
+    version, seen = -1, list[Any]()
+    while True:
+        began = time.monotonic()
+        if session.version != version:
+            version = session.version
+            await websocket.send_text(encoded(session.status).decode())
+        for k, shown in enumerate(session.shown):
+            if k == len(seen):
+                seen.append((shown, 0))
+            before, count = seen[k]
+            if before is not shown:  # begun anew
+                count = 0
+            total = shown.total
+            rows = shown.since(max(count, total - MOST), MOST)[:MOST_POINTS]
+            count = max(count, total - MOST) + len(rows) if len(rows) else count
+            seen[k] = (shown, count)
+            if len(rows) or before is not shown:
+                await websocket.send_bytes(points(k, count, shown.at, rows))
+        await asyncio.sleep(max(FRAME_S - (time.monotonic() - began), 0.001))
+
+
+_last: tuple[Status | None, bytes] = (None, b"")
+
+
+def encoded(status: Status) -> bytes:
+    """The JSON of a status, made once for all pages."""
+    global _last
+    if _last[0] is None or _last[0].version != status.version or _last[0] != status:
+        _last = (status, encode(status))
+    return _last[1]
+
+
+async def _listen(websocket: WebSocket, session: Session) -> None:
+    """Do what the page asks for; one that sends too much or nonsense is let go."""
+    wrong, second, lately = 0, 0.0, 0
+    while True:
+        try:
+            message = await websocket.receive()
+        except (WebSocketDisconnect, RuntimeError):
+            return
+        if message["type"] != "websocket.receive":
+            return
+        now = time.monotonic()
+        second, lately = (now, 1) if now - second > 1.0 else (second, lately + 1)
+        data = message.get("text") or message.get("bytes") or b""
+        what = asked(data) if len(data) <= LARGEST else None
+        wrong += what is None
+        if wrong > PATIENCE or lately > PATIENCE:
+            await websocket.close(code=1008, reason="too many messages, or not understood")
+            return
+        if what is not None:
+            _do(what, session)
+
+
+def _do(what: Asked, session: Session) -> None:
+    if isinstance(what, Accept):
+        in_background(session.accept)
+    elif isinstance(what, Restart):
+        session.restart(what.sensor)
+    elif isinstance(what, Offer):
+        in_background(lambda: session.offer(what.sensor))
+    elif isinstance(what, Write):
+        in_background(lambda: session.write(what.sensor))
+
+
+def hello(session: Session) -> Hello:
+    """The first message of a session."""
+    reference = session.plan.reference
+    told = "unknown: bias and shape are found all the same, the scale is that of the sensor"
+    if reference is not None:
+        told = f"{float(reference.magnitudes(1)[0]):.0f} nT ({reference.source})"
+    return Hello(
+        source=session.source.name, folder=str(session.plan.folder), reference=told,
+        corners=[float(v) for v in icosphere()[1].round(4).ravel()],
+    )  # fmt: skip
+
+
+def _static(name: str) -> str:
+    return (files("agonic.web") / "static" / name).read_text(encoding="utf-8")
+
+
+def _answer(text: str, kind: str) -> Response:
+    headers = {
+        "Content-Security-Policy": POLICY,
+        "X-Content-Type-Options": "nosniff",
+        "Referrer-Policy": "no-referrer",
+        "Cache-Control": "no-store",
+    }
+    return Response(text, media_type=f"{kind}; charset=utf-8", headers=headers)
+
+
+def _refused() -> Response:
+    return PlainTextResponse(
+        "Not allowed: open the address that agonic live printed.\n", status_code=403
+    )
+
+
+def _host(connection: HTTPConnection) -> str:
+    """The name by which the page was asked for; not ours where a foreign name points here."""
+    try:
+        return urlsplit(f"//{connection.headers.get('host', '')}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _same_origin(websocket: WebSocket) -> bool:
+    """Whether a browser's page is one of ours; programs send no origin."""
+    origin = websocket.headers.get("origin")
+    return origin is None or urlsplit(origin).netloc == websocket.headers.get("host", "")

@@ -1,0 +1,153 @@
+"""What server and page say to each other: JSON with a tag, points as bytes."""
+
+from __future__ import annotations
+
+import struct
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST = 4096
+"""Bytes of a message from a page."""
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Something that is wrong, in a sentence."""
+
+    name: str
+    text: str
+
+
+class Number(msgspec.Struct, frozen=True):
+    """A row of the table of numbers: now, its standard error, and by the calibration before."""
+
+    name: str
+    unit: str
+    now: float | None
+    sd: float | None = None
+    before: float | None = None
+
+
+class Sensor(msgspec.Struct, frozen=True):
+    """Where one sensor stands.
+
+    `centre` (3) and `shape` (9) bring readings onto the unit sphere; `cells` (80) readings in each
+    direction; `present` and `wanted` where the field points in the sensor's axes and should;
+    `heading_sd_deg` and `progress` (0…1) are of the calibration so far.
+    """
+
+    name: str
+    n: int
+    unit: str
+    rate_Hz: float
+    say: str
+    done: bool
+    progress: float
+    target_deg: float
+    centre: list[float]
+    shape: list[float]
+    cells: list[int]
+    heading_sd_deg: float | None = None
+    magnitude: float | None = None
+    present: list[float] | None = None
+    wanted: list[float] | None = None
+    problems: list[Problem] = []
+    numbers: list[Number] = []
+    before: str = ""
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """What was written for one sensor."""
+
+    sensor: str
+    verdict: str
+    status: str
+    files: list[str]
+    warnings: list[str] = []
+
+
+class Setting(msgspec.Struct, frozen=True):
+    """A number in the device: as it is, as it would be, and as it was read back."""
+
+    name: str
+    old: float | None
+    new: float
+    read_back: float | None = None
+
+
+class Hello(msgspec.Struct, frozen=True, tag="hello"):
+    """The first message: what is being read, and the corners (720) of the cells."""
+
+    source: str
+    folder: str
+    corners: list[float]
+    reference: str
+
+
+class Status(msgspec.Struct, frozen=True, tag="status"):
+    """Everything that changes, several times a second."""
+
+    version: int
+    connected: bool
+    ended: bool
+    heard: str
+    sensors: list[Sensor]
+    accepted: int = 0
+    outcomes: list[Outcome] = []
+    busy: bool = False
+    trouble: str = ""
+    device: str = ""
+    offer: list[Setting] = []
+    offered: str = ""
+    device_says: str = ""
+
+
+class Accept(msgspec.Struct, frozen=True, tag="accept"):
+    """Write the results."""
+
+
+class Restart(msgspec.Struct, frozen=True, tag="restart"):
+    """Forget the readings of a sensor, or of all."""
+
+    sensor: str | None = None
+
+
+class Offer(msgspec.Struct, frozen=True, tag="offer"):
+    """Show what would be written to the device for a sensor."""
+
+    sensor: str
+
+
+class Write(msgspec.Struct, frozen=True, tag="write"):
+    """Write to the device what was offered for a sensor."""
+
+    sensor: str
+
+
+Asked = Accept | Restart | Offer | Write
+
+_decode = msgspec.json.Decoder(Asked)
+encode = msgspec.json.Encoder().encode
+
+
+def asked(text: str | bytes) -> Asked | None:
+    """What a page asks for; `None` where it is not one of the messages.
+
+    >>> asked('{"type": "restart", "sensor": "mag"}'), asked('{"type": "shout"}'), asked("[")
+    (Restart(sensor='mag'), None, None)
+    """
+    try:
+        found: Asked = _decode.decode(text)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return None
+    return found
+
+
+def points(sensor: int, total: int, sent_at: float, rows: NDArray[np.float32]) -> bytes:
+    """Readings (n, 3) of the sensor at that position, the last of which is the `total`-th.
+
+    Little-endian: sensor and total as uint32, when they were made as float64 (Unix time, s), then
+    x y z of each as float32.
+    """
+    return struct.pack("<IId", sensor, total & 0xFFFFFFFF, sent_at) + rows.tobytes()

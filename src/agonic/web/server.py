@@ -1,0 +1,78 @@
+"""Serving the live page until it is interrupted."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+
+import uvicorn
+
+from agonic.errors import AgonicError
+from agonic.web.app import make_app
+from agonic.web.messages import LARGEST
+from agonic.web.session import Session
+
+
+class _Server(uvicorn.Server):
+    """Tells when it can be reached."""
+
+    ready: Callable[[], None] = staticmethod(lambda: None)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if not self.should_exit:
+            self.ready()
+
+
+def serve(session: Session, *, listen: str | None, port: int, ready: Callable[[str], None]) -> None:
+    """Serve the page of a session, and read its source, until interrupted.
+
+    `listen` is an address of this machine to listen on instead of loopback; then the page's
+    address holds a secret. `ready` is told the address of the page.
+    """
+    token = None if listen is None else secrets.token_urlsafe(16)
+    host = listen or "127.0.0.1"
+    bound = _bound(host, port)
+    address = _address(host, bound.getsockname()[1], token)
+    config = uvicorn.Config(
+        make_app(session, token=token), log_level="critical", access_log=False, lifespan="off",
+        ws="websockets-sansio", ws_max_size=LARGEST, ws_max_queue=4, ws_per_message_deflate=False,
+        ws_ping_interval=10.0, ws_ping_timeout=10.0, timeout_graceful_shutdown=1,
+        limit_concurrency=256, h11_max_incomplete_event_size=16_384,
+    )  # fmt: skip
+    server = _Server(config)
+    server.ready = lambda: ready(address)
+    session.start()
+    try:
+        with suppress(KeyboardInterrupt):
+            server.run(sockets=[bound])
+    finally:
+        session.stop()
+        bound.close()
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    """A socket at the address; `AgonicError` where it is taken or not ours."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    bound = socket.socket(family, socket.SOCK_STREAM)
+    bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        bound.bind((host, port))
+    except OSError as error:
+        bound.close()
+        raise AgonicError(
+            f"cannot listen on {host}:{port}: {error.strerror or error}; give another --port"
+        ) from None
+    return bound
+
+
+def _address(host: str, port: int, token: str | None) -> str:
+    """The address of the page, for this machine where it listens on all."""
+    with suppress(ValueError):
+        if ipaddress.ip_address(host).is_unspecified:
+            host = socket.gethostname()
+    host = f"[{host}]" if ":" in host else host
+    return f"http://{host}:{port}/" + (f"?token={token}" if token else "")

@@ -1,0 +1,286 @@
+"""`Session`: a source read in the background, its sensors fitted, and the results written."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from agonic.calibrated import Calibrated, calibrate
+from agonic.calibration.affine import Affine
+from agonic.errors import AgonicError
+from agonic.io.atomic import make_folder
+from agonic.io.write_csv import write_csv
+from agonic.live import LiveParams
+from agonic.provenance import Input, sha256_of
+from agonic.reference import Reference
+from agonic.report.folder import Written, file_stem, write_folder
+from agonic.samples import Samples
+from agonic.streams import Chunk, Said, Source
+from agonic.streams.device import Change, Device
+from agonic.web.messages import Outcome, Sensor, Setting, Status
+from agonic.web.shown import Shown
+from agonic.web.watched import Watched, calibration_before
+
+DIGEST_S = 0.2
+"""Between two fits, and two statuses."""
+
+MOST_SENSORS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a session is to reach: the field to expect, when to stop, where to write.
+
+    `settings` are those of the fit that go with the reference; `before` calibrations by sensor.
+    """
+
+    folder: Path
+    reference: Reference | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    target_deg: float = 0.5
+    sensor: str | None = None
+    before: Mapping[str, Affine] = field(default_factory=dict)
+
+    def params(self, first: Chunk) -> LiveParams:
+        """Those of the live fit of a sensor."""
+        reference = self.reference
+        known = None if reference is None else float(reference.magnitudes(1)[0])
+        return LiveParams(
+            unit=first.unit, magnitude=known, magnitude_sd=reference.sd if reference else 0.0,
+            source=reference.source if reference else "given", target_deg=self.target_deg,
+            inclination_deg=self.settings.get("inclination_deg", 60.0), name=first.sensor,
+            device_id=first.device_id,
+        )  # fmt: skip
+
+
+class Session:
+    """Reads a source in a thread of its own; whoever shows it asks for `status` and `points`."""
+
+    def __init__(self, source: Source, plan: Plan) -> None:
+        self.source, self.plan = source, plan
+        self._lock, self._stop = threading.RLock(), threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._watched: dict[str, Watched] = {}
+        self._heard = Said(False, f"connecting to {source.name}")
+        self._sensors: list[Sensor] = []
+        self._version = self._accepted = 0
+        self._outcomes: list[Outcome] = []
+        self._busy, self._trouble = False, ""
+        self._offer: tuple[str, list[Setting], str] = ("", [], "")
+        self.results: list[Calibrated] = []
+        self.written: dict[str, Written] = {}
+
+    def start(self) -> None:
+        """Begin to read."""
+        for task in (self._read, self._digest):
+            thread = threading.Thread(target=task, name=f"agonic-{task.__name__}", daemon=True)
+            self._threads.append(thread)
+            thread.start()
+
+    def stop(self) -> None:
+        """Stop reading, and wait for it."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(timeout=3.0)
+
+    @property
+    def status(self) -> Status:
+        """Where the session stands."""
+        with self._lock:
+            return Status(
+                version=self._version, connected=self._heard.connected, ended=self._heard.ended,
+                heard=self._heard.text, sensors=self._sensors, accepted=self._accepted,
+                outcomes=self._outcomes, busy=self._busy, trouble=self._trouble,
+                device="" if self.source.device is None else self.source.device.name,
+                offered=self._offer[0], offer=self._offer[1], device_says=self._offer[2],
+            )  # fmt: skip
+
+    @property
+    def version(self) -> int:
+        """A number that grows with every change of the status."""
+        return self._version
+
+    @property
+    def shown(self) -> list[Shown]:
+        """The points of each sensor, in the order of the status."""
+        return [watched.shown for watched in list(self._watched.values())]
+
+    def offer(self, sensor: str) -> None:
+        """Show what would be written to the device for a sensor; "" takes an offer back."""
+        offered: tuple[str, list[Setting], str] = ("", [], "")
+        if sensor and not any(o.sensor == sensor for o in self._outcomes):
+            self.accept()
+        try:
+            if sensor:
+                changes, warnings = self._device().changes(self._result(sensor).fit.calibration)
+                listed = [Setting(c.name, c.old, c.new) for c in changes]
+                offered = (sensor, listed, ". ".join(warnings))
+            trouble = ""
+        except AgonicError as error:
+            trouble = str(error)
+        with self._lock:
+            self._offer, self._trouble = offered, trouble or self._trouble
+            self._changed()
+
+    def write(self, sensor: str) -> None:
+        """Write to the device what was offered, and nothing else; read it back."""
+        with self._lock:
+            offered, listed, _ = self._offer
+            if offered != sensor or self._busy or not listed:
+                return
+            self._busy = True
+            self._changed()
+        try:
+            changes = [Change(one.name, one.old, one.new) for one in listed]
+            read = self._device().write(changes, self._result(sensor).fit.calibration)
+            listed = [Setting(one.name, one.old, one.new, read.get(one.name)) for one in listed]
+            says = _read_back(listed)
+        except (AgonicError, OSError) as error:
+            says = f"not written: {error}"
+        with self._lock:
+            self._offer, self._busy = (sensor, listed, says), False
+            self._changed()
+
+    def _device(self) -> Device:
+        device = self.source.device
+        if device is None:
+            raise AgonicError("nothing can be written to this source")
+        return device
+
+    def _result(self, sensor: str) -> Calibrated:
+        for result in self.results:
+            if result.samples.name == sensor and result.verdict != "refused":
+                return result
+        raise AgonicError(f"the calibration of {sensor} is refused, and is not written anywhere")
+
+    def restart(self, sensor: str | None) -> None:
+        """Forget the readings of a sensor, or of all."""
+        with self._lock:
+            for name, watched in self._watched.items():
+                if sensor in (None, name):
+                    watched.restart()
+            self._outcomes, self._trouble = [], ""
+            self._sensors = [watched.status() for watched in self._watched.values()]
+            self._changed()
+
+    def accept(self) -> list[Outcome]:
+        """Calibrate from the readings so far and write the results, as `agonic calibrate` does."""
+        with self._lock:
+            if self._busy:
+                return self._outcomes
+            self._busy, self._trouble = True, ""
+            self._changed()
+            for one in self._watched.values():
+                one.digest()
+            samples = {n: one.samples for n, one in self._watched.items() if one.live.n}
+        try:
+            outcomes, trouble = self._write(samples), ""
+        except (AgonicError, OSError) as error:
+            outcomes, trouble = [], str(error)
+        except Exception as error:  # the page must hear of it rather than wait for ever
+            outcomes, trouble = [], f"{type(error).__name__}: {error}"
+        with self._lock:
+            self._outcomes, self._trouble, self._busy = outcomes, trouble, False
+            self._accepted += 1
+            self._changed()
+        return outcomes
+
+    def _write(self, samples: Mapping[str, Samples]) -> list[Outcome]:
+        if not samples:
+            raise AgonicError("there are no readings yet; turn the sensor first")
+        make_folder(self.plan.folder)
+        results, failures = [], []
+        for name, readings in samples.items():
+            path = write_csv(readings, self.plan.folder / f"{file_stem(name)}-readings.csv")
+            told = Input(name=path.name, sha256=sha256_of(path), count=len(readings))
+            try:
+                results.append(
+                    calibrate(
+                        replace(readings, source=told), self.plan.reference, **self.plan.settings
+                    )
+                )
+            except AgonicError as error:
+                failures.append(Outcome(name, "refused", str(error), []))
+        stack = self.source.stack
+        self.written = write_folder(
+            results, self.plan.folder, title=f"Live: {self.source.name}", stack=stack
+        )
+        self.results = results
+        written = self.written
+        return [
+            *(
+                Outcome(r.samples.name, r.verdict, r.status, *written[r.samples.name])
+                for r in results
+            ),
+            *failures,
+        ]
+
+    # ---- in the background ----------------------------------------------------------------
+
+    def _read(self) -> None:
+        try:
+            for event in self.source.events(self._stop):
+                if isinstance(event, Said):
+                    self._say(event)
+                else:
+                    self._take(event)
+        except AgonicError as error:
+            self._say(Said(False, str(error), ended=True))
+        except Exception as error:  # whatever a driver raises must reach the page
+            self._say(Said(False, f"stopped: {type(error).__name__}: {error}", ended=True))
+
+    def _say(self, said: Said) -> None:
+        with self._lock:
+            self._heard = said
+            self._changed()
+
+    def _take(self, chunk: Chunk) -> None:
+        with self._lock:
+            if self.plan.sensor not in (None, chunk.sensor):
+                return
+            watched = self._watched.get(chunk.sensor)
+            if watched is None:
+                if len(self._watched) >= MOST_SENSORS:
+                    return
+                before = calibration_before(self.plan.folder, chunk.sensor, dict(self.plan.before))
+                watched = Watched(chunk, self.plan.params(chunk), before)
+                self._watched[chunk.sensor] = watched
+            watched.take(chunk)
+
+    def _digest(self) -> None:
+        while not self._stop.is_set():
+            began = time.monotonic()
+            with self._lock:
+                for watched in self._watched.values():
+                    watched.digest()
+                sensors = [watched.status() for watched in self._watched.values()]
+                self._sensors = sensors
+                self._changed()
+            # a slow machine fits less often rather than falls behind
+            self._stop.wait(max(DIGEST_S - (time.monotonic() - began), 0.1 * DIGEST_S))
+
+    def _changed(self) -> None:
+        self._version += 1
+
+
+def _read_back(listed: list[Setting]) -> str:
+    """What came of writing, in words."""
+    missing = [one.name for one in listed if one.read_back is None]
+    wrong = [
+        one.name for one in listed
+        if one.read_back is not None and abs(one.read_back - one.new) > 1e-4 + 1e-5 * abs(one.new)
+    ]  # fmt: skip
+    if missing:
+        return f"written, but the device did not tell {', '.join(missing)}: do not rely on it"
+    if wrong:
+        return f"the device keeps another value of {', '.join(wrong)}: do not rely on it"
+    return "written and read back: the device has it"
+
+
+def in_background(work: Callable[[], object]) -> None:
+    """Do something that takes a while beside the server."""
+    threading.Thread(target=work, daemon=True).start()

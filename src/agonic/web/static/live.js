@@ -1,0 +1,445 @@
+// The live page: what the server says of each sensor, its readings on the sphere, and what to do.
+"use strict";
+(() => {
+  const MOST = 50000;         // points of a sensor
+  const LIMIT = 0.05;         // relative deviation of the magnitude at which colour is full
+  const TRACE = 600;          // readings of the strip
+  const SPOKEN_MS = 4000;     // between two sentences for a screen reader
+  const EASE = 0.12;          // share of the way that the view follows in a frame
+
+  const {
+    FILL, START, drawAxes, drawCoverage, drawPoints, fitted, product, rotation, theme, turnable,
+    turned,
+  } = sphere;
+  const find = (id) => document.getElementById(id);
+  const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const stat = { fps: 0, points: 0, latency: 0, frames: 0 };
+  window.__stat = stat;
+
+  let hello = null;
+  let status = null;
+  let colours = theme();
+  let sensors = [];
+  let socket = null;
+
+  function text(element, value) {
+    if (element.textContent !== value) element.textContent = value;
+  }
+
+  // ---- readings -----------------------------------------------------------------------------
+
+  // The last points of a sensor in a ring: as they came, and with centre and colour of the fit.
+  function cloud() {
+    const raw = new Float32Array(3 * MOST);
+    const centred = new Float32Array(3 * MOST);
+    const shade = new Uint8Array(MOST);
+    const trace = new Float32Array(TRACE);
+    let [count, next] = [0, 0];
+    let centre = [0, 0, 0];
+    let shape = [1, 0, 0, 0, 1, 0, 0, 0, 1];
+
+    function place(i) {
+      const k = 3 * i;
+      const x = raw[k] - centre[0], y = raw[k + 1] - centre[1], z = raw[k + 2] - centre[2];
+      centred[k] = x;
+      centred[k + 1] = y;
+      centred[k + 2] = z;
+      const a = shape[0] * x + shape[1] * y + shape[2] * z;
+      const b = shape[3] * x + shape[4] * y + shape[5] * z;
+      const c = shape[6] * x + shape[7] * y + shape[8] * z;
+      const size = Math.sqrt(a * a + b * b + c * c);
+      const t = Math.max(-1, Math.min(1, (size - 1) / LIMIT));
+      shade[i] = Math.round(127.5 + 127.5 * t);
+      return size;
+    }
+
+    return {
+      get count() { return count; },
+      get centred() { return centred; },
+      get shade() { return shade.subarray(0, count); },
+      get shape() { return shape; },
+      clear() { count = next = 0; },
+      add(rows) {
+        for (let i = 0; i < rows.length; i += 3) {
+          raw.set(rows.subarray(i, i + 3), 3 * next);
+          place(next);
+          next = (next + 1) % MOST;
+          count = Math.min(count + 1, MOST);
+        }
+      },
+      refit(newCentre, newShape) {
+        [centre, shape] = [newCentre, newShape];
+        for (let i = 0; i < count; i++) place(i);
+      },
+      // Sizes of the latest readings, oldest first, in radii.
+      trace() {
+        const n = Math.min(count, TRACE);
+        for (let i = 0; i < n; i++) trace[i] = place((next - n + i + MOST) % MOST);
+        return trace.subarray(0, n);
+      },
+    };
+  }
+
+  // ---- drawing ------------------------------------------------------------------------------
+
+  const unit = (v) => v.map((c) => c / (Math.hypot(...v) || 1));
+
+  // The way from a to b over the sphere, as points.
+  function arc(a, b) {
+    const cosine = Math.max(-1, Math.min(1, a[0] * b[0] + a[1] * b[1] + a[2] * b[2]));
+    const angle = Math.acos(cosine);
+    if (angle < 0.02) return [];
+    let side = unit(b.map((c, i) => c - cosine * a[i]));
+    if (angle > 3.1) side = unit(Math.abs(a[0]) < 0.8 ? [0, a[2], -a[1]] : [-a[2], 0, a[0]]);
+    return Array.from({ length: 33 }, (_, k) => {
+      const t = angle * k / 32;
+      return a.map((c, i) => Math.cos(t) * c + Math.sin(t) * side[i]);
+    });
+  }
+
+  function drawArrow(context, view, from, to, ratio) {
+    const { width, height } = context.canvas;
+    const onto = (v) => {
+      const [right, up, towards] = turned(view, ...v);
+      return [width / 2 + 1.02 * FILL * width * right, height / 2 - 1.02 * FILL * width * up, towards];
+    };
+    const style = getComputedStyle(document.documentElement);
+    context.strokeStyle = context.fillStyle = style.getPropertyValue("--accent").trim();
+    context.lineCap = "round";
+    const way = arc(from, to).map(onto);
+    for (let k = 1; k < way.length; k++) {
+      const [x, y, towards] = way[k];
+      context.globalAlpha = towards < 0 ? 0.4 : 1;
+      context.lineWidth = 5 * ratio;
+      context.beginPath();
+      context.moveTo(way[k - 1][0], way[k - 1][1]);
+      context.lineTo(x, y);
+      context.stroke();
+    }
+    if (way.length) {
+      const [x, y] = way[way.length - 1];
+      const [px, py] = way[way.length - 4];
+      const along = Math.atan2(y - py, x - px);
+      context.globalAlpha = 1;
+      context.beginPath();
+      for (const turn of [0, 2.5, -2.5]) {
+        const reach = (turn ? 14 : 8) * ratio;
+        context.lineTo(x + reach * Math.cos(along + turn), y + reach * Math.sin(along + turn));
+      }
+      context.fill();
+    }
+    const [x, y, towards] = onto(from);
+    context.globalAlpha = towards < 0 ? 0.5 : 1;
+    context.beginPath();
+    context.arc(x, y, 6 * ratio, 0, 2 * Math.PI);
+    context.fill();
+    context.globalAlpha = 1;
+  }
+
+  function drawStrip(canvas, sizes) {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((v) => Math.round(v * ratio));
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const context = canvas.getContext("2d");
+    context.clearRect(0, 0, width, height);
+    let reach = 0.02;
+    for (const size of sizes) reach = Math.max(reach, Math.min(Math.abs(size - 1), 1));
+    const y = (size) => height / 2 - (size - 1) / reach * 0.46 * height;
+    context.strokeStyle = colours.line;
+    context.lineWidth = ratio;
+    context.beginPath();
+    context.moveTo(0, height / 2);
+    context.lineTo(width, height / 2);
+    context.stroke();
+    context.strokeStyle = colours.ink;
+    context.beginPath();
+    sizes.forEach((size, i) => context.lineTo(i / (TRACE - 1) * width, y(size)));
+    context.stroke();
+    context.fillStyle = colours.ink;
+    context.font = `${11 * ratio}px system-ui, sans-serif`;
+    context.fillText(`±${(100 * reach).toFixed(reach < 0.1 ? 1 : 0)} %`, 4 * ratio, 12 * ratio);
+  }
+
+  // ---- one sensor ---------------------------------------------------------------------------
+
+  const digits = (value) => {
+    if (value === null || value === undefined) return "";
+    const size = Math.abs(value);
+    return value.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : size >= 0.1 ? 3 : 5);
+  };
+
+  function sensor(name) {
+    const article = find("sensor").content.cloneNode(true).firstElementChild;
+    const part = (selector) => article.querySelector(selector);
+    const canvas = part("figure canvas");
+    const strip = part(".strip");
+    const points = cloud();
+    const angles = { ...START };
+    const rows = [];
+    let told = null;
+    let dirty = true;
+    text(part("h2"), name);
+    article.dataset.name = name;
+    part(".device").addEventListener("click", () => ask({ type: "offer", sensor: name }));
+    turnable(canvas, angles, () => { part(".follow").checked = false; dirty = true; });
+    part(".follow").checked = !calm;
+    new ResizeObserver(() => { dirty = true; }).observe(canvas);
+    find("sensors").append(article);
+
+    function numbers(list) {
+      const body = part("tbody");
+      while (rows.length < list.length) {
+        const row = body.insertRow();
+        const head = document.createElement("th");
+        head.scope = "row";
+        row.append(head, ...["", "", "before"].map((kind) => {
+          const cell = document.createElement("td");
+          cell.className = kind;
+          return cell;
+        }));
+        rows.push(row);
+      }
+      list.forEach((number, i) => {
+        const unitText = number.unit ? `, ${number.unit}` : "";
+        text(rows[i].cells[0], number.name + unitText);
+        text(rows[i].cells[1], digits(number.now));
+        text(rows[i].cells[2], digits(number.sd));
+        text(rows[i].cells[3], digits(number.before));
+      });
+    }
+
+    function problems(list) {
+      const said = list.map((problem) => problem.text);
+      const box = part(".problems");
+      const shown = [...box.children].map((item) => item.textContent);
+      if (said.join("\n") === shown.join("\n")) return;
+      box.replaceChildren(...said.map((sentence) => {
+        const item = document.createElement("li");
+        item.textContent = sentence;
+        return item;
+      }));
+    }
+
+    function update(now) {
+      told = now;
+      points.refit(now.centre, now.shape);
+      article.classList.toggle("done", now.done);
+      article.classList.toggle("alone", !now.before);
+      text(part(".say"), now.say);
+      const seen = now.cells.filter((n) => n > 0).length;
+      text(part(".seen"), `${seen} of 80 directions seen`);
+      part("progress").value = now.progress;
+      text(part(".heading"), now.heading_sd_deg === null ? "no calibration yet"
+        : `heading standard error ${now.heading_sd_deg.toFixed(2)}°, enough at ${now.target_deg}°`);
+      text(part(".count"), `${now.n.toLocaleString("en")} readings, ${now.rate_Hz} a second`);
+      problems(now.problems);
+      numbers(now.numbers);
+      const device = part(".device");
+      device.hidden = !status.device;
+      device.disabled = now.heading_sd_deg === null || status.busy;
+      canvas.setAttribute("aria-label", `Sphere of directions: ${seen} of 80 seen. ${now.say}.`);
+      dirty = true;
+    }
+
+    function follow() {
+      if (!part(".follow").checked || !told || !told.wanted) return;
+      const [x, y, z] = unit(told.wanted.map((c, i) => c + 0.8 * told.present[i]));
+      const goal = { yaw: Math.atan2(y, x) - 0.35, pitch: Math.asin(Math.max(-1, Math.min(1, 0.8 * z))) };
+      const yaw = Math.atan2(Math.sin(goal.yaw - angles.yaw), Math.cos(goal.yaw - angles.yaw));
+      const pitch = goal.pitch - angles.pitch;
+      if (Math.hypot(yaw, pitch) < 0.01) return;
+      angles.yaw += EASE * yaw;
+      angles.pitch += EASE * pitch;
+      dirty = true;
+    }
+
+    function draw() {
+      follow();
+      if (!dirty || !hello) return;
+      dirty = false;
+      const view = rotation(angles);
+      const ratio = fitted(canvas, 1);
+      const context = canvas.getContext("2d");
+      const dot = Math.round(ratio * (points.count < 15000 ? 3 : 2));
+      drawPoints(context, points.centred, points.shade, product(view, points.shape), colours, dot);
+      const cells = told && told.cells.length ? told.cells : new Array(80).fill(0);
+      drawCoverage(context, hello.corners, view, cells, colours, ratio);
+      drawAxes(context, view, colours, ratio);
+      if (told && told.present && told.wanted && !told.done) {
+        drawArrow(context, view, unit(told.present), unit(told.wanted), ratio);
+      }
+      drawStrip(strip, points.trace());
+    }
+
+    return {
+      name, points, update, draw,
+      add(bytes) { points.add(bytes); dirty = true; },
+      remove() { article.remove(); },
+      stale() { dirty = true; },
+    };
+  }
+
+  // ---- the session --------------------------------------------------------------------------
+
+  function ask(message) {
+    if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  }
+
+  function heard(words, state) {
+    text(find("heard"), words);
+    find("source").className = `source ${state}`;
+  }
+
+  let spokenAt = 0;
+  function speak(now) {
+    const words = now.sensors.map((one) =>
+      [now.sensors.length > 1 ? `${one.name}: ` : "", one.say, ...one.problems.map((p) => `. ${p.text}`)].join(""));
+    if (performance.now() - spokenAt < SPOKEN_MS) return;
+    const said = words.join("; ");
+    if (find("spoken").textContent === said) return;
+    spokenAt = performance.now();
+    text(find("spoken"), said);
+  }
+
+  function outcomes(list) {
+    const key = JSON.stringify(list);
+    const box = find("outcomes");
+    if (box.dataset.key === key) return;
+    box.dataset.key = key;
+    const blocks = list.map((one) => {
+      const block = document.createElement("div");
+      block.className = `verdict ${one.verdict}`;
+      const lines = [
+        `${one.sensor}: ${one.verdict}`, one.status,
+        one.files.length ? `Written: ${one.files.join(", ")}` : "", ...one.warnings,
+      ];
+      block.append(...lines.filter(Boolean).map((line, i) => {
+        const paragraph = document.createElement("p");
+        if (i === 0) paragraph.className = "word";
+        paragraph.textContent = line;
+        return paragraph;
+      }));
+      return block;
+    });
+    if (list.some((one) => one.files.length)) {
+      const link = document.createElement("a");
+      link.href = `/report${location.search}`;
+      link.target = "_blank";
+      link.textContent = "Open the report";
+      blocks.push(link);
+    }
+    box.replaceChildren(...blocks);
+    if (blocks.length) box.scrollIntoView({ block: "nearest", behavior: calm ? "auto" : "smooth" });
+  }
+
+  function offer(now) {
+    const dialog = find("confirm");
+    if (!now.offered) {
+      if (dialog.open) dialog.close();
+      return;
+    }
+    text(find("confirm-says"), now.device_says);
+    find("settings").replaceChildren(...now.offer.map((setting) => {
+      const row = document.createElement("tr");
+      const values = [setting.old, setting.new, setting.read_back];
+      row.innerHTML = "<th scope=row></th><td></td><td></td><td></td>";
+      row.cells[0].textContent = setting.name;
+      values.forEach((v, i) => {
+        row.cells[i + 1].textContent = v === null ? (i ? "" : "not told") : String(+v.toPrecision(7));
+      });
+      return row;
+    }));
+    find("write").disabled = now.busy || now.offer.some((s) => s.read_back !== null) || !now.offer.length;
+    if (!dialog.open) dialog.showModal();
+  }
+
+  function take(now) {
+    status = now;
+    heard(now.heard, now.ended ? "ended" : now.connected ? "on" : "");
+    while (sensors.length > now.sensors.length) sensors.pop().remove();
+    now.sensors.forEach((one, i) => {
+      if (!sensors[i]) sensors[i] = sensor(one.name);
+      sensors[i].update(one);
+    });
+    find("waiting").hidden = sensors.length > 0;
+    find("finish").hidden = sensors.length === 0;
+    const fitted = now.sensors.filter((one) => one.heading_sd_deg !== null);
+    const good = now.sensors.length > 0 && now.sensors.every((one) => one.done);
+    find("accept").disabled = now.busy || fitted.length === 0;
+    text(find("accept"), now.busy ? "Working …" : "Accept and write the files");
+    text(find("enough"), good ? "Enough: the target is reached." : "You can go on turning: the target is not reached yet.");
+    find("trouble").hidden = !now.trouble;
+    text(find("trouble"), now.trouble);
+    outcomes(now.outcomes);
+    offer(now);
+    speak(now);
+    document.body.dataset.version = now.version;
+  }
+
+  function pointsIn(buffer) {
+    const view = new DataView(buffer);
+    const one = sensors[view.getUint32(0, true)];
+    if (!one) return waiting.push(buffer);
+    const rows = new Float32Array(buffer, 16);
+    if (!rows.length) one.points.clear();
+    one.add(rows);
+    stat.latency = Date.now() - 1000 * view.getFloat64(8, true);
+  }
+
+  // Points of a sensor that the page has not been told of yet.
+  let waiting = [];
+
+  function message(event) {
+    if (event.data instanceof ArrayBuffer) return void pointsIn(event.data);
+    const said = JSON.parse(event.data);
+    if (said.type === "hello") {
+      hello = said;
+      sensors.forEach((one) => one.points.clear());
+      text(find("reference"), hello.reference);
+      document.title = `Live calibration – ${hello.source}`;
+    } else {
+      take(said);
+      const early = waiting;
+      waiting = [];
+      early.forEach(pointsIn);
+    }
+  }
+
+  function connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    socket = new WebSocket(`${scheme}://${location.host}/socket${location.search}`);
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("message", message);
+    socket.addEventListener("close", () => {
+      heard("the program that serves this page has stopped, or is out of reach; trying again", "");
+      setTimeout(connect, 1000);
+    });
+  }
+
+  find("accept").addEventListener("click", () => ask({ type: "accept" }));
+  find("restart").addEventListener("click", () => ask({ type: "restart" }));
+  find("write").addEventListener("click", () => ask({ type: "write", sensor: status.offered }));
+  const leave = () => ask({ type: "offer", sensor: "" });
+  find("leave").addEventListener("click", leave);
+  find("confirm").addEventListener("cancel", leave);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    colours = theme();
+    sensors.forEach((one) => one.stale());
+  });
+
+  let [since, frames] = [performance.now(), 0];
+  function frame(now) {
+    sensors.forEach((one) => one.draw());
+    frames++;
+    stat.frames++;
+    if (now - since >= 1000) {
+      stat.fps = 1000 * frames / (now - since);
+      [since, frames] = [now, 0];
+    }
+    stat.points = sensors.reduce((sum, one) => sum + one.points.count, 0);
+    requestAnimationFrame(frame);
+  }
+
+  connect();
+  requestAnimationFrame(frame);
+})();

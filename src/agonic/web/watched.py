@@ -1,0 +1,169 @@
+"""`Watched`: one sensor of a live session, and what is said of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import PARAMETERS, Affine
+from agonic.kernels.gauge import entries
+from agonic.live import LiveFit, LiveParams
+from agonic.samples import Samples
+from agonic.streams import Chunk
+from agonic.units import nanotesla_per
+from agonic.web.messages import Number, Problem, Sensor
+from agonic.web.shown import Shown
+
+Array = NDArray[np.float64]
+
+RATE_OVER_S = 2.0
+"""The rate is that of readings in so many seconds."""
+
+
+class Watched:
+    """A sensor that is being turned: its fit, its points, the calibration it had before."""
+
+    def __init__(self, first: Chunk, params: LiveParams, before: Affine | None) -> None:
+        self.name, self.frame = first.sensor, first.frame
+        self.params, self.before = params, before
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all readings."""
+        self.live, self.shown = LiveFit(self.params), Shown()
+        self._waiting: list[Chunk] = []
+        self._arrived: list[tuple[float, int]] = []
+
+    def take(self, chunk: Chunk) -> None:
+        """Show readings at once; the fit has them at the next `digest`."""
+        self.shown.add(chunk.field * nanotesla_per(chunk.unit), time.time())
+        self._waiting.append(chunk)
+        now = time.monotonic()
+        self._arrived.append((now, len(chunk.time)))
+        while now - self._arrived[0][0] > RATE_OVER_S:
+            self._arrived.pop(0)
+
+    def digest(self) -> None:
+        """Fit what has come."""
+        waiting, self._waiting = self._waiting, []
+        if waiting:
+            self.live.add(
+                np.concatenate([chunk.time for chunk in waiting]),
+                np.concatenate([chunk.field for chunk in waiting]),
+            )
+
+    @property
+    def rate_Hz(self) -> float:
+        """Readings a second, lately."""
+        now = time.monotonic()
+        return sum(n for at, n in self._arrived if now - at <= RATE_OVER_S) / RATE_OVER_S
+
+    @property
+    def samples(self) -> Samples:
+        """The readings to calibrate from."""
+        return self.live.samples.with_columns(
+            frame=self.frame, notes=("kept of a live session: the first of every direction",)
+        )
+
+    def status(self) -> Sensor:
+        """All that a page shows of it."""
+        live, guidance = self.live, self.live.guidance
+        centre, shape = self._sphere()
+        calibration, coverage = live.fitted or (None, None)
+        return Sensor(
+            name=self.name, n=live.n, unit=live.unit, rate_Hz=round(self.rate_Hz, 1),
+            say=guidance.say, done=guidance.done,
+            progress=0.0 if coverage is None else coverage.filled,
+            target_deg=self.params.target_deg,
+            centre=_plain(centre), shape=_plain(shape),
+            cells=[] if coverage is None else coverage.cells.tolist(),
+            heading_sd_deg=None if coverage is None else _finite(coverage.heading_sd_deg),
+            magnitude=None if calibration is None else calibration.magnitude,
+            present=None if guidance.present is None else _plain(guidance.present),
+            wanted=None if guidance.wanted is None else _plain(guidance.wanted),
+            problems=[Problem(f.name, f.sentence) for f in guidance.findings],
+            numbers=[] if calibration is None else self._numbers(calibration),
+            before="" if self.before is None else _told(self.before),
+        )  # fmt: skip
+
+    def _sphere(self) -> tuple[Array, Array]:
+        """What brings the readings onto the unit sphere: the fit, or at first their midst."""
+        fitted = self.live.fitted
+        if fitted is not None:
+            calibration = fitted[0]
+            return calibration.bias, calibration.matrix / (calibration.magnitude or 1.0)
+        boxes = self.live.state.voxels
+        points = np.zeros((1, 3)) if boxes is None else boxes.middles
+        low, high = points.min(axis=0), points.max(axis=0)
+        reach = max(float((high - low).max()) / 2, 0.1 * float(np.abs(points).max()), 1e-9)
+        return (low + high) / 2, np.eye(3) / reach
+
+    def _numbers(self, calibration: Affine) -> list[Number]:
+        now = [*calibration.bias, *entries(calibration.matrix)]
+        sd = [None] * 9 if calibration.sd is None else calibration.sd.tolist()
+        before = self._comparable(calibration)
+        old = [None] * 9 if before is None else [*before.bias, *entries(before.matrix)]
+        units = [calibration.unit_in] * 3 + [""] * 6
+        rows = zip(PARAMETERS, units, now, sd, old, strict=True)
+        old_spread = None if before is None else self._spread(before.correct)
+        return [
+            Number(
+                "spread of |field|", "%", self._spread(calibration.correct), None, old_spread
+            ),
+            Number("uncorrected", "%", self._spread(lambda raw: raw)),
+            *(
+                Number(
+                    name.replace("_", " "), unit, _finite(value),
+                    None if error is None else _finite(error),
+                    None if was is None else _finite(was),
+                )
+                for name, unit, value, error, was in rows
+            ),
+        ]  # fmt: skip
+
+    def _comparable(self, now: Affine) -> Affine | None:
+        same = self.before is not None and self.before.unit_in == now.unit_in
+        return self.before if same else None
+
+    def _spread(self, correct: Callable[[Array], Array]) -> float | None:
+        """Standard deviation over mean of the magnitude, percent, each box counted alike."""
+        boxes = self.live.state.voxels
+        if boxes is None:
+            return None
+        sizes = np.linalg.norm(correct(boxes.middles), axis=1)
+        return _finite(100 * float(sizes.std() / sizes.mean()))
+
+
+def calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Affine | None:
+    """The calibration of a sensor that was given, or was written to the folder before."""
+    from agonic.errors import AgonicError
+    from agonic.io.calfile import load
+    from agonic.report.folder import file_stem
+
+    if name in given:
+        return given[name]
+    path = folder / f"{file_stem(name)}.json"
+    if not path.is_file():
+        return None
+    try:
+        found = load(path)
+    except AgonicError:
+        return None
+    return found if isinstance(found, Affine) else None
+
+
+def _told(calibration: Affine) -> str:
+    created = str(getattr(calibration.provenance, "created", "") or "")
+    return f"the calibration before{f', of {created[:10]}' if created else ''}"
+
+
+def _plain(values: Array) -> list[float]:
+    return [float(v) for v in np.ravel(values)]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

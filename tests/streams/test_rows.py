@@ -1,0 +1,105 @@
+"""Lines as devices send them: what is a reading, what is not, and why."""
+
+import numpy as np
+import pytest
+
+from agonic.streams import Chunk, Said
+from agonic.streams.lines import LONGEST, Lines
+from agonic.streams.rows import Row, Rows, Unreadable
+
+
+def test_motioncal_counts_are_a_tenth_of_a_microtesla():
+    rows = Rows()
+    assert rows.read("Raw:1,2,3,4,5,6,200,-10,430") == [Row("mag", (200.0, -10.0, 430.0), "mG")]
+    assert rows.motioncal
+    assert rows.read("Uni:0.1,0.2,0.3") == []
+    assert rows.read("Cal1:0,0,0,0,0,0,1.5,2,3,50") == []
+    assert rows.told["Cal1"][6] == 1.5
+    with pytest.raises(Unreadable, match="9 numbers"):
+        rows.read("Raw:1,2,3")
+
+
+def test_a_header_names_sensors_units_and_clock():
+    rows = Rows()
+    assert rows.read("t_ms;mag1_x_uT;mag1_y_uT;mag1_z_uT;mag2_x_mG;mag2_y_mG;mag2_z_mG;note") == []
+    assert rows.read("1500;1;2;3;10;20;30;7") == [
+        Row("mag1", (1.0, 2.0, 3.0), "uT", 1.5),
+        Row("mag2", (10.0, 20.0, 30.0), "mG", 1.5),
+    ]
+    with pytest.raises(Unreadable, match="7 cells under a header of 8"):
+        rows.read("1500;1;2;3;10;20;30")
+
+
+def test_three_numbers_need_no_header():
+    assert Rows(unit="uT").read("1.5, -2, 43") == [Row("mag", (1.5, -2.0, 43.0), "uT")]
+    assert Rows().read("1 2 3")[0].unit == "raw"
+    with pytest.raises(Unreadable, match="4 numbers without a header"):
+        Rows().read("1,2,3,4")
+
+
+def test_sentences_are_checked():
+    body = "VNIMU,-01.05,+00.20,+00.43,0,0,9.8"
+    check = 0
+    for byte in body.encode():
+        check ^= byte
+    row = Rows().read(f"${body}*{check:02X}")[0]
+    assert row == Row("mag", (-1.05, 0.2, 0.43), "G")
+    with pytest.raises(Unreadable, match="checksum"):
+        Rows().read(f"${body}*{check ^ 1:02X}")
+    with pytest.raises(Unreadable, match="already corrected"):
+        Rows().read("$VNMAG,1,2,3")
+    with pytest.raises(Unreadable, match="no field that is known"):
+        Rows().read("$GPGGA,1,2,3")
+
+
+def readings(events):
+    return np.concatenate([e.field for e in events if isinstance(e, Chunk)] or [np.empty((0, 3))])
+
+
+def test_lines_are_the_same_however_they_are_cut_and_ended():
+    text = b"Raw:0,0,0,0,0,0,1,2,3\r\nRaw:0,0,0,0,0,0,4,5,6\rRaw:0,0,0,0,0,0,7,8,9\n"
+    wanted = np.arange(1.0, 10).reshape(3, 3)
+    for size in (1, 2, 7, len(text)):
+        lines = Lines("raw")
+        pieces = [text[i : i + size] for i in range(0, len(text), size)]
+        events = [event for piece in pieces for event in lines.feed(piece, 5.0)]
+        np.testing.assert_array_equal(readings(events), wanted)
+
+
+def test_times_increase_whatever_the_device_says():
+    lines = Lines("raw")
+    rows = b"time_s,mag_x,mag_y,mag_z\n10,1,2,3\n10.02,1,2,3\n0.5,1,2,3\n0.52,1,2,3\n"
+    time = np.concatenate([e.time for e in lines.feed(rows, 100.0) if isinstance(e, Chunk)])
+    assert (np.diff(time) > 0).all()
+    np.testing.assert_allclose(time[:2], [100.0, 100.02])
+    assert time[3] - time[2] == pytest.approx(0.02)
+
+
+def test_a_line_without_end_is_passed_over_in_bounded_room():
+    lines = Lines("raw")
+    said = []
+    for _ in range(2000):  # 32 MB
+        said += lines.feed(b"7" * 16_384, 5.0)
+        assert len(lines._rest) <= LONGEST
+    after = lines.feed(b"77\n1,2,3\n", 9.0)
+    np.testing.assert_array_equal(readings(after), [[1, 2, 3]])
+    assert sum(isinstance(event, Said) for event in said) <= 1
+
+
+def test_noise_is_told_and_survived():
+    rng = np.random.default_rng(0)
+    lines, said = Lines("raw"), []
+    for k in range(200):
+        said += lines.feed(rng.bytes(1000), 0.1 * k)
+    told = [event for event in said if isinstance(event, Said)]
+    assert 10 <= len(told) <= 21  # once a second
+    assert "cannot read" in told[-1].text
+    assert told[-1].text.isprintable()
+    clean = [e for e in lines.feed(b"\n1,2,3\n", 30.0) if isinstance(e, Chunk)]
+    assert len(clean) == 1
+
+
+def test_a_stray_line_is_not_worth_a_word():
+    lines = Lines("raw")
+    good = b"1,2,3\n" * 50
+    assert all(isinstance(event, Chunk) for event in lines.feed(good + b"###\nboot ok\n", 1.0))

@@ -1,0 +1,75 @@
+"""`agonic live` in the terminal, its mistakes, and the memory of a long session."""
+
+import json
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.cli import run
+from agonic.streams import Chunk
+from agonic.web.session import Plan
+from agonic.web.watched import Watched
+
+
+def test_in_the_terminal_with_the_same_words(tmp_path, capsys):
+    assert run(["live", "sim?seed=2", "--speed", "20", "--text", "-o", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "% covered" in said
+    assert "enough: accept the result" in said
+    assert "✓ mag: good" in said
+    assert (tmp_path / "mag.json").is_file()
+
+
+def test_one_object_for_programs(tmp_path, capsys):
+    made = ag.simulate("tumble", n=1500, rate_Hz=50.0, seed=4)
+    log = ag.write_csv(made.samples, tmp_path / "log.csv")
+    out = tmp_path / "out"
+    status = run(
+        ["live", str(log), "--speed", "0", "--field", "50000", "--json", "-o", str(out)]
+    )  # fmt: skip
+    told = json.loads(capsys.readouterr().out)
+    assert status == 0
+    assert told["schema"] == "agonic/live@1"
+    of_mag = told["sensors"][0]
+    error = np.abs(np.array(of_mag["bias_nT"]) - made.truth.bias)
+    assert (error < 5 * np.array(of_mag["bias_sd_nT"])).all()
+    # the readings that were kept lie beside the result, and give it again
+    again = ag.calibrate(ag.read(out / "mag-readings.csv"), ag.Reference.constant(50_000.0))
+    np.testing.assert_allclose(again.fit.calibration.bias, of_mag["bias_nT"], rtol=1e-6)
+    assert ag.load(out / "mag.json").provenance.inputs[0].name == "mag-readings.csv"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["gopher://x"], "names no source"),
+        (["nothing.csv"], "there is no such file"),
+        (["sim", "--at", "north"], "--at"),
+        (["sim", "--listen", "192.0.2.1"], "cannot listen"),
+    ],
+)
+def test_mistakes_are_one_line(arguments, why, tmp_path, capsys):
+    assert run(["live", *arguments, "-o", str(tmp_path), "--port", "0"]) == 2
+    complaint = capsys.readouterr().err
+    assert why in complaint
+    assert complaint.count("\n") == 1
+
+
+def test_an_hour_of_turning_takes_no_more_memory_than_a_part_of_it(tmp_path):
+    made = ag.simulate("hand", n=60_000, rate_Hz=100.0, noise=150.0).samples
+    first = Chunk("mag", made.time[:1], made.field[:1], "nT")
+    plan = Plan(folder=tmp_path, reference=ag.Reference.constant(50_000.0))
+    watched = Watched(first, plan.params(first), None)
+    held = []
+    tracemalloc.start()
+    for k in range(360):  # an hour at 100 readings a second
+        rows = slice(1000 * (k % 60), 1000 * (k % 60 + 1))
+        watched.take(Chunk("mag", 10.0 * k + np.arange(1000) / 100, made.field[rows], "nT"))
+        watched.digest()
+        watched.status()
+        held.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert watched.live.n == 360_000
+    assert held[-1] - held[119] < 0.5e6  # bytes, over the last forty minutes
