@@ -8,7 +8,8 @@ from pathlib import Path
 
 from benchmarks import estimators, honesty, speed, tables
 
-ALONE = ("dataflash", "field", "heading")  # scripts that print a table of their own
+# scripts that print a table of their own
+ALONE = ("dataflash", "field", "heading", "thermal", "tracking")
 
 
 def main() -> None:

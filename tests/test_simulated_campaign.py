@@ -9,6 +9,7 @@ from agonic.campaign import Profile, plan_thermal
 from agonic.errors import AgonicError
 from agonic.simulation.campaign import Faults, simulate_campaign
 from agonic.simulation.thermal import random_drifting
+from agonic.simulation.thermal_coil import simulate_thermal_coil
 
 QUIET = {
     "noise": 0.0, "field_sd": 0.0, "fixture_sd_deg": 0.0, "anomalies": 0.0, "hysteresis": 0.0,
@@ -135,3 +136,15 @@ def test_a_drawn_sensor_is_symmetric_and_mild() -> None:
     matrix = truth.matrix_at([-10.0, 20.0, 50.0])
     np.testing.assert_allclose(matrix, np.swapaxes(matrix, 1, 2))
     assert np.abs(matrix - np.eye(3)).max() < 0.05
+
+
+def test_a_coil_s_truth_gives_the_coil_s_field() -> None:
+    made = simulate_thermal_coil(400, noise=0.0, seed=2)
+    level = made.samples.temperature
+    field = made.truth.correct(made.samples.field, temperature=level)
+    np.testing.assert_allclose(field, made.reference.values, atol=1e-6)
+    assert (level.min(), level.max()) == pytest.approx((24.0, 66.0), abs=0.01)
+    noisy = simulate_thermal_coil(400, noise=50.0, seed=2)
+    assert (noisy.samples.field - made.samples.field).std() == pytest.approx(50.0, rel=0.1)
+    np.testing.assert_allclose(noisy.truth.matrix, made.truth.matrix)
+    assert not np.allclose(made.truth.matrix[0], made.truth.matrix[0].T)

@@ -60,6 +60,9 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.calibration.interference import Interference as Interference
     from agonic.calibration.interference import mean_of as mean_of
     from agonic.calibration.network import Network as Network
+    from agonic.calibration.retraining import RetrainerParams as RetrainerParams
+    from agonic.calibration.retraining import RetrainerState as RetrainerState
+    from agonic.calibration.retraining import Retraining as Retraining
     from agonic.calibration.setup import Compass as Compass
     from agonic.calibration.setup import Setup as Setup
     from agonic.calibration.thermal import Thermal as Thermal
@@ -108,12 +111,16 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.fitting.attitude import fit_interference as fit_interference
     from agonic.fitting.attitude import fit_levelled as fit_levelled
     from agonic.fitting.attitude import fit_vector as fit_vector
+    from agonic.fitting.coil import CoilFit as CoilFit
+    from agonic.fitting.coil import fit_coil as fit_coil
     from agonic.fitting.deviation import DeviationFit as DeviationFit
     from agonic.fitting.deviation import SwingPlan as SwingPlan
     from agonic.fitting.deviation import fit_deviation as fit_deviation
     from agonic.fitting.deviation import plan_swing as plan_swing
     from agonic.fitting.ellipsoid import fit_ellipsoid as fit_ellipsoid
     from agonic.fitting.ellipsoid import fit_moments as fit_moments
+    from agonic.fitting.gravity import GravityFit as GravityFit
+    from agonic.fitting.gravity import fit_gravity as fit_gravity
     from agonic.fitting.inflight import InflightFit as InflightFit
     from agonic.fitting.inflight import fit_inflight as fit_inflight
     from agonic.fitting.inflight import fit_mission as fit_mission
@@ -124,6 +131,10 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.fitting.network import NetworkFit as NetworkFit
     from agonic.fitting.network import choose_network as choose_network
     from agonic.fitting.network import fit_network as fit_network
+    from agonic.fitting.north import DiFluxFit as DiFluxFit
+    from agonic.fitting.north import NorthFit as NorthFit
+    from agonic.fitting.north import fit_di_flux as fit_di_flux
+    from agonic.fitting.north import fit_north as fit_north
     from agonic.fitting.thermal import ThermalFit as ThermalFit
     from agonic.fitting.thermal import fit_thermal as fit_thermal
     from agonic.fitting.tracking import WalkChoice as WalkChoice
@@ -134,15 +145,18 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.io.calfile import load as load
     from agonic.io.calfile import save as save
     from agonic.io.campaign import read_campaign as read_campaign
+    from agonic.io.coil_file import read_coil as read_coil
     from agonic.io.firmware import DeclinationGrid as DeclinationGrid
     from agonic.io.firmware import declination_grid as declination_grid
     from agonic.io.firmware import write_firmware as write_firmware
     from agonic.io.log import Log as Log
+    from agonic.io.north_file import read_north as read_north
     from agonic.io.pieces import Mission as Mission
     from agonic.io.pieces import open_mission as open_mission
     from agonic.io.read import open_log as open_log
     from agonic.io.read import read as read
     from agonic.io.read import sensors as sensors
+    from agonic.io.read_di_flux import read_di_flux as read_di_flux
     from agonic.io.session_file import read_session as read_session
     from agonic.io.setupfile import load_setup as load_setup
     from agonic.io.setupfile import save_setup as save_setup
@@ -151,14 +165,18 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.io.write_ardupilot import write_ardupilot as write_ardupilot
     from agonic.io.write_c import write_c as write_c
     from agonic.io.write_campaign import write_campaign as write_campaign
+    from agonic.io.write_coil import write_coil as write_coil
     from agonic.io.write_csv import write_csv as write_csv
     from agonic.io.write_csv import write_sensors as write_sensors
     from agonic.io.write_matlab import write_matlab as write_matlab
     from agonic.io.write_motioncal import write_motioncal as write_motioncal
+    from agonic.io.write_north import write_north as write_north
     from agonic.io.write_px4 import write_px4 as write_px4
     from agonic.io.write_ros import write_ros as write_ros
     from agonic.io.write_session import write_session as write_session
     from agonic.io.write_table import write_table as write_table
+    from agonic.live import LiveFit as LiveFit
+    from agonic.live import LiveParams as LiveParams
     from agonic.moments import Moments as Moments
     from agonic.provenance import Provenance as Provenance
     from agonic.reference import Reference as Reference
@@ -166,13 +184,16 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.report.card_page import card_page as card_page
     from agonic.report.html import render as render
     from agonic.report.thermal_page import campaign_page as campaign_page
+    from agonic.retrainer import Retrainer as Retrainer
     from agonic.samples import Samples as Samples
     from agonic.session import Session as Session
     from agonic.simulation import SimulatedVehicle as SimulatedVehicle
     from agonic.simulation import simulate as simulate
     from agonic.simulation import simulate_vehicle as simulate_vehicle
     from agonic.simulation.campaign import simulate_campaign as simulate_campaign
+    from agonic.simulation.coil import simulate_coil as simulate_coil
     from agonic.simulation.kepler import Orbit as Orbit
+    from agonic.simulation.north import simulate_north as simulate_north
     from agonic.simulation.orbit import SimulatedOrbit as SimulatedOrbit
     from agonic.simulation.orbit import simulate_orbit as simulate_orbit
     from agonic.simulation.session import simulate_session as simulate_session
@@ -190,6 +211,7 @@ _HOMES = {
     "calibration.deviation": ("Deviation",),
     "calibration.interference": ("Interference", "mean_of"),
     "calibration.network": ("Network",),
+    "calibration.retraining": ("RetrainerParams", "RetrainerState", "Retraining"),
     "calibration.setup": ("Compass", "Setup"),
     "calibration.thermal": ("Thermal",),
     "calibration.tracking": ("TrackerParams", "TrackerState"),
@@ -205,6 +227,9 @@ _HOMES = {
         "AlignmentFit", "AlignmentPlan", "error_budget", "fit_alignment", "plan_alignment",
     ),
     "fitting.attitude": ("fit_interference", "fit_levelled", "fit_vector"),
+    "fitting.coil": ("CoilFit", "fit_coil"),
+    "fitting.gravity": ("GravityFit", "fit_gravity"),
+    "fitting.north": ("DiFluxFit", "NorthFit", "fit_di_flux", "fit_north"),
     "fitting.deviation": ("DeviationFit", "SwingPlan", "fit_deviation", "plan_swing"),
     "fitting.ellipsoid": ("fit_ellipsoid", "fit_moments"),
     "fitting.inflight": ("InflightFit", "fit_inflight", "fit_mission"),
@@ -215,6 +240,11 @@ _HOMES = {
     "headings": ("Heading", "heading"),
     "health": ("Finding",),
     "io.calfile": ("load", "save"),
+    "io.coil_file": ("read_coil",),
+    "io.north_file": ("read_north",),
+    "io.read_di_flux": ("read_di_flux",),
+    "io.write_coil": ("write_coil",),
+    "io.write_north": ("write_north",),
     "io.firmware": ("DeclinationGrid", "declination_grid", "write_firmware"),
     "io.log": ("Log",),
     "io.campaign": ("read_campaign",),
@@ -234,6 +264,7 @@ _HOMES = {
     "io.write_ros": ("write_ros",),
     "io.write_session": ("write_session",),
     "io.write_table": ("write_table",),
+    "live": ("LiveFit", "LiveParams"),
     "moments": ("Moments",),
     "provenance": ("Provenance",),
     "reference": ("Reference",),
@@ -245,9 +276,12 @@ _HOMES = {
     "session": ("Session",),
     "simulation": ("SimulatedVehicle", "simulate", "simulate_vehicle"),
     "simulation.campaign": ("simulate_campaign",),
+    "simulation.coil": ("simulate_coil",),
+    "simulation.north": ("simulate_north",),
     "simulation.session": ("simulate_session",),
     "simulation.kepler": ("Orbit",),
     "simulation.orbit": ("SimulatedOrbit", "simulate_orbit"),
+    "retrainer": ("Retrainer",),
     "tracker": ("Tracker",),
     "verification": ("Verification", "verify"),
 }  # fmt: skip

@@ -14,6 +14,11 @@ CITATIONS: dict[str, str] = {
         "G. J. Bierman: Factorization Methods for Discrete Sequential Estimation. Academic Press, "
         "New York, 1977. ISBN 0-12-097350-2"
     ),
+    "brunke-matzka-2018": (
+        "H.-P. Brunke, J. Matzka: Numerical evaluation of magnetic absolute measurements with "
+        "arbitrarily distributed DI-fluxgate theodolite orientations. Geoscientific "
+        "Instrumentation, Methods and Data Systems 7, 1–6, 2018. doi:10.5194/gi-7-1-2018"
+    ),
     "caruso-2000": (
         "M. J. Caruso: Applications of magnetic sensors for low cost compass systems. IEEE "
         "Position Location and Navigation Symposium, 177–184, 2000. "
@@ -28,10 +33,18 @@ CITATIONS: dict[str, str] = {
         "Harbin Institute of Technology: 磁场方位测量方法 (Method of measuring the direction of a "
         "magnetic field), filed 18 July 2018. Patent CN 108871301 B"
     ),
+    "hoeting-1999": (
+        "J. A. Hoeting, D. Madigan, A. E. Raftery, C. T. Volinsky: Bayesian model averaging: a "
+        "tutorial. Statistical Science 14(4), 382–417, 1999. doi:10.1214/ss/1009212519"
+    ),
     "huber-1981": "P. J. Huber: Robust Statistics. Wiley, New York, 1981. doi:10.1002/0471725250",
     "iers-2010": (
         "G. Petit, B. Luzum (eds.): IERS Conventions (2010). IERS Technical Note 36, Verlag des "
         "Bundesamts für Kartographie und Geodäsie, Frankfurt am Main, 2010. ISBN 3-89888-989-6"
+    ),
+    "kok-2016": (
+        "M. Kok, T. B. Schön: Magnetometer calibration using inertial sensors. IEEE Sensors "
+        "Journal 16(14), 5679–5689, 2016. doi:10.1109/JSEN.2016.2569160"
     ),
     "kukush-markovsky-vanhuffel-2004": (
         "A. Kukush, I. Markovsky, S. Van Huffel: Consistent estimation in an implicit quadratic "
@@ -47,6 +60,10 @@ CITATIONS: dict[str, str] = {
         "Q. Li, J. G. Griffiths: Least squares ellipsoid specific fitting. Proceedings of "
         "Geometric Modeling and Processing 2004, IEEE, 335–340, 2004. "
         "doi:10.1109/GMAP.2004.1290055"
+    ),
+    "mackay-1992": (
+        "D. J. C. MacKay: Bayesian interpolation. Neural Computation 4(3), 415–447, 1992. "
+        "doi:10.1162/neco.1992.4.3.415"
     ),
     "markovsky-kukush-vanhuffel-2004": (
         "I. Markovsky, A. Kukush, S. Van Huffel: Consistent least squares fitting of ellipsoids. "
@@ -68,6 +85,18 @@ CITATIONS: dict[str, str] = {
         "M. S. Shcherbakov, D. D. Sobolev: Calibration of onboard magnetometers of the attitude "
         "control system of the SamSat-ION university nanosatellite. Gyroscopy and Navigation "
         "14(3), 259–266, 2023. doi:10.1134/S2075108723030069"
+    ),
+    "page-1954": (
+        "E. S. Page: Continuous inspection schemes. Biometrika 41(1/2), 100–115, 1954. "
+        "doi:10.1093/biomet/41.1-2.100"
+    ),
+    "patterson-thompson-1971": (
+        "H. D. Patterson, R. Thompson: Recovery of inter-block information when block sizes are "
+        "unequal. Biometrika 58(3), 545–554, 1971. doi:10.1093/biomet/58.3.545"
+    ),
+    "siegmund-1985": (
+        "D. Siegmund: Sequential Analysis: Tests and Confidence Intervals. Springer, New York, "
+        "1985. doi:10.1007/978-1-4757-1862-1"
     ),
     "wang-sheng-he-cheng-2020": (
         "Y. K. Wang, T. Sheng, L. He, Z. Y. Cheng: Calibration method of magnetometer based on BP "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +36,33 @@ class Channel:
     correlation: float
 
 
+class Uncertain(Protocol):
+    """Something that carries a covariance, as every calibration does."""
+
+    @property
+    def covariance(self) -> Array | None: ...
+
+
+class Estimated(Judged):
+    """A result whose calibration carries the covariance of what was estimated."""
+
+    calibration: Uncertain
+
+    @property
+    def covariance(self) -> Array:
+        """The covariance of the calibration, in the order of its parameters."""
+        covariance = self.calibration.covariance
+        assert covariance is not None, "a fit always carries a covariance"
+        return covariance
+
+    @property
+    def sd(self) -> Array:
+        """Standard errors of the same."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit(Judged):
+class Fit(Estimated):
     """A calibration and what it rests on.
 
     `residuals` (n,) are distances from the model in the unit of the readings, a row a sample, and
@@ -46,7 +72,8 @@ class Fit(Judged):
     one (1 for white noise), already inside `covariance`; `condition` is that of the scaled
     information matrix; `channels` are the residuals by kind ("magnitude", "dip", "azimuth") where
     the attitude taught the fit; `findings` are all observations, by name; `tests` the choice of
-    model.
+    model. `covariance` (9, 9) is that of bias x y z, then matrix xx yy zz xy xz yz; (12, 12) where
+    the matrix is free, with yx zx zy, and further with the coefficients of sources on board.
     """
 
     calibration: Affine
@@ -63,16 +90,3 @@ class Fit(Judged):
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     remarks: tuple[str, ...] = ()
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance (9, 9) of bias x y z, then matrix xx yy zz xy xz yz; (12, 12) where the
-        matrix is free, with yx zx zy, and further with the coefficients of sources on board."""
-        covariance = self.calibration.covariance
-        assert covariance is not None, "a fit always carries a covariance"
-        return covariance
-
-    @property
-    def sd(self) -> Array:
-        """Standard errors of the same."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))

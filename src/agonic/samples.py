@@ -141,6 +141,11 @@ class Samples:
         """Seconds from the first row to the last; `None` without times."""
         return None if self.time is None else float(self.time[-1] - self.time[0])
 
+    @property
+    def origin(self) -> Input:
+        """What a result made of these samples names as its input: the file, else the readings."""
+        return self.source or Input.of_array(self.name, self.field)
+
     def columns(self) -> dict[str, FloatArray]:
         """The columns that are there, by name, in writing order."""
         return {name: c for name in COLUMNS if (c := getattr(self, name)) is not None}
@@ -162,7 +167,7 @@ class Samples:
         array([60.5])
         """
         if self.time is None:
-            raise LogError(f"{self.name} was logged without times, and they are needed")
+            raise LogError(f"{self.name} was logged without times; what goes on needs them")
         if not known or (epoch is None and self.epoch is None):
             return self.time
         if epoch is None or self.epoch is None:

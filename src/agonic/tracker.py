@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import beside
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
-from agonic.errors import AgonicError, FrameError, LogError, UnitError
+from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.fitting.tracking import Coefficients, start, update
 from agonic.fitting.tracking.findings import findings
 from agonic.health import Finding, sentences
@@ -109,19 +108,7 @@ class Tracker:
 
     def seconds(self, samples: Samples) -> Array:
         """The times of samples as the tracker counts them, from its own epoch."""
-        if samples.time is None:
-            raise LogError(f"{samples.name} was logged without times; a tracker needs them")
-        if self.state.n == 0:
-            return samples.time
-        epoch = self.state.epoch
-        if (epoch is None) != (samples.epoch is None):
-            known, other = ("tracker", "log") if samples.epoch is None else ("log", "tracker")
-            raise LogError(
-                f"the {known} knows the date of its times and the {other} does not, so they "
-                "cannot be put in order; read the log with its date"
-            )
-        shift = 0.0 if epoch is None else _seconds_between(epoch, samples.epoch)
-        return samples.time + shift
+        return samples.seconds_since(self.state.epoch, known=self.state.n > 0)
 
     def _named(self, samples: Samples) -> TrackerState:
         """The state before the first reading, with the sensor's name where none was given."""
@@ -199,8 +186,3 @@ class Tracker:
         tracker = cls(state.ground or state.base, params)
         tracker.state, tracker.history = state, history
         return tracker
-
-
-def _seconds_between(first: datetime, second: datetime | None) -> float:
-    assert second is not None, "the caller compares dates that are known"
-    return (second - first).total_seconds()

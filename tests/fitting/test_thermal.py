@@ -10,6 +10,8 @@ from agonic.fitting.thermal import Facts, fit_binned, fit_thermal
 from agonic.kernels.binned import Binned
 from agonic.kernels.stations import twelve
 from agonic.simulation.campaign import Faults, simulate_campaign
+from agonic.simulation.thermal import readings
+from agonic.simulation.thermal_coil import simulate_thermal_coil
 
 AT = np.linspace(-10.0, 50.0, 13)
 WIDE = {"bin_width_C": 2.0, "rate": False, "drift": False}
@@ -205,7 +207,8 @@ def test_sums_fed_in_pieces_give_the_same_fit() -> None:
 def faulty(seed: int = 1, **settings) -> tuple[ag.Samples, object]:
     faults = {key: settings.pop(key) for key in list(settings) if key in Faults.__annotations__}
     quiet = {"field_sd": 0.0, "hysteresis": 0.0, "anomalies": 0.0} | settings
-    made = simulate_campaign("MMC5883MA", rate_Hz=0.1, seed=seed, faults=Faults(**faults), **quiet)
+    quiet = {"rate_Hz": 0.1} | quiet
+    made = simulate_campaign("MMC5883MA", seed=seed, faults=Faults(**faults), **quiet)
     return made.campaign.samples(made.campaign.sensors[0]), made
 
 
@@ -272,17 +275,47 @@ def test_a_chamber_that_drifted_is_told_from_the_sensor() -> None:
     assert worst(fit, made) < 120.0
 
 
-def test_slow_changes_of_the_field_are_told_and_the_errors_stay_honest() -> None:
+MOVING = {"at rest": {}, "slow changes": {"field_sd": 50.0}, "drift": {"drift": 400.0}}
+
+
+@pytest.mark.parametrize("stations", ["known", "unknown"])
+@pytest.mark.parametrize("field", list(MOVING))
+def test_standard_errors_are_honest_in_a_field_that_moves(field: str, stations: str) -> None:
+    """0.2 readings a second, hysteresis, a fixture off by 1°; every term is left to be found."""
     z = []
-    for seed in range(3):
-        samples, made = faulty(seed, field_sd=50.0)
-        fit = fit_thermal(samples, KNOWN, stations=turns_of(made), bin_width_C=2.0)
-        assert "field changes" in names(fit)
-        assert 20.0 < fit.field_sd < 100.0
+    for seed in range(4):
+        samples, made = faulty(20 + seed, hysteresis=100.0, rate_Hz=0.2, **MOVING[field])
+        turns = turns_of(made) if stations == "known" else "unknown"
+        fit = fit_thermal(samples, KNOWN, stations=turns)
+        assert ("field changes" in names(fit)) == (field == "slow changes")
         (truth,) = made.truth.values()
         sd = fit.calibration.sd_at(AT[1:-1]) * np.array([1.0] * 3 + [FIELD] * 6)
         z.append((nine(fit.calibration, AT[1:-1]) - nine(truth, AT[1:-1])) / sd)
-    assert 0.6 < rms(np.array(z)) < 1.4
+    # four campaigns of nine coefficients scatter by 0.15 or so; a drift of which the magnitude
+    # shows little is half believed, and standard errors are then up to 1.4 times too small
+    assert 0.65 < rms(np.array(z)) < (1.55 if (field, stations) == ("drift", "unknown") else 1.35)
+
+
+def test_slow_changes_of_the_field_are_told_with_their_size() -> None:
+    samples, made = faulty(3, field_sd=50.0)
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    assert "field changes" in names(fit)
+    assert fit.field_sd == pytest.approx(45.0, abs=15.0)
+    assert fit.drift is None
+
+
+def test_a_drift_near_what_can_be_seen_widens_the_errors() -> None:
+    """Averaged over being there or not: neither dropped nor believed, and said so."""
+    samples, made = faulty(1, drift=100.0)
+    auto, without, sure = (
+        fit_thermal(samples, KNOWN, stations=turns_of(made), drift=drift)
+        for drift in ("auto", False, True)
+    )
+    sd = [rms(fit.calibration.sd_at(AT)[:, :3]) for fit in (without, auto, sure)]
+    assert sd[0] < 1.05 * sd[1]
+    assert sd[1] < 1.1 * sd[2]
+    assert {"hoeting-1999", "mackay-1992"} <= set(auto.calibration.provenance.method)
+    assert "hoeting-1999" not in without.calibration.provenance.method
 
 
 def test_a_file_that_ends_in_the_middle_is_named() -> None:
@@ -345,61 +378,50 @@ def test_what_is_wrong_is_told(changed, settings, error, words) -> None:
 # ---- a vector reference, like a coil -------------------------------------------------------------
 
 
-def coil(seed: int = 0, n: int = 4000, noise: float = 72.0):
-    """24 to 66 °C in a coil that steps through ±50 µT on its axes; a sensor off by thousands."""
-    rng = np.random.default_rng(seed)
-    t = 45.0 + 21.0 * np.sin(np.linspace(0.0, 5.0, n))
-    field = 50_000.0 * rng.uniform(-1, 1, (n // 40, 3)).repeat(40, axis=0)
-    x = (t - 45.0) / 21.0
-    response = np.array([[1.06, 0.02, -0.03], [0.01, 0.94, 0.04], [-0.02, 0.05, 1.02]])
-    drift = np.array([[0.03, 0.0, 0.004], [0.0, -0.02, 0.0], [0.003, 0.0, 0.025]])
-    seen = np.einsum("nij,nj->ni", response + x[:, None, None] * drift, field)
-    bias = [3000.0, -4500.0, 2500.0] + x[:, None] * [900.0, -700.0, 1200.0]
-    samples = ag.Samples(
-        field=seen + bias + noise * rng.standard_normal((n, 3)), temperature=t, time=np.arange(n)
-    )
-    return samples, field
+COIL_AT = np.linspace(24.0, 66.0, 9)
 
 
 def test_a_coil_gives_both_gain_and_bias_terms() -> None:
     """Affine with linear temperature took AERO-VISTA's sensors from 4310 to 72 nT."""
-    samples, field = coil()
-    reference = ag.Reference.vector(field, frame="b")
-    fit = fit_thermal(samples, reference, degree=1)
-    before = rms(np.linalg.norm(samples.field - field, axis=1))
-    other, known = coil(1)
-    after = ag.apply(fit.calibration, other).field - known
-    assert before > 4000.0
-    assert rms(after) < 80.0
-    assert fit.taught_by == "vector"
-    assert fit.calibration.gauge == "free"
-    assert fit.noise == pytest.approx(72.0, rel=0.05)
-    without = fit_thermal(samples, reference, degree=0)
-    assert rms(ag.apply(without.calibration, other).field - known) > 400.0
+    made = simulate_thermal_coil(seed=5)
+    known = made.reference.values
+    fit = fit_thermal(made.samples, made.reference, degree="auto")
+    left = ag.apply(fit.calibration, made.samples).field - known
+    assert rms(made.samples.field - known) == pytest.approx(4310.0, rel=0.15)
+    assert rms(left) < 72.0
+    assert (fit.taught_by, fit.calibration.gauge, fit.calibration.degree) == ("vector", "free", 1)
+    assert fit.noise == pytest.approx(70.0, rel=0.03)
+    assert fit.variances.shape == (1, 6)
+    assert fit.variances[0, 0] > 50.0 * fit.variances[0, 1]
+    assert fit.variances[0, 1:] == pytest.approx(np.full(5, 70.0**2), rel=0.05)
+    without = fit_thermal(made.samples, made.reference, degree=0)
+    assert rms(ag.apply(without.calibration, made.samples).field - known) > 400.0
+    others = np.linspace(24.5, 65.5, 300)  # temperatures between: the truth and not the noise
+    clean = readings(made.truth, known[::13][:300], others, np.zeros(300))
+    assert rms(fit.calibration.correct(clean, temperature=others) - known[::13][:300]) < 25.0
 
 
-def test_a_coil_s_standard_errors_are_honest() -> None:
+def test_a_coil_s_standard_errors_are_honest_at_every_temperature() -> None:
     z = []
-    for seed in range(12):
-        samples, field = coil(seed, n=2000)
-        fit = fit_thermal(samples, ag.Reference.vector(field, frame="m"), degree=2)
-        exact, _ = coil(99, noise=0.0)
-        _, clean = coil(99, noise=0.0)
-        some = slice(None, None, 400)
-        columns = {"temperature": exact.temperature[some]}
-        error = fit.calibration.correct(exact.field[some], **columns) - clean[some]
-        sd = np.sqrt(np.einsum(
-            "nii->ni", fit.calibration.uncertainty(exact.field[some], **columns)
-        ))  # fmt: skip
-        z.append(error / sd)
-    assert rms(np.array(z)) == pytest.approx(1.0, abs=0.25)
+    for seed in range(30):
+        made = simulate_thermal_coil(800, seed=seed)
+        found = fit_thermal(made.samples, made.reference, degree=2).calibration
+        error = np.hstack([
+            found.bias_at(COIL_AT) - made.truth.bias_at(COIL_AT),
+            (found.matrix_at(COIL_AT) - made.truth.matrix_at(COIL_AT)).reshape(-1, 9),
+        ])  # fmt: skip
+        sd = found.sd_at(COIL_AT)
+        order = [0, 1, 2, 3, 7, 11, 4, 5, 8, 6, 9, 10]  # xx yy zz xy xz yz yx zx zy
+        z.append(error[:, order] / sd)
+    assert np.sqrt(np.mean(np.square(z), axis=(0, 2))) == pytest.approx(np.ones(9), abs=0.12)
+    assert np.sqrt(np.mean(np.square(z), axis=(0, 1))) == pytest.approx(np.ones(12), abs=0.35)
 
 
 def test_a_coil_that_drives_two_axes_only_is_refused() -> None:
-    samples, field = coil()
-    flat = field * [1.0, 1.0, 0.0]
+    made = simulate_thermal_coil()
+    flat = made.reference.values * [1.0, 1.0, 0.0]
     with pytest.raises(ag.CoverageError, match="hardly changes"):
-        fit_thermal(samples, ag.Reference.vector(flat, frame="b"))
+        fit_thermal(made.samples, ag.Reference.vector(flat, frame="b"))
 
 
 def test_twelve_is_what_known_means() -> None:

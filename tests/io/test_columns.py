@@ -3,7 +3,8 @@
 import pytest
 
 from agonic.errors import LogError
-from agonic.io.columns import CANONICAL, canonical_header, identified, positions, understood
+from agonic.io.columns import CANONICAL, identified, positions, understood
+from agonic.io.quantities import canonical_header
 
 NAMES = {
     "time_s": ("time", "", "", "s"),

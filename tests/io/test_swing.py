@@ -117,5 +117,5 @@ def test_a_file_that_is_missing_or_no_text(tmp_path) -> None:
         read_swing(tmp_path / "no.csv")
     path = tmp_path / "log.bin"
     path.write_bytes(b"\xa3\x95\x80\xff" * 20)
-    with pytest.raises(LogError, match="not a text table"):
+    with pytest.raises(LogError, match="this is not text"):
         read_swing(path)

@@ -40,20 +40,6 @@ def test_the_jacobian_is_that_of_finite_differences(shape, seed):
     np.testing.assert_allclose(jacobian, np.stack(columns, axis=-1), atol=1e-7)
 
 
-@given(shapes, st.integers(0, 2**16))
-def test_the_jacobian_by_inputs_is_that_of_finite_differences(shape, seed):
-    weights, x, _, _ = drawn(seed, shape)
-    u, v = network.split(weights, shape)
-    step = 1e-6
-    columns = [
-        (network.forward(u, v, x + step * way) - network.forward(u, v, x - step * way)) / (2 * step)
-        for way in np.eye(shape.inputs)
-    ]
-    np.testing.assert_allclose(
-        network.input_jacobian(u, v, x), np.stack(columns, axis=-1), atol=1e-7
-    )
-
-
 @given(shapes, st.integers(0, 2**16), st.booleans())
 def test_the_sums_are_those_of_the_rows_of_the_jacobian(shape, seed, weighted):
     weights, x, target, row_weight = drawn(seed, shape)

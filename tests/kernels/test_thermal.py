@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import chamber, coil, fixture, leastsq, positions, thermal, thermal_bins
+from agonic.kernels import chamber, coil, fixture, leastsq, positions, thermal, thermal_bins, wander
 from agonic.kernels.affine import FREE, SYMMETRIC, model_basis
+from agonic.kernels.beliefs import beliefs
 from agonic.kernels.stations import twelve
 
 RNG = np.random.default_rng(0)
@@ -107,16 +108,18 @@ def test_without_noise_the_truth_comes_back(rate: bool) -> None:
 def test_all_jacobians_of_the_joint_problem_are_derivatives(taught: str, derivative) -> None:
     problem, _, start, _ = campaign(noise=1e-3, rate=True)
     m = len(problem.points)
-    slow = np.polynomial.legendre.legvander(np.linspace(-1, 1, m), 1)
-    problem = problem._replace(pace=np.linspace(-0.5, 0.5, m), slow=slow, changing=True)
+    time = np.linspace(-0.5, 0.5, m)
+    problem = problem._replace(pace=time, course=wander.course(time, problem.station))
     poses = None
     if taught == "turns":
         seen = positions.directions(problem, start)
         found = fixture.mounted(seen, problem.rot_nb)
         poses = positions.Poses(seen, found.mount, found.field)
     width = problem.clock.shape[1] * (1 if poses is None else 3)
-    state = positions.State(start, np.zeros(width), poses, 1e-6, 0.02, 0.01)
-    pieces, prior = positions.posed(problem, state)
+    slow = wander.Wander(0.01, ("bell", 1.0), 20.0)
+    followed = np.zeros((m, 1 if poses is None else 3))
+    state = positions.State(start, np.zeros(width), poses, 1e-6, 0.02, slow, followed)
+    pieces, prior = positions.pieces(problem, state), beliefs(problem, state)
     at = positions.parameters(state, len(start))
     at = at + 1e-3 * RNG.normal(size=len(at))
     _, jacobian = next(iter(pieces(at)))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -57,25 +55,6 @@ def refused() -> Calibrated:
                          turns="nose down, then roll right 90°"),
     )  # fmt: skip
     return replace(result, fit=fit, verdict=fit.verdict, status=fit.status)
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Iterator[Any]:
-    """A browser; without one the tests are skipped, but never in continuous integration."""
-    executable = next(
-        filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None
-    )
-    if executable is None:
-        (pytest.fail if os.environ.get("CI") else pytest.skip)("no Chromium was found on the path")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=executable,
-            args=["--no-sandbox", "--disable-gpu", "--disable-background-networking"],
-        )
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -144,7 +144,7 @@ def luminance(colour: str) -> float:
 
 @pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
 def test_words_can_be_read_on_their_ground(theme):
-    css = (Path(agonic.report.__file__).parent / "static" / "report.css").read_text()
+    css = (Path(agonic.report.__file__).parent / "static" / "base.css").read_text()
     block = re.findall(r":root \{(.*?)\}", css, flags=re.DOTALL)[theme]
     colours = dict(re.findall(r"--(\w+): (#\w{6});", block))
     for name in ("ink", "soft", "accent", "good", "check", "refused"):

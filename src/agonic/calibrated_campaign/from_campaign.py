@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from multiprocessing import get_context
 from typing import Any, Literal, NamedTuple
 
 from scipy.spatial.transform import Rotation
@@ -13,9 +17,10 @@ from agonic.calibrated_campaign.result import CalibratedCampaign, CalibratedSens
 from agonic.campaign import Campaign, check_campaign
 from agonic.errors import AgonicError, check_choice
 from agonic.fitting.thermal import fit_binned
-from agonic.fitting.thermal.gathered import facts_of, gathered
+from agonic.fitting.thermal.gathered import Facts, facts_of, gathered
 from agonic.fitting.thermal.settings import Settings
 from agonic.health import Finding
+from agonic.kernels.binned import Binned
 from agonic.reference import Reference
 
 Turns = Literal["auto", "known", "unknown"]
@@ -27,11 +32,18 @@ CONTRADICTED = ("swapped stations", "turns")
 class _Task(NamedTuple):
     """What is to be done with every sensor."""
 
-    campaign: Campaign
     reference: Reference | None
     stations: Rotations
     settings: Mapping[str, Any]
     held_out: bool
+
+
+class _Summed(NamedTuple):
+    """What the fit of a sensor needs of its readings, or why there is none."""
+
+    name: str
+    cells: tuple[Binned, Facts, tuple[Finding, ...]] | None = None
+    refused: str = ""
 
 
 def calibrate_campaign(
@@ -41,6 +53,7 @@ def calibrate_campaign(
     magnitude: float | None = None,
     only: Iterable[str] = (),
     held_out: bool = True,
+    workers: int = 1,
     progress: Any = None,
     **settings: Any,
 ) -> CalibratedCampaign:
@@ -54,6 +67,8 @@ def calibrate_campaign(
     magnitude : of the chamber's field, nT; default: that of the description.
     only : names of sensors; default: all. settings : further ones of `fit_thermal`.
     held_out : also fit every sensor without some of the stations, and try the result on those.
+    workers : processes that fit sensors at the same time; a script that asks for more than one
+        does so under `if __name__ == "__main__"`.
     progress : takes the names of the sensors and gives them back one by one.
 
     Returns a `CalibratedCampaign`; a sensor that cannot be fitted says why. Raises `AgonicError`
@@ -75,8 +90,11 @@ def calibrate_campaign(
     given = magnitude or campaign.description.magnitude
     reference = None if given is None else Reference.constant(given, source="the chamber")
     names = _names(campaign, only)
-    task = _Task(usable, reference, stations, settings, held_out)
-    made = [_fitted(task, name) for name in _told(names, progress)]
+    task = _Task(reference, stations, settings, held_out)
+    with _pool(min(workers, len(names))) as pool:
+        each = map if pool is None else pool.map
+        fits = each(partial(_fitted, task), (_summed(task, usable, name) for name in names))
+        made = [one for _, one in zip(_told(names, progress), fits, strict=True)]
     seen = {sensor.name: one for sensor, one in made if one is not None}
     return CalibratedCampaign(
         campaign=usable,
@@ -121,21 +139,38 @@ def _turns(
     return rotations, "the turns of the stations are described"
 
 
-def _fitted(task: _Task, name: str) -> tuple[CalibratedSensor, Seen | None]:
-    """The fit of a sensor with its cells, or why there is none."""
-    if name not in task.campaign.sensors:
-        why = "None of its recordings can be used (see what was found)."
-        return CalibratedSensor(name=name, refused=why), None
-    samples = task.campaign.samples(name)
-    facts, settings = facts_of(samples), {**task.settings, "stations": task.stations}
+def _pool(workers: int) -> AbstractContextManager[ProcessPoolExecutor | None]:
+    """Processes that fit, or None where this one does."""
+    if workers < 2:
+        return nullcontext()
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+
+
+def _summed(task: _Task, campaign: Campaign, name: str) -> _Summed:
+    """The readings of a sensor in cells of temperature: little to hand to another process."""
+    if name not in campaign.sensors:
+        return _Summed(name, refused="None of its recordings can be used (see what was found).")
+    samples = campaign.samples(name)
     try:
-        sums, found = gathered(samples, Settings(**settings).bin_width_C)
+        sums, found = gathered(samples, Settings(**task.settings).bin_width_C)
+    except AgonicError as error:
+        return _Summed(name, refused=f"{error}.")
+    return _Summed(name, (sums, facts_of(samples), found))
+
+
+def _fitted(task: _Task, summed: _Summed) -> tuple[CalibratedSensor, Seen | None]:
+    """The fit of a sensor with its cells, or why there is none."""
+    if summed.cells is None:
+        return CalibratedSensor(name=summed.name, refused=summed.refused), None
+    sums, facts, found = summed.cells
+    settings = {**task.settings, "stations": task.stations}
+    try:
         fit = fit_binned(sums, facts, task.reference, found=found, **settings)
     except AgonicError as error:
-        return CalibratedSensor(name=name, refused=f"{error}."), None
+        return CalibratedSensor(name=summed.name, refused=f"{error}."), None
     if fit.verdict == "refused":
-        return CalibratedSensor(name=name, fit=fit), None
+        return CalibratedSensor(name=summed.name, fit=fit), None
     unseen = None
     if task.held_out:
         unseen = tested(sums, facts, task.reference, fit, task.stations, task.settings)
-    return CalibratedSensor(name=name, fit=fit, held_out=unseen), Seen(fit, sums.cells())
+    return CalibratedSensor(name=summed.name, fit=fit, held_out=unseen), Seen(fit, sums.cells())

@@ -8,8 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.calibration.base import Validity, read_only
-from agonic.errors import AgonicError
+from agonic.calibration.base import Validity, known, read_only
 from agonic.kernels import affine as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
@@ -96,12 +95,11 @@ class Affine:
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
-        if self.covariance is None:
-            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+        covariance = known(self.covariance)
         rows = np.asarray(raw, dtype=np.float64)
         jacobian = kernel.correction_jacobian(rows, self.bias, self.matrix)
         reduced = jacobian @ kernel.model_basis("full", self.gauge)
-        return np.asarray(reduced @ self.covariance @ np.swapaxes(reduced, 1, 2))
+        return np.asarray(reduced @ covariance @ np.swapaxes(reduced, 1, 2))
 
     @property
     def sd(self) -> Array | None:

@@ -23,6 +23,19 @@ class Validity:
     largest_reading: float | None = None
     temperature_C: tuple[float, float] | None = None
 
+    @classmethod
+    def of(cls, samples: Samples) -> Validity:
+        """What samples have seen.
+
+        >>> Validity.of(Samples(field=[[3.0, 0.0, -4.0]])).largest_reading
+        4.0
+        """
+        warm = samples.temperature
+        return cls(
+            largest_reading=float(np.abs(samples.field).max()),
+            temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
+        )
+
 
 class Calibration(Protocol):
     """A correction that can be saved: readings in, field out."""
@@ -59,6 +72,13 @@ def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
         raise AgonicError(f"{name} must be finite numbers of shape {shape}, not {array.shape}")
     array.flags.writeable = False
     return array
+
+
+def known(covariance: Array | None) -> Array:
+    """The covariance of a calibration, or an error where it carries none."""
+    if covariance is None:
+        raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+    return covariance
 
 
 def beside(calibration: Calibration, samples: Samples) -> dict[str, Array]:

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.interference import WIDTH, Interference
+from agonic.calibration.inputs import SOURCES
+from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
@@ -186,5 +187,5 @@ def _blocks(step: Affine) -> dict[str, Array]:
     """The coefficients (3, 1) or (3, 3) of each source of a step."""
     if not isinstance(step, Interference):
         return {}
-    ends = np.cumsum([WIDTH[name] for name in step.sources])[:-1]
+    ends = np.cumsum([SOURCES[name] for name in step.sources])[:-1]
     return dict(zip(step.sources, np.split(step.coefficients, ends, axis=1), strict=True))

@@ -1,4 +1,4 @@
-"""What goes into a network: the readings, and what was recorded beside them."""
+"""What goes into a calibration: the readings, and what was recorded beside them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.calibration import interference
 from agonic.errors import AgonicError
 
 Array = NDArray[np.float64]
 
-WIDTH = {"field": 3, "temperature": 1, "temperature_rate": 1, **interference.WIDTH}
-"""What can be an input, and how many numbers it has a row; `field` is the reading itself."""
+SOURCES = {"current_A": 1, "throttle": 1, "second": 3}
+"""The columns of samples that can tell of a disturbance, and how many numbers each has a row."""
+
+WIDTH = {"field": 3, "temperature": 1, "temperature_rate": 1, **SOURCES}
+"""What can be an input of a network, and how many numbers it has a row; `field` is the reading."""
 
 
 def stacked(inputs: tuple[str, ...], raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
@@ -43,5 +45,5 @@ def signals(inputs: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(
         signal
         for name in inputs
-        for signal in ([f"{name}_{axis}" for axis in "xyz"] if WIDTH[name] == 3 else [name])
+        for signal in ([f"{name}_{axis}" for axis in "xyz"] if WIDTH.get(name) == 3 else [name])
     )

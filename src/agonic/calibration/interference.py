@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import read_only
+from agonic.calibration.base import known, read_only
+from agonic.calibration.inputs import SOURCES
+from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
 from agonic.kernels import affine as kernel
 
 Array = NDArray[np.float64]
-
-WIDTH = {"current_A": 1, "throttle": 1, "second": 3}
-"""The columns of samples that can tell of a disturbance, and how many numbers each has a row."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,13 +55,13 @@ class Interference(Affine):
     second_sensor: str | None = None
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.sources if name not in WIDTH]
+        unknown = [name for name in self.sources if name not in SOURCES]
         if unknown or not self.sources:
             given = ", ".join(unknown) or "none"
-            raise AgonicError(f"sources must be some of {', '.join(WIDTH)}; given: {given}")
+            raise AgonicError(f"sources must be some of {', '.join(SOURCES)}; given: {given}")
         if len(set(self.sources)) < len(self.sources):
             raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
-        shape = (3, sum(WIDTH[name] for name in self.sources))
+        shape = (3, sum(SOURCES[name] for name in self.sources))
         object.__setattr__(self, "sources", tuple(self.sources))
         object.__setattr__(
             self, "coefficients", read_only("coefficients", self.coefficients, shape)
@@ -91,15 +90,14 @@ class Interference(Affine):
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
-        if self.covariance is None:
-            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+        covariance = known(self.covariance)
         x = np.atleast_2d(stacked(self.sources, columns))
         rows = np.atleast_2d(self.cleaned(raw, **columns))
         local = kernel.correction_jacobian(rows, self.bias, self.matrix)
         reduced = local @ kernel.model_basis("full", self.gauge)
         added = -(self.matrix[:, :, None] * x[:, None, None, :]).reshape(len(x), 3, -1)
         jacobian = np.concatenate([reduced, added], axis=2)
-        return np.asarray(jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2))
+        return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
     def at(self, x: ArrayLike) -> Affine:
         """The affine calibration that this is while the sources stay at x, (k,)."""
@@ -123,26 +121,13 @@ class Interference(Affine):
         return f"{plain[:-1]} - coefficients @ ({', '.join(signals(self.sources))}))"
 
 
-def signals(sources: tuple[str, ...]) -> tuple[str, ...]:
-    """The names of the numbers in x.
-
-    >>> signals(("current_A", "second"))
-    ('current_A', 'second_x', 'second_y', 'second_z')
-    """
-    return tuple(
-        signal
-        for name in sources
-        for signal in ([f"{name}_{axis}" for axis in "xyz"] if WIDTH.get(name) == 3 else [name])
-    )
-
-
 def stacked(sources: tuple[str, ...], columns: Mapping[str, ArrayLike]) -> Array:
     """The numbers x (…, k) of the sources, from the columns of samples."""
     missing = [name for name in sources if name not in columns]
     if missing:
         raise AgonicError(f"this calibration needs {', '.join(missing)} beside the readings")
     values = [np.asarray(columns[name], dtype=np.float64) for name in sources]
-    parts = [v if WIDTH[name] == 3 else v[..., None]
+    parts = [v if SOURCES[name] == 3 else v[..., None]
              for name, v in zip(sources, values, strict=True)]  # fmt: skip
     return np.concatenate(parts, axis=-1)
 

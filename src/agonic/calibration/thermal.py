@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
-from agonic.calibration.base import Validity, read_only
+from agonic.calibration.base import Validity, known, read_only
 from agonic.errors import AgonicError, AgonicWarning, ValidityError
 from agonic.kernels import polynomial
 from agonic.kernels import thermal as kernel
@@ -141,7 +141,7 @@ class Thermal:
         by = kernel.field_jacobian(values, bias, self.matrix_at(temperature))
         rows = kernel.by_coefficients(by.reshape(-1, 12), self._layout, np.repeat(phi, 3, axis=0))
         rows = rows.reshape(len(values), 3, -1)
-        return np.asarray(rows @ self._known_covariance() @ np.swapaxes(rows, 1, 2))
+        return np.asarray(rows @ known(self.covariance) @ np.swapaxes(rows, 1, 2))
 
     def at(self, temperature_C: float) -> Affine:
         """The affine calibration that this is while the temperature stays at a value, °C."""
@@ -170,7 +170,7 @@ class Thermal:
         powers = self._powers(temperature_C)
         p = self.degree + 1
         count = len(PARAMETERS) if self.gauge != "free" else len(FREE_PARAMETERS)
-        whole = self._known_covariance()[: count * p, : count * p].reshape(count, p, count, p)
+        whole = known(self.covariance)[: count * p, : count * p].reshape(count, p, count, p)
         return np.asarray(np.einsum("...k,akbl,...l->...ab", powers, whole, powers))
 
     def sd_at(self, temperature_C: ArrayLike) -> Array:
@@ -229,11 +229,6 @@ class Thermal:
     @property
     def _layout(self) -> Array:
         return kernel.layout(self.degree, self.gauge, self.rate is not None)
-
-    def _known_covariance(self) -> Array:
-        if self.covariance is None:
-            raise AgonicError("the calibration carries no covariance; fit it again with agonic")
-        return self.covariance
 
     def _beyond(self, temperature: Array, beyond: Mask) -> str:
         assert self.validity.temperature_C is not None

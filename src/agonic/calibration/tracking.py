@@ -104,7 +104,7 @@ class Opening:
 
     While little is known the residuals are not linear in what is unknown, so these `rows` (k, 6)
     are taken together again and again, from the belief `prior` to them; `before` is what was
-    believed before a jump, `strays` how many readings were refused since they were last taken
+    believed before a jump, `strays` how many readings did not fit since they were last taken
     together, `None` before the first time.
     """
 

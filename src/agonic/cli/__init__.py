@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from importlib import import_module
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
     from typer import Typer
 
 COMMANDS = (
-    "calibrate", "info", "fit", "apply", "verify", "heading", "export", "report", "field", "plan",
-    "simulate", "track", "cite", "demo",
+    "calibrate", "live", "info", "fit", "apply", "verify", "heading", "export", "report", "field",
+    "plan", "simulate", "track", "retrain", "cite", "demo",
 )  # fmt: skip
 """In the order in which `agonic --help` lists them; each is a file here."""
 
@@ -24,6 +25,8 @@ GOOD, FAILED, UNUSABLE = 0, 1, 2
 
 def main(arguments: list[str] | None = None) -> None:
     """Run `agonic` and leave with its exit status; an error is one line on stderr."""
+    # before NumPy is imported: small matrices lose far more to threads than they gain
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 

@@ -26,13 +26,13 @@ def demo(
     from agonic import simulation
     from agonic.calibrated import calibrate
     from agonic.calibration.affine import PARAMETERS
-    from agonic.cli.calibrate import write
     from agonic.cli.output import print_json, say
     from agonic.io.atomic import make_folder
     from agonic.io.read import open_log
     from agonic.io.write_csv import write_csv
     from agonic.kernels.gauge import entries
     from agonic.reference import Reference
+    from agonic.report.folder import write_folder
     from agonic.report.record import record
     from agonic.report.text import summary
 
@@ -42,7 +42,7 @@ def demo(
     make_folder(out)
     log = open_log(write_csv(made.samples, out / "demo.csv"))
     result = calibrate(log.sensors[0], Reference.constant(50_000, source="the simulation"))
-    written = write([result], log, out)
+    written = write_folder([result], out, title=log.path.name)
     fit, truth = result.fit, [*made.truth.bias, *entries(made.truth.matrix)]
     found = [*fit.calibration.bias, *entries(fit.calibration.matrix)]
     if as_json:

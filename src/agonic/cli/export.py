@@ -80,7 +80,8 @@ def export(
     A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading. A
     calibration that changes with temperature keeps doing so in c, px4, matlab and table.
     """
-    from agonic.io.calfile import load, read_bytes, require_calibration
+    from agonic.io.calfile import load, require_calibration
+    from agonic.io.contents import read_bytes
     from agonic.io.firmware import write_firmware
     from agonic.io.setupfile import load_setup
     from agonic.io.targets import SUFFIXES

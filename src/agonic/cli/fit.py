@@ -9,10 +9,13 @@ import typer
 
 from agonic.cli import (
     fit_alignment,
+    fit_coil,
     fit_deviation,
+    fit_gravity,
     fit_inflight,
     fit_latency,
     fit_network,
+    fit_north,
     fit_thermal,
 )
 from agonic.cli.options import (
@@ -68,6 +71,9 @@ def add_to(app: typer.Typer) -> None:
     fit_network.add_to(kinds)
     fit_thermal.add_to(kinds)
     fit_alignment.add_to(kinds)
+    fit_north.add_to(kinds)
+    fit_coil.add_to(kinds)
+    fit_gravity.add_to(kinds)
     app.add_typer(kinds, name="fit", rich_help_panel=None)
 
 

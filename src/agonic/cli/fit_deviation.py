@@ -122,7 +122,6 @@ def _of_log(
     from agonic.io.read import open_log
     from agonic.io.setupfile import load_setup
     from agonic.io.swing import Swing
-    from agonic.provenance import Input
 
     compasses = load_setup(setup)
     first, recording = compasses.compasses[0], open_log(log, unit=unit)
@@ -139,7 +138,7 @@ def _of_log(
         roll_deg=found.heel[:, 0],
         pitch_deg=found.heel[:, 1],
         remarks=remarks,
-        source=samples.source or Input.of_array(samples.name, samples.field),
+        source=samples.origin,
     )
 
 

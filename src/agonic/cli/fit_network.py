@@ -66,6 +66,9 @@ def network(
     robust: Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")] = True,
     seed: Annotated[int, typer.Option(help="Of the random starts.")] = 0,
     between: Between = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Page to write about the fit.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """A network where no affine calibration is enough; it is written only where it is better."""
@@ -76,6 +79,7 @@ def network(
     from agonic.io.atomic import write_atomically
     from agonic.io.calfile import save
     from agonic.report.network_chart import table_chart, training_chart
+    from agonic.report.network_page import network_page
 
     samples = _sensor(log, sensor, unit, between)
     samples, known = _known(samples, reference, unit, (at, date, field))
@@ -97,6 +101,9 @@ def network(
     if figure:
         drawn = table_chart(choice) if choice else training_chart(fit)
         files.append(str(write_atomically(figure, drawn.encode())))
+    if report:
+        page = network_page(fit, samples, choice=choice, title=log.name)
+        files.append(str(write_atomically(report, page)))
     if as_json:
         values = {**record(fit, choice), "sensor": samples.name, "files": files}
         print_json("agonic/fit-network@1", values)

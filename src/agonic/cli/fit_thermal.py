@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +16,9 @@ from agonic.cli.options import Json
 if TYPE_CHECKING:
     from agonic.calibrated_campaign import CalibratedCampaign, CalibratedSensor
     from agonic.fitting.thermal import ThermalFit
+
+LARGE = 1_000_000
+"""Readings of a campaign above which several processes fit its sensors."""
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -49,6 +53,10 @@ def thermal(
     held_out: Annotated[
         bool, typer.Option(help="Try fits on stations that they have not seen; takes time.")
     ] = True,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes; default: one for each core where it pays."),
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Bias and matrix of every sensor over temperature, from turned stations.
@@ -67,7 +75,7 @@ def thermal(
         read = read_campaign(campaign, progress=bar)
     result = calibrate_campaign(
         read, turns=stations, magnitude=field, only=sensor or (), degree=chosen,  # type: ignore[arg-type]
-        bin_width_C=bin_width, held_out=held_out,
+        bin_width_C=bin_width, held_out=held_out, workers=workers or _workers(read.rows),
         progress=lambda names: progress(names, "Fitting"),
     )  # fmt: skip
     files = {} if out is None else _written(result, out)
@@ -80,6 +88,11 @@ def thermal(
         listed = [*(name for names in files.values() for name in names), *reports]
         say(f"\nWritten   {', '.join(listed)}" if listed else "\nNothing was written.")
     return 0 if result.verdict == "good" else 1
+
+
+def _workers(rows: int) -> int:
+    """Processes that fit: a second one takes a second to begin."""
+    return (os.cpu_count() or 1) if rows > LARGE else 1
 
 
 def _degree(text: str) -> Any:

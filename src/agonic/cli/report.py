@@ -12,6 +12,7 @@ from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.calibration.base import Calibration
+    from agonic.calibration.network import Network
     from agonic.calibration.thermal import Thermal
 
 
@@ -38,7 +39,7 @@ def report(
 ) -> int:
     """Show what a calibration does to a log: spheres, residuals, checks, provenance.
 
-    One over temperature is shown without a log too: its coefficients over the range.
+    One over temperature, or a network, is shown without a log too: its numbers and range.
     """
     from agonic.calibrated import judge
     from agonic.cli.output import print_json, say
@@ -47,10 +48,14 @@ def report(
     from agonic.io.atomic import write_atomically
     from agonic.io.calfile import load, require_calibration
     from agonic.report.html import render
+    from agonic.report.network_page import network_of
     from agonic.report.record import record
     from agonic.report.thermal_page import thermal_of
 
     given = require_calibration(load(cal))
+    network = network_of(given)
+    if network is not None:
+        return _network(given, network, cal, log, out, sensor, unit, at, date, field, as_json)
     thermal = thermal_of(given)
     if thermal is not None:
         return _thermal(given, thermal, cal, log, out, sensor, unit, at, date, field, as_json)
@@ -101,6 +106,44 @@ def _thermal(
             "verdict": "good" if good else "check", "checks": checks,
             "range_C": thermal.validity.temperature_C, "degree": thermal.degree,
             "files": [str(path)],
+        })  # fmt: skip
+    else:
+        say(f"Report    {path}")
+    return 0 if good else 1
+
+
+def _network(
+    calibration: Calibration, network: Network, cal: Path, log: Path | None, out: Path | None,
+    sensor: str | None, unit: str | None, at: str | None, date: str | None, field: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
+    """The page of a network; with a log also what it does to it, and where it is guarded."""
+    from dataclasses import asdict
+
+    from agonic.cli.output import print_json, say
+    from agonic.cli.pair import calibration_and_samples
+    from agonic.cli.place import expected
+    from agonic.io.atomic import write_atomically
+    from agonic.report.network_page import network_file_page
+    from agonic.verification import verify
+
+    samples, verification = None, None
+    if log is not None:
+        _, samples = calibration_and_samples(cal, log, sensor, unit)
+        reference, _ = expected(samples, at, date, field)
+        verification = verify(calibration, samples, reference)
+    title = cal.name if samples is None else f"{cal.name} on {samples.name}"
+    page = network_file_page(
+        calibration, network, title=title, samples=samples, verification=verification
+    )
+    path = write_atomically(out or cal.with_suffix(".html"), page)
+    good = verification is None or verification.passed
+    if as_json:
+        checks = [] if verification is None else [asdict(c) for c in verification.checks]
+        print_json("agonic/report@1", {
+            "sensor": calibration.sensor, "method": "network",
+            "verdict": "good" if good else "check", "checks": checks,
+            "hidden": network.shape.hidden, "target": network.target, "files": [str(path)],
         })  # fmt: skip
     else:
         say(f"Report    {path}")

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli import simulate_alignment, simulate_campaign, simulate_network, simulate_orbit
+from agonic.cli import (
+    simulate_alignment,
+    simulate_campaign,
+    simulate_network,
+    simulate_north,
+    simulate_orbit,
+)
 from agonic.cli.options import Json
 from agonic.cli.simulate_campaign import FAULTS
 from agonic.errors import AgonicError
@@ -30,7 +36,7 @@ def simulate(
         typer.Argument(
             help="tumble, sphere, belt, hand, circle, flight, boat, car, static, vehicle, orbit, "
             "paper, paper-space, nonaffine; "
-            "campaign or alignment."
+            "campaign, alignment, north or coil."
         ),
     ],
     out: Annotated[
@@ -117,6 +123,9 @@ def simulate(
         settings = {name: value for name, value in stated.items() if value is not None}
         return simulate_alignment.alignment(out, as_json=as_json, seed=seed, **settings)
     _refuse(kind, {"--orientations": orientations})
+    if kind in simulate_north.KINDS:
+        own_noise = noise if _stated(context, "noise") else None
+        return simulate_north.session(kind, out, as_json=as_json, seed=seed, noise=own_noise)
     if kind == "campaign":
         own_noise = noise if _stated(context, "noise") else None
         return simulate_campaign.campaign(
@@ -208,7 +217,8 @@ def _check_kind(kind: str) -> None:
     from agonic.simulation import kinds
 
     known = (
-        *kinds(), "vehicle", "orbit", *simulate_network.KINDS, "campaign", "alignment"
+        *kinds(), "vehicle", "orbit", *simulate_network.KINDS, "campaign", "alignment",
+        *simulate_north.KINDS,
     )  # fmt: skip
     if kind not in known:
         raise AgonicError(f"no kind {kind!r} to simulate; choose from {', '.join(known)}")

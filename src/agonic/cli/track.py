@@ -193,8 +193,7 @@ def summary(tracker: Tracker, found: Coefficients | None, rows: int) -> dict[str
     state, calibration = tracker.state, tracker.calibration
     rms = None
     if found is not None:  # without those of which a start could not yet say anything
-        known = found.residual_sd < 2 * found.residual_sd.min()
-        rms = float(np.sqrt(np.mean(found.residual[known] ** 2)))
+        rms = float(np.sqrt(np.mean(found.residual[found.foretold] ** 2)))
     return {
         "sensor": state.base.sensor,
         "unit": state.base.unit_in,

@@ -41,6 +41,7 @@ from agonic.io.calrecords import (
     ProvenanceRecord,
     ThermalRecord,
 )  # fmt: skip
+from agonic.io.contents import read_bytes
 from agonic.provenance import Provenance
 
 SCHEMA = "agonic/calibration"
@@ -133,14 +134,6 @@ def require_calibration(value: object) -> Affine | Thermal | Network | Alignment
         f"a {type(value).__name__} was given and a calibration is needed: "
         "an Affine, a Thermal, a Network, an Alignment or a Chain of them"
     )
-
-
-def read_bytes(path: Path | str) -> bytes:
-    """The bytes of a file, or a `LogError` that says why there are none."""
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise LogError(f"cannot be read ({error.strerror or error})", path=path) from None
 
 
 def _plain(value: Any) -> Any:

@@ -26,6 +26,20 @@ Frame = Annotated[
 ]
 Sensor = Annotated[str, Meta(description="Whose readings the calibration corrects.")]
 NotNegative = Annotated[float, Meta(ge=0)]
+Gauge = Annotated[
+    Literal["symmetric", "triangular", "free"],
+    Meta(description="How the rotation that magnitude alone leaves open was fixed."),
+]
+Magnitude = Annotated[
+    NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
+]
+Noise = Annotated[
+    NotNegative | None,
+    Meta(description="Standard deviation of one reading on one axis, in unit_in."),
+]
+DeviceId = Annotated[
+    int | None, Meta(description="The number by which an autopilot knows the sensor.")
+]
 
 
 class InputRecord(Struct, frozen=True):
@@ -67,10 +81,7 @@ class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="aff
     frame_in: Frame
     frame_out: Frame
     model: Literal["sphere", "diagonal", "full"]
-    gauge: Annotated[
-        Literal["symmetric", "triangular", "free"],
-        Meta(description="How the rotation that magnitude alone leaves open was fixed."),
-    ]
+    gauge: Gauge
     bias: Annotated[Vector, Meta(description="Subtracted from the readings, in unit_in.")]
     matrix: Annotated[Matrix, Meta(description="Row by row, unit_out per unit_in.")]
     covariance: Annotated[
@@ -81,16 +92,9 @@ class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="aff
             "matrix in unit_out per unit_in."
         ),
     ] = None
-    magnitude: Annotated[
-        NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
-    ] = None
-    noise: Annotated[
-        NotNegative | None,
-        Meta(description="Standard deviation of one reading on one axis, in unit_in."),
-    ] = None
-    device_id: Annotated[
-        int | None, Meta(description="The number by which an autopilot knows the sensor.")
-    ] = None
+    magnitude: Magnitude = None
+    noise: Noise = None
+    device_id: DeviceId = None
     latency_s: Annotated[
         float, Meta(description="How late the readings came beside the attitude, seconds.")
     ] = 0.0
@@ -121,10 +125,7 @@ class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="th
     unit_out: Unit
     frame_in: Frame
     frame_out: Frame
-    gauge: Annotated[
-        Literal["symmetric", "triangular", "free"],
-        Meta(description="How the rotation that magnitude alone leaves open was fixed."),
-    ]
+    gauge: Gauge
     centre_C: Annotated[float, Meta(description="Temperature at x = 0, °C.")]
     half_range_C: Annotated[float, Meta(gt=0, description="From x = 0 to x = 1, °C.")]
     bias: Annotated[
@@ -144,16 +145,9 @@ class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="th
             "them; each with all its powers, the rates last."
         ),
     ] = None
-    magnitude: Annotated[
-        NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
-    ] = None
-    noise: Annotated[
-        NotNegative | None,
-        Meta(description="Standard deviation of one reading on one axis, in unit_in."),
-    ] = None
-    device_id: Annotated[
-        int | None, Meta(description="The number by which an autopilot knows the sensor.")
-    ] = None
+    magnitude: Magnitude = None
+    noise: Noise = None
+    device_id: DeviceId = None
     validity: ValidityRecord = ValidityRecord()
     provenance: ProvenanceRecord
 
@@ -219,9 +213,7 @@ class NetworkRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="ne
         NotNegative | None,
         Meta(description="Standard deviation of what is left on an axis, in unit_out."),
     ] = None
-    device_id: Annotated[
-        int | None, Meta(description="The number by which an autopilot knows the sensor.")
-    ] = None
+    device_id: DeviceId = None
     validity: ValidityRecord = ValidityRecord()
     provenance: ProvenanceRecord
 

@@ -36,10 +36,12 @@ inclination_deg = 65
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from string import Formatter
 from typing import Any
 
+import msgspec
 from msgspec import Struct
 
 from agonic.campaign.description import Description, Station, repeated
@@ -94,19 +96,10 @@ class FieldSection(Struct):
     inclination_deg: float | None = None
 
 
-class ProfileSection(Struct):
-    """[profile]"""
-
-    lowest_C: float = -10.0
-    highest_C: float = 50.0
-    hold_min: float = 15.0
-    cooling_C_per_min: float = 0.5
-    heating_C_per_min: float = 1.0
-    step_C: float = 10.0
-    step_hold_min: float = 6.0
-    cooling_limit_C_per_min: float = 1.0
-    room_C: float = 20.0
-
+ProfileSection = msgspec.defstruct(
+    "ProfileSection", [(f.name, float, f.default) for f in fields(Profile)]
+)
+"""[profile], with what a `Profile` is by default."""
 
 SECTIONS = ("sensor", "station", "profile", "field")
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.io.align import resample
-from agonic.io.columns import Column, Identified, Linear
+from agonic.io.columns import Column, Identified
+from agonic.io.quantities import Linear
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 FloatArray = NDArray[np.float64]

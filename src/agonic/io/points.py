@@ -16,6 +16,7 @@ from agonic.field.decimal_year import decimal_year
 from agonic.field.worldfield import ELEMENTS
 from agonic.io.atomic import write_atomically
 from agonic.io.columns import Column, understood
+from agonic.io.contents import read_text
 
 Array = NDArray[np.float64]
 
@@ -63,13 +64,7 @@ def read_points(path: Path | str, date: str | None = None) -> Points:
     ([52.0, -33.5], ('2026-03-01', '2026.5'))
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise LogError(f"cannot be read ({error.strerror})", path=path) from None
-    except UnicodeDecodeError:
-        raise LogError("this is not text; a CSV file of points is needed", path=path) from None
-    lines = csv.reader(StringIO(text))
+    lines = csv.reader(StringIO(read_text(path, "a CSV file of points")))
     table = [(lines.line_num, cells) for cells in lines if "".join(cells).strip()]
     if len(table) < 2:
         raise LogError("there is no row of a place below a header", path=path)

@@ -14,9 +14,11 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebpts1
 from numpy.typing import ArrayLike, NDArray
 
+from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.calibration.interference import WIDTH
-from agonic.calibration.interference import signals as signals_of
+from agonic.calibration.inputs import WIDTH
+from agonic.calibration.inputs import signals as signals_of
+from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.errors import AgonicError
@@ -32,6 +34,8 @@ ROUNDING = 2.0**-26
 NOTHING = 2.0**-40
 """Coefficients so small beside the largest number of their kind are the rounding of the fit."""
 RATE = "temperature_rate"
+FOREVER_C = 1e4
+"""Further than this no thermometer goes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,6 +160,21 @@ def polynomials(calibration: Calibration) -> Polynomials:
     raise AgonicError(
         f"no polynomial of order {HIGHEST} follows this calibration over {low:g} to {high:g} °C; "
         "hold it at a temperature, or fit it again over a shorter range"
+    )
+
+
+def steady(calibration: Affine) -> Polynomials:
+    """The polynomials of order 0 of a calibration that no temperature changes, for all of them."""
+    mixed = calibration if isinstance(calibration, Interference) else None
+    return Polynomials(
+        bias=calibration.bias[np.newaxis],
+        matrix=calibration.matrix[np.newaxis],
+        coefficients=mixed.coefficients[np.newaxis] if mixed else np.zeros((1, 3, 0)),
+        signals=signals_of(mixed.sources) if mixed else (),
+        centre_C=0.0,
+        half_range_C=1.0,
+        low_C=-FOREVER_C,
+        high_C=FOREVER_C,
     )
 
 

@@ -16,7 +16,6 @@ from agonic.io.variables import log_of_variables
 from agonic.provenance import Input
 
 _TIME, _CRAFT = "Timestamp", "Spacecraft"
-_FIRST_LINES = 2
 
 
 def accepts(head: bytes) -> bool:

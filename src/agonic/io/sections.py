@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from agonic.errors import AgonicError, LogError
+from agonic.io.contents import read_bytes
 
 Made = TypeVar("Made")
 
@@ -18,9 +19,7 @@ Made = TypeVar("Made")
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file, or a `LogError` that says why there are none."""
     try:
-        return tomllib.loads(path.read_bytes().decode())
-    except OSError as error:
-        raise LogError(f"cannot be read: {error.strerror or error}", path=path) from error
+        return tomllib.loads(read_bytes(path).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise LogError(f"this is no TOML: {error}", path=path) from None
 

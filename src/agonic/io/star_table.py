@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from agonic.errors import LogError
 from agonic.io.clock import clock_of
 from agonic.io.companions import numbers
+from agonic.io.contents import read_text
 from agonic.kernels.frames import ARCSEC_RAD, angles_323_deg, rot_ci
 from agonic.session import StarReadings
 
@@ -66,12 +67,7 @@ def read_stars(path: Path, turns: Turns = "ci") -> StarReadings:
 
 def _table(path: Path) -> dict[str, list[str]]:
     """The columns by header, as text."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise LogError(f"cannot be read: {error.strerror or error}", path=path) from error
-    except UnicodeDecodeError:
-        raise LogError("this is not text; a CSV table of attitudes is needed", path=path) from None
+    text = read_text(path, "a CSV table of attitudes")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     rows = list(csv.reader(lines))
     if len(rows) < 2:

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.deviation import POINTS
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
+from agonic.io.contents import read_text
 from agonic.provenance import Input, sha256_of
 
 Array = NDArray[np.float64]
@@ -117,11 +118,7 @@ def read_swing(path: Path | str) -> Swing:
     [10.5, 133.8]
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is not a text table"
-        raise LogError(f"cannot be read ({why})", path=path) from None
+    lines = read_text(path).splitlines()
     numbered = [
         (k, line)
         for k, line in enumerate(lines, start=1)

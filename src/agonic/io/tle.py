@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.errors import AgonicWarning, LogError, MissingExtraError
+from agonic.io.contents import read_bytes
 from agonic.kernels.celestial import sidereal_rad, turned
 from agonic.kernels.geodesy import geodetic
 
@@ -96,10 +97,7 @@ def _text(tle: Path | str) -> str:
     """The lines, read from the file where a path was given."""
     if isinstance(tle, str) and "\n" in tle.strip():
         return tle
-    try:
-        return Path(tle).read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise LogError(f"cannot be read: {error.strerror or error}", path=tle) from error
+    return read_bytes(tle).decode(errors="replace")
 
 
 def _pairs(text: str) -> list[tuple[str, str]]:

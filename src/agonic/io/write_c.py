@@ -19,8 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
+from agonic.io.c_network import network_header
+from agonic.io.c_network_parts import at_temperature, has_network
 from agonic.io.c_thermal import thermal_header
-from agonic.io.calfile import read_bytes
+from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, float32_text, left_out, reduced, scaled_to
 from agonic.io.firmware.ctext import comment
 from agonic.io.held import held
@@ -88,7 +90,8 @@ def write_c(
     """Write a C header (C99 and C++) with `{name}_b`, `_A`, `_correct` and `_self_test`.
 
     A calibration that changes with temperature becomes polynomials, and `_correct` takes the
-    temperature; or with `temperature_C` it is held there.
+    temperature; or with `temperature_C` it is held there. A network keeps its base and its domain:
+    `_correct` takes what it needs beside the reading, and returns 0 far from its training.
 
     Raises `AgonicError` where `name` is not a C identifier.
 
@@ -102,6 +105,11 @@ def write_c(
     """
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise AgonicError(f"name is a C identifier such as mag, not {name!r}")
+    if has_network(calibration):
+        if temperature_C is not None:
+            calibration = at_temperature(calibration, temperature_C)
+        text, warnings = network_header(calibration, name)
+        return Export(path=write_atomically(path, text), target="c", warnings=warnings)
     if changes(calibration) and temperature_C is None:
         text, warnings = thermal_header(calibration, name)
         return Export(path=write_atomically(path, text), target="c", warnings=warnings)

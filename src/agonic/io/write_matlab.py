@@ -24,7 +24,7 @@ from scipy.io.matlab import MatReadError
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.calfile import read_bytes
+from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, left_out, reduced, scaled_to
 from agonic.io.held import held
 from agonic.io.polynomials import RATE, changes, polynomials, range_C

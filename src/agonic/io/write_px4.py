@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.calfile import read_bytes
+from agonic.io.contents import read_bytes
 from agonic.io.export import (
     Export,
     banner,

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.calfile import read_bytes
+from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, in_frame, left_out
 from agonic.io.held import held
 from agonic.units import NANOTESLA_PER

@@ -15,7 +15,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.calfile import read_bytes
+from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, left_out, reduced
 from agonic.io.held import held
 from agonic.io.polynomials import RATE, changes, polynomials

@@ -1,6 +1,6 @@
 """A term that may or may not be there: averaged over both cases instead of decided.
 
-Leaving a term out where a test does not see it makes standard errors too small by several times just
+Leaving a term out where a test does not see it makes standard errors several times too small just
 below the limit of the test; keeping it always costs half of the accuracy where it is not there.
 """
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from agonic.kernels.leastsq import inverse
 
 Array = NDArray[np.float64]
+
 
 class Averaged(NamedTuple):
     """All parameters with their covariance, and the probability of the term."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from agonic.kernels import fixture, leastsq, wander
 from agonic.kernels.averaged import averaged
+from agonic.kernels.beliefs import beliefs, stepped
 from agonic.kernels.noise import noise_of
 from agonic.kernels.positions import (
     Poses,
@@ -22,19 +23,18 @@ from agonic.kernels.positions import (
     State,
     directions,
     parameters,
-    posed,
+    pieces,
     residuals,
     spaces,
-    stepped,
 )
 
 Array = NDArray[np.float64]
 
 _FIRST_EXCESS = 0.01**2
 UNREST = 16.0
-"""Twice the logarithm of the likelihood by which slow changes of the field must show to be told."""
+"""Twice the logarithm of the likelihood by which slow changes must show to be spoken of."""
 RARE, LIKELY = 0.1, 0.5
-"""Probability that a field drifts before the readings are seen: one at rest, and one that changes."""
+"""Probability of a drift before the readings are seen: of a field at rest, of one that changes."""
 _IMPLAUSIBLE = 0.015
 _ROUNDS = 25
 _FREE = 4
@@ -75,15 +75,23 @@ def by_magnitude(problem: Problem, start: Array) -> Estimate:
     return _settled(problem._replace(rot_nb=None), start, None)
 
 
-def by_turns(problem: Problem, start: Array) -> Estimate:
-    """The coefficients that magnitude and known turns teach, from those of the magnitude."""
+def by_turns(problem: Problem, start: Array, slow: wander.Wander | None = None) -> Estimate:
+    """The coefficients that magnitude and known turns teach, from those of the magnitude.
+
+    `slow` are the changes that the magnitude showed, near whose kind those of all axes are looked
+    for.
+    """
     assert problem.rot_nb is not None
     seen = directions(problem, start)
     found = fixture.mounted(seen, problem.rot_nb)
-    return _settled(problem, start, Poses(seen, found.mount, found.field))
+    kinds = wander.KINDS if slow is None else wander.near(slow)
+    return _settled(problem, start, Poses(seen, found.mount, found.field), kinds)
 
 
-def _settled(problem: Problem, start: Array, poses: Poses | None) -> Estimate:
+def _settled(
+    problem: Problem, start: Array, poses: Poses | None,
+    kinds: tuple[wander.Kind, ...] = wander.KINDS,
+) -> Estimate:  # fmt: skip
     """Solve, renew weights, directions, slow changes, excess and beliefs, until nothing changes."""
     axes = 1 if poses is None else 3
     none = np.zeros((len(problem.points), axes))
@@ -91,52 +99,49 @@ def _settled(problem: Problem, start: Array, poses: Poses | None) -> Estimate:
         start, np.zeros(problem.clock.shape[1] * axes), poses, _FIRST_EXCESS, problem.fixture_sd,
         wander.Wander(), none,
     )  # fmt: skip
-    loss, correlation, iterations = leastsq.squares(), 1.0, 0
+    loss, correlation, iterations, taken = leastsq.squares(), 1.0, 0, 0.0
     for turn in range(_ROUNDS):
-        pieces, prior = posed(problem, state)
         solution = leastsq.solve(
-            pieces, parameters(state, len(start)), scale=1.0, loss=loss, prior=prior,
-            correlation=correlation, tolerance=1e-3 if turn > 2 else 1e-1,
+            pieces(problem, state), parameters(state, len(start)), scale=1.0, loss=loss,
+            prior=beliefs(problem, state), correlation=correlation,
+            tolerance=1e-3 if turn > 2 else 1e-1,
         )  # fmt: skip
         iterations += solution.iterations
         before, state = state, _renewed(problem, state, solution)
-        if problem.course is not None and turn < _FREE:  # first the slow changes take what is theirs
-            state = state._replace(excess=0.0)
-        state, taken = _calmed(problem, state, wander.KINDS if turn == 0 else (state.slow.kind,))
+        first = problem.course is not None and turn < _FREE  # slow changes take what is theirs
+        state = state._replace(excess=0.0) if first else state
+        if turn < _FREE or state.slow.sd > 0:  # what was not seen so far is not there
+            known = kinds if turn == 0 else (state.slow.kind,)
+            state, taken = _calmed(problem, state, known)
         left, variance = residuals(problem, state)
-        known = _effective(solution) + round(taken)
-        excess = _excess(left, variance, known)
-        noise = noise_of(_whitened(left, variance + excess).T.ravel(), True, known)
+        freedom = _effective(solution) + round(taken)
+        excess = _excess(left, variance, freedom)
+        noise = noise_of(_whitened(left, variance + excess).T.ravel(), True, freedom)
         same = abs(excess - before.excess) <= 1e-2 * (excess + float(np.median(variance)))
         calm = abs(np.log(noise.correlation / correlation)) < 0.05
         rested = abs(state.fixture_sd / before.fixture_sd - 1) < 0.02
         rested &= abs(state.slow.sd - before.slow.sd) <= 0.05 * before.slow.sd
         loss = noise.loss
-        if problem.course is None or turn >= _FREE:
+        if not first:
             correlation, state = noise.correlation, state._replace(excess=excess)
-        elif excess == 0.0 and noise.correlation == 1.0:
-            correlation = 1.0
         if same and calm and rested and solution.iterations <= 2 and turn > 1:
             break
     return _estimate(problem, state, solution, loss, correlation, iterations)
 
 
-def _calmed(
-    problem: Problem, state: State, kinds: tuple[wander.Kind, ...]
-) -> tuple[State, float]:
+def _calmed(problem: Problem, state: State, kinds: tuple[wander.Kind, ...]) -> tuple[State, float]:
     """The state with the slow changes that its residuals call for, and the freedom they take."""
     if problem.course is None:
         return state, 0.0
-    pieces, prior = posed(problem, state._replace(slow=wander.Wander()))
     params = parameters(state, problem.layout.shape[1])
-    z, jacobian = next(iter(pieces(params)))
-    beliefs, by = prior(params)
+    z, jacobian = next(iter(pieces(problem, state._replace(slow=wander.Wander()))(params)))
+    held_to, by = beliefs(problem, state)(params)
     held = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
-    step = -held @ (z @ jacobian + beliefs @ by)
+    step = -held @ (z @ jacobian + held_to @ by)
     least = z + jacobian @ step  # strays can be told where the rest fits
     limit = _STRAY * max(leastsq.robust_scale(least), 1.0)
     kept, of = np.clip(least, -limit, limit), spaces(problem, state)
-    slow = wander.estimated(of, kept, jacobian, (beliefs + by @ step, by), kinds)
+    slow = wander.estimated(of, kept, jacobian, (held_to + by @ step, by), kinds)
     if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
         return state._replace(slow=wander.Wander(), followed=np.zeros_like(state.followed)), 0.0
     z = z + kept - least
@@ -190,7 +195,7 @@ def _renewed(problem: Problem, state: State, solution: leastsq.Solution) -> Stat
     new = _moved(problem, state, solution.params)
     if state.poses is None or problem.fixture_known:
         return new
-    z, rows = posed(problem, state)[1](solution.params)
+    z, rows = beliefs(problem, state)(solution.params)
     sd = _believed(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
     return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_TURN))
 
@@ -243,7 +248,7 @@ def _estimate(
         weights=np.asarray(loss.weight(q).min(axis=1)),
         excess=state.excess,
         correlation=correlation,
-        condition=leastsq.condition(covariance[:a, :a]),
+        condition=float(leastsq.condition(covariance[:a, :a])),
         iterations=iterations,
         converged=solution.converged,
         drift=solution.params[a : a + drift],

@@ -93,12 +93,6 @@ def jacobian(hidden: Array, output: Array, x: Array) -> Array:
     return rows
 
 
-def input_jacobian(hidden: Array, output: Array, x: Array) -> Array:
-    """∂y/∂x (n, o, i): how far noise of the inputs reaches the outputs."""
-    slope = 1.0 - activity(hidden, x) ** 2
-    return np.asarray(np.einsum("kj,nj,jl->nkl", output[:, :-1], slope, hidden[:, :-1]))
-
-
 def sums(
     hidden: Array, output: Array, x: Array, target: Array, weight: Array | None = None
 ) -> Sums:

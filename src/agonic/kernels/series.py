@@ -18,7 +18,7 @@ BLOCK = 32  # rows; a burst of strays shorter than half of it does not move the 
 ANOMALOUS = 6.0  # standard deviations
 _BLOCKS, _LEAST = 60, 9  # short recordings of a wide range have shorter blocks
 _MAD_TO_SD = 1.482602218505602
-_SPAN_S = 60.0  # over which a rate is taken
+_SPAN_S, _LONGEST_S, _FEWEST = 20.0, 60.0, 6  # over which a rate is taken: seconds, and rows
 _TURN = 0.1  # of the range: what temperature must go back by to have turned
 _TURN_C = 1.5
 
@@ -126,7 +126,7 @@ def _legs(smooth: Array, turn: float) -> list[tuple[int, bool]]:
 
 
 def rates(time: Array, temperature: Array, span_s: float = _SPAN_S) -> Array:
-    """dT/dt (n,), °C/s, taken over about `span_s`.
+    """dT/dt (n,), °C/s, taken over about `span_s`, longer where that holds few rows.
 
     >>> t = np.arange(0.0, 1000.0)
     >>> rates(t, 20 - 0.01 * t).round(6)[[0, 500, -1]].tolist()
@@ -134,7 +134,8 @@ def rates(time: Array, temperature: Array, span_s: float = _SPAN_S) -> Array:
     """
     n = len(time)
     pace = float(np.median(np.diff(time))) if n > 1 else 1.0
-    block = min(max(round(span_s / max(pace, 1e-9)), 1), max(n // 4, 1))
+    rows, most = (round(span / max(pace, 1e-9)) for span in (span_s, max(span_s, _LONGEST_S)))
+    block = min(max(rows, min(_FEWEST, most), 1), max(n // 4, 1))
     knots = np.arange(0, n, block)
     if n < 3 or len(knots) < 3:
         return np.zeros(n)

@@ -108,15 +108,18 @@ def believe(state: Array, covariance: Array, time: float) -> Belief:
     return Belief(np.array(state, dtype=np.float64), columns, diagonal, watch)
 
 
+def spread(belief: Belief, sd: float) -> Belief:
+    """The belief with a standard deviation added to each bias."""
+    _, columns, diagonal, _ = _lists(belief)
+    for i in (1, 2, 3):
+        udfilter.spread(i, sd**2, columns, diagonal, [0.0] * 10)
+    return belief._replace(columns=np.array(columns), diagonal=np.array(diagonal))
+
+
 def widened(belief: Belief, jump_sd: float) -> Belief:
     """The belief after a possible jump: `jump_sd` added to each bias, the test restarted."""
-    state, columns, diagonal, watch = _lists(belief)
-    for i in (1, 2, 3):
-        udfilter.spread(i, jump_sd**2, columns, diagonal, [0.0] * 10)
-    return Belief(
-        np.array(state), np.array(columns), np.array(diagonal),
-        np.array([*[0.0] * udfilter.SCALE, *watch[udfilter.SCALE:]]),
-    )  # fmt: skip
+    watch = np.array([*[0.0] * udfilter.SCALE, *belief.watch[udfilter.SCALE :]])
+    return spread(belief, jump_sd)._replace(watch=watch)
 
 
 def advance(

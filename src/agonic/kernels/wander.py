@@ -1,16 +1,17 @@
 """Slow changes of the field while stations are recorded: correlated noise that tells its own size.
 
-The change is a stationary process of the time, the same on all axes, followed within each station as
+The change is a stationary process of the time, the same on all axes, followed within a station as
 far as polynomials of sixth order go, and from station to station by its correlation. Its spectrum
 falls slowly, as that of Matérn's covariance (1 + a) exp(−a), a = √3 Δ/length, or as a bell,
 exp(−(Δ/length)²/2). The change is no parameter: the residuals are whitened with it, so a size near
-zero costs nothing and nothing has to be decided. Kind, size and length are those of the largest
-restricted likelihood (Patterson & Thompson 1971), in which every parameter takes its degrees of
-freedom; a process so long that it ties stations together is thought less likely at first.
+zero costs nothing. Kind, size and length are those of the largest restricted likelihood (Patterson
+& Thompson 1971), in which every parameter takes its degrees of freedom; a process so long that it
+ties stations together is thought less likely at first.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ KINDS: tuple[Kind, ...] = tuple(
 """The shape of the spectrum, and the length in halves of a station's recording."""
 LONG, UNLIKELY = 2.0, 6.0
 """Processes longer than this count as less likely: twice the logarithm of how much less."""
+CHANCE = 2.0
+"""What chance makes of twice the logarithm of the likelihood: changes that gain less are none."""
 LARGEST = 0.02
 """The largest size that is looked for, in fields; no chamber changes by more of itself."""
 _GRID = np.log(np.geomspace(2e-6, LARGEST, 11))
@@ -83,7 +86,19 @@ class Spaces(NamedTuple):
     def parts(self) -> list[slice]:
         """Where each station is in the bases."""
         edges = np.cumsum([0, *(q.shape[1] for q in self.bases)])
-        return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        return [slice(a, b) for a, b in pairwise(edges.tolist())]
+
+
+def near(by: Wander) -> tuple[Kind, ...]:
+    """The kinds near one that was found; every other where none was.
+
+    >>> near(Wander(0.001, ("bell", 0.5), 20.0))
+    (('bell', 0.25), ('bell', 0.35), ('bell', 0.5), ('bell', 0.7), ('bell', 1.0))
+    """
+    if by.sd == 0.0:
+        return KINDS[::2]
+    at = KINDS.index(by.kind)
+    return KINDS[max(at - 2, 0) : at + 3]
 
 
 def course(time: Array, station: Index) -> Course:
@@ -162,14 +177,14 @@ def _seen(of: Spaces, kind: Kind) -> Array:
     blocks = covariance(of.course, kind)
     k, s = blocks.shape[:2]
     axes = of.triangles[0].shape[1] // s
-    total = 0.0
+    total = np.zeros((of.parts[-1].stop,) * 2)
     for a in range(axes):
         own = [r[:, a * s : (a + 1) * s] for r in of.triangles]
         wide = np.zeros((sum(map(len, own)), k * s))
         for n, (at, r) in enumerate(zip(of.parts, own, strict=True)):
             wide[at, n * s : (n + 1) * s] = r
-        total = total + wide @ blocks.reshape(k * s, k * s) @ wide.T
-    return np.asarray(total)
+        total += wide @ blocks.reshape(k * s, k * s) @ wide.T
+    return total
 
 
 def followed(of: Spaces, by: Wander, z: Array, m: int) -> tuple[Array, float]:
@@ -224,7 +239,7 @@ def estimated(
         bounds=(_GRID[max(k - 1, 0)], _GRID[min(k + 1, len(_GRID) - 1)]), options={"xatol": 0.01},
     )  # fmt: skip
     gain = none - float(found.fun) - (UNLIKELY if kind[1] > LONG else 0.0)
-    return Wander(float(np.exp(found.x)) if gain > 0 else 0.0, kind, max(gain, 0.0))
+    return Wander(float(np.exp(found.x)), kind, gain) if gain > CHANCE else Wander(kind=kind)
 
 
 class _Rest(NamedTuple):

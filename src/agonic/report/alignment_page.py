@@ -8,11 +8,12 @@ from agonic.fitting.alignment import AlignmentFit, AlignmentPlan
 from agonic.kernels.frames import rot_cn
 from agonic.report import alignment as words
 from agonic.report import alignment_drawings as drawings
+from agonic.report.blocks import header, key_figures, part, verdict
 from agonic.report.digits import grouped, minused, quantity, significant
 from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
-from agonic.report.tables import definitions, findings, mark, provenance
-from agonic.report.verdict import MEANINGS, WHEN_GOOD, sentence
+from agonic.report.tables import definitions, findings, provenance
+from agonic.report.verdict import WHEN_GOOD, moves
 
 
 def alignment_page(fit: AlignmentFit, *, title: str = "") -> str:
@@ -27,14 +28,18 @@ def alignment_page(fit: AlignmentFit, *, title: str = "") -> str:
     name = title or fit.session.name or fit.session.magnetometer.name
     refused = fit.verdict == "refused"
     parts = [
-        _verdict(fit),
+        verdict(
+            fit.verdict,
+            minused(fit.status),
+            move=next(iter(moves(fit.findings)), WHEN_GOOD),
+        ),
         "" if refused else _key_figures(fit),
-        "" if refused else _part("The alignment", *_alignment(fit)),
-        _part("Residuals of each orientation", *_residuals(fit)),
-        _part("Where the star sensor looked", *_skies(fit)),
-        _part("Error budget", *_budget(fit)),
-        _part("Findings", findings(fit.findings)),
-        _part("Provenance", provenance(fit.calibration, None)),
+        "" if refused else part("The alignment", *_alignment(fit)),
+        part("Residuals of each orientation", *_residuals(fit)),
+        part("Where the star sensor looked", *_skies(fit)),
+        part("Error budget", *_budget(fit)),
+        part("Findings", findings(fit.findings)),
+        part("Provenance", provenance(fit.calibration, None)),
     ]
     body = markup(_header("Alignment with a star sensor", name, _about(fit)),
                   element("main", *parts))  # fmt: skip
@@ -62,7 +67,7 @@ def plan_page(plan: AlignmentPlan, *, title: str = "") -> str:
         _header("Plan of a session", name, words.plan_text(plan).splitlines()[0]),
         element(
             "main",
-            _part(
+            part(
                 "Orientations",
                 element("div", table(head, rows, class_="orientations"),
                         element("figure", drawings.dome(
@@ -70,21 +75,14 @@ def plan_page(plan: AlignmentPlan, *, title: str = "") -> str:
                             element("figcaption", f"North is up, east to the right. {words.ROLL}")),
                         class_="pair plan"),
             ),
-            _part("Standard errors to expect", definitions(words.expected(plan))),
+            part("Standard errors to expect", definitions(words.expected(plan))),
         ),
     )  # fmt: skip
     return document(name, body, style=static("report.css") + static("alignment.css"))
 
 
 def _header(kicker: str, name: str, about: str) -> Markup:
-    return element(
-        "header", element("p", kicker, class_="kicker"), element("h1", name),
-        element("p", about, class_="kicker"),
-    )  # fmt: skip
-
-
-def _part(name: str, *children: str) -> Markup:
-    return element("section", element("h2", name), *children)
+    return header(kicker, name, element("p", about, class_="kicker"))
 
 
 def _scroll(wide: Markup) -> Markup:
@@ -101,42 +99,19 @@ def _about(fit: AlignmentFit) -> str:
     )
 
 
-def _verdict(fit: AlignmentFit) -> Markup:
-    word, meaning = MEANINGS[fit.verdict]
-    moves = [f.move for severity in ("refuse", "check") for f in fit.findings
-             if f.severity == severity and f.move]  # fmt: skip
-    move = next(iter(moves), WHEN_GOOD)
-    return element(
-        "div",
-        element("p", mark(fit.verdict, word), f": {meaning}", class_="word"),
-        element("p", minused(fit.status)),
-        element("p", element("strong", "Do next: "), minused(sentence(move))),
-        class_=f"verdict {fit.verdict}",
-    )
-
-
 def _key_figures(fit: AlignmentFit) -> Markup:
     magnitude = fit.solution.magnitude
     worst = fit.worst_sd_arcsec
     cost = worst / 206_265 * magnitude
     direction = float(np.sqrt((fit.residuals_arcsec**2).mean()))
     ratio = fit.solution.chi2 / max(fit.solution.freedom, 1)
-    figures = (
+    return key_figures([
         ("Alignment, worst axis", f"{significant(worst, 2)}″", f"{significant(cost, 2)} nT"),
         ("Residual", quantity(fit.residual_rms, "nT", 2), f"{significant(direction, 2)}″"),
         ("χ² a degree of freedom", significant(ratio, 3), f"{fit.solution.freedom} degrees"),
         ("Condition", significant(fit.condition, 2),
          f"rank {fit.rank} of {int(fit.solution.free.sum())}"),
-    )  # fmt: skip
-    return element(
-        "dl",
-        *(
-            element("div", element("dt", name), element("dd", value, class_="value"),
-                    element("dd", beside, class_="aside"))
-            for name, value, beside in figures
-        ),
-        class_="key-figures",
-    )  # fmt: skip
+    ])  # fmt: skip
 
 
 def _alignment(fit: AlignmentFit) -> list[Markup]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from agonic.calibration.deviation import POINTS, Deviation, heading_name
 from agonic.fitting.deviation import DeviationFit
 from agonic.report.card import LIMITS, judgement
+from agonic.report.documents import static
 from agonic.report.markup import Markup, element
 from agonic.report.strips import Axis
 
@@ -109,7 +109,7 @@ def picture(result: Deviation | DeviationFit) -> str:
 
 def chart_style() -> str:
     """The style sheet of the chart."""
-    return (files("agonic.report") / "static" / "card_chart.css").read_text(encoding="utf-8")
+    return static("card_chart.css")
 
 
 def _dots(result: Deviation | DeviationFit, most: int) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from agonic.errors import check_choice
 from agonic.fitting.deviation import DeviationFit
 from agonic.health import figure
 from agonic.report import tables
+from agonic.report.blocks import header
 from agonic.report.card import (
     WITHOUT_STATE,
     coefficient_rows,
@@ -56,7 +57,6 @@ def card_page(
     check_choice("paper", paper, get_args(Paper))
     card = result.calibration if isinstance(result, DeviationFit) else result
     refused = isinstance(result, DeviationFit) and result.verdict == "refused"
-    kicker = element("p", "Compass deviation card", class_="kicker")
     use = [
         element("p", judgement(card)),
         chart(result),
@@ -65,7 +65,7 @@ def card_page(
     ]
     parts = [_state(card), _verdict(result), *([] if refused else use)]
     body = markup(
-        element("header", kicker, element("h1", title or card.sensor)),
+        header("Compass deviation card", title or card.sensor),
         element("main", *parts, _evidence(result, details or {})),
     )
     style = Template(static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + chart_style()

@@ -11,22 +11,23 @@ from agonic.report.markup import Markup, markup
 
 
 def document(title: str, body: Markup, *, style: str, script: str = "") -> str:
-    """A page of its own that needs no network.
+    """A page of its own that needs no network; `style` comes after what every page shares.
 
     >>> page = document("a < b", Markup("<p>text</p>"), style="p { color: red }")
     >>> "<title>a &lt; b</title>" in page, "<script" in page, "script-src" in page
     (True, False, False)
     """
+    style = static("base.css") + style
     policy = f"default-src 'none'; img-src data:; style-src '{_digest(style)}'"
     if script:
         policy += f"; script-src '{_digest(script)}'"
-    return Template(static("page.html" if script else "card.html")).substitute(
+    return Template(static("page.html")).substitute(
         policy=policy,
         title=markup(title),
         icon=base64.b64encode(static("icon.svg").encode()).decode(),
         style=style,
         body=body,
-        script=script,
+        script=f"\n<script>{script}</script>" if script else "",
     )
 
 

@@ -41,9 +41,7 @@ def write_folder(
     return {name: Written([*w.files, *setup, page], w.warnings) for name, w in written.items()}
 
 
-def _setup(
-    results: Sequence[Calibrated], written: dict[str, Written], folder: Path
-) -> list[str]:
+def _setup(results: Sequence[Calibrated], written: dict[str, Written], folder: Path) -> list[str]:
     """The setup of the vehicle, for `agonic heading`, where its compasses can be used as such."""
     compasses = {
         result.samples.name: Compass(

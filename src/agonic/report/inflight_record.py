@@ -199,7 +199,7 @@ def lasting_of(time: Array, residuals: Array, used: Mask) -> tuple[float, float]
 
 def _scatter(found: Coefficients) -> float:
     """Standard deviation of the residuals that were used, once the start was over, nT."""
-    known = found.used & (found.residual_sd < 2 * found.residual_sd.min())
+    known = found.used & found.foretold
     return float(np.sqrt(np.mean(found.residual[known] ** 2))) if known.any() else 0.0
 
 

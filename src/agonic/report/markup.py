@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
@@ -51,6 +51,26 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]], **attributes: str 
         element("tbody", *map(row, rows)),
         **attributes,
     )
+
+
+def grouped_table(
+    head: Sequence[str], groups: Iterable[tuple[str, Iterable[Iterable[str]]]], **attributes: str
+) -> Markup:
+    """A table whose rows stand in groups, each under its own heading.
+
+    >>> grouped_table(["a", "b"], [("first", [["1", "2"]])]).count("<tbody")
+    1
+    """
+    bodies = (
+        element(
+            "tbody",
+            element("tr", element("th", heading, scope="rowgroup", colspan=len(head))),
+            *map(row, rows),
+        )
+        for heading, rows in groups
+    )
+    columns = element("tr", *(element("th", text, scope="col") for text in head))
+    return element("table", element("thead", columns), *bodies, **attributes)
 
 
 def row(cells: Iterable[str]) -> Markup:

@@ -92,9 +92,6 @@ def error_rows(plan: ThermalPlan) -> list[list[str]]:
     return rows
 
 
-ERROR_HEAD = ("Sensor", "Noise", "bias", "matrix × field", "bias", "matrix × field")
-
-
 def basis_of_errors(plan: ThermalPlan) -> str:
     """What the standard errors rest on."""
     more = (

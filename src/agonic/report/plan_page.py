@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-from importlib.resources import files
-from string import Template
-
 from agonic.campaign import Station, ThermalPlan
 from agonic.report import plan as words
+from agonic.report.blocks import header
+from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.plan_drawings import pose_drawing, profile_drawing
 
@@ -22,25 +19,12 @@ def plan_page(plan: ThermalPlan, *, title: str = "") -> str:
     (12, False)
     """
     name = title or plan.description.name or "Calibration over temperature"
-    kicker = element("p", "Climatic chamber: plan", class_="kicker")
     body = markup(
-        element("header", kicker, element("h1", name), element("p", words.title(plan))),
+        header("Climatic chamber: plan", name, element("p", words.title(plan))),
         element("main", _before(), _profile(plan), _stations(plan), _expected(plan)),
         element("footer", _after(plan)),
     )
-    style = _static("plan.css")
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    return Template(_static("card.html")).substitute(
-        policy=f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'",
-        title=markup(name),
-        icon=base64.b64encode(_static("icon.svg").encode()).decode(),
-        style=style,
-        body=body,
-    )
-
-
-def _static(name: str) -> str:
-    return (files("agonic.report") / "static" / name).read_text(encoding="utf-8")
+    return document(name, body, style=static("plan.css"))
 
 
 def _before() -> Markup:

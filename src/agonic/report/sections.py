@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.calibrated import Calibrated
-from agonic.report import figures, sphere, tables
+from agonic.report import blocks, figures, sphere, tables
 from agonic.report.digits import counted, degrees, grouped, minused, percent, quantity
 from agonic.report.markup import Markup, data_script, element
 from agonic.report.quantities import mixes, unit_label
 from agonic.report.residuals import FEWEST, Residuals, parted, residuals_of
 from agonic.report.strips import beyond_words, captioned
-from agonic.report.verdict import MEANINGS, next_move, sentence
+from agonic.report.verdict import next_move, sentence
 
 TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys; Home turns back."
 
@@ -24,7 +24,7 @@ def sensor(number: int, result: Calibrated, exports: Sequence[str], most: int) -
     name, residuals = f"sensor-{number}", residuals_of(result)
     parts = [
         element("h2", result.samples.name, id=f"{name}-name"),
-        _verdict(result),
+        blocks.verdict(result.verdict, minused(sentence(result.status)), move=next_move(result)),
         _key_figures(result),
         _part("Numbers", tables.numbers(result), _logged_note(result)),
         _part("Sphere before and after", *_spheres(result, most)),
@@ -43,51 +43,22 @@ def sensor(number: int, result: Calibrated, exports: Sequence[str], most: int) -
 
 
 def _part(title: str, *content: str) -> Markup:
-    return element("section", element("h3", title), *content)
-
-
-def _verdict(result: Calibrated) -> Markup:
-    """The verdict in a word and a sentence, and the next move."""
-    word, meaning = MEANINGS[result.verdict]
-    return element(
-        "div",
-        element("p", tables.mark(result.verdict, word), f": {meaning}", class_="word"),
-        element("p", minused(sentence(result.status))),
-        element("p", element("strong", "Do next: "), minused(sentence(next_move(result)))),
-        class_=f"verdict {result.verdict}",
-    )
+    return blocks.part(title, *content, level="h3")
 
 
 def _key_figures(result: Calibrated) -> Markup:
     """The four numbers to look at first."""
     fit, verification = result.fit, result.verification
     coverage = fit.coverage
-    entries = {
-        "Spread of magnitude": (
-            tables.spread(verification), "held out, before → after"),
-        "Heading standard error": (
-            degrees(coverage.heading_sd_deg),
-            f"level, at {grouped(coverage.inclination_deg)}° inclination"),
-        "Noise": (
-            quantity(fit.noise, unit_label(fit.calibration.unit_in), 2),
-            "one reading on one axis"),
-        "Coverage": (
-            f"{np.count_nonzero(coverage.cells)} of {len(coverage.cells)}",
-            f"directions, from {counted(fit.n, 'reading')}"),
-    }  # fmt: skip
-    return element(
-        "dl",
-        *(
-            element(
-                "div",
-                element("dt", name),
-                element("dd", value, class_="value"),
-                element("dd", note, class_="aside"),
-            )
-            for name, (value, note) in entries.items()
-        ),
-        class_="key-figures",
-    )
+    return blocks.key_figures([
+        ("Spread of magnitude", tables.spread(verification), "held out, before → after"),
+        ("Heading standard error", degrees(coverage.heading_sd_deg),
+         f"level, at {grouped(coverage.inclination_deg)}° inclination"),
+        ("Noise", quantity(fit.noise, unit_label(fit.calibration.unit_in), 2),
+         "one reading on one axis"),
+        ("Coverage", f"{np.count_nonzero(coverage.cells)} of {len(coverage.cells)}",
+         f"directions, from {counted(fit.n, 'reading')}"),
+    ])  # fmt: skip
 
 
 def _logged_note(result: Calibrated) -> Markup:

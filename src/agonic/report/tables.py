@@ -11,7 +11,7 @@ from agonic.choice import undone
 from agonic.citations import CITATIONS
 from agonic.health import Finding
 from agonic.report.digits import counted, minused, percent, quantity, rounded, signed, with_sd
-from agonic.report.markup import Markup, element, markup, row, table
+from agonic.report.markup import Markup, element, grouped_table, markup, table
 from agonic.report.quantities import (
     Group,
     Quantity,
@@ -74,16 +74,8 @@ def numbers(result: Calibrated) -> Markup:
 
 def _numbers(groups: Sequence[Group], compared: bool) -> Markup:
     head = ["Number", "This calibration", *(["In the log", "Change"] if compared else [])]
-    bodies = (
-        element(
-            "tbody",
-            element("tr", element("th", _heading(group), scope="rowgroup", colspan=len(head))),
-            *(row(_number_cells(q, compared)) for q in group.rows),
-        )
-        for group in groups
-    )
-    columns = element("tr", *(element("th", text, scope="col") for text in head))
-    return element("table", element("thead", columns), *bodies, class_="numbers")
+    rows = ((_heading(group), (_number_cells(q, compared) for q in group.rows)) for group in groups)
+    return grouped_table(head, rows, class_="numbers")
 
 
 def _heading(group: Group) -> str:

@@ -9,17 +9,17 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.thermal import Thermal
 from agonic.campaign.description import ranges
-from agonic.health import Finding
 from agonic.report import tables as common
 from agonic.report import thermal_figures as figures
 from agonic.report import thermal_tables as tables
-from agonic.report.digits import counted, minused, quantity
+from agonic.report.blocks import header, part, verdict
+from agonic.report.digits import counted, quantity
 from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup
 from agonic.report.strips import captioned
-from agonic.report.thermal_sensor import coefficients, key_figures, part, sensor, validity
+from agonic.report.thermal_sensor import coefficients, key_figures, sensor, validity
 from agonic.report.thermal_use import used
-from agonic.report.verdict import MEANINGS, WHEN_GOOD, sentence
+from agonic.report.verdict import WHEN_GOOD, moves, sentence
 from agonic.samples import Samples
 from agonic.verification import Verification
 
@@ -57,19 +57,16 @@ def campaign_page(
     name = title or result.campaign.description.name or "Campaign"
     written = files or {}
     body = markup(
-        element(
-            "header", element("p", KICKER, class_="kicker"), element("h1", name),
-            element("p", _about(result), class_="kicker"),
-        ),
+        header(KICKER, name, element("p", _about(result), class_="kicker")),
         element(
             "main",
             _verdict(result),
             tables.summary(result),
-            part("The programme", _programme(result), level="h2"),
-            part("Before and after", *_ratios(result, beside or {}, beside_words), level="h2"),
-            part("The chamber’s field", *_chamber(result.chamber_field), level="h2"),
+            part("The programme", _programme(result)),
+            part("Before and after", *_ratios(result, beside or {}, beside_words)),
+            part("The chamber’s field", *_chamber(result.chamber_field)),
             *(
-                sensor(k, one, result.turns, written.get(one.name, ()))
+                sensor(k, one, written.get(one.name, ()))
                 for k, one in enumerate(result.sensors, start=1)
             ),
         ),
@@ -100,18 +97,15 @@ def thermal_page(
     """
     name = title or calibration.sensor
     parts = [
-        part("Validity", validity(thermal), level="h2"),
-        part("Coefficients over temperature", *coefficients(thermal, None), level="h2"),
-        part("Numbers", tables.numbers(thermal), level="h2"),
+        part("Validity", validity(thermal)),
+        part("Coefficients over temperature", *coefficients(thermal, None)),
+        part("Numbers", tables.numbers(thermal)),
     ]
     if samples is not None and verification is not None:
-        parts.insert(
-            0, part("On the log", *used(calibration, thermal, samples, verification), level="h2")
-        )
-    parts.append(part("Provenance", common.provenance(calibration, samples), level="h2"))
+        parts.insert(0, part("On the log", *used(calibration, thermal, samples, verification)))
+    parts.append(part("Provenance", common.provenance(calibration, samples)))
     body = markup(
-        element("header", element("p", "Calibration over temperature", class_="kicker"),
-                element("h1", name)),
+        header("Calibration over temperature", name),
         element("main", key_figures(thermal, None), *parts),
     )  # fmt: skip
     return document(name, body, style=static("report.css") + static("thermal.css"))
@@ -138,29 +132,19 @@ def _about(result: CalibratedCampaign) -> str:
 
 def _verdict(result: CalibratedCampaign) -> Markup:
     """The verdict on all, and what to do first."""
-    word, meaning = MEANINGS[result.verdict]
     doubted = [sensor.name for sensor in result.sensors if sensor.verdict != "good"]
     said = (
         "All sensors are calibrated." if not doubted else f"To be looked at: {', '.join(doubted)}."
     )
-    return element(
-        "div",
-        element("p", common.mark(result.verdict, word), f": {meaning}", class_="word"),
-        element("p", said, " ", sentence(f"turns {result.turns}: {result.reason}")),
-        element("p", element("strong", "Do next: "), minused(sentence(_next_move(result)))),
-        class_=f"verdict {result.verdict}",
-    )
+    turns = sentence(f"turns {result.turns}: {result.reason}")
+    return verdict(result.verdict, said, " ", turns, move=_next_move(result))
 
 
 def _next_move(result: CalibratedCampaign) -> str:
     """The move of the gravest finding, on the campaign first."""
-    found: list[Finding] = [*result.findings, *(f for s in result.sensors for f in s.findings)]
-    moves = [
-        finding.move for severity in ("refuse", "check") for finding in found
-        if finding.severity == severity and finding.move
-    ]  # fmt: skip
+    found = [*result.findings, *(f for sensor in result.sensors for f in sensor.findings)]
     refused = [sensor.refused for sensor in result.sensors if sensor.refused]
-    return next(iter([*moves, *refused]), WHEN_GOOD)
+    return next(iter([*moves(found), *refused]), WHEN_GOOD)
 
 
 def _programme(result: CalibratedCampaign) -> Markup:

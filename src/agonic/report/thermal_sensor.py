@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from agonic.calibrated_campaign import CalibratedSensor
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.fitting.thermal import Bins, ThermalFit
+from agonic.report import blocks
 from agonic.report import tables as common
 from agonic.report import thermal_figures as figures
 from agonic.report import thermal_tables as tables
@@ -14,7 +15,7 @@ from agonic.report.digits import minused, quantity
 from agonic.report.markup import Markup, element
 from agonic.report.quantities import unit_label
 from agonic.report.strips import captioned
-from agonic.report.verdict import MEANINGS, sentence
+from agonic.report.verdict import moves, sentence
 
 _COEFFICIENTS = {
     "cooling": "one bin, cooling", "heating": "one bin, heating", "curve": "polynomial",
@@ -24,15 +25,17 @@ _COEFFICIENTS = {
 _OFF = "Off the chamber’s magnitude: rms of the means of bins, their noise included."
 
 
-def part(title: str, *content: str, level: str = "h3") -> Markup:
-    """A section under its heading."""
-    return element("section", element(level, title), *content)
-
-
-def sensor(number: int, result: CalibratedSensor, turns: str, files: Sequence[str]) -> Markup:
+def sensor(number: int, result: CalibratedSensor, files: Sequence[str]) -> Markup:
     """Everything about one sensor, the verdict first."""
     name = f"sensor-{number}"
-    parts = [element("h2", result.name, id=f"{name}-name"), _verdict(result)]
+    parts = [
+        element("h2", result.name, id=f"{name}-name"),
+        blocks.verdict(
+            result.verdict,
+            minused(sentence(result.status)),
+            move=next(iter(moves(result.findings)), ""),
+        ),
+    ]
     if result.fit is not None:
         parts += _evidence(result, result.fit, files)
     return element("article", *parts, id=name, aria_labelledby=f"{name}-name")
@@ -44,29 +47,21 @@ def _evidence(result: CalibratedSensor, fit: ThermalFit, files: Sequence[str]) -
     said = element("ul", *(element("li", element("code", name)) for name in files))
     return [
         key_figures(calibration, fit),
-        part("Coefficients over temperature", *coefficients(calibration, fit.bins)),
-        part("Numbers", tables.numbers(calibration)),
-        part("Before and after at every station", *_stations(result, fit)),
-        part("Order of the polynomials", *_orders(fit)),
-        part("Cooling and heating", *_hysteresis(fit)),
-        part("Anomalies", tables.anomalies(fit.anomalies)),
-        part("Findings", common.findings(result.findings)),
-        part("Files", said) if files else Markup(""),
-        part("Validity", validity(calibration)),
-        part("Provenance", common.provenance(calibration, None)),
+        _part("Coefficients over temperature", *coefficients(calibration, fit.bins)),
+        _part("Numbers", tables.numbers(calibration)),
+        _part("Before and after at every station", *_stations(result, fit)),
+        _part("Order of the polynomials", *_orders(fit)),
+        _part("Cooling and heating", *_hysteresis(fit)),
+        _part("Anomalies", tables.anomalies(fit.anomalies)),
+        _part("Findings", common.findings(result.findings)),
+        _part("Files", said) if files else Markup(""),
+        _part("Validity", validity(calibration)),
+        _part("Provenance", common.provenance(calibration, None)),
     ]
 
 
-def _verdict(result: CalibratedSensor) -> Markup:
-    word, meaning = MEANINGS[result.verdict]
-    moves = [f.move for f in result.findings if f.severity != "note" and f.move]
-    return element(
-        "div",
-        element("p", common.mark(result.verdict, word), f": {meaning}", class_="word"),
-        element("p", minused(sentence(result.status))),
-        element("p", element("strong", "Do next: "), minused(sentence(moves[0]))) if moves else "",
-        class_=f"verdict {result.verdict}",
-    )
+def _part(title: str, *content: str) -> Markup:
+    return blocks.part(title, *content, level="h3")
 
 
 def key_figures(calibration: Thermal, fit: ThermalFit | None) -> Markup:
@@ -74,29 +69,17 @@ def key_figures(calibration: Thermal, fit: ThermalFit | None) -> Markup:
     unit = unit_label(calibration.unit_in)
     bias, matrix = tables.worst_sd(calibration)
     low, high = figures.seen_range(calibration)
-    entries = {
-        "Range": (minused(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
-        "Bias known to": (quantity(bias, unit, 2), "standard error at the worst temperature"),
-        "Matrix × field known to": (
-            quantity(matrix, unit_label(calibration.unit_out), 2), "the same"),
-    }  # fmt: skip
+    entries = [
+        ("Range", minused(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
+        ("Bias known to", quantity(bias, unit, 2), "standard error at the worst temperature"),
+        ("Matrix × field known to",
+         quantity(matrix, unit_label(calibration.unit_out), 2), "the same"),
+    ]  # fmt: skip
     if fit is not None:
-        entries["Spread of |B|"] = (tables.spread_words(fit), "largest of the stations")
+        entries.append(("Spread of |B|", tables.spread_words(fit), "largest of the stations"))
     elif calibration.noise is not None:
-        entries["Noise"] = (quantity(calibration.noise, unit, 2), "one reading on one axis")
-    return element(
-        "dl",
-        *(
-            element(
-                "div",
-                element("dt", name),
-                element("dd", value, class_="value"),
-                element("dd", note, class_="aside"),
-            )
-            for name, (value, note) in entries.items()
-        ),
-        class_="key-figures",
-    )
+        entries.append(("Noise", quantity(calibration.noise, unit, 2), "one reading on one axis"))
+    return blocks.key_figures(entries)
 
 
 def coefficients(calibration: Thermal, bins: Bins | None) -> list[Markup]:

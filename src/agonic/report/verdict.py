@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from agonic.calibrated import Calibrated
+from agonic.health import Finding
 
 MEANINGS = {
     "good": ("Good", "ready to use"),
@@ -20,14 +23,26 @@ def next_move(result: Calibrated) -> str:
     """What to do first: the move of the gravest finding, or of the first check that failed."""
     if result.verdict == "good":
         return WHEN_GOOD
-    moves = [
+    failed = [check.meaning for check in result.verification.checks if check.passed is False]
+    return next(
+        (m for m in (*moves(result.fit.findings), result.fit.coverage.turns, *failed) if m),
+        result.status,
+    )
+
+
+def moves(findings: Iterable[Finding]) -> list[str]:
+    """What helps against findings, that of the gravest first; notes need nothing done.
+
+    >>> moves([Finding("a", "check", "odd", "look"), Finding("b", "refuse", "bad", "turn it")])
+    ['turn it', 'look']
+    """
+    found = list(findings)
+    return [
         finding.move
         for severity in ("refuse", "check")
-        for finding in result.fit.findings
+        for finding in found
         if finding.severity == severity and finding.move
     ]
-    failed = [check.meaning for check in result.verification.checks if check.passed is False]
-    return next((m for m in (*moves, result.fit.coverage.turns, *failed) if m), result.status)
 
 
 def sentence(text: str) -> str:

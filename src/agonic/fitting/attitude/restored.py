@@ -16,7 +16,7 @@ from agonic.fitting.attitude.normalised import Scale
 from agonic.fitting.attitude.settings import Settings
 from agonic.kernels.affine import FREE, model_basis, split
 from agonic.kernels.taught import Estimate, Problem
-from agonic.provenance import Input, Provenance
+from agonic.provenance import Provenance
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def calibration(
         "model": problem.model,
         "frame_out": "b" if problem.down is not None else samples.frame,
         "provenance": Provenance(
-            inputs=(samples.source or Input.of_array(samples.name, samples.field),),
+            inputs=(samples.origin,),
             settings={"fit": name, **settings.recorded()},
             method=("huber-1981",),
         ),
@@ -80,7 +80,6 @@ def _affine(
     found: Array, gauge: str, covariance: Array, estimate: Estimate, scale: Scale, samples: Samples
 ) -> Affine:
     bias, matrix = split(model_basis("full", gauge) @ found)
-    warm = samples.temperature
     return Affine(
         bias=bias,
         matrix=matrix,
@@ -94,10 +93,7 @@ def _affine(
         device_id=samples.device_id,
         frame_in=samples.frame,
         frame_out=samples.frame,
-        validity=Validity(
-            largest_reading=float(np.abs(samples.field).max()),
-            temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
-        ),
+        validity=Validity.of(samples),
     )
 
 

@@ -12,9 +12,10 @@ from scipy.special import chdtrc
 
 from agonic.calibration.deviation import PARAMETERS, Deviation, east_west, heading_name
 from agonic.errors import AgonicError
+from agonic.fit import Estimated
 from agonic.fitting.deviation.evidence import Evidence, examine
 from agonic.fitting.deviation.readings import Readings, complete
-from agonic.health import Finding, Judged, figure
+from agonic.health import Finding, figure
 from agonic.kernels import deviation as kernel
 from agonic.kernels import swing
 from agonic.kernels.angles import wrapped_deg
@@ -29,7 +30,7 @@ READINGS_PER_TERM = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DeviationFit(Judged):
+class DeviationFit(Estimated):
     """A deviation card and what it rests on.
 
     `compass_deg`, `deviation_deg`, `residuals_deg` and `weights` (n,) are the readings that were
@@ -37,7 +38,8 @@ class DeviationFit(Judged):
     what the robust loss left of each. `classical` holds A to E by the eight-heading formulas where
     all eight were steered; `noise_deg` is the standard deviation of one reading, NaN where there
     are as many terms as readings; `correlation` is how many successive readings count as one, and
-    `condition` that of the scaled information matrix.
+    `condition` that of the scaled information matrix. `covariance` (9, 9) is that of A to E in
+    degrees, then of the heel terms in degrees per degree; `sd` is 0 for terms that were not fitted.
     """
 
     calibration: Deviation
@@ -56,18 +58,6 @@ class DeviationFit(Judged):
     def n(self) -> int:
         """How many readings were used."""
         return len(self.compass_deg)
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance (9, 9) of A to E in degrees, then the heel terms in degrees per degree."""
-        covariance = self.calibration.covariance
-        assert covariance is not None, "a fit always carries a covariance"
-        return covariance
-
-    @property
-    def sd(self) -> Array:
-        """Standard errors (9,) of the same; 0 for terms that were not fitted."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
 def fit_deviation(

@@ -32,7 +32,7 @@ from agonic.fitting.ellipsoid.solve import (
 )
 from agonic.health import FEWEST, usable_rows
 from agonic.kernels import ellipsoid, moments
-from agonic.provenance import Input, Provenance
+from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -139,17 +139,12 @@ def _normalised(
 
 def _labelled(affine: Affine, samples: Samples, chosen: Mapping[str, Any], method: str) -> Affine:
     """The calibration with its sensor, frame, range and provenance."""
-    source = samples.source or Input.of_array(samples.name, samples.field)
-    warm = samples.temperature
     return replace(
         affine,
         sensor=samples.name,
         device_id=samples.device_id,
         frame_in=samples.frame,
         frame_out=samples.frame,
-        validity=Validity(
-            largest_reading=float(np.abs(samples.field).max()),
-            temperature_C=None if warm is None else (float(warm.min()), float(warm.max())),
-        ),
-        provenance=Provenance(inputs=(source,), settings=chosen, method=CITATIONS[method]),
+        validity=Validity.of(samples),
+        provenance=Provenance(inputs=(samples.origin,), settings=chosen, method=CITATIONS[method]),
     )

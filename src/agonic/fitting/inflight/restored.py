@@ -21,7 +21,7 @@ from agonic.fitting.inflight.task import Task
 from agonic.kernels import flight
 from agonic.kernels.affine import FREE, model_basis, split
 from agonic.kernels.polar import turned
-from agonic.provenance import Input, Provenance
+from agonic.provenance import Provenance
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]
@@ -160,7 +160,7 @@ def _change(task: Task, estimate: Estimate, samples: Samples) -> Affine:
         frame_out=frame,
         validity=composed.validity(samples),
         provenance=Provenance(
-            inputs=(samples.source or Input.of_array(samples.name, samples.field),),
+            inputs=(samples.origin,),
             settings=_settings(task, estimate),
             method=METHOD,
         ),

@@ -29,6 +29,7 @@ from agonic.samples import Samples
 Array = NDArray[np.float64]
 
 METHOD = ("nikolaev-2023", "huber-1981")
+OF_TURNS, OF_CHANGES, OF_DRIFT = "mackay-1992", "patterson-thompson-1971", "hoeting-1999"
 _FINEST_DEG = 0.001
 
 
@@ -59,8 +60,9 @@ def fit_thermal(
         rotation from the box to the chamber for each number.
     fixture_sd_deg : how well the stations stand as described, 1° by default; the readings say
         whether it is better or worse, and that is used, unless `fixture_known`.
-    rate, drift : a term in dT/dt of the bias, and a steady change of the chamber's field: True,
-        False, or "auto" where the readings ask for it.
+    rate : a term in dT/dt of the bias: True, False, or "auto" where the readings ask for it.
+    drift : a steady change of the chamber's field: True, False, or "auto": averaged over being
+        there and not, as the readings make it likely.
     soft_iron_sd : prior on what makes W differ from a multiple of the identity; it only matters
         where stations are missing.
 
@@ -68,7 +70,10 @@ def fit_thermal(
     without temperature or station, `CoverageError` where nothing can be determined.
 
     Source: Nikolaev et al. 2023, sections 2 and 3; the joint refinement and the known turns are
-    maximum likelihood with Huber's (1981) covariance.
+    maximum likelihood with Huber's (1981) covariance, the width of the belief in the fixture
+    MacKay's (1992); slow changes of the chamber's field are found by restricted likelihood
+    (Patterson & Thompson 1971), a steady one is averaged over being there or not (Hoeting et al.
+    1999).
 
     Examples
     --------
@@ -115,7 +120,7 @@ def fit_binned(
     provenance = Provenance(
         inputs=() if facts.source is None else (facts.source,),
         settings=_told(chosen, reference, result, of),
-        method=METHOD,
+        method=_method(result),
     )
     calibration = restored(result.estimate, result.problem, of, facts, largest, provenance)
     fit = _assembled(calibration, result, of, sums)
@@ -138,6 +143,17 @@ def _told(
         words = f"{of.scale.magnitude:g} nT ({reference.source})"
     taught = "magnitude" if result.problem.rot_nb is None else "turns"
     return {"fit": "thermal", "taught_by": taught, "reference": words, **settings.recorded()}
+
+
+def _method(result: Solved) -> tuple[str, ...]:
+    """The sources of what was used."""
+    of = result.problem
+    used = {
+        OF_TURNS: of.rot_nb is not None and not of.fixture_known,
+        OF_CHANGES: of.course is not None,
+        OF_DRIFT: of.pace is not None and not of.drifting,
+    }
+    return (*METHOD, *(key for key, there in used.items() if there))
 
 
 def _assembled(calibration: Thermal, result: Solved, of: Posed, sums: Binned) -> ThermalFit:

@@ -47,7 +47,7 @@ def fit_to_vector(samples: Samples, reference: Reference, settings: Settings) ->
     rate = None
     if settings.rate is not False and samples.time is not None:
         rate = series.rates(samples.time, level)
-    posed, estimate, tests = _estimated(
+    posed, estimate, tests, curve = _estimated(
         samples.field, field, level, rate, scale, settings, samples.unit
     )
     calibration = _restored(estimate, posed, scale, samples, reference, settings)
@@ -72,6 +72,7 @@ def fit_to_vector(samples: Samples, reference: Reference, settings: Settings) ->
         condition=estimate.solution.condition,
         iterations=estimate.solution.iterations,
         converged=estimate.solution.converged,
+        variances=None if curve is None else curve[None] * scale.size**2,
         findings=tuple(found),
         tests=tests,
         remarks=(remark, *(test.sentence for test in tests)),
@@ -131,8 +132,9 @@ def _estimated(
     scale: _Scale,
     settings: Settings,
     unit: str,
-) -> tuple[coil.Problem, coil.Estimate, tuple[ModelTest, ...]]:
-    """The estimate of the order that was asked for or is needed, with the rate where it shows."""
+) -> tuple[coil.Problem, coil.Estimate, tuple[ModelTest, ...], Array | None]:
+    """The estimate of the order that was asked for or is needed, with the rate where it shows, and
+    the variance of the residuals by order where it was looked for."""
     points, fields = (raw - scale.centre) / scale.size, field / scale.magnitude
     if rate is not None:
         scale.pace = float(np.sqrt(np.mean(rate**2))) or 1.0
@@ -142,13 +144,16 @@ def _estimated(
         phi = thermal.covariates(scale.x(level), 0.0, degree, lag)
         return coil.Problem(points, fields, phi, degree, with_rate)
 
-    degree = settings.degree
-    if degree == "auto":
-        degree = _order(lambda order: coil.estimate(posed(order, False), robust=settings.robust))
+    curve: Array | None = None
+    if settings.degree == "auto":
+        curve = _curve(lambda order: coil.estimate(posed(order, False), robust=settings.robust))
+        degree = _order(curve)
+    else:
+        degree = settings.degree
     plain = posed(degree, False)
     estimate = coil.estimate(plain, robust=settings.robust)
     if rate is None or not np.any(rate):
-        return plain, estimate, ()
+        return plain, estimate, (), curve
     fuller = posed(degree, True)
     lagging = coil.estimate(fuller, robust=settings.robust)
     term, spread = lagging.solution.params[-3:], lagging.solution.covariance[-3:, -3:]
@@ -163,13 +168,17 @@ def _estimated(
     test = ModelTest(
         smaller="temperature", larger="rate", statistic=statistic, p_value=p_value, sentence=words
     )
-    return (fuller, lagging, (test,)) if there else (plain, estimate, (test,))
+    found = (fuller, lagging) if there else (plain, estimate)
+    return *found, (test,), curve
 
 
-def _order(estimated: Callable[[int], coil.Estimate]) -> int:
-    """The smallest order after which the variance of the residuals stops falling markedly."""
-    made = [estimated(order) for order in range(LARGEST_AUTO + 1)]
-    variances = np.array([e.noise.sd**2 for e in made])
+def _curve(estimated: Callable[[int], coil.Estimate]) -> Array:
+    """The variance of the residuals by order."""
+    return np.array([estimated(order).noise.sd ** 2 for order in range(LARGEST_AUTO + 1)])
+
+
+def _order(variances: Array) -> int:
+    """The smallest order after which the variance stops falling markedly."""
     for order in range(LARGEST_AUTO):
         if (variances[order + 1 :] > (1 - _MARKED) * variances[order]).all():
             return order

@@ -104,10 +104,12 @@ class ThermalFit(Judged):
     robust loss left of each. With a vector reference they are those of the readings. `noise` is
     the standard deviation of one reading on one axis, `excess` that by which means of bins scatter
     beyond it (misfit, and changes of the chamber's field). `variances` (9, d) are the variances of
-    the scaled residuals of the coefficients by order 0…d−1. `drift` (1,) or (3,) is how much the
-    field changed from the first to the last reading, along itself or in the chamber's axes, with
-    `drift_sd`; `field_sd` the standard deviation of its slow changes (of its magnitude, or of each
-    component), 0 where none were seen.
+    the scaled residuals of the coefficients by order 0…d−1; with a vector reference and
+    `degree="auto"` (1, d), those of the readings, nT² (raw units²). `drift` (1,) or (3,) is how
+    much the field changed from the first to the last reading, along itself or in the chamber's
+    axes, with `drift_sd`; `None` where that is not sure. `field_sd` is the standard deviation of
+    its slow changes (of its magnitude, or of each component), 0 where that they are there is not
+    sure. The calibration and its covariance allow for what is not sure too.
     """
 
     calibration: Thermal

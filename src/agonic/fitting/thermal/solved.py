@@ -129,10 +129,12 @@ def _with_turns(
     return posed, Turns(True, rms)
 
 
-def _estimated(posed: positions.Problem, start_at: Array) -> chamber.Estimate:
+def _estimated(
+    posed: positions.Problem, before: chamber.Estimate, start_at: Array
+) -> chamber.Estimate:
     if posed.rot_nb is None:
         return chamber.by_magnitude(posed, start_at)
-    return chamber.by_turns(posed, start_at)
+    return chamber.by_turns(posed, start_at, before.slow)
 
 
 def _with_terms(
@@ -143,11 +145,11 @@ def _with_terms(
     A rate that goes unseen hardly moves the others, for all temperatures were cooled and heated
     through; it is decided upon. A drift would move them: it is averaged (`kernels.averaged`).
     """
-    whole = first if posed.rot_nb is None else _estimated(posed, first.coefficients)
+    whole = first if posed.rot_nb is None else _estimated(posed, first, first.coefficients)
     test = _rate_test(of, posed, whole)
     if test is not None and settings.rate is not True and not _kept(test):
         posed = posed._replace(phi=posed.phi[:, :-1], rate=False)
-        whole = _estimated(posed, whole.coefficients[:-3])
+        whole = _estimated(posed, whole, whole.coefficients[:-3])
     tests = (test, _drift_test(of, posed, whole))
     return whole, posed, tuple(each for each in tests if each is not None)
 

@@ -14,7 +14,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, UnitError
 from agonic.fitting.tracking import opening as openings
-from agonic.fitting.tracking.jump import STRIDE, moved_on, reopened
+from agonic.fitting.tracking.jump import before_jump, moved_on, reopened
 from agonic.kernels import tracking
 from agonic.kernels.polar import turned
 
@@ -39,6 +39,11 @@ class Coefficients:
     used: NDArray[np.bool_]
     jumps: tuple[Jump, ...]
     history: Array
+
+    @property
+    def foretold(self) -> NDArray[np.bool_]:
+        """Of which readings something was known beforehand: not those of an opening, (n,)."""
+        return np.asarray(self.residual_sd < 2 * np.min(self.residual_sd, initial=np.inf))
 
     @property
     def bias(self) -> Array:
@@ -222,7 +227,7 @@ def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:
         length = openings.next_due(len(state.opening.rows))
     else:
         assert state.recent is not None
-        length = STRIDE - len(state.recent.rows) % STRIDE
+        length = openings.STRIDE - len(state.recent.rows) % openings.STRIDE
     length = min(length, len(times))
     if params.history_s > 0:
         slot = times[:length] // params.history_s
@@ -234,10 +239,13 @@ def _step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
 ) -> tuple[TrackerState, tracking.Seen]:
     """The state after a few readings, and what was predicted of them."""
-    model, opening, recent = params.model(state.noise), state.opening, state.recent
-    if opening is not None:
-        model = model._replace(jump_level=0.0)
-    belief, seen, jumped = tracking.advance(state.belief, model, rows, compiled=fast)
+    opening, recent = state.opening, state.recent
+    model = params.model(state.noise)
+    if opening is None:
+        belief, seen, jumped = tracking.advance(state.belief, model, rows, compiled=fast)
+    else:
+        belief, seen = openings.passed(state.belief, model, rows, fast)
+        jumped = False
     taken = rows[: len(seen.residual)]
     refused = len(seen.used) - int(np.count_nonzero(seen.used))
     if opening is not None:
@@ -257,6 +265,8 @@ def _step(
         refused=state.refused + refused,
         magnitude=float(taken[-1, 4]),
     )
-    if opening is not None and openings.due(len(opening.rows)):
-        after = openings.solved(after, params)
+    if opening is not None and len(opening.rows) in openings.MOMENTS:
+        since = openings.overtaken(opening)
+        after = before_jump(after, params, since) if since else openings.solved(after, params)
+        jumped = since > 0
     return (reopened(after, params) if jumped else after), seen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agonic.calibration.tracking import Jump, TrackerState
+from agonic.fitting.tracking.opening import bent
 from agonic.health import Finding, figure
 
 REFUSED = 0.1
@@ -22,7 +23,7 @@ def findings(state: TrackerState) -> tuple[Finding, ...]:
     ['not settled']
     """
     found = [_jumped(state.jumps, state.base.unit_in)] if state.jumps else []
-    if not state.settled:
+    if not state.settled or _vague(state):
         found.append(
             Finding(
                 "not settled",
@@ -53,6 +54,11 @@ def findings(state: TrackerState) -> tuple[Finding, ...]:
             )
         )
     return tuple(found)
+
+
+def _vague(state: TrackerState) -> bool:
+    """Whether the bias is so uncertain that its standard error, which is a line's, says little."""
+    return bent(state.belief, state.magnitude or 0.0) > state.noise
 
 
 def _jumped(jumps: tuple[Jump, ...], unit: str) -> Finding:

@@ -8,10 +8,8 @@ import numpy as np
 
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.fitting.tracking import opening as openings
+from agonic.fitting.tracking.opening import STRIDE
 from agonic.kernels import tracking
-
-STRIDE = 128
-"""Readings between the beliefs that are kept to go back to; a jump is dated within twice this."""
 
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 
@@ -23,6 +21,26 @@ def moved_on(recent: Recent, belief: tracking.Belief) -> Recent:
     if len(recent.rows) == 2 * STRIDE:
         return Recent(before=recent.middle, middle=belief, rows=recent.rows[STRIDE:])
     return recent
+
+
+def before_jump(state: TrackerState, params: TrackerParams, since: int) -> TrackerState:
+    """The state as if its opening had settled before the last `since` readings, in which the bias
+    jumped."""
+    opening = state.opening
+    assert opening is not None, "a settled state sees jumps by itself"
+    rows = opening.rows[-since:]
+    shorter = replace(opening, rows=opening.rows[:-since], strays=None)
+    settled = openings.solved(replace(state, opening=shorter), params)
+    model = params.model(settled.noise)._replace(jump_level=0.0)
+    belief, seen, _ = tracking.advance(settled.belief, model, rows)
+    return replace(
+        settled,
+        belief=belief,
+        noise_known=True,
+        opening=None,
+        recent=Recent(before=settled.belief, middle=settled.belief, rows=rows),
+        refused=settled.refused + int((~seen.used).sum()),
+    )
 
 
 def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
@@ -39,10 +57,10 @@ def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
     )  # fmt: skip
     opened = replace(
         _opened(state, params, model, first),
-        refused=state.refused - int((~seen.used[first:]).sum()),
+        refused=max(state.refused - int((~seen.used[first:]).sum()), 0),
         jumps=(*state.jumps, jump),
     )
-    return openings.solved(opened, params) if len(since) >= openings.FIRST else opened
+    return openings.solved(opened, params) if len(since) >= openings.MOMENTS[0] else opened
 
 
 def _began(
@@ -51,7 +69,7 @@ def _began(
     """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
     assert state.recent is not None, "only a settled state has recent readings"
     rows = state.recent.rows
-    guesses = [tracking.onset(seen), max(len(rows) - openings.FIRST, 0)]
+    guesses = [tracking.onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
     tried: dict[int, float] = {}
     while guesses and len(tried) < _DATINGS:
         guess = guesses.pop(0)

@@ -14,44 +14,47 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.calibration.tracking import Jump, Recent, TrackerParams, TrackerState
+from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.kernels import leastsq, tracking
 from agonic.kernels.affine import SYMMETRIC, magnitude_residual, model_basis, split
 from agonic.kernels.consensus import least_median_sphere
 
 Array = NDArray[np.float64]
 
-FIRST = 16
-"""Readings at which an opening is first solved; then at twice as many, and so on."""
-LARGEST = 1024
-"""Readings after which an opening is closed, settled or not."""
+MOMENTS = tuple(sorted({n << k for n in (2, 3) for k in range(3, 12)} | {8192}))
+"""Numbers of readings at which an opening is solved: 16, 24, 32, 48 … 8192; at the last it is
+closed, settled or not, which at 1 Hz is more than an orbit."""
+STRIDE = 128
+"""Readings between the beliefs that are kept to go back to; a jump is dated within twice this."""
 DOUBT = 2.0
 """Difference of log-likelihoods that dates nothing."""
 
-_CURVED = 0.03  # largest part of the noise that the curvature of residuals may come to
+_PATIENT = 1024  # readings in which an opening settles where the directions of the field turn
+_CURVED = 0.03  # part of the noise that the curvature of residuals may come to in a filter
+_BENT = 1.0  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
 _FEWEST = 64  # readings from which a noise that was not given is estimated
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 
 
-def due(readings: int) -> bool:
-    """Whether an opening of so many readings is to be solved: a power of two.
-
-    >>> [n for n in range(100) if due(n)]
-    [16, 32, 64]
-    """
-    return readings >= FIRST and readings & (readings - 1) == 0
-
-
 def next_due(readings: int) -> int:
-    """How many readings until an opening is to be solved again."""
-    target = FIRST
-    while target <= readings:
-        target *= 2
-    return target - readings
+    """How many readings until an opening of so many is to be solved.
+
+    >>> next_due(0), next_due(16), next_due(40)
+    (16, 8, 8)
+    """
+    return next(n for n in MOMENTS if n > readings) - readings
 
 
-def nearly_linear(belief: tracking.Belief, magnitude: float, noise: float) -> bool:
-    """Whether residuals are linear within the belief: δ²/2F below a tenth of the noise.
+def overtaken(opening: Opening) -> int:
+    """How many readings came since an opening was last solved, where most of them do not fit what
+    was found then; else 0. Only a long opening can tell that from a wrong start."""
+    last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
+    since = len(opening.rows) - last
+    return since if last >= _PATIENT and 2 * (opening.strays or 0) > since else 0
+
+
+def bent(belief: tracking.Belief, magnitude: float) -> float:
+    """How far residuals are from linear within the belief, δ²/2F, in the unit of the readings.
 
     δ² = tr P over bias and matrix, the matrix times the field.
     """
@@ -59,7 +62,49 @@ def nearly_linear(belief: tracking.Belief, magnitude: float, noise: float) -> bo
     field = magnitude / gain
     variances = np.diag(belief.covariance)
     spread = variances[1:4].sum() + (field / gain) ** 2 * variances[4:].sum()
-    return bool(spread / (2 * field) < _CURVED * noise)
+    return float(spread / (2 * field))
+
+
+def nearly_linear(belief: tracking.Belief, magnitude: float, noise: float) -> bool:
+    """Whether the filter may run on its own."""
+    return bent(belief, magnitude) < _CURVED * noise
+
+
+def doubted(
+    belief: tracking.Belief, prior: tracking.Belief, magnitude: float, noise: float
+) -> tracking.Belief:
+    """A belief whose residuals may not be linear within it, with standard errors that say so.
+
+    Linear standard errors hold about one solution; while δ²/2F is above the noise σ there are
+    others as good, on a surface that is not flat. So the readings count for less, and each bias
+    may be off by as much as the surface bends:
+
+        P⁻¹ ← P⁻¹/f² + P₀⁻¹ (1 − 1/f²),   f = 1 + δ²/2Fσ;   then P_bb ← P_bb + (δ²/2F)² 1.
+    """
+    known = prior.diagonal > 0
+    block = np.ix_(known, known)
+    share = (1.0 + bent(belief, magnitude) / noise) ** -2
+    covariance = belief.covariance
+    information = share * leastsq.inverse(covariance[block])
+    information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
+    covariance[block] = leastsq.inverse(information)
+    wide = tracking.believe(belief.state, covariance, 0.0)._replace(watch=belief.watch)
+    return tracking.spread(wide, bent(wide, magnitude))
+
+
+def passed(
+    belief: tracking.Belief, model: tracking.Model, rows: Array, compiled: bool
+) -> tuple[tracking.Belief, tracking.Seen]:
+    """The belief after rows that come before the next solution, and what it predicted of them.
+
+    A wide belief learns nothing from them: linearised at one reading after the other it would take
+    its own errors for knowledge, and state standard errors that are too small by far.
+    """
+    model = model._replace(jump_level=0.0)
+    learns = bent(belief, float(rows[0, 4])) < _BENT * model.noise
+    taken = rows if learns else np.column_stack([rows[:, :5], np.zeros(len(rows))])
+    later, seen, _ = tracking.advance(belief, model, taken, compiled=compiled)
+    return later, seen._replace(used=np.abs(seen.residual) <= model.gate * seen.sd)
 
 
 def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
@@ -73,21 +118,25 @@ def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
     limit = params.gate * max(total, leastsq.robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], np.abs(residuals) <= limit])
     model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
-    belief, seen, _ = tracking.advance(prior, model, marked, linearised=about)
+    earlier = max(len(rows) - STRIDE, 0)
+    before, old, _ = tracking.advance(prior, model, marked[:earlier], linearised=about)
+    belief, new, _ = tracking.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, belief=belief, noise=noise)
     after = replace(after, jumps=_measured(after, opening.before))
     known = state.noise_known or len(rows) >= _FEWEST
-    linear = nearly_linear(belief, float(rows[-1, 4]), noise)
+    least = _CURVED if len(rows) < _PATIENT else _BENT
+    linear = bent(belief, float(rows[-1, 4])) < least * noise
     enough = known and (linear or _walked(belief, rows, params))
-    foretold = opening.strays is not None and 4 * opening.strays <= len(rows)
-    if not (enough and foretold) and len(rows) < LARGEST:
-        return replace(after, opening=replace(opening, strays=0))
+    fitting = opening.strays is not None and 4 * opening.strays <= len(rows)
+    if not (enough and fitting) and len(rows) < MOMENTS[-1]:
+        wide = doubted(belief, prior, float(rows[-1, 4]), noise)
+        return replace(after, belief=wide, opening=replace(opening, strays=0))
     return replace(
         after,
         opening=None,
         noise_known=True,
-        recent=Recent(before=belief, middle=belief, rows=np.empty((0, 6))),
-        refused=state.refused + int((~seen.used).sum()),
+        recent=_recent(before, belief, rows[earlier:]),
+        refused=state.refused + int((~old.used).sum() + (~new.used).sum()),
     )
 
 
@@ -112,6 +161,13 @@ def began(
     cost += float(new.sum() + strayed @ strayed / 2)
     here = float(cost[len(rows) - len(opening.rows)])
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
+
+
+def _recent(before: tracking.Belief, now: tracking.Belief, rows: Array) -> Recent:
+    """What to go back to after an opening: a jump may hide in its last readings."""
+    if len(rows) < STRIDE:
+        return Recent(before=now, middle=now, rows=np.empty((0, 6)))
+    return Recent(before=before, middle=now, rows=rows)
 
 
 def _walked(belief: tracking.Belief, rows: Array, params: TrackerParams) -> bool:

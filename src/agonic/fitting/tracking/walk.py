@@ -32,7 +32,8 @@ class WalkChoice:
     """The walk that predicts best, and how well all candidates did.
 
     `walk` in the unit of the readings per √s; `candidates` (k,), and the prediction error of each,
-    `residual_rms` (k,), nT: readings from the second quarter on, each before it was used.
+    `residual_rms` (k,), nT: readings from the second quarter on that all could foretell, each
+    before it was used.
     """
 
     walk: float
@@ -84,13 +85,17 @@ def choose_walk(
         _usual(samples, magnitude, begun) if candidates is None else candidates,
         dtype=np.float64,
     )
-    residuals = []
+    later = slice(len(samples) // _PASSED_OVER, None)
+    residuals, known = [], []
     for walk in tried:
         chosen = replace(settings, walk=float(walk), history_s=0.0)
         _, seen = update(begun, chosen, samples.time, raw, magnitude)
-        residuals.append(np.abs(seen.residual[len(samples) // _PASSED_OVER :]))
-    limit = _CLIP * 1.4826 * min(float(np.median(r)) for r in residuals)
-    rms = np.array([np.sqrt(np.mean(np.minimum(r, limit) ** 2)) for r in residuals])
+        residuals.append(np.abs(seen.residual[later]))
+        known.append(seen.foretold[later])
+    rows = np.logical_and.reduce(known)
+    compared = [r[rows] if rows.sum() >= FEWEST // 2 else r for r in residuals]
+    limit = _CLIP * 1.4826 * min(float(np.median(r)) for r in compared)
+    rms = np.array([np.sqrt(np.mean(np.minimum(r, limit) ** 2)) for r in compared])
     return WalkChoice(walk=float(tried[np.argmin(rms)]), candidates=tried, residual_rms=rms)
 
 

@@ -69,15 +69,27 @@ const sphere = (() => {
     return ratio;
   }
 
+  // An empty picture of the size of the canvas, the same one for every frame.
+  const pictures = new WeakMap();
+  function blank(canvas, context) {
+    let picture = pictures.get(canvas);
+    if (!picture || picture.image.width !== canvas.width || picture.image.height !== canvas.height) {
+      const image = context.createImageData(canvas.width, canvas.height);
+      picture = { image, pixels: new Uint32Array(image.data.buffer) };
+      pictures.set(canvas, picture);
+    }
+    picture.pixels.fill(0);
+    return picture;
+  }
+
   // Rotate, project, and write squares of pixels; near points hide far ones.
   function drawPoints(context, points, shade, matrix, colours, dot) {
     const { width, height } = context.canvas;
-    const image = context.createImageData(width, height);
-    const pixels = new Uint32Array(image.data.buffer);
+    const { image, pixels } = blank(context.canvas, context);
     const unit = FILL * width;
     const [rx, ry, rz, ux, uy, uz, tx, ty, tz] = matrix;
     for (let i = 0, k = 0; i < shade.length; i++, k += 3) {
-      const [x, y, z] = [points[k], points[k + 1], points[k + 2]];
+      const x = points[k], y = points[k + 1], z = points[k + 2];
       const near = tx * x + ty * y + tz * z >= 0;
       const left = Math.round(width / 2 + unit * (rx * x + ry * y + rz * z) - dot / 2);
       const top = Math.round(height / 2 - unit * (ux * x + uy * y + uz * z) - dot / 2);

@@ -1,0 +1,29 @@
+"""What is in a file, or a `LogError` that says why it cannot be had."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agonic.errors import LogError
+
+
+def read_bytes(path: Path | str) -> bytes:
+    """The bytes of a file.
+
+    >>> read_bytes("nowhere.json")
+    Traceback (most recent call last):
+    agonic.errors.LogError: nowhere.json: cannot be read (No such file or directory)
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise LogError(f"cannot be read ({error.strerror or error})", path=path) from None
+
+
+def read_text(path: Path | str, needed: str = "a text table") -> str:
+    """The text of a file, with plain line ends; `needed` says what it should be."""
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise LogError(f"this is not text; {needed} is needed", path=path) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")

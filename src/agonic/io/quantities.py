@@ -1,0 +1,147 @@
+"""The quantities that a table of readings can hold, and the names and units loggers give them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+DEGREES_PER_RADIAN = math.degrees(1.0)
+
+Linear = tuple[float, float]
+"""Ours = factor × theirs + offset."""
+
+_ANGLE: dict[str, Linear] = {"deg": (1, 0), "degrees": (1, 0), "rad": (DEGREES_PER_RADIAN, 0)}
+_RATE: dict[str, Linear] = {
+    spelling: (factor, 0)
+    for factor, spellings in {
+        1.0: ("rads", "radsec", "radpers"),
+        1 / DEGREES_PER_RADIAN: ("degs", "degsec", "degpers", "dps"),
+        1e-3 / DEGREES_PER_RADIAN: ("mdps",),
+    }.items()
+    for spelling in spellings
+}
+_ACCELERATION: dict[str, Linear] = {
+    "ms2": (1, 0), "mss": (1, 0), "mpers2": (1, 0), "mps2": (1, 0),
+    "g": (STANDARD_GRAVITY_M_S2, 0), "mg": (1e-3 * STANDARD_GRAVITY_M_S2, 0),
+}  # fmt: skip
+TIMES: dict[str, Linear] = {
+    "s": (1, 0), "sec": (1, 0), "secs": (1, 0), "seconds": (1, 0), "min": (60, 0),
+    "ms": (1e-3, 0), "msec": (1e-3, 0), "millis": (1e-3, 0), "milliseconds": (1e-3, 0),
+    "us": (1e-6, 0), "usec": (1e-6, 0), "micros": (1e-6, 0), "microseconds": (1e-6, 0),
+    "ns": (1e-9, 0), "nsec": (1e-9, 0), "nanoseconds": (1e-9, 0),
+}  # fmt: skip
+_TEMPERATURE: dict[str, Linear] = {
+    "c": (1, 0), "degc": (1, 0), "celsius": (1, 0), "k": (1, -273.15),
+    "f": (1 / 1.8, -32 / 1.8), "degf": (1 / 1.8, -32 / 1.8),
+}  # fmt: skip
+_POSITION: dict[str, Linear] = {**_ANGLE, "e7": (1e-7, 0), "dege7": (1e-7, 0)}
+_HEIGHT: dict[str, Linear] = {"m": (1, 0), "mm": (1e-3, 0), "km": (1e3, 0), "ft": (0.3048, 0)}
+_CURRENT: dict[str, Linear] = {"a": (1, 0), "ma": (1e-3, 0), "amps": (1, 0)}
+FIELD_UNITS = (
+    "nt", "nanotesla", "gamma", "ut", "microtesla", "mt", "millitesla", "t", "tesla", "g", "gs",
+    "gauss", "ga", "mg", "mgauss", "milligauss", "mga", "raw", "counts", "count", "lsb",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """What a column can hold: the `Samples` column, its canonical name, aliases and units.
+
+    `weak` aliases are taken only where no other column is named for the quantity.
+    """
+
+    column: str
+    name: str
+    unit: str = ""
+    aliases: str = ""
+    weak: str = ""
+    units: Mapping[str, Linear] = field(default_factory=dict)
+    vector: bool = False
+
+
+QUANTITIES: tuple[Quantity, ...] = (
+    Quantity(
+        column="time", name="time", unit="s", units=TIMES,
+        aliases="t ts timestamp timestamps datetime utc utctime timeutc unixtime timeunix unix "
+        "tunix timeboot timesinceboot timesincestart systemtime localtime",
+        weak="elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime",
+    ),
+    Quantity(column="date", name="date", aliases="day utcdate"),
+    Quantity(column="epoch", name="epoch_unix", unit="s", units={"s": (1, 0)}),
+    Quantity(
+        column="field", name="mag", vector=True,
+        aliases="m b magn magneto magnetometer magnetic magneticfield magfield magneticflux "
+        "magneticfluxdensity magneticinduction field bfield compass",
+    ),
+    Quantity(
+        column="temperature", name="temperature", unit="C", units=_TEMPERATURE,
+        aliases="temp magtemp magtemperature magnetometertemp magnetometertemperature",
+    ),
+    Quantity(column="roll_deg", name="roll", unit="deg", units=_ANGLE, aliases="rollangle"),
+    Quantity(column="pitch_deg", name="pitch", unit="deg", units=_ANGLE, aliases="pitchangle"),
+    Quantity(
+        column="heading_deg", name="heading", unit="deg", units=_ANGLE,
+        aliases="yaw yawangle trueheading headingtrue",
+    ),
+    Quantity(
+        column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, vector=True,
+        aliases="a accel accelerometer acceleration specificforce",
+    ),
+    Quantity(
+        column="rotation_rate", name="gyro", unit="rad_s", units=_RATE, vector=True,
+        aliases="g w gyr gyroscope angularvelocity angularrate rotationrate turnrate omega",
+    ),
+    Quantity(
+        column="current_A", name="current", unit="A", units=_CURRENT,
+        aliases="curr batterycurrent currentbattery motorcurrent",
+    ),
+    Quantity(
+        column="throttle", name="throttle", aliases="thr", units={"percent": (0.01, 0)}
+    ),
+    Quantity(
+        column="latitude_deg", name="latitude", unit="deg", units=_POSITION,
+        aliases="lat gpslat gpslatitude locationlatitude",
+    ),
+    Quantity(
+        column="longitude_deg", name="longitude", unit="deg", units=_POSITION,
+        aliases="lon lng long gpslon gpslng gpslongitude locationlongitude",
+    ),
+    Quantity(
+        column="altitude_m", name="altitude", unit="m", units=_HEIGHT,
+        aliases="alt height elevation gpsalt gpsaltitude locationaltitude",
+    ),
+    Quantity(
+        column="second", name="second", unit="nT", vector=True,
+        units={"nt": (1, 0), "ut": (1e3, 0), "raw": (1, 0), "counts": (1, 0)},
+        aliases="secondmag secondfield",
+    ),
+    Quantity(column="station", name="station", aliases="stationid pose orientation"),
+    Quantity(
+        column="scalar", name="scalar", unit="nT",
+        units={"nt": (1, 0), "ut": (1e3, 0), "mt": (1e6, 0), "t": (1e9, 0), "g": (1e5, 0),
+               "mg": (100, 0)},
+        aliases="scalarfield scalarmag scalarmagnetometer fscalar",
+    ),
+    Quantity(
+        column="flagged", name="flagged",
+        aliases="excluded torquers torquerson mtq mtqon magnetorquers magnetorquerson",
+    ),
+    Quantity(column="sensor", name="sensor", aliases="sensorid sensorname magid"),
+    Quantity(column="frame", name="frame"),
+)  # fmt: skip
+
+BY_COLUMN = {quantity.column: quantity for quantity in QUANTITIES}
+
+
+def canonical_header(column: str, axis: str = "", unit: str | None = None) -> str:
+    """The name that `write_csv` gives to a column; the field's carries the unit of the samples.
+
+    >>> canonical_header("field", "x", "nT"), canonical_header("acceleration", "z")
+    ('mag_x_nT', 'acc_z_m_s2')
+    """
+    quantity = BY_COLUMN[column]
+    written = unit or "" if column in ("field", "second") else quantity.unit
+    return "_".join(part for part in (quantity.name, axis, written) if part)

@@ -1,0 +1,63 @@
+"""The blocks that pages are made of: header, parts, verdict, and the figures to look at first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from agonic.report.digits import minused
+from agonic.report.markup import Markup, element
+from agonic.report.tables import mark
+from agonic.report.verdict import MEANINGS, sentence
+
+
+def header(kicker: str, name: str, *more: str) -> Markup:
+    """What kind of page it is, and what it is about."""
+    return element(
+        "header", element("p", kicker, class_="kicker"), element("h1", name), *more
+    )  # fmt: skip
+
+
+def part(title: str, *content: str, level: str = "h2") -> Markup:
+    """A section under its heading.
+
+    >>> part("Numbers", "none")
+    '<section><h2>Numbers</h2>none</section>'
+    """
+    return element("section", element(level, title), *content)
+
+
+def verdict(word: str, *said: str, move: str = "") -> Markup:
+    """A verdict in its word and what that means, what is said of it, and the move that helps.
+
+    >>> "Do next: " in verdict("good", "All is well."), "Do next: " in verdict("good", move="go")
+    (False, True)
+    """
+    shown, meaning = MEANINGS[word]
+    return element(
+        "div",
+        element("p", mark(word, shown), f": {meaning}", class_="word"),
+        element("p", *said),
+        element("p", element("strong", "Do next: "), minused(sentence(move))) if move else "",
+        class_=f"verdict {word}",
+    )
+
+
+def key_figures(entries: Iterable[tuple[str, str, str]]) -> Markup:
+    """The numbers to look at first: name, value, and what it is of.
+
+    >>> key_figures([("Noise", "12 nT", "one reading")]).count("</d")
+    5
+    """
+    return element(
+        "dl",
+        *(
+            element(
+                "div",
+                element("dt", name),
+                element("dd", value, class_="value"),
+                element("dd", note, class_="aside"),
+            )
+            for name, value, note in entries
+        ),
+        class_="key-figures",
+    )
