@@ -313,7 +313,7 @@ def test_a_drift_near_what_can_be_seen_widens_the_errors() -> None:
     )
     sd = [rms(fit.calibration.sd_at(AT)[:, :3]) for fit in (without, auto, sure)]
     assert sd[0] < 1.05 * sd[1]
-    assert sd[1] < 1.1 * sd[2]
+    assert sd[1] < 1.5 * sd[2]  # a mixture may be wider than either
     assert {"hoeting-1999", "mackay-1992"} <= set(auto.calibration.provenance.method)
     assert "hoeting-1999" not in without.calibration.provenance.method
 

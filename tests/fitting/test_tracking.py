@@ -217,6 +217,35 @@ def test_jumps_are_found_dated_and_measured() -> None:
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.3)
 
 
+def test_a_start_from_nothing_knows_how_little_it_knows() -> None:
+    """One side to the Earth, the field turns once an orbit: for half of one several biases fit."""
+    params = TrackerParams(walk=0.4, external_sd=20.0, history_s=0.0)
+    moments, errors = (16, 64, 100, 512, 1000, 2048, 4200, 6000), []
+    for seed in range(1, 9):
+        made = simulate_orbit(n=6000, seed=seed, thermal=0.0, pointing="nadir")
+        known = ag.igrf().along(made.samples).magnitudes(6000)
+        state, done = start(None, params), 0
+        for n in moments:
+            rows = slice(done, n)
+            times, raw = made.samples.time[rows], made.samples.field[rows]
+            state, _ = update(state, params, times, raw, known[rows])
+            errors.append((state.bias - made.bias[n - 1]) / state.bias_sd)
+            done = n
+        assert state.settled
+        assert state.bias_sd.max() < 300.0
+    z = np.array(errors)
+    assert np.abs(z).max() < 5.0  # linear standard errors alone: up to 15 at first, 30 later
+    assert np.sqrt(np.mean(z[len(moments) - 1 :: len(moments)] ** 2)) > 0.3  # nor is it too modest
+
+
+def test_a_jump_before_the_bias_has_settled_is_found() -> None:
+    made = simulate_orbit(n=5000, seed=5, thermal=0.0, pointing="nadir", jump=3000.0, jump_at=0.5)
+    tracker = Tracker(params=TrackerParams(noise=NOISE, walk=0.4, external_sd=93.0))
+    tracker.update(made.samples, ag.igrf().along(made.samples))
+    assert [abs(jump.time - 2500) <= 20 for jump in tracker.jumps] == [True]
+    assert np.abs((tracker.bias - made.bias[-1]) / tracker.bias_sd).max() < 4
+
+
 def test_no_jump_is_found_where_there_is_none() -> None:
     samples, reference, _, _ = orbiting(4, n=100_000, walk=0.3, external=60.0, strays=0.01)
     tracker = Tracker(params=replace(PARAMS, walk=0.3, external_sd=60.0))

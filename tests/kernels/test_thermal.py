@@ -116,7 +116,7 @@ def test_all_jacobians_of_the_joint_problem_are_derivatives(taught: str, derivat
         found = fixture.mounted(seen, problem.rot_nb)
         poses = positions.Poses(seen, found.mount, found.field)
     width = problem.clock.shape[1] * (1 if poses is None else 3)
-    slow = wander.Wander(0.01, ("bell", 1.0), 20.0)
+    slow = wander.Wander(0.01, ("smooth", 1.0), 20.0)
     followed = np.zeros((m, 1 if poses is None else 3))
     state = positions.State(start, np.zeros(width), poses, 1e-6, 0.02, slow, followed)
     pieces, prior = positions.pieces(problem, state), beliefs(problem, state)

@@ -9,7 +9,7 @@ from agonic.kernels.averaged import averaged
 STATIONS, EACH = 5, 40
 
 
-def drawn(seed: int, sd: float, kind: wander.Kind = ("bell", 0.7), axes: int = 1):
+def drawn(seed: int, sd: float, kind: wander.Kind = ("smooth", 0.7), axes: int = 1):
     """Whitened residuals of white noise with slow changes, the fields' part, and a Jacobian."""
     rng = np.random.default_rng(seed)
     station = np.repeat(np.arange(STATIONS), EACH)
@@ -44,7 +44,7 @@ def dense(of: wander.Spaces, n: int, sd: float, kind: wander.Kind) -> np.ndarray
 
 
 @pytest.mark.parametrize("axes", [1, 3])
-@pytest.mark.parametrize("kind", [("bell", 0.5), ("slow", 4.0)])
+@pytest.mark.parametrize("kind", [("smooth", 0.5), ("rough", 4.0)])
 def test_whitened_is_the_inverse_root_of_the_covariance(axes: int, kind: wander.Kind) -> None:
     of, z, jacobian, _ = drawn(0, 3.0, axes=axes)
     axis = wander.principal(of, kind)
@@ -56,11 +56,11 @@ def test_whitened_is_the_inverse_root_of_the_covariance(axes: int, kind: wander.
 
 def test_followed_is_the_conditional_mean() -> None:
     of, z, _, changes = drawn(1, 5.0, axes=3)
-    by = wander.Wander(5.0, ("bell", 0.7), 1.0)
+    by = wander.Wander(5.0, ("smooth", 0.7), 1.0)
     seen, taken = wander.followed(of, by, z, len(changes))
     assert np.sqrt(np.mean((seen + changes) ** 2)) < 0.6  # residual = … + change, field = −change
     assert 20 < taken < 105
-    inside = np.eye(len(z)) - np.linalg.inv(dense(of, len(z), 5.0, ("bell", 0.7)))
+    inside = np.eye(len(z)) - np.linalg.inv(dense(of, len(z), 5.0, ("smooth", 0.7)))
     written = inside @ z
     field = np.concatenate([-seen[:, axis] for axis in range(3)])
     assert np.corrcoef(field, written)[0, 1] > 0.95
@@ -92,7 +92,7 @@ def test_size_and_length_are_found_with_the_parameters_freedom_taken_off() -> No
         lengths.append(by.kind)
         assert by.gain > 16.0
     assert np.median(sizes) == pytest.approx(2.0, abs=0.3)  # some 20 numbers tell each of them
-    shapes = [kind for kind in lengths if kind[0] == "bell" and 0.5 <= kind[1] <= 1.0]
+    shapes = [kind for kind in lengths if kind[0] == "smooth" and 0.5 <= kind[1] <= 1.0]
     assert len(shapes) > 18
 
 

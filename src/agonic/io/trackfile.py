@@ -84,6 +84,7 @@ class OpeningRecord(Struct, frozen=True):
     rows: Rows
     before: BeliefRecord | None
     strays: int | None
+    learns: bool
 
 
 class RecentRecord(Struct, frozen=True):
@@ -212,6 +213,7 @@ def _opening(opening: Opening | None) -> dict[str, Any] | None:
         "rows": _plain(opening.rows),
         "before": _belief(opening.before),
         "strays": opening.strays,
+        "learns": opening.learns,
     }
 
 
@@ -242,6 +244,7 @@ def _state(record: StateRecord) -> TrackerState:
             rows=_rows(opening.rows),
             before=None if opening.before is None else _believed(opening.before),
             strays=opening.strays,
+            learns=opening.learns,
         ),
         recent=None
         if recent is None

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 _FIRST_EXCESS = 0.01**2
 UNREST = 16.0
 """Twice the logarithm of the likelihood by which slow changes must show to be spoken of."""
-RARE, LIKELY = 0.1, 0.5
+RARE, LIKELY = 0.05, 0.5
 """Probability of a drift before the readings are seen: of a field at rest, of one that changes."""
 _IMPLAUSIBLE = 0.015
 _ROUNDS = 25

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from agonic.kernels import udfilter
 
@@ -108,11 +108,11 @@ def believe(state: Array, covariance: Array, time: float) -> Belief:
     return Belief(np.array(state, dtype=np.float64), columns, diagonal, watch)
 
 
-def spread(belief: Belief, sd: float) -> Belief:
-    """The belief with a standard deviation added to each bias."""
+def spread(belief: Belief, sd: ArrayLike) -> Belief:
+    """The belief with standard deviations, one or (3,), added to those of the bias."""
     _, columns, diagonal, _ = _lists(belief)
-    for i in (1, 2, 3):
-        udfilter.spread(i, sd**2, columns, diagonal, [0.0] * 10)
+    for i, variance in enumerate(np.broadcast_to(np.square(sd), 3).tolist(), start=1):
+        udfilter.spread(i, variance, columns, diagonal, [0.0] * 10)
     return belief._replace(columns=np.array(columns), diagonal=np.array(diagonal))
 
 

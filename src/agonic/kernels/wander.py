@@ -1,12 +1,13 @@
 """Slow changes of the field while stations are recorded: correlated noise that tells its own size.
 
 The change is a stationary process of the time, the same on all axes, followed within a station as
-far as polynomials of sixth order go, and from station to station by its correlation. Its spectrum
-falls slowly, as that of Matérn's covariance (1 + a) exp(−a), a = √3 Δ/length, or as a bell,
-exp(−(Δ/length)²/2). The change is no parameter: the residuals are whitened with it, so a size near
-zero costs nothing. Kind, size and length are those of the largest restricted likelihood (Patterson
-& Thompson 1971), in which every parameter takes its degrees of freedom; a process so long that it
-ties stations together is thought less likely at first.
+far as polynomials of sixth order go, and from station to station by its correlation. It is smooth,
+of Matérn's covariance (1 + a + a²/3) exp(−a), a = √5 Δ/length, or rough, (1 + a) exp(−a),
+a = √3 Δ/length. (A Gaussian bell would extrapolate from one station to the next more surely than
+fields do.) It is no parameter: the residuals are whitened with it, so a size near zero costs
+nothing. Kind, size and length are those of the largest restricted likelihood (Patterson & Thompson
+1971), in which every parameter takes its degrees of freedom; a process so long that it ties
+stations together is thought less likely at first.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ ORDER = 6
 KINDS: tuple[Kind, ...] = tuple(
     (shape, length)
     for shape, lengths in (
-        ("bell", (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)),
-        ("slow", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)),
+        ("smooth", (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)),
+        ("rough", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)),
     )
     for length in lengths
 )
-"""The shape of the spectrum, and the length in halves of a station's recording."""
+"""Smooth or rough, and the length in halves of a station's recording."""
 LONG, UNLIKELY = 2.0, 6.0
 """Processes longer than this count as less likely: twice the logarithm of how much less."""
 CHANCE = 2.0
@@ -92,8 +93,8 @@ class Spaces(NamedTuple):
 def near(by: Wander) -> tuple[Kind, ...]:
     """The kinds near one that was found; every other where none was.
 
-    >>> near(Wander(0.001, ("bell", 0.5), 20.0))
-    (('bell', 0.25), ('bell', 0.35), ('bell', 0.5), ('bell', 0.7), ('bell', 1.0))
+    >>> near(Wander(0.001, ("smooth", 0.5), 20.0))
+    (('smooth', 0.25), ('smooth', 0.35), ('smooth', 0.5), ('smooth', 0.7), ('smooth', 1.0))
     """
     if by.sd == 0.0:
         return KINDS[::2]
@@ -123,10 +124,12 @@ def covariance(of: Course, kind: Kind) -> Array:
     shape, length = kind
     flat = of.times.ravel()
     away = np.abs(flat[:, None] - flat) / length
-    if shape == "bell":
-        process = np.exp(-(away**2) / 2)
+    if shape == "smooth":
+        a = np.sqrt(5.0) * away
+        process = (1 + a + a**2 / 3) * np.exp(-a)
     else:
-        process = (1 + np.sqrt(3.0) * away) * np.exp(-np.sqrt(3.0) * away)
+        a = np.sqrt(3.0) * away
+        process = (1 + a) * np.exp(-a)
     k = len(of.times)
     grid = np.linspace(-1.0, 1.0, _POINTS)
     project = np.linalg.pinv(np.polynomial.legendre.legvander(grid, ORDER))

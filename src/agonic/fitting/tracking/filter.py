@@ -244,7 +244,7 @@ def _step(
     if opening is None:
         belief, seen, jumped = tracking.advance(state.belief, model, rows, compiled=fast)
     else:
-        belief, seen = openings.passed(state.belief, model, rows, fast)
+        belief, seen = openings.passed(state.belief, model, rows, opening.learns, fast)
         jumped = False
     taken = rows[: len(seen.residual)]
     refused = len(seen.used) - int(np.count_nonzero(seen.used))
@@ -266,7 +266,7 @@ def _step(
         magnitude=float(taken[-1, 4]),
     )
     if opening is not None and len(opening.rows) in openings.MOMENTS:
-        since = openings.overtaken(opening)
-        after = before_jump(after, params, since) if since else openings.solved(after, params)
-        jumped = since > 0
+        whole = openings.solved(after, params)
+        since = openings.overtaken(opening, state, whole, params)
+        after, jumped = before_jump(after, params, since) if since else whole, since > 0
     return (reopened(after, params) if jumped else after), seen

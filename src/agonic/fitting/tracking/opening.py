@@ -31,7 +31,7 @@ DOUBT = 2.0
 
 _PATIENT = 1024  # readings in which an opening settles where the directions of the field turn
 _CURVED = 0.03  # part of the noise that the curvature of residuals may come to in a filter
-_BENT = 1.0  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
+_BENT = 0.5  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
 _FEWEST = 64  # readings from which a noise that was not given is estimated
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 
@@ -45,12 +45,22 @@ def next_due(readings: int) -> int:
     return next(n for n in MOMENTS if n > readings) - readings
 
 
-def overtaken(opening: Opening) -> int:
-    """How many readings came since an opening was last solved, where most of them do not fit what
-    was found then; else 0. Only a long opening can tell that from a wrong start."""
+def overtaken(
+    opening: Opening, before: TrackerState, now: TrackerState, params: TrackerParams
+) -> int:
+    """How many readings came since an opening was last solved, where a jump came with them; else 0.
+
+    Then a quarter of them are far from what is found now, or all scatter about it by twice as much
+    as those before did about what was found then. Only a long opening can tell.
+    """
     last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
-    since = len(opening.rows) - last
-    return since if last >= _PATIENT and 2 * (opening.strays or 0) > since else 0
+    if last < _PATIENT:
+        return 0
+    then = leastsq.robust_scale(_of(opening.rows[:last], before.belief.state))
+    then = max(then, _total(params, now.noise, now.belief.state))
+    new = _of(opening.rows[last:], now.belief.state)
+    far = 4 * np.count_nonzero(np.abs(new) > params.gate * then) > len(new)
+    return len(new) if far or leastsq.robust_scale(new) > 2 * then else 0
 
 
 def bent(belief: tracking.Belief, magnitude: float) -> float:
@@ -71,15 +81,15 @@ def nearly_linear(belief: tracking.Belief, magnitude: float, noise: float) -> bo
 
 
 def doubted(
-    belief: tracking.Belief, prior: tracking.Belief, magnitude: float, noise: float
+    belief: tracking.Belief, prior: tracking.Belief, apart: Array, magnitude: float, noise: float
 ) -> tracking.Belief:
     """A belief whose residuals may not be linear within it, with standard errors that say so.
 
     Linear standard errors hold about one solution; while δ²/2F is above the noise σ there are
     others as good, on a surface that is not flat. So the readings count for less, and each bias
-    may be off by as much as the surface bends:
+    may be off by as much as the surface bends, and as far as the others are `apart` (3,):
 
-        P⁻¹ ← P⁻¹/f² + P₀⁻¹ (1 − 1/f²),   f = 1 + δ²/2Fσ;   then P_bb ← P_bb + (δ²/2F)² 1.
+        P⁻¹ ← P⁻¹/f² + P₀⁻¹ (1 − 1/f²),   f = 1 + δ²/2Fσ;   then P_bb ← P_bb + (δ²/2F)² 1 + a².
     """
     known = prior.diagonal > 0
     block = np.ix_(known, known)
@@ -89,11 +99,11 @@ def doubted(
     information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
     covariance[block] = leastsq.inverse(information)
     wide = tracking.believe(belief.state, covariance, 0.0)._replace(watch=belief.watch)
-    return tracking.spread(wide, bent(wide, magnitude))
+    return tracking.spread(wide, np.hypot(bent(wide, magnitude), apart))
 
 
 def passed(
-    belief: tracking.Belief, model: tracking.Model, rows: Array, compiled: bool
+    belief: tracking.Belief, model: tracking.Model, rows: Array, learns: bool, compiled: bool
 ) -> tuple[tracking.Belief, tracking.Seen]:
     """The belief after rows that come before the next solution, and what it predicted of them.
 
@@ -101,7 +111,6 @@ def passed(
     its own errors for knowledge, and state standard errors that are too small by far.
     """
     model = model._replace(jump_level=0.0)
-    learns = bent(belief, float(rows[0, 4])) < _BENT * model.noise
     taken = rows if learns else np.column_stack([rows[:, :5], np.zeros(len(rows))])
     later, seen, _ = tracking.advance(belief, model, taken, compiled=compiled)
     return later, seen._replace(used=np.abs(seen.residual) <= model.gate * seen.sd)
@@ -112,32 +121,43 @@ def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
     opening = state.opening
     assert opening is not None, "only an opening can be solved"
     prior, rows = opening.prior, opening.rows
-    about, noise = _most_probable(state, prior, rows, params)
-    total = np.hypot(noise, params.external_sd / float(np.mean(about[4:7])))
+    about, noise, apart = _most_probable(state, prior, rows, params)
+    total = _total(params, noise, about)
     residuals, _ = _residuals(rows, about)
-    limit = params.gate * max(total, leastsq.robust_scale(residuals))
-    marked = np.column_stack([rows[:, :5], np.abs(residuals) <= limit])
+    fits = np.abs(residuals) <= params.gate * max(total, leastsq.robust_scale(residuals))
+    marked = np.column_stack([rows[:, :5], fits])
     model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
     earlier = max(len(rows) - STRIDE, 0)
-    before, old, _ = tracking.advance(prior, model, marked[:earlier], linearised=about)
-    belief, new, _ = tracking.advance(before, model, marked[earlier:], linearised=about)
+    before, _, _ = tracking.advance(prior, model, marked[:earlier], linearised=about)
+    belief, _, _ = tracking.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, belief=belief, noise=noise)
     after = replace(after, jumps=_measured(after, opening.before))
-    known = state.noise_known or len(rows) >= _FEWEST
-    least = _CURVED if len(rows) < _PATIENT else _BENT
-    linear = bent(belief, float(rows[-1, 4])) < least * noise
-    enough = known and (linear or _walked(belief, rows, params))
     fitting = opening.strays is not None and 4 * opening.strays <= len(rows)
-    if not (enough and fitting) and len(rows) < MOMENTS[-1]:
-        wide = doubted(belief, prior, float(rows[-1, 4]), noise)
-        return replace(after, belief=wide, opening=replace(opening, strays=0))
+    alone = bool((apart < params.gate * after.bias_sd).all())
+    closed = fitting and alone and _settled(after, params, total)
+    if not closed and len(rows) < MOMENTS[-1]:
+        magnitude = float(rows[-1, 4])
+        wide = doubted(belief, prior, apart, magnitude, noise)
+        learns = bent(wide, magnitude) < _BENT * noise
+        return replace(after, belief=wide, opening=replace(opening, strays=0, learns=learns))
     return replace(
         after,
         opening=None,
         noise_known=True,
         recent=_recent(before, belief, rows[earlier:]),
-        refused=state.refused + int((~old.used).sum() + (~new.used).sum()),
+        refused=state.refused + int((~fits).sum()),
     )
+
+
+def _settled(state: TrackerState, params: TrackerParams, total: float) -> bool:
+    """Whether the filter may run on its own; `total` is the sd of a residual."""
+    opening = state.opening
+    assert opening is not None, "the caller has one"
+    rows, belief = opening.rows, state.belief
+    if not state.noise_known and len(rows) < _FEWEST:
+        return False
+    limit = _CURVED * state.noise if len(rows) < _PATIENT else _BENT * total
+    return bent(belief, float(rows[-1, 4])) < limit or _walked(belief, rows, params)
 
 
 def began(
@@ -152,8 +172,8 @@ def began(
     """
     opening = state.opening
     assert opening is not None, "a jump has opened the state"
-    about, noise = _most_probable(state, opening.prior, opening.rows, params)
-    total = np.hypot(noise, params.external_sd / float(np.mean(about[4:7])))
+    about, noise, _ = _most_probable(state, opening.prior, opening.rows, params)
+    total = _total(params, noise, about)
     rho = leastsq.cauchy().value
     old, new = rho((seen.residual / seen.sd) ** 2), rho((_of(rows, about) / total) ** 2)
     strayed, _ = _Gaussian(opening.prior)(about[1 : len(opening.prior.diagonal)])
@@ -188,8 +208,10 @@ def _measured(state: TrackerState, before: tracking.Belief | None) -> tuple[Jump
 
 def _most_probable(
     state: TrackerState, prior: tracking.Belief, rows: Array, params: TrackerParams
-) -> tuple[Array, float]:
-    """The most probable state (10,) of the rows as if nothing moved, and the noise."""
+) -> tuple[Array, float, Array]:
+    """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
+    it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
+    another component of the noise, whose sum of squares over n readings differs by so much."""
     m = len(prior.diagonal) - 1
     held = _Gaussian(prior)
     found = []
@@ -204,11 +226,20 @@ def _most_probable(
             scale = _scale(state, params, rows, first, m)
         found.append((scale, first))
     common = min(scale for scale, _ in found)
-    best = min((about for _, about in found), key=lambda x: _cost(rows, x, held, common))
+    costs = [_cost(rows, about, held, common) for _, about in found]
+    best = found[int(np.argmin(costs))][1]
+    near = [about for (_, about), cost in zip(found, costs, strict=True)
+            if cost < min(costs) + np.sqrt(len(rows))]  # fmt: skip
+    apart = np.max([np.abs(about[1:4] - best[1:4]) for about in near], axis=0)
     noise = state.noise
     if not state.noise_known:
         noise = _scale(state, params, rows, best, m)
-    return best, noise
+    return best, noise, apart
+
+
+def _total(params: TrackerParams, noise: float, about: Array) -> float:
+    """The standard deviation of a residual: noise, and what the reference leaves out."""
+    return float(np.hypot(noise, params.external_sd / float(np.mean(about[4:7]))))
 
 
 def _cost(rows: Array, about: Array, held: _Gaussian, scale: float) -> float:
@@ -221,7 +252,7 @@ def _cost(rows: Array, about: Array, held: _Gaussian, scale: float) -> float:
 def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array, m: int) -> float:
     """The standard deviation to judge residuals by: as stated, or as they are."""
     if state.noise_known:
-        return float(np.hypot(state.noise, params.external_sd / float(np.mean(about[4:7]))))
+        return _total(params, state.noise, about)
     return max(leastsq.robust_scale(_of(rows, about), min(m, len(rows) - 1)), 1e-9)
 
 
