@@ -1,6 +1,6 @@
 """The live page under load: 50 000 points at 100 Hz in headless Chromium.
 
-    python -m benchmarks.live [SECONDS]
+    python -m benchmarks.live [--quick]
 
 Frames a second and latency are what the page measures (`window.__stat`), the server's share of a
 core is its own processor time over the wall's, with the browser on the same machine.
@@ -21,8 +21,12 @@ from typing import Any
 import numpy as np
 
 import agonic as ag
+from benchmarks import tables
 
 POINTS, RATE_HZ = 50_000, 100.0
+
+INTRODUCTION = """The live page in headless Chromium, filled with 50 000 readings and then fed at
+100 Hz; frames a second, latency in ms, percent of a core and MB of the server."""
 
 
 def processor_s(pid: int) -> float:
@@ -78,15 +82,15 @@ def served(folder: str, log: Path, seconds: float) -> dict[str, Any]:
 
 def main() -> None:
     """Write a log whose first 50 000 readings come at once and the rest at 100 Hz, and play it."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
+    seconds = 5.0 if tables.arguments("the live page under load", draws=1).quick else 30.0
     more = int((seconds + 60) * RATE_HZ)
     made = ag.simulate("tumble", n=POINTS + more, rate_Hz=RATE_HZ, noise=150.0).samples
     time_s = np.concatenate([np.arange(POINTS) * 1e-4, 5.0 + np.arange(more) / RATE_HZ])
     with tempfile.TemporaryDirectory() as folder:
         samples = ag.Samples(time=time_s, field=made.field)
         log = ag.write_csv(samples, Path(folder, "log.csv"))
-        for name, value in served(folder, log, seconds).items():
-            print(f"{name:<22}{value:10.1f}")
+        rows = [(name, f"{value:.1f}") for name, value in served(folder, log, seconds).items()]
+    print(INTRODUCTION, tables.markdown(("", "measured"), rows), sep="\n\n")
 
 
 if __name__ == "__main__":

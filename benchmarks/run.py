@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks import estimators, honesty, speed, tables
 
 # scripts that print a table of their own
-ALONE = ("dataflash", "field", "heading", "thermal", "tracking")
+ALONE = ("dataflash", "field", "heading", "thermal", "tracking", "inflight", "network")
 
 
 def main() -> None:
