@@ -112,7 +112,7 @@ def test_a_thermal_ground_calibration_flagged_rows_and_a_resumed_state(capsys) -
     assert whole["passed_over"] == (s.flagged != 0).sum()
     assert run(["track", "first.csv", "--state", "state.json", *options]) == 0
     capsys.readouterr()
-    assert run(["track", "second.csv", "--state", "state.json", "--json"]) == 0
+    assert run(["track", "second.csv", "--state", "state.json", *options]) == 0
     pieces = said(capsys)
     assert pieces["n"] == whole["n"]
     assert pieces["bias"] == pytest.approx(whole["bias"], abs=1e-6)
@@ -174,7 +174,8 @@ def test_settings_cannot_change_under_way(capsys) -> None:
     tumbling()
     assert run(["track", "log.csv", "--state", "state.json", *FIELD]) == 0
     assert run(["track", "log.csv", "--state", "state.json", *FIELD, "--walk", "3"]) == 2
-    assert "holds its settings already; leave out walk" in capsys.readouterr().err
+    assert "was started with another walk; leave that out" in capsys.readouterr().err
+    assert run(["track", "log.csv", "--state", "state.json", *FIELD, "--walk", "0"]) == 0
     Path("state.json").write_text("{}")
     assert run(["track", "log.csv", "--state", "state.json", *FIELD]) == 2
     assert "not a usable track file" in capsys.readouterr().err

@@ -140,6 +140,17 @@ def test_a_current_on_board_is_taken_out() -> None:
         )
 
 
+def test_the_second_sensor_is_named() -> None:
+    made = ag.simulate_orbit(**PLAIN, pointing="tumble", seed=5)
+    added = np.random.default_rng(3).normal(0.0, 300.0, made.samples.field.shape)
+    samples = made.samples.with_columns(
+        field=made.samples.field + 0.5 * added, second=added, second_sensor="boom"
+    )
+    fit = ag.fit_inflight(samples, drift_knots=0, sources=["second"])
+    assert fit.calibration.second_sensor == "boom"
+    assert np.abs((fit.sources - 0.5 * np.eye(3)) / fit.sources_sd).max() < 4
+
+
 def test_bias_and_matrix_follow_temperature_and_time() -> None:
     made = ag.simulate_orbit(
         **PLAIN | {"n": 6000, "noise": 5.0}, pointing="tumble", sensor=SENSOR, seed=6

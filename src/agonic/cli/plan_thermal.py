@@ -70,7 +70,7 @@ def thermal(
         inclination_deg=dip, degree=degree, fixture_sd_deg=fixture_sd, chamber_sd=field_sd,
         name=name,
     )  # fmt: skip
-    files = [*_page(plan, out), *_template(plan, folder)]
+    files = [*_written(plan, out), *_template(plan, folder)]
     if as_json:
         print_json("agonic/plan-thermal@1", {**record(plan), "files": files})
     else:
@@ -90,20 +90,13 @@ def _ends(text: str) -> tuple[float, float]:
     return low, high
 
 
-def _page(plan: ThermalPlan, out: Path | None) -> list[str]:
+def _written(plan: ThermalPlan, out: Path | None) -> list[str]:
     """The plan in the form that its name asks for."""
-    from agonic.errors import AgonicError
-    from agonic.io.atomic import write_atomically
+    from agonic.cli.sheet import written_as_named
     from agonic.report.plan import plan_text
     from agonic.report.plan_page import plan_page
 
-    if out is None:
-        return []
-    if out.suffix.lower() in (".html", ".htm"):
-        return [str(write_atomically(out, plan_page(plan)))]
-    if out.suffix.lower() == ".txt":
-        return [str(write_atomically(out, plan_text(plan) + "\n"))]
-    raise AgonicError(f"-o {out} is no kind of plan; name it .html or .txt")
+    return written_as_named(out, "-o", page=lambda: plan_page(plan), text=lambda: plan_text(plan))
 
 
 def _template(plan: ThermalPlan, folder: Path | None) -> list[str]:

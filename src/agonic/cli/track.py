@@ -72,15 +72,13 @@ def track(
 
     settings = {"solve": solve, "walk": walk, "noise": noise, "external_sd": external}
     if state.exists():
-        given = [
-            name for name, value in {**settings, "ground": ground}.items() if value is not None
-        ]
-        if given:
+        tracker = Tracker.resume(state)
+        other = _others(tracker, ground, settings)
+        if other:
             raise AgonicError(
-                f"{state} holds its settings already; leave out {', '.join(given)}, or name "
+                f"{state} was started with another {', '.join(other)}; leave that out, or name "
                 "another state to start anew"
             )
-        tracker = Tracker.resume(state)
         rows, samples = _usable(_sensor(log, sensor, unit, tracker.state.base.sensor))
         reference = _reference(samples, at, date, field, scalar)
     else:
@@ -102,6 +100,27 @@ def track(
         written = [f"Report    {file}" for file in files]
         say("\n".join([*sentences(said), f"State     {state}", *written]))
     return 0 if tracker.ok else 1
+
+
+def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> list[str]:
+    """What is asked for and is not what the tracker was started with."""
+    import numpy as np
+
+    from agonic.fitting.tracking import start
+    from agonic.io.calfile import load
+
+    asked = {name: value for name, value in settings.items() if value is not None}
+    walk = asked.pop("walk", AUTO)
+    if walk != AUTO:
+        asked["walk"] = _number(walk)
+    other = [name for name, value in asked.items() if getattr(tracker.params, name) != value]
+    if ground is not None:
+        begun, base = start(load(ground), tracker.params).base, tracker.state.base  # type: ignore[arg-type]
+        if not (
+            np.array_equal(begun.bias, base.bias) and np.array_equal(begun.matrix, base.matrix)
+        ):
+            other.append("ground")
+    return [name.removesuffix("_sd") for name in other]
 
 
 def _sensor(log: Path, sensor: str | None, unit: str | None, followed: str = "") -> Samples:
@@ -130,6 +149,7 @@ def _reference(
 ) -> Reference:
     """The magnitude of the field at each reading."""
     from agonic.cli.place import expected, scalar_reference
+    from agonic.field.place import lacking
 
     taught = None if field is not None else scalar_reference(samples, scalar)
     if taught is not None:
@@ -137,8 +157,8 @@ def _reference(
     reference, _ = expected(samples, at, date, field)
     if reference is None:
         raise AgonicError(
-            "the field at the readings is not known: the log has no position or no date; give "
-            "--at LAT,LON[,ALT], --date or --field NT"
+            f"the field at the readings is not known: {lacking(samples)}; give --at "
+            "LAT,LON[,ALT], --date or --field NT"
         )
     return reference
 

@@ -54,6 +54,23 @@ def field_at(
     return Expected(reference=reference, inclination_deg=float(here.inclination_deg))
 
 
+def lacking(samples: Samples) -> str:
+    """What a log lacks for the field along its track to be known, in words.
+
+    >>> lacking(Samples(field=[[0, 0, 1.0]], latitude_deg=[52.0]))
+    'the log has no longitude and no date'
+    """
+    parts = {
+        "latitude": samples.latitude_deg,
+        "longitude": samples.longitude_deg,
+        "date": samples.epoch,
+    }
+    missing = [f"no {name}" for name, part in parts.items() if part is None]
+    if not missing:
+        return "date or positions are none that the world model knows"
+    return f"the log has {' and '.join(missing)}"
+
+
 def field_along(samples: Samples, date: str | None = None) -> Expected | None:
     """What to expect along a log's own track; None where it has no position or no date.
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from agonic.calibration.base import Calibration
 from agonic.calibration.tracking import Jump
 from agonic.fitting.inflight import InflightFit
+from agonic.fitting.inflight.pointing import eclipse
 from agonic.fitting.tracking import Coefficients
 from agonic.health import Finding
 from agonic.kernels.lasting import STRETCHES, Sums, lasting
 from agonic.kernels.leastsq import correlation_length
-from agonic.kernels.sunlight import shadowed
 from agonic.report.inflight_ground import Numbers, of_fit, of_tracker
 from agonic.samples import Samples
 from agonic.tracker import Tracker
@@ -98,7 +98,6 @@ def of_inflight(fit: InflightFit, samples: Samples | None = None) -> Flight:
     time = fit.time
     if samples is not None and len(samples) != len(fit.residuals):
         samples = None
-    shadow = fit.eclipse if fit.eclipse is not None else _eclipse(samples)
     moments = np.linspace(fit.drift.start, fit.drift.stop, CURVE)
     bias, sd = fit.bias_at(moments)
     return Flight(
@@ -116,7 +115,7 @@ def of_inflight(fit: InflightFit, samples: Samples | None = None) -> Flight:
         latitude_deg=fit.latitude_deg if samples is None else samples.latitude_deg,
         longitude_deg=None if samples is None else samples.longitude_deg,
         temperature=fit.temperature if samples is None else samples.temperature,
-        eclipse=shadow,
+        eclipse=fit.eclipse,
         noise=fit.noise,
         correlation=fit.correlation,
         lasting_nT=fit.lasting_nT,
@@ -139,8 +138,10 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
     last = np.concatenate([[state.time], state.bias, state.bias_sd])
     whole = np.concatenate([history, last[None]])
     latest = slice(-_ENOUGH, None)
-    correlation = correlation_length(found.residual[latest], found.used[latest].astype(np.float64))
-    lasting_nT, lasting_s = lasting_of(time, found.residual, found.used)
+    # of a start the predictions say how little was known, and nothing of model and noise
+    used = found.used & found.foretold
+    correlation = correlation_length(found.residual[latest], used[latest].astype(np.float64))
+    lasting_nT, lasting_s = lasting_of(time, found.residual, used)
     refused = int(np.count_nonzero(~found.used))
     return Flight(
         sensor=state.base.sensor,
@@ -152,13 +153,13 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
         time=time,
         epoch=state.epoch,
         residuals=found.residual,
-        used=found.used,
+        used=used,
         predicted=True,
         latitude_deg=samples.latitude_deg,
         longitude_deg=samples.longitude_deg,
         temperature=samples.temperature,
-        eclipse=_eclipse(samples),
-        noise=_scatter(found),
+        eclipse=eclipse(samples),
+        noise=float(np.sqrt(np.mean(found.residual[used] ** 2))) if used.any() else 0.0,
         correlation=correlation,
         lasting_nT=lasting_nT,
         lasting_s=lasting_s,
@@ -170,6 +171,8 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
         left_out={
             **samples.rejected,
             f"beyond {tracker.params.gate:g} standard deviations of its prediction": refused,
+            "learnt from, but before enough was known to judge by it": len(used) - refused
+            - int(np.count_nonzero(used)),
         },
         held_out={},
         chosen=None,
@@ -197,12 +200,6 @@ def lasting_of(time: Array, residuals: Array, used: Mask) -> tuple[float, float]
     return float(np.sqrt(min(variance, white))), mean
 
 
-def _scatter(found: Coefficients) -> float:
-    """Standard deviation of the residuals that were used, once the start was over, nT."""
-    known = found.used & found.foretold
-    return float(np.sqrt(np.mean(found.residual[known] ** 2))) if known.any() else 0.0
-
-
 def _left_out(fit: InflightFit, samples: Samples | None) -> dict[str, int]:
     """The readings that had no part in the fit, by reason."""
     reasons = {} if samples is None else dict(samples.rejected)
@@ -215,14 +212,3 @@ def _left_out(fit: InflightFit, samples: Samples | None) -> dict[str, int]:
     reasons["unusable, excluded by hand or outside the latitudes asked for"] = excluded - flagged
     reasons["do not fit: no weight in the robust loss"] = without - excluded
     return reasons
-
-
-def _eclipse(samples: Samples | None) -> Mask | None:
-    """Which readings were taken in the shadow of the Earth."""
-    if samples is None or samples.epoch is None or samples.time is None:
-        return None
-    latitude, longitude = samples.latitude_deg, samples.longitude_deg
-    if latitude is None or longitude is None:
-        return None
-    altitude = np.zeros(1) if samples.altitude_m is None else samples.altitude_m
-    return shadowed(latitude, longitude, altitude, samples.time + samples.epoch.timestamp())

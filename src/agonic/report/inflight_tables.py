@@ -101,7 +101,8 @@ def left_out(flight: Flight) -> Markup:
         if n
     ]
     used = int(np.count_nonzero(flight.used))
-    said = f"{counted(used, 'reading')} of {grouped(whole)} had a part in the result."
+    part = "are counted on this page" if flight.predicted else "had a part in the result"
+    said = f"{counted(used, 'reading')} of {grouped(whole)} {part}."
     if flight.thinned > 1:
         said += f" Drawn and counted here is every {flight.thinned}th row of the record."
     if not rows:

@@ -8,6 +8,7 @@ from agonic.report.blocks import header
 from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.plan_drawings import pose_drawing, profile_drawing
+from agonic.report.verdict import sentence
 
 
 def plan_page(plan: ThermalPlan, *, title: str = "") -> str:
@@ -76,14 +77,10 @@ def _card(plan: ThermalPlan, station: Station, turn: str) -> Markup:
     return element(
         "article",
         element("h3", element("span", f"{station.number}", class_="number"), f" {station.pose}"),
-        element("p", _sentence(turn)),
+        element("p", sentence(turn)),
         drawn,
         element("dl", element("dt", "file"), element("dd", file), *lines),
     )
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:] + "."
 
 
 def _expected(plan: ThermalPlan) -> Markup:
@@ -95,7 +92,7 @@ def _expected(plan: ThermalPlan) -> Markup:
         "section",
         element("h2", "Standard errors to expect"),
         table(head, words.error_rows(plan)),
-        element("p", _sentence(words.basis_of_errors(plan)), class_="aside"),
+        element("p", sentence(words.basis_of_errors(plan)), class_="aside"),
         *(element("p", text) for text in words.warnings(plan)),
     )
 

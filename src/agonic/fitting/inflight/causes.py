@@ -98,9 +98,13 @@ def _misfit(samples: Samples) -> float:
 
 def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     """The usual mistakes, each with the change that would undo it."""
-    latitude, longitude = samples.latitude_deg, samples.longitude_deg
-    assert latitude is not None
-    assert longitude is not None
+    yield from _of_time()
+    yield from _of_place(samples)
+    yield from _of_altitude(samples)
+    yield from _of_date(samples)
+
+
+def _of_time() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     for seconds, words in (
         (18.0, "18 s (GPS time taken for UTC)"), (-18.0, "−18 s (UTC taken for GPS time)"),
         (37.0, "37 s (TAI taken for UTC)"), (3600.0, "an hour"), (-3600.0, "an hour"),
@@ -110,6 +114,12 @@ def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Sam
             Cause(f"positions {words} off in time would explain it", "check the time scale"),
             _shifted(seconds),
         )
+
+
+def _of_place(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+    latitude, longitude = samples.latitude_deg, samples.longitude_deg
+    assert latitude is not None
+    assert longitude is not None
     yield (
         Cause("longitudes counted west would explain it", "count longitude positive east"),
         lambda s: s.with_columns(longitude_deg=-longitude),
@@ -145,8 +155,6 @@ def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Sam
                 latitude_deg=np.degrees(latitude), longitude_deg=np.degrees(longitude)
             ),
         )
-    yield from _of_altitude(samples)
-    yield from _of_date(samples)
 
 
 def _earth_fixed(samples: Samples) -> Samples:

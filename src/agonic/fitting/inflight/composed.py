@@ -48,6 +48,7 @@ class Parts:
     magnitude: float
     sources: Array
     sources_sd: Array
+    second_sensor: str | None
 
     @classmethod
     def of(cls, task: Task, estimate: Estimate, change: Affine) -> Parts:
@@ -63,6 +64,7 @@ class Parts:
             magnitude=task.magnitude,
             sources=layout.biases(estimate.solution.params)[:, first:] * size,
             sources_sd=layout.biases(sd)[:, first:] * size,
+            second_sensor=task.samples.second_sensor if "second" in terms.sources else None,
         )
 
     def calibration(self, samples: Samples) -> Affine | Thermal | Chain:
@@ -104,7 +106,7 @@ class Parts:
             name: getattr(of, name)
             for name in ("unit_in", "sensor", "device_id", "frame_in", "frame_out", "noise",
                          "magnitude", "provenance")
-        }  # fmt: skip
+        } | {"second_sensor": self.second_sensor}  # fmt: skip
         names = self.estimate.terms.sources
         if change is None:
             return Interference(

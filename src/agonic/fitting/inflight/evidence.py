@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.fitting.inflight.causes import impossible_track, likely_cause
 from agonic.fitting.inflight.record import InflightFit
-from agonic.health import Finding, figure, inspect
+from agonic.health import Finding, figure, inspect, misscaled
 from agonic.kernels.coverage import nearest_axis
 from agonic.samples import Samples
 
@@ -36,6 +36,8 @@ def examined(fit: InflightFit, task: Task, samples: Samples) -> InflightFit:
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, task, samples),
+        *_scale(fit),
+        *_axes(samples),
         *_undetermined(fit, task.magnitude),
         *_strays(fit),
         *_attitude(fit),
@@ -65,6 +67,27 @@ def _reference(fit: InflightFit, task: Task, samples: Samples) -> list[Finding]:
             )
         ]  # fmt: skip
     return [Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)]
+
+
+def _scale(fit: InflightFit) -> list[Finding]:
+    """A wrong unit."""
+    scale = misscaled(float(np.trace(fit.after.matrix)) / 3, fit.after.unit_in)
+    return [] if scale is None else [scale]
+
+
+def _axes(samples: Samples) -> list[Finding]:
+    """Readings that were turned into axes of the Earth."""
+    if samples.frame != "n":
+        return []
+    return [
+        Finding(
+            "axes of the Earth",
+            "check",
+            "the readings are components north, east and down, so what is found is no bias and no "
+            "gain of a sensor",
+            "give the readings in the axes of the sensor",
+        )
+    ]
 
 
 def _undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:

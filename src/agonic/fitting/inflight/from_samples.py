@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
-from agonic.field.place import field_along
+from agonic.field.place import field_along, lacking
 from agonic.fitting.inflight import evidence, restored
 from agonic.fitting.inflight.pointing import outside, toward
 from agonic.fitting.inflight.record import InflightFit
@@ -124,8 +124,8 @@ def _task(
         expected = field_along(samples)
         if expected is None:
             raise AgonicError(
-                "the field on the way is not known: the log has no positions or no date; give a "
-                "reference, two-line elements, or --date"
+                f"the field on the way is not known: {lacking(samples)}; give a reference, "
+                "positions (they can come from two-line elements), or --date"
             )
         along = expected.reference
     assert along is not None

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from agonic.errors import AgonicError, LogError
 from agonic.fitting.inflight.task import Attitude, Toward
-from agonic.kernels.celestial import in_shadow, sidereal_rad, sun_i, turned
+from agonic.kernels.celestial import sidereal_rad, turned
 from agonic.kernels.geodesy import (
-    SEMI_MAJOR_M,
     directions,
     earth_fixed,
     earth_fixed_position,
     north_east_down,
-)
+)  # fmt: skip
 from agonic.kernels.rotation import rot_nb
+from agonic.kernels.sunlight import shadowed
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -104,23 +104,31 @@ def outside(samples: Samples, reference: Reference) -> Array | None:
 
 def eclipse(samples: Samples) -> NDArray[np.bool_] | None:
     """Whether each row is in the shadow of the Earth, (n,); None where that cannot be told."""
-    position = _position_i(samples)
-    if position is None or samples.altitude_m is None:
+    track = _track(samples)
+    if track is None or np.median(track[2]) < LOWEST_ORBIT_M:
         return None
-    if np.median(samples.altitude_m) < LOWEST_ORBIT_M:
-        return None
-    return in_shadow(position[0], sun_i(_unix(samples)), SEMI_MAJOR_M)
+    return shadowed(*track, _unix(samples))
 
 
 def _position_i(samples: Samples) -> tuple[Array, Array] | None:
     """Inertial positions (3, n), m, and sidereal time (n,), rad; None without track or date."""
-    track = (samples.latitude_deg, samples.longitude_deg, samples.altitude_m)
-    if samples.time is None or samples.epoch is None or any(part is None for part in track):
+    track = _track(samples)
+    if track is None:
         return None
     latitude, longitude, altitude = track
-    position_e = earth_fixed_position(directions(latitude, longitude), altitude)  # type: ignore[arg-type]
+    position_e = earth_fixed_position(directions(latitude, longitude), altitude)
     sidereal = sidereal_rad(_unix(samples))
     return turned(position_e, -sidereal), sidereal
+
+
+def _track(samples: Samples) -> tuple[Array, Array, Array] | None:
+    """Latitude, longitude and altitude; None where one of them, or times or date, are missing."""
+    latitude, longitude, altitude = samples.latitude_deg, samples.longitude_deg, samples.altitude_m
+    if samples.time is None or samples.epoch is None:
+        return None
+    if latitude is None or longitude is None or altitude is None:
+        return None
+    return latitude, longitude, altitude
 
 
 def _unix(samples: Samples) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
-from agonic.field.place import model_for
+from agonic.field.place import lacking, model_for
 from agonic.fitting.inflight.pointing import outside
 from agonic.fitting.inflight.task import Settings, kept, require_enough
 from agonic.samples import COLUMNS, Samples
@@ -106,8 +106,8 @@ class _Model:
     def __call__(self, samples: Samples) -> Known:
         if samples.latitude_deg is None or samples.longitude_deg is None or samples.epoch is None:
             raise AgonicError(
-                "the field on the way is not known: the record has no positions or no date; give "
-                "--date, or a scalar instrument"
+                f"the field on the way is not known: {lacking(samples)}; give --date, or a scalar "
+                "instrument"
             )
         if samples.altitude_m is None:
             samples = samples.with_columns(altitude_m=np.zeros(len(samples)))

@@ -12,6 +12,7 @@ from scipy.linalg import polar
 from agonic.errors import AgonicError
 from agonic.fitting.inflight import belief, drift
 from agonic.fitting.inflight.honest import Clock, honest
+from agonic.fitting.inflight.kinds import mean_correlation, over_spreads, spreads
 from agonic.fitting.inflight.task import Mask, Task, require_enough
 from agonic.fitting.inflight.terms import Terms
 from agonic.kernels import flight, leastsq, taught
@@ -165,8 +166,8 @@ def refined(
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
-        before, sds = sds, _sds(noise, sds)
-        noise = {kind: _over(of, kind, before, sds) for kind, of in noise.items()}
+        before, sds = sds, spreads(noise, sds)
+        noise = {kind: over_spreads(of, kind, before, sds) for kind, of in noise.items()}
         lasts = mean_correlation(noise)
         channels = [
             leastsq.Channel(
@@ -182,39 +183,9 @@ def refined(
         again = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
         if all(again[kind].settled(noise[kind]) for kind in noise) and len(kinds) == 1:
             break
-        if all(abs(v / max(sds[k], 1e-12) - 1) < 0.02 for k, v in _sds(again, sds).items()):
+        if all(abs(v / max(sds[k], 1e-12) - 1) < 0.02 for k, v in spreads(again, sds).items()):
             break
     return Estimate(solution, layout, terms, noise, sds, seen, {})
-
-
-def _sds(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:
-    """The noise of the readings, and for what is across the field that of the attitude over it.
-
-    What a kind scatters by beyond the magnitude, σ²(1 + κ²) with the field about one, is the
-    attitude's. `before` are those with which `noise` was found.
-    """
-    own = noise["magnitude"].sd
-    found = {"magnitude": own}
-    for kind, of in noise.items():
-        if kind != "magnitude":
-            whole = (of.sd / own) ** 2 * (1 + before[kind] ** 2)
-            found[kind] = float(np.sqrt(max(whole - 1, 0.0)))
-    return found
-
-
-def mean_correlation(noise: dict[str, Noise]) -> float:
-    """One length for all kinds, so that they are weighted by their noise alone: how long errors
-    last is known too poorly to choose between kinds, but each has its own in the covariance."""
-    return float(np.mean([of.correlation for of in noise.values()]))
-
-
-def _over(noise: Noise, kind: str, before: dict[str, float], now: dict[str, float]) -> Noise:
-    """The noise of residuals that are now over another √(1 + κ²)."""
-    if kind == "magnitude":
-        return noise
-    return noise._replace(
-        sd=noise.sd * float(np.sqrt((1 + before[kind] ** 2) / (1 + now[kind] ** 2)))
-    )
 
 
 def prior_of(task: Task, layout: flight.Layout) -> leastsq.Prior:

@@ -1,0 +1,121 @@
+"""The most probable bias and matrix of the readings of an opening, all taken together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.tracking import TrackerParams, TrackerState
+from agonic.kernels import leastsq, tracking
+from agonic.kernels.affine import SYMMETRIC, magnitude_residual, model_basis, split
+from agonic.kernels.consensus import least_median_sphere
+
+Array = NDArray[np.float64]
+
+_CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
+
+
+def most_probable(
+    state: TrackerState, prior: tracking.Belief, rows: Array, params: TrackerParams
+) -> tuple[Array, float, Array]:
+    """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
+    it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
+    another component of the noise, whose sum of squares over n readings differs by so much."""
+    m = len(prior.diagonal) - 1
+    held = Gaussian(prior)
+    found = []
+    for first in _starts(state, prior, rows):
+        scale = max(
+            _scale(state, params, rows, first, m), leastsq.robust_scale(residuals_of(rows, first))
+        )
+        for loss in (leastsq.cauchy(), leastsq.cauchy(), leastsq.tukey()):
+            solution = leastsq.solve(
+                _pieces(rows, first, m, state.noise), first[1 : m + 1], scale=scale, loss=loss,
+                prior=held,
+            )  # fmt: skip
+            first = _with(first, solution.params)
+            scale = _scale(state, params, rows, first, m)
+        found.append((scale, first))
+    common = min(scale for scale, _ in found)
+    costs = [_cost(rows, about, held, common) for _, about in found]
+    best = found[int(np.argmin(costs))][1]
+    near = [about for (_, about), cost in zip(found, costs, strict=True)
+            if cost < min(costs) + np.sqrt(len(rows))]  # fmt: skip
+    apart = np.max([np.abs(about[1:4] - best[1:4]) for about in near], axis=0)
+    noise = state.noise
+    if not state.noise_known:
+        noise = _scale(state, params, rows, best, m)
+    return best, noise, apart
+
+
+def total_sd(params: TrackerParams, noise: float, about: Array) -> float:
+    """The standard deviation of a residual: noise, and what the reference leaves out."""
+    return float(np.hypot(noise, params.external_sd / float(np.mean(about[4:7]))))
+
+
+def _cost(rows: Array, about: Array, held: Gaussian, scale: float) -> float:
+    """How improbable a state is: a robust sum over the rows, and the prior."""
+    strayed, _ = held(about[1 : 1 + len(held.centre)])
+    q = (residuals_of(rows, about) / scale) ** 2
+    return float(leastsq.cauchy().value(q).sum() + strayed @ strayed / 2)
+
+
+def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array, m: int) -> float:
+    """The standard deviation to judge residuals by: as stated, or as they are."""
+    if state.noise_known:
+        return total_sd(params, state.noise, about)
+    return max(leastsq.robust_scale(residuals_of(rows, about), min(m, len(rows) - 1)), 1e-9)
+
+
+def _starts(state: TrackerState, prior: tracking.Belief, rows: Array) -> Iterator[Array]:
+    """Where to begin: what is believed, and, where little is known, the sphere that most lie on."""
+    yield state.belief.state
+    magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
+    size = float(np.mean(magnitude)) / gain
+    if np.sqrt(np.diag(prior.covariance)[1:4].max()) < _CERTAIN * size:
+        return
+    centre = rows[:, 1:4].mean(axis=0)
+    bias, scale = least_median_sphere((rows[:, 1:4] - centre) / size, magnitude / (gain * size))
+    if np.isfinite(bias).all() and 0.5 < scale < 2.0:
+        yield np.concatenate([[0.0], centre + size * bias, prior.state[4:]])
+
+
+class Gaussian:
+    """The prior on bias and matrix as residuals: D^(−1/2) U⁻¹ (x − x₀), without the field's g."""
+
+    def __init__(self, prior: tracking.Belief) -> None:
+        upper = prior.columns.T[1:, 1:]
+        self.whiten = np.linalg.inv(upper) / np.sqrt(prior.diagonal[1:])[:, None]
+        self.centre = prior.state[1 : len(prior.diagonal)]
+
+    def __call__(self, params: Array) -> tuple[Array, Array]:
+        return self.whiten @ (params - self.centre), self.whiten
+
+
+def _pieces(rows: Array, about: Array, m: int, scale: float) -> leastsq.Pieces:
+    def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
+        residuals, jacobian = residuals_about(rows, _with(about, params), scale)
+        yield residuals, jacobian[:, :m]
+
+    return pieces
+
+
+def _with(state: Array, params: Array) -> Array:
+    changed = state.copy()
+    changed[0] = 0.0
+    changed[1 : 1 + len(params)] = params
+    return changed
+
+
+def residuals_of(rows: Array, state: Array) -> Array:
+    return residuals_about(rows, state)[0]
+
+
+def residuals_about(rows: Array, state: Array, noise: float = 0.0) -> tuple[Array, Array]:
+    """Residuals (k,) of rows about a state, and their Jacobian by bias and matrix, (k, 9)."""
+    basis = model_basis("full", SYMMETRIC)
+    bias, matrix = split(basis @ state[1:])
+    r, jacobian = magnitude_residual(rows[:, 1:4], bias, matrix, rows[:, 4], noise)
+    return r, jacobian @ basis
