@@ -57,7 +57,7 @@ def test_whitened_is_the_inverse_root_of_the_covariance(axes: int, kind: wander.
 def test_followed_is_the_conditional_mean() -> None:
     of, z, _, changes = drawn(1, 5.0, axes=3)
     by = wander.Wander(5.0, ("smooth", 0.7), 1.0)
-    seen, taken = wander.followed(of, by, z, len(changes))
+    seen, taken = wander.followed(of, by, wander.principal(of, by.kind), z, len(changes))
     assert np.sqrt(np.mean((seen + changes) ** 2)) < 0.6  # residual = … + change, field = −change
     assert 20 < taken < 105
     inside = np.eye(len(z)) - np.linalg.inv(dense(of, len(z), 5.0, ("smooth", 0.7)))
@@ -74,7 +74,7 @@ def test_nothing_is_found_in_white_noise() -> None:
         of, _, jacobian, _ = drawn(seed, 0.0)
         heavy = of._replace(triangles=tuple(500.0 * r for r in of.triangles))
         gains.append(
-            wander.estimated(heavy, rng.standard_normal(STATIONS * EACH), jacobian, nothing)
+            wander.estimated(heavy, rng.standard_normal(STATIONS * EACH), jacobian, nothing)[0]
         )
     assert np.mean([by.sd == 0.0 for by in gains]) > 0.8
     assert max(by.gain for by in gains) < 12.0
@@ -87,7 +87,7 @@ def test_size_and_length_are_found_with_the_parameters_freedom_taken_off() -> No
     for seed in range(25):
         of, z, jacobian, _ = drawn(100 + seed, 2.0, axes=3)
         heavy = of._replace(triangles=tuple(500.0 * r for r in of.triangles))
-        by = wander.estimated(heavy, z, jacobian, nothing)
+        by, _ = wander.estimated(heavy, z, jacobian, nothing)
         sizes.append(500.0 * by.sd)
         lengths.append(by.kind)
         assert by.gain > 16.0

@@ -141,11 +141,11 @@ def _calmed(problem: Problem, state: State, kinds: tuple[wander.Kind, ...]) -> t
     least = z + jacobian @ step  # strays can be told where the rest fits
     limit = _STRAY * max(leastsq.robust_scale(least), 1.0)
     kept, of = np.clip(least, -limit, limit), spaces(problem, state)
-    slow = wander.estimated(of, kept, jacobian, (held_to + by @ step, by), kinds)
+    slow, axes = wander.estimated(of, kept, jacobian, (held_to + by @ step, by), kinds)
     if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
         return state._replace(slow=wander.Wander(), followed=np.zeros_like(state.followed)), 0.0
     z = z + kept - least
-    changes, taken = wander.followed(of, slow, z, len(problem.points))
+    changes, taken = wander.followed(of, slow, axes, z, len(problem.points))
     return state._replace(slow=slow, followed=changes), taken
 
 

@@ -190,19 +190,24 @@ def _seen(of: Spaces, kind: Kind) -> Array:
     return total
 
 
-def followed(of: Spaces, by: Wander, z: Array, m: int) -> tuple[Array, float]:
-    """The most probable changes (m, a) behind the residuals, and how many numbers they took."""
-    axes = len(z) // m
-    changes = np.zeros((m, axes))
+def followed(
+    of: Spaces, by: Wander, axes: tuple[Array, Array], z: Array, m: int
+) -> tuple[Array, float]:
+    """The most probable changes (m, a) behind the residuals, and how many numbers they took.
+
+    `axes` are those of `principal`.
+    """
+    many = len(z) // m
+    changes = np.zeros((m, many))
     if by.sd == 0.0:
         return changes, 0.0
-    size, axis = principal(of, by.kind)
+    size, axis = axes
     share = 1 / (1 + by.sd**2 * size)
     seen = axis @ (share * (axis.T @ of.within(z)))
     blocks = covariance(of.course, by.kind)
     s = blocks.shape[1]
     pulled = np.array([
-        (r.T @ seen[at]).reshape(axes, s) for at, r in zip(of.parts, of.triangles, strict=True)
+        (r.T @ seen[at]).reshape(many, s) for at, r in zip(of.parts, of.triangles, strict=True)
     ])  # fmt: skip
     coefficients = -(by.sd**2) * np.einsum("kilj,laj->kai", blocks, pulled)
     for cells, c in zip(of.cells, coefficients, strict=True):
@@ -213,7 +218,7 @@ def followed(of: Spaces, by: Wander, z: Array, m: int) -> tuple[Array, float]:
 def estimated(
     of: Spaces, z: Array, jacobian: Array, prior: tuple[Array, Array],
     kinds: tuple[Kind, ...] = KINDS,
-) -> Wander:  # fmt: skip
+) -> tuple[Wander, tuple[Array, Array]]:  # fmt: skip
     """The changes that residuals (n,) call for, with their Jacobian (n, p) and beliefs of unit sd.
 
     With C the covariance of the residuals, and A = JᵀC⁻¹J, b = JᵀC⁻¹z (beliefs among them), twice
@@ -221,7 +226,8 @@ def estimated(
 
         ln|C| + ln|A| + zᵀC⁻¹z − bᵀA⁻¹b
 
-    C differs from one in the stations' spaces only; the rest is added up once.
+    C differs from one in the stations' spaces only; the rest is added up once. Returns the changes
+    and the axes (`principal`) of their kind.
     """
     own_z, own = of.within(z), of.within(jacobian)
     rest = _Rest(
@@ -232,17 +238,18 @@ def estimated(
     tried = []
     for kind in kinds:
         size, axis = principal(of, kind)
-        turned = (size, axis.T @ own_z, axis.T @ own)
-        costs = [_cost(rest, *turned, float(np.exp(at))) for at in _GRID]
+        turned = (size, axis.T @ own_z, axis.T @ own, axis)
+        costs = [_cost(rest, *turned[:3], float(np.exp(at))) for at in _GRID]
         unlikely = UNLIKELY if kind[1] > LONG else 0.0
         tried.append((min(costs) + unlikely, int(np.argmin(costs)), kind, turned))
     _, k, kind, turned = min(tried, key=lambda each: each[0])
     found = minimize_scalar(
-        lambda at: _cost(rest, *turned, float(np.exp(at))), method="bounded",
+        lambda at: _cost(rest, *turned[:3], float(np.exp(at))), method="bounded",
         bounds=(_GRID[max(k - 1, 0)], _GRID[min(k + 1, len(_GRID) - 1)]), options={"xatol": 0.01},
     )  # fmt: skip
     gain = none - float(found.fun) - (UNLIKELY if kind[1] > LONG else 0.0)
-    return Wander(float(np.exp(found.x)), kind, gain) if gain > CHANCE else Wander(kind=kind)
+    by = Wander(float(np.exp(found.x)), kind, gain) if gain > CHANCE else Wander(kind=kind)
+    return by, (turned[0], turned[3])
 
 
 class _Rest(NamedTuple):
