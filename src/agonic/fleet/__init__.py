@@ -1,0 +1,1 @@
+"""Calibrating many logs and sensors without anyone watching."""

@@ -1,0 +1,115 @@
+"""`Population`: the calibrations of many sensors, column by column."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError
+from agonic.population.row import Row
+
+Array = NDArray[np.float64]
+
+COLUMNS: Mapping[str, Any] = {field.name: get_type_hints(Row)[field.name] for field in fields(Row)}
+"""The columns of a population and the types of `Row` that they hold."""
+
+AXES = ("x", "y", "z")
+ENTRIES = tuple(f"{i}{j}" for i in AXES for j in AXES)
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """The calibrations of many sensors: one row a sensor and log, kept as columns.
+
+    `columns` has every field of `Row`: numbers as float64 with NaN where missing (`rows` as int64),
+    all else as objects with None. Rows are in order of source, channel and sensor.
+
+    >>> row = Row(sensor="a", source="a.csv", verdict="refused", status="empty")
+    >>> population = Population.of([row])
+    >>> len(population), population["status"][0], population.bias.shape
+    (1, 'empty', (1, 3))
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+
+    def __post_init__(self) -> None:
+        if list(self.columns) != list(COLUMNS):
+            odd = set(self.columns).symmetric_difference(COLUMNS)
+            raise AgonicError(f"not the columns of a population: {', '.join(sorted(odd))}")
+
+    @classmethod
+    def of(cls, rows: Iterable[Row]) -> Population:
+        """The population of these rows, in its order."""
+        ordered = sorted(rows, key=lambda row: (row.source, row.channel, row.sensor))
+        return cls({name: _column(name, ordered) for name in COLUMNS})
+
+    def __len__(self) -> int:
+        return len(self.columns["sensor"])
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[Row]:
+        for values in zip(*self.columns.values(), strict=True):
+            named = zip(COLUMNS, values, strict=True)
+            yield Row(**{name: _value(value) for name, value in named})
+
+    def select(self, rows: NDArray[Any]) -> Population:
+        """The rows of a mask or an index, as a population."""
+        return Population({name: column[rows] for name, column in self.columns.items()})
+
+    @property
+    def fitted(self) -> NDArray[np.bool_]:
+        """Which rows carry a calibration, good or to be checked, (n,)."""
+        return np.asarray(self["verdict"] != "refused", dtype=bool)
+
+    @property
+    def bias(self) -> Array:
+        """(n, 3), NaN where there is none."""
+        return np.column_stack([self[f"bias_{i}"] for i in AXES])
+
+    @property
+    def bias_sd(self) -> Array:
+        """(n, 3)."""
+        return np.column_stack([self[f"bias_{i}_sd"] for i in AXES])
+
+    @property
+    def matrix(self) -> Array:
+        """(n, 3, 3)."""
+        return np.column_stack([self[f"matrix_{e}"] for e in ENTRIES]).reshape(-1, 3, 3)
+
+    @property
+    def matrix_sd(self) -> Array:
+        """(n, 3, 3); of a symmetric or triangular matrix, NaN below the diagonal."""
+        return np.column_stack([self[f"matrix_{e}_sd"] for e in ENTRIES]).reshape(-1, 3, 3)
+
+
+def _column(name: str, rows: list[Row]) -> NDArray[Any]:
+    values = [getattr(row, name) for row in rows]
+    kind = dtype_of(name)
+    if kind is np.float64:
+        return np.array([np.nan if value is None else value for value in values], dtype=kind)
+    if kind is np.int64:
+        return np.array(values, dtype=kind)
+    column = np.empty(len(values), dtype=object)
+    column[:] = values
+    return column
+
+
+def dtype_of(name: str) -> type:
+    """The NumPy type that a column is kept as."""
+    hint = COLUMNS[name]
+    if hint is int:
+        return np.int64
+    return np.float64 if hint == (float | None) else object
+
+
+def _value(value: Any) -> Any:
+    """A column's entry as the field of a row."""
+    if isinstance(value, np.floating):
+        return None if np.isnan(value) else float(value)
+    return int(value) if isinstance(value, np.integer) else value

@@ -1,0 +1,107 @@
+"""A population as a Parquet table: the same rows give the same bytes."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agonic.errors import LogError, MissingExtraError
+from agonic.io.atomic import write_atomically
+from agonic.population.population import COLUMNS, Population, dtype_of
+
+SCHEMA = b"agonic/population@1"
+
+
+def write_population(population: Population, path: Path | str) -> Path:
+    """Write the table as Parquet, a row for each; `read_population` reads it.
+
+    Parameters
+    ----------
+    population : the rows.
+    path : of the file; it is replaced in one step.
+
+    Returns the path. Raises `AgonicError` where it cannot be written.
+
+    Source: Apache Parquet, through pyarrow.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.population import Row
+    >>> row = Row(sensor="a", source="a.csv", verdict="refused", status="empty")
+    >>> with TemporaryDirectory() as folder:
+    ...     path = write_population(Population.of([row]), folder + "/table.parquet")
+    ...     read_population(path)["sensor"].tolist()
+    ['a']
+    """
+    pa, parquet = _arrow()
+    kinds = {"device_id": pa.int64(), "start": pa.timestamp("us", "UTC")}
+    kinds["findings"] = pa.list_(pa.string())
+    fields, arrays = [], []
+    for name, column in population.columns.items():
+        kind = kinds.get(name) or (
+            pa.string() if column.dtype == object else pa.from_numpy_dtype(column.dtype)
+        )
+        fields.append(pa.field(name, kind))
+        missing = np.isnan(column) if column.dtype == np.float64 else None
+        arrays.append(pa.array(column, kind, mask=missing))
+    schema = pa.schema(fields, metadata={b"schema": SCHEMA})
+    stream = BytesIO()
+    parquet.write_table(pa.table(arrays, schema=schema), stream, compression="zstd")
+    return write_atomically(path, stream.getvalue())
+
+
+def read_population(path: Path | str) -> Population:
+    """The population that `write_population` wrote.
+
+    Parameters
+    ----------
+    path : of the Parquet table.
+
+    Raises `LogError` where the file is not such a table.
+
+    Source: Apache Parquet, through pyarrow.
+
+    Examples
+    --------
+    >>> read_population("nowhere.parquet")
+    Traceback (most recent call last):
+    agonic.errors.LogError: nowhere.parquet: there is no such file
+    """
+    pa, parquet = _arrow()
+    path = Path(path)
+    if not path.is_file():
+        raise LogError("there is no such file", path=path)
+    try:
+        table = parquet.read_table(path)
+    except pa.ArrowInvalid as error:
+        raise LogError(f"it is not a Parquet table: {error}", path=path) from None
+    if (table.schema.metadata or {}).get(b"schema") != SCHEMA:
+        raise LogError("it is not a table of calibrations, as agonic fleet writes", path=path)
+    return Population({name: _column(name, table.column(name)) for name in COLUMNS})
+
+
+def _column(name: str, column: Any) -> Any:
+    """A column as `Population` keeps it."""
+    kind = dtype_of(name)
+    if kind is not object:
+        values = column.to_numpy()
+        return np.asarray(values, dtype=kind)
+    kept = np.empty(len(column), dtype=object)
+    if name == "findings":
+        kept[:] = [tuple(names) for names in column.to_pylist()]
+    else:
+        kept[:] = column.to_pylist()
+    return kept
+
+
+def _arrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise MissingExtraError("a table of many calibrations", "fleet") from None
+    return pyarrow, parquet
