@@ -55,9 +55,7 @@ from agonic.io.coil_sections import SECTIONS, AlignmentSection, AttitudeSection,
 from agonic.io.north_file import files_missing, not_positive
 from agonic.io.north_sections import Head
 from agonic.io.sections import read_toml, section
-from agonic.io.session_file import _calibration as calibration_of
-from agonic.io.session_file import _north_east_down as north_east_down
-from agonic.io.session_file import _samples as samples_of
+from agonic.io.session_file import calibration_of, north_east_down, samples_of
 from agonic.io.session_sections import SiteSection
 from agonic.kernels.frames import ARCSEC_RAD, rot_ci, rot_en
 from agonic.kernels.rotation import rot_nb

@@ -52,10 +52,7 @@ from agonic.io.north_sections import (
     SightingSection,
 )
 from agonic.io.sections import read_toml, section
-from agonic.io.session_file import _calibration as calibration_of
-from agonic.io.session_file import _north_east_down as north_east_down
-from agonic.io.session_file import _pier as pier_of
-from agonic.io.session_file import _samples as samples_of
+from agonic.io.session_file import calibration_of, north_east_down, pier_of, samples_of
 from agonic.provenance import Input, sha256_of
 from agonic.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 

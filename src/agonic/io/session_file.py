@@ -114,18 +114,18 @@ def read_session(path: Path | str) -> Session:
     scale = head.time_scale
     sources: list[Input] = []
     star = _stars(parts["star"], home, scale, sources)
-    magnetometer = _in_utc(_samples(parts["magnetometer"], home, sources), scale)
-    reference = _in_utc(_samples(parts["reference"], home, sources), scale)
+    magnetometer = _in_utc(samples_of(parts["magnetometer"], home, sources), scale)
+    reference = _in_utc(samples_of(parts["reference"], home, sources), scale)
     return check_session(
         Session(
             name=head.name,
             site=_site(parts["site"], file),
             star=star,
             magnetometer=_numbered(magnetometer, star),
-            reference=_north_east_down(reference, parts["reference"].axes),
-            pier=_pier(parts["pier"]),
+            reference=north_east_down(reference, parts["reference"].axes),
+            pier=pier_of(parts["pier"]),
             mounting=_mounting(parts["mounting"]),
-            calibration=_calibration(parts["magnetometer"], home),
+            calibration=calibration_of(parts["magnetometer"], home),
             noise=parts["magnetometer"].noise_nT,
             reference_noise=parts["reference"].noise_nT,
             reference_sd_arcsec=parts["reference"].axes_sd_arcsec,
@@ -208,7 +208,7 @@ def _ahead_s(time: Array, scale: str) -> Array:
     return np.asarray(leap + {"TAI": 0.0, "GPS": GPS_TAI_S, "TT": TT_TAI_S}[scale])
 
 
-def _samples(
+def samples_of(
     part: MagnetometerSection | ReferenceSection, home: Path, sources: list[Input]
 ) -> Samples:
     """The readings of a magnetometer, whatever the kind of its file."""
@@ -256,11 +256,13 @@ def _numbered(samples: Samples, star: StarReadings) -> Samples:
     return samples.with_columns(station=number).select(inside)
 
 
-def _north_east_down(samples: Samples, axes: str) -> Samples:
+def north_east_down(samples: Samples, axes: str) -> Samples:
+    """The readings in north, east, down, from the axes that the session names."""
     return samples.with_columns(field=samples.field @ AXES[axes].T)
 
 
-def _pier(part: PierSection | None) -> Pier:
+def pier_of(part: PierSection | None) -> Pier:
+    """What the field differs by between the instrument's pier and the reference's."""
     if part is None:
         return Pier()
     return Pier(difference=np.array(part.difference_nT), sd=part.sd_nT)
@@ -277,5 +279,6 @@ def _mounting(part: MountingSection | None) -> Mounting | None:
     )
 
 
-def _calibration(part: MagnetometerSection, home: Path) -> Calibration | None:
+def calibration_of(part: MagnetometerSection, home: Path) -> Calibration | None:
+    """The calibration of the magnetometer, where the session names one."""
     return None if not part.calibration else require_calibration(load(home / part.calibration))

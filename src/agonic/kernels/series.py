@@ -23,11 +23,6 @@ _TURN = 0.1  # of the range: what temperature must go back by to have turned
 _TURN_C = 1.5
 
 
-def running_median(values: Array, block: int = BLOCK) -> Array:
-    """The running median of each column of values (n, c), (n, c)."""
-    return _drawn(values, block, np.median)[0]
-
-
 def running_mean(values: Array, block: int = BLOCK) -> Array:
     """The running mean of each column of values (n, c), (n, c)."""
     return _drawn(values, block, np.mean)[0]
