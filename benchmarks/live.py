@@ -9,12 +9,14 @@ core is its own processor time over the wall's, with the browser on the same mac
 from __future__ import annotations
 
 import os
+import pty
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+import tty
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,8 @@ from benchmarks import tables
 POINTS, RATE_HZ = 50_000, 100.0
 
 INTRODUCTION = """The live page in headless Chromium, filled with 50 000 readings and then fed at
-100 Hz; frames a second, latency in ms, percent of a core and MB of the server."""
+100 Hz; frames a second, latency in ms, percent of a core and MB of the server. Then a line of 1 GB
+without an end through a pseudo-terminal."""
 
 
 def processor_s(pid: int) -> float:
@@ -80,6 +83,28 @@ def served(folder: str, log: Path, seconds: float) -> dict[str, Any]:
     return result
 
 
+def flooded(folder: str, size: float = 1e9) -> dict[str, float]:
+    """A line of so many bytes without an end, through a pseudo-terminal: time and room."""
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    command = [sys.executable, "-m", "agonic", "live", f"serial:{os.ttyname(theirs)}"]
+    process = subprocess.Popen(
+        [*command, "--port", "0", "-o", folder], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    time.sleep(1.0)
+    before, began, block, sent = megabytes(process.pid), time.monotonic(), b"8" * 65_536, 0
+    while sent < size:
+        sent += os.write(ours, block)
+    wall = time.monotonic() - began
+    os.write(ours, b"\n")
+    result = {"1 GB line, s": wall, "1 GB line, MB more": megabytes(process.pid) - before}
+    process.kill()
+    process.wait()
+    return result
+
+
 def main() -> None:
     """Write a log whose first 50 000 readings come at once and the rest at 100 Hz, and play it."""
     seconds = 5.0 if tables.arguments("the live page under load", draws=1).quick else 30.0
@@ -89,7 +114,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         samples = ag.Samples(time=time_s, field=made.field)
         log = ag.write_csv(samples, Path(folder, "log.csv"))
-        rows = [(name, f"{value:.1f}") for name, value in served(folder, log, seconds).items()]
+        measured = served(folder, log, seconds) | flooded(folder)
+        rows = [(name, f"{value:.1f}") for name, value in measured.items()]
     print(INTRODUCTION, tables.markdown(("", "measured"), rows), sep="\n\n")
 
 

@@ -1,12 +1,12 @@
 """Make the pictures that README and documentation show: python docs/pictures.py."""
 
-import re
+import os
 import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import sync_playwright
 
 from agonic.cli import run
 
@@ -34,22 +34,18 @@ def main() -> None:
             page.goto(f"file://{folder}/{file}")
             page.wait_for_timeout(500)
             page.screenshot(path=STATIC / picture)
-        live_picture(browser, folder)
         browser.close()
+    live_pictures()
 
 
-def live_picture(browser: Browser, folder: str) -> None:
-    """The live page while a simulated hand turns a sensor."""
-    command = [sys.executable, "-m", "agonic", "live", "sim?kind=tumble", "--target", "0.01"]
-    with subprocess.Popen(
-        [*command, "--port", "0", "-o", folder + "/live"], stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        page = browser.new_page(viewport={"width": 1100, "height": 1000})
-        page.goto(re.findall(r"http://\S+", process.stdout.readline())[0])
-        page.wait_for_timeout(7000)
-        page.screenshot(path=STATIC / "live.png")
-        process.terminate()
+def live_pictures() -> None:
+    """The live page and its question before it writes, as its tests in a browser see them."""
+    tests = Path(__file__).parents[1] / "tests" / "web"
+    command = [sys.executable, "-m", "pytest", "-q", "-k", "first_reading or vehicle_is_written"]
+    subprocess.run(
+        [*command, str(tests / "test_live_page.py"), str(tests / "test_live_device.py")],
+        env={**os.environ, "AGONIC_PICTURES": str(STATIC)}, check=True,
+    )  # fmt: skip
 
 
 main()

@@ -18,23 +18,24 @@ def test_the_gradient_gives_the_heading_s_standard_error():
     g = nextturn.heading_gradient(65.0, BIAS, MATRIX)
     sd = np.degrees(np.sqrt(np.trace(COVARIANCE @ g)))
     assert sd == pytest.approx(
-        heading_sd_deg(65.0, 1.0, BIAS, MATRIX, COVARIANCE, "symmetric"), rel=1e-9
+        heading_sd_deg(65.0, 1.0, MATRIX, COVARIANCE, "symmetric"), rel=1e-9
     )
 
 
 def test_gains_are_those_of_a_new_inversion():
-    directions = RNG.normal(size=(20, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    promised = nextturn.gains(directions, BIAS, MATRIX, COVARIANCE, 0.004, 65.0, 25)
+    present, *targets = RNG.normal(size=(21, 3))
+    targets = np.array(targets) / np.linalg.norm(targets, axis=1, keepdims=True)
+    along, lengths = nextturn.ways(present / np.linalg.norm(present), targets, 5)
+    np.testing.assert_allclose(along[:, -1], targets, atol=1e-12)
+    readings = 3 * lengths
+    promised = nextturn.gains(along, BIAS, MATRIX, COVARIANCE, 0.004, 65.0, readings)
     g = nextturn.heading_gradient(65.0, BIAS, MATRIX)
-    raw = directions @ np.linalg.inv(MATRIX).T + BIAS
-    jacobian = correction_jacobian(raw, BIAS, MATRIX) @ model_basis("full")
-    for k, u in enumerate(directions):
-        j = u @ jacobian[k]
-        sd = 0.004 * np.trace(MATRIX) / 3
-        after = np.linalg.inv(np.linalg.inv(COVARIANCE) + 25 * np.outer(j, j) / sd**2)
-        gained = np.trace((COVARIANCE - after) @ g)
-        assert promised[k] == pytest.approx(gained, rel=1e-6)
+    sd = 0.004 * np.trace(MATRIX) / 3
+    for way, k, gain in zip(along, readings, promised, strict=True):
+        jacobian = correction_jacobian(way @ np.linalg.inv(MATRIX).T + BIAS, BIAS, MATRIX)
+        j = np.einsum("ni,nij->nj", way, jacobian @ model_basis("full"))
+        after = np.linalg.inv(np.linalg.inv(COVARIANCE) + k * j.T @ j / sd**2)
+        assert gain == pytest.approx(np.trace((COVARIANCE - after) @ g), rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from agonic import CoverageError, Reference, fit_ellipsoid
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, LogError
 from agonic.live import LiveFit, LiveParams
 
 MATRIX = np.eye(3) + np.array([[0.05, 0.02, -0.01], [0.02, -0.03, 0.015], [-0.01, 0.015, 0.01]])
@@ -51,6 +51,7 @@ def recording():
 def test_pieces_give_what_the_whole_gives(recording):
     time, field = recording
     whole = LiveFit(magnitude=50_000.0)
+    field = field + 9000.0 * (np.abs(time - 31) < 0.5)[:, None]  # some of it is kept out
     whole.add(time, field)
     pieces = LiveFit(magnitude=50_000.0)
     cuts = np.sort(np.random.default_rng(1).integers(0, 3000, 40))
@@ -59,6 +60,8 @@ def test_pieces_give_what_the_whole_gives(recording):
     a, b = whole.calibration, pieces.calibration
     np.testing.assert_allclose(a.bias, b.bias, rtol=1e-9)
     np.testing.assert_allclose(a.matrix, b.matrix, rtol=1e-9)
+    assert 100 < whole.state.held == pieces.state.held
+    np.testing.assert_array_equal(whole.state.waiting, pieces.state.waiting)
     np.testing.assert_array_equal(whole.state.kept, pieces.state.kept)
     np.testing.assert_array_equal(whole.state.repeats, pieces.state.repeats)
     assert whole.guidance.say == pieces.guidance.say
@@ -176,7 +179,7 @@ def test_following_the_arrow_saves_half_the_turns():
     waving = np.median([radians_until(waved(rng, 9000), rng, 0.5) for rng in seeds])
     tumbling = np.median([radians_until(tumbled(rng, 3000), rng, 0.5) for rng in seeds])
     assert followed <= 0.5 * waving
-    assert followed <= 0.75 * tumbling
+    assert followed <= 0.6 * tumbling
 
 
 def test_the_standard_error_at_the_stop_is_honest():
@@ -187,12 +190,105 @@ def test_the_standard_error_at_the_stop_is_honest():
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4
 
 
-def test_a_disturbance_that_lasts_is_told_after_the_fit_has_bent_to_it():
+def test_a_disturbance_that_lasts_is_told_however_long():
     rng = np.random.default_rng(6)
     live = LiveFit(magnitude=50_000.0)
-    good = readings(tumbled(rng, 600), rng)
-    live.add(np.arange(600) / RATE_HZ, good)
-    spoilt = BIAS + 1.18 * (readings(tumbled(rng, 600), rng) - BIAS)
-    live.add(12 + np.arange(600) / RATE_HZ, spoilt)
-    assert "disturbed" in names(live)
-    assert not live.guidance.done
+    live.add(np.arange(600) / RATE_HZ, readings(tumbled(rng, 600), rng))
+    told = []
+    for k in range(4):  # first it is kept out; when it is as much as the rest the fit bends to it
+        spoilt = BIAS + 1.18 * (readings(tumbled(rng, 600), rng) - BIAS)
+        live.add(12 * (k + 1) + np.arange(600) / RATE_HZ, spoilt)
+        told.append(names(live))
+        assert not live.guidance.done
+    assert told[0] == ["near metal", "disturbed"]
+    assert all("disturbed" in said for said in told)
+
+
+def passing_iron(time, attitudes, *, at, closest=0.15, speed=0.5, peak=0.2):
+    """What a piece of iron adds that passes by the hand: a dipole, over the cube of its distance.
+
+    `peak` of the field, m and m/s; fixed in the room.
+    """
+    share = peak / (1 + ((time - at) * speed / closest) ** 2) ** 1.5
+    there = attitudes.inv().apply(50_000 * np.array([0.6, 0.3, 0.742]))
+    return (share[:, None] * there) @ np.linalg.inv(MATRIX).T
+
+
+@pytest.mark.parametrize("turned", [tumbled, waved])
+def test_iron_that_passes_leaves_nothing_behind(turned):
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        attitudes, time = turned(rng, 2000), np.arange(2000) / RATE_HZ
+        good = readings(attitudes, rng)
+        spoilt = good + passing_iron(time, attitudes, at=25.0)
+        fits = [LiveFit(magnitude=50_000.0) for _ in range(2)]
+        warned = 0
+        fits[0].add(time, good)
+        for rows in np.array_split(np.arange(2000), 50):
+            fits[1].add(time[rows], spoilt[rows])
+            warned += "near metal" in names(fits[1])
+        without, passed = (fit.calibration for fit in fits)
+        assert (np.abs(passed.bias - without.bias) < without.sd[:3]).all()
+        assert fits[0].state.held == 0
+        assert 1 < warned < 12
+        assert names(fits[1]) == []
+
+
+def test_what_waits_is_part_of_what_is_shown(recording):
+    time, field = recording
+    live = LiveFit(magnitude=50_000.0)
+    live.add(time[:1000], field[:1000])
+    assert live.boxes.counts.sum() == 1000
+    assert 50 < len(live.state.waiting) < 100  # a second and a half at 50 Hz
+    assert len(live.samples) == 1000
+    slow = LiveFit(magnitude=50_000.0)
+    slow.add(time[:1000] / 1000, field[:1000])  # 50 000 a second
+    slow.add(1 + time / 1000, field)
+    assert len(slow.state.waiting) <= 2000
+
+
+@pytest.mark.parametrize("cut", [0, 137, 1503])
+def test_a_live_fit_that_was_saved_goes_on_exactly(recording, tmp_path, cut):
+    time, field = recording
+    whole = LiveFit(magnitude=50_000.0)
+    spoilt = field + 9000.0 * (np.abs(time - 31) < 0.5)[:, None]
+    first = LiveFit(magnitude=50_000.0)
+    for live in (whole, first):
+        live.add(time[:cut], spoilt[:cut])
+    again = LiveFit.resume(first.save(tmp_path / "mag.live", origin="a wire"), origin="a wire")
+    for live in (whole, again):
+        live.add(time[cut:], spoilt[cut:])
+    for name, value in vars(whole.state).items():
+        np.testing.assert_equal(getattr(again.state, name), value, err_msg=name)
+    np.testing.assert_array_equal(again.calibration.bias, whole.calibration.bias)
+    np.testing.assert_array_equal(again.samples.field, whole.samples.field)
+    assert again.guidance.say == whole.guidance.say
+
+
+def test_the_file_of_a_long_session_is_small(tmp_path):
+    rng, live, sizes = np.random.default_rng(2), LiveFit(magnitude=50_000.0), []
+    for k in range(6):
+        time = 1000.0 * k + np.arange(50_000) / RATE_HZ
+        live.add(time, readings(Rotation.random(50_000, rng=rng), rng))
+        sizes.append(live.save(tmp_path / "mag.live").stat().st_size)
+    assert sizes[-1] < 1.5e6
+    assert sizes[-1] - sizes[-2] < 30_000
+
+
+def test_a_state_that_cannot_be_gone_on_with(recording, tmp_path):
+    time, field = recording
+    live = LiveFit(magnitude=50_000.0, name="mag1")
+    live.add(time[:200], field[:200])
+    path = live.save(tmp_path / "mag1.live", origin="serial port /dev/ttyUSB0")
+    closer = LiveFit.resume(path, LiveParams(name="mag1", target_deg=0.1, magnitude=49_000.0))
+    assert closer.n == 200
+    assert closer.calibration.magnitude == 49_000.0
+    with pytest.raises(AgonicError, match=r"name 'mag1', not 'mag'"):
+        LiveFit.resume(path, LiveParams())
+    with pytest.raises(AgonicError, match="holds readings of serial port"):
+        LiveFit.resume(path, origin="UDP port 14550")
+    whole = path.read_bytes()
+    for wrong in (b"", whole[:-9], b"[]", whole.replace(b"live-state@1", b"live-state@9")):
+        path.write_bytes(wrong)
+        with pytest.raises(LogError, match="not a usable state"):
+            LiveFit.resume(path)

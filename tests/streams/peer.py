@@ -1,7 +1,7 @@
 """A vehicle played by pymavlink in a process of its own: `python peer.py PORT AUTOPILOT [LOST]`.
 
 It corrects its readings as ArduPilot does and answers for its parameters; the one named LOST it
-never tells.
+never tells. What is set it prints.
 """
 
 import socket
@@ -71,6 +71,7 @@ def main(port, autopilot, lost=""):
                     tell(name)
             elif kind == "PARAM_SET" and message.param_id in values:
                 values[message.param_id] = message.param_value
+                print(message.param_id, message.param_value, flush=True)
                 tell(message.param_id)
         now = time.monotonic()
         if now - beat > 0.5:

@@ -13,7 +13,8 @@ from peer import FIELD, PARAMETERS, RAW_BIAS
 from agonic.reference import Reference
 from agonic.streams import Chunk, Said, open_source
 from agonic.streams.parameters import Parameters, wanted_of
-from agonic.web.session import Plan, Session
+from agonic.web.plan import Plan
+from agonic.web.session import Session
 
 pytest.importorskip("pymavlink")
 MG = 100.0

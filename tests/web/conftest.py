@@ -1,5 +1,9 @@
-"""A sensor on a TCP port that a test turns, disturbs and unplugs, and the command that reads it."""
+"""A sensor on a TCP port that a test turns, disturbs and unplugs, and the command that reads it.
 
+With AGONIC_PICTURES the tests of the page leave their pictures in that folder, for the docs.
+"""
+
+import os
 import re
 import signal
 import socket
@@ -7,10 +11,13 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
+sys.path.append(str(Path(__file__).parents[1] / "streams"))  # devices that its tests play
 
 FIELD_N = 50_000 * np.array([0.5, 0.0, np.sqrt(0.75)])
 BIAS = np.array([12_000.0, -5000.0, 3000.0])
@@ -26,7 +33,7 @@ class Sensor:
         self._attitude, self._rate = Rotation.random(rng=self._rng), np.zeros(3)
         self._server = self._peer = None
         self.port = 0
-        self._stop = threading.Event()
+        self._stop, self._sending = threading.Event(), threading.Lock()
         self.plug()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -51,8 +58,11 @@ class Sensor:
         field = self._attitude.inv().apply(FIELD_N) * (1.18 if self.near_metal else 1.0)
         return field + BIAS + 100 * self._rng.normal(size=3)
 
-    def send(self, data):
-        self._peer.sendall(data)
+    def send(self, *pieces):
+        """Send pieces of bytes, and no readings between them."""
+        with self._sending:
+            for data in pieces:
+                self._peer.sendall(data)
 
     def _run(self):
         began, sent = time.monotonic(), 0
@@ -71,7 +81,7 @@ class Sensor:
                     f"{(sent + k) / self.rate_Hz:.3f},{x:.1f},{y:.1f},{z:.1f}\n"
                     for k, (x, y, z) in enumerate(rows)
                 ]
-                self._peer.sendall("".join(lines).encode())
+                self.send("".join(lines).encode())
                 sent = due
             except (OSError, AttributeError):
                 if self._peer is not None:
@@ -112,3 +122,41 @@ def live(tmp_path):
             process.send_signal(signal.SIGINT)
         assert process.wait(timeout=10) in (0, -signal.SIGKILL)
         process.stdout.close()
+
+
+@pytest.fixture
+def page(chromium):
+    contexts = []
+
+    def open_page(address, **settings):
+        contexts.append(chromium.new_context(viewport={"width": 1100, "height": 900}, **settings))
+        one = contexts[-1].new_page()
+        one.complaints, one.foreign = [], []
+        one.on(
+            "console",  # the test reads pixels, which the browser remarks on
+            lambda m: None if m.text.startswith("Canvas2D") else one.complaints.append(m.text),
+        )
+        one.on("pageerror", lambda error: one.complaints.append(str(error)))
+        one.on(
+            "request",
+            lambda r: None if "127.0.0.1" in r.url or r.url.startswith("data:")
+            else one.foreign.append(r.url),
+        )  # fmt: skip
+        one.goto(address)
+        return one
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def picture():
+    """Takes a picture of a page for the docs, where they are asked for."""
+    folder = os.environ.get("AGONIC_PICTURES")
+
+    def take(page, name, part=None):
+        if folder:
+            (page.locator(part) if part else page).screenshot(path=Path(folder, name))
+
+    return take

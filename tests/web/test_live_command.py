@@ -9,7 +9,7 @@ import pytest
 import agonic as ag
 from agonic.cli import run
 from agonic.streams import Chunk
-from agonic.web.session import Plan
+from agonic.web.plan import Plan
 from agonic.web.watched import Watched
 
 

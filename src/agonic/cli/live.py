@@ -56,6 +56,10 @@ def live(
         str | None,
         typer.Option(metavar="ADDR", help="Show the page to other machines, by a secret address."),
     ] = None,
+    fresh: Annotated[
+        bool,
+        typer.Option("--fresh", help="Begin anew, where a session was not finished in DIR."),
+    ] = False,
     text: Annotated[bool, typer.Option("--text", help="In the terminal, without a page.")] = False,
     as_json: Json = False,
 ) -> int:
@@ -63,16 +67,18 @@ def live(
 
     Opens a page on this machine; its button Accept writes what `agonic calibrate` writes. With
     --text or --json the same in the terminal, which ends when the target is reached or the source
-    has ended. Readings that come without a unit stay raw.
+    has ended. Readings that come without a unit stay raw. When it is stopped before Accept, the
+    same command goes on from there.
     """
     from agonic.streams import open_source
-    from agonic.web.session import Plan, Session
+    from agonic.web.plan import Plan
+    from agonic.web.session import Session
 
     opened = open_source(source, unit=unit, speed=speed)
     reference, settings = _expected(opened, at, date, field)
     plan = Plan(
         folder=out, reference=reference, settings=settings, target_deg=target, sensor=sensor,
-        before=_before(before or []),
+        before=_before(before or []), fresh=fresh,
     )  # fmt: skip
     session = Session(opened, plan)
     if text or as_json:
@@ -186,6 +192,8 @@ class _Lines:
         import time
 
         self._line("", status.heard, status.heard, 0.0)
+        for note in status.notes:
+            self._line(note, note, note, time.monotonic())
         for one in status.sensors:
             error = "" if one.heading_sd_deg is None else f"  heading ±{one.heading_sd_deg:.2f}°"
             wrong = "".join(f"  ! {problem.text}" for problem in one.problems)

@@ -29,23 +29,46 @@ def heading_gradient(inclination_deg: float, bias: Array, matrix: Array) -> Arra
     return np.asarray(rows.T @ rows / len(rows))
 
 
-def gains(
-    directions: Array, bias: Array, matrix: Array, covariance: Array, noise: float,
-    inclination_deg: float, readings: float = 25.0,
-) -> Array:  # fmt: skip
-    """By how much so many readings along each direction (n, 3) lessen the heading's variance, (n,).
+def ways(present: Array, targets: Array, steps: int = 12) -> tuple[Array, Array]:
+    """Great circles from a direction (3,) to others (n, 3): `steps` directions along each, the
+    last of them the target, (n, steps, 3), and their lengths (n,), rad.
 
-    Δ = (Cj)ᵀG(Cj)/(σ²/k + jᵀCj), the fall of trace(CG) when k residuals with the gradient j and
-    noise σ are added (Sherman–Morrison); all for magnitude one.
+    >>> along, length = ways(np.array([1.0, 0, 0]), np.array([[0, 0, 1.0]]), 2)
+    >>> along.round(3), np.degrees(length)
+    (array([[[0.707, 0.   , 0.707],
+            [0.   , 0.   , 1.   ]]]), array([90.]))
     """
+    cosine = np.clip(targets @ present, -1.0, 1.0)
+    across = targets - cosine[:, None] * present
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    other = np.cross(present, np.eye(3)[int(np.argmin(np.abs(present)))])
+    across = np.where(size > 1e-6, across / np.maximum(size, 1e-6), other / np.linalg.norm(other))
+    length = np.arccos(cosine)
+    angle = length[:, None, None] * (np.arange(1, steps + 1) / steps)[:, None]
+    return np.cos(angle) * present + np.sin(angle) * across[:, None, :], length
+
+
+def gains(
+    along: Array, bias: Array, matrix: Array, covariance: Array, noise: float,
+    inclination_deg: float, readings: Array,
+) -> Array:  # fmt: skip
+    """By how much readings along the directions of ways (n, t, 3) lessen the heading's variance.
+
+    Δ = tr(G CJᵀ(σ²/k + JCJᵀ)⁻¹JC), (n,), the fall of trace(CG) when at each direction k residuals,
+    `readings` (n,), with the gradient j and noise σ are added (Woodbury); for magnitude one.
+    """
+    directions = along.reshape(-1, 3)
     raw = directions @ np.linalg.inv(matrix).T + bias
     jacobian = correction_jacobian(raw, bias, matrix) @ model_basis("full")
-    j = np.einsum("ni,nij->nj", directions, jacobian)
+    j = np.einsum("ni,nij->nj", directions, jacobian).reshape(*along.shape[:2], 9)
     spread = j @ covariance
-    g = heading_gradient(inclination_deg, bias, matrix)
+    room = spread @ np.swapaxes(j, 1, 2)
     gain = float(np.trace(matrix)) / 3
-    room = (noise * gain) ** 2 / readings + np.einsum("ni,ni->n", spread, j)
-    return np.asarray(np.einsum("ni,ij,nj->n", spread, g, spread) / room)
+    each = (noise * gain) ** 2 / np.maximum(readings, 1e-9)
+    room = room + each[:, None, None] * np.eye(along.shape[1])
+    learnt = np.linalg.solve(room, spread)
+    g = heading_gradient(inclination_deg, bias, matrix)
+    return np.asarray(np.einsum("nti,ij,ntj->n", spread, g, learnt))
 
 
 def turn_between(present: Array, wanted: Array) -> Array:

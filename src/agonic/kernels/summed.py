@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.kernels import leastsq, moments, quadric
+from agonic.kernels.affine import correct, correction_jacobian, model_basis
 from agonic.kernels.ellipsoid import parameters, soft_iron_prior
 
 Array = NDArray[np.float64]
@@ -27,6 +28,11 @@ STRAY = 4.0
 
 ROUNDS = 4
 """Passes in which the noise and the boxes to believe settle."""
+
+MOST_STEPS = 15
+"""Steps of a pass. Where little was seen the minimum lies at the end of a long bent valley that is
+noise: with 60 steps the error of the bias is 4.4 standard errors at 1° to 5° of heading, with 15
+it is 1.0 (rms over 16 simulated sessions)."""
 
 FINEST = 1e-6
 """Less noise than this, over the radius, is not believed."""
@@ -54,13 +60,16 @@ class Summed(NamedTuple):
     converged: bool
 
 
-def estimate(sums: Array, soft_iron_sd: float | None = 0.1) -> Summed | None:
+def estimate(
+    sums: Array, soft_iron_sd: float | None = 0.1, start: tuple[Array, Array] | None = None
+) -> Summed | None:
     """The fit to boxes with moments `sums` (k, 35) of points about centred, of size about one.
 
-    Minimises Σ w qᵀΨq/σ² + |prior|², σ of the residual from what the fit leaves, and larger where
-    boxes scatter more than their readings. `None` where no sphere can be laid through them.
+    `start` is a bias and matrix to begin from, the best sphere if there is none. Minimises
+    Σ w qᵀΨq/σ² + |prior|², σ of the residual from what the fit leaves, and larger where boxes
+    scatter more than their readings. `None` where no sphere can be laid through them.
     """
-    params = _sphere(sums)
+    params = _sphere(sums) if start is None else parameters(*start, "full")
     if params is None:
         return None
     prior = soft_iron_prior("full", soft_iron_sd)
@@ -68,11 +77,21 @@ def estimate(sums: Array, soft_iron_sd: float | None = 0.1) -> Summed | None:
     weights, sd = share, 0.01
     for _ in range(ROUNDS):
         rows = _pieces(weights @ sums, sd / params[3:6].mean())
-        solution = leastsq.solve(rows, params, scale=sd, prior=prior)
+        solution = leastsq.solve(rows, params, scale=sd, prior=prior, max_iterations=MOST_STEPS)
         params = solution.params
         residuals, sd = _left(sums, weights, params)
         used, weights = weights, share * _believed(residuals, sd)
     return _assembled(sums, used, residuals, sd, solution, prior)
+
+
+def deviations(points: Array, bias: Array, matrix: Array, covariance: Array) -> tuple[Array, Array]:
+    """|A(y − b)| − 1 of points (n, 3), and the standard deviation √(jᵀCj) that the fit gives it."""
+    field = correct(points, bias, matrix)
+    size = np.linalg.norm(field, axis=1)
+    jacobian = correction_jacobian(points, bias, matrix) @ model_basis("full")
+    j = np.einsum("ni,nij->nj", field / np.maximum(size, 1e-9)[:, None], jacobian)
+    variance = np.einsum("ni,ij,nj->n", j, covariance, j)
+    return size - 1, np.sqrt(np.maximum(variance, 0.0))
 
 
 def _pieces(total: Array, noise: float) -> leastsq.Pieces:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,19 @@ from agonic.errors import AgonicError, CoverageError
 from agonic.fitting.ellipsoid.assemble import Scale, calibration
 from agonic.fitting.ellipsoid.solve import Found as Solved
 from agonic.kernels import coverage as cells
+from agonic.kernels.voxels import Voxels
 from agonic.live.guidance import Guidance, guidance
 from agonic.live.state import LiveParams, LiveState
-from agonic.live.update import updated
+from agonic.live.statefile import load_state, save_state
+from agonic.live.update import boxes_of, updated
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
 Array = NDArray[np.float64]
+
+
+_OF_THE_SENSOR = ("unit", "every", "soft_iron_sd", "name", "device_id")
+"""Settings that a state cannot be gone on with when they change."""
 
 
 class LiveFit:
@@ -29,8 +36,9 @@ class LiveFit:
 
     Readings are summed up in boxes of equal size, each of which weighs little more after its
     first 25, so that a sensor at rest does not drown the rest; the fit minimises the magnitude
-    residual over their moments with a prior on soft iron (`kernels.summed`). Two calls of `add`
-    with the halves of a recording give what one call with all of it gives.
+    residual over their moments with a prior on soft iron (`kernels.summed`). Readings wait a
+    moment before they are let in, and those made near iron are not (`live.quarantine`). Two calls
+    of `add` with the halves of a recording give what one call with all of it gives.
 
     Parameters: `LiveParams`, or its fields as keywords.
 
@@ -49,8 +57,9 @@ class LiveFit:
     def __init__(self, params: LiveParams | None = None, **settings: Any) -> None:
         self.params = replace(params or LiveParams(), **settings)
         self.state = LiveState()
-        self._nanotesla = 1.0 if self.params.unit == RAW else nanotesla_per(self.params.unit)
+        self._nanotesla = nanotesla_per(self.params.unit)
         self._fitted: tuple[int, tuple[Affine, Coverage]] | None = None
+        self._boxed: tuple[int, Voxels | None] | None = None
 
     def add(self, time: ArrayLike, field: ArrayLike) -> None:
         """Take readings `field` (n, 3), in the unit of the parameters, made at `time` (n,), s."""
@@ -100,14 +109,47 @@ class LiveFit:
         return guidance(self.params, self.state, self.fitted)
 
     @property
+    def boxes(self) -> Voxels | None:
+        """The readings summed up by where they lie; `None` before there are enough."""
+        if self._boxed is None or self._boxed[0] != self.n:
+            self._boxed = (self.n, boxes_of(self.params, self.state))
+        return self._boxed[1]
+
+    @property
     def samples(self) -> Samples:
         """The readings that were kept, for the final calibration, in the order of their times."""
-        kept = self.state.kept
+        kept = np.concatenate([self.state.kept, self.state.waiting])
         kept = kept[np.argsort(kept[:, 0], kind="stable")]
         return Samples(
             time=kept[:, 0], field=kept[:, 1:], unit=self.unit, name=self.params.name,
             device_id=self.params.device_id,
         )  # fmt: skip
+
+    def save(self, path: Path | str, *, origin: str = "") -> Path:
+        """Write all that `resume` needs to go on, in one step; `origin` says where readings are
+        from."""
+        return save_state(self.params, self.state, path, origin)
+
+    @classmethod
+    def resume(
+        cls, path: Path | str, params: LiveParams | None = None, *, origin: str = ""
+    ) -> LiveFit:
+        """The live fit that was saved, as if it had never stopped.
+
+        `params` may tell another magnitude or target. Raises `LogError` where the file is missing,
+        damaged or of another version, and `AgonicError` where it is of another sensor or origin.
+        """
+        saved, state, saved_origin = load_state(path)
+        params = params or saved
+        for name in _OF_THE_SENSOR:
+            before, now = getattr(saved, name), getattr(params, name)
+            if before != now:
+                raise AgonicError(f"{path} is of {name} {before!r}, not {now!r}")
+        if origin and saved_origin != origin:
+            raise AgonicError(f"{path} holds readings of {saved_origin or 'elsewhere'}")
+        live = cls(params)
+        live.state = state
+        return live
 
     def _require(self) -> tuple[Affine, Coverage]:
         fitted = self.fitted
@@ -120,7 +162,7 @@ class LiveFit:
 
     def _assembled(self) -> tuple[Affine, Coverage]:
         """The last fit in the unit of the readings, and its coverage."""
-        found, boxes, reference = self.state.found, self.state.voxels, self.params.reference
+        found, boxes, reference = self.state.found, self.boxes, self.params.reference
         assert found is not None
         assert boxes is not None
         known = None if reference is None else float(reference.magnitudes(1)[0])

@@ -12,13 +12,16 @@ from agonic.coverage import Coverage
 from agonic.health import Finding, figure
 from agonic.kernels import coverage as cells
 from agonic.kernels import nextturn
+from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
 
 Array = NDArray[np.float64]
 
 NEAR_METAL = 0.05  # of the field's magnitude
+READINGS_PER_RAD = 50.0  # of a hand that turns
 SHORT = 0.3  # rad, below which a turn is hardly any work
 SCATTER = 0.02  # of the field's magnitude, of single readings
+MUCH = 0.3  # of the readings
 STUCK = 50  # repeats in a row
 OFF_MODEL = 0.15  # of the world model's magnitude
 
@@ -52,7 +55,7 @@ def guidance(
     calibration, coverage = fitted
     findings += [
         *_near_metal(state, calibration),
-        *_scattered(calibration),
+        *(_held(state) or _scattered(calibration)),
         *_off_model(params, calibration),
     ]
     present = state.recent[-5:, 1:].mean(axis=0)
@@ -69,13 +72,14 @@ def guidance(
 
 
 def _wanted(params: LiveParams, found: Found, present: Array) -> Array:
-    """The direction that teaches most for the turn it takes."""
+    """The direction that teaches most for the turn it takes, with what is read on the way."""
     centres = cells.icosphere()[0]
+    along, length = nextturn.ways(present, centres)
     gains = nextturn.gains(
-        centres, found.bias, found.matrix, found.covariance, found.noise, params.inclination_deg
-    )
-    turns = np.arccos(np.clip(centres @ present, -1, 1))
-    return np.asarray(centres[np.argmax(gains / (SHORT + turns))])
+        along, found.bias, found.matrix, found.covariance, found.noise, params.inclination_deg,
+        READINGS_PER_RAD * length / along.shape[1],
+    )  # fmt: skip
+    return np.asarray(centres[np.argmax(gains / (SHORT + length))])
 
 
 def _stuck(state: LiveState) -> list[Finding]:
@@ -101,21 +105,34 @@ def _silent(state: LiveState) -> list[Finding]:
 def _near_metal(state: LiveState, calibration: Affine) -> list[Finding]:
     """The present readings are off the sphere, all to one side."""
     assert calibration.magnitude is not None
-    sizes = np.linalg.norm(calibration.correct(state.recent[:, 1:]), axis=1)
-    off = float(np.median(sizes)) / calibration.magnitude - 1
-    spread = (calibration.noise or 0.0) / calibration.magnitude
-    if abs(off) < max(NEAR_METAL, 4 * spread):
-        return []
+    if abs(float(state.recent[-1, 0]) - state.alarm) < WAIT_S:
+        off = state.off
+    else:
+        sizes = np.linalg.norm(calibration.correct(state.recent[:, 1:]), axis=1)
+        off = float(np.median(sizes)) / calibration.magnitude - 1
+        spread = (calibration.noise or 0.0) / calibration.magnitude
+        if abs(off) < max(NEAR_METAL, 4 * spread):
+            return []
     word = "stronger" if off > 0 else "weaker"
     return [
         Finding(
             "near metal",
             "check",
-            f"the field here is {100 * abs(off):.0f} % {word} than elsewhere: iron, a magnet or a "
-            "current is near",
-            "move away from it and go on turning",
+            f"the field here is {figure(100 * abs(off))} % {word} than elsewhere: iron, a magnet "
+            "or a current is near",
+            "move away from it and go on turning; if it stays, start again",
         )
     ]
+
+
+def _held(state: LiveState) -> list[Finding]:
+    """Much was kept out, and what is near may as well be what was taken for the rest."""
+    share = state.held / state.n
+    if share < MUCH:
+        return []
+    what = f"{100 * share:.0f} % of the readings do not fit the others: the field was not the same"
+    turns = "go away from steel, magnets and currents and start again"
+    return [Finding("disturbed", "check", what, turns)]
 
 
 def _scattered(calibration: Affine) -> list[Finding]:

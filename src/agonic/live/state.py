@@ -86,10 +86,15 @@ class Found(NamedTuple):
 class LiveState:
     """Where a live calibration stands; of bounded size, whatever has been seen.
 
-    `n` readings seen, and `rejected` ones that were not finite; `found` the fit to the first of
-    them; `kept` (m, 4) the rows of time and field to make the final calibration of: the first of
-    every box, and ever fewer of the later ones; `recent` (j, 4) the last rows; `repeats` (3,) how
-    often in a row each axis has said the same.
+    `n` readings seen, and `rejected` ones that were not finite; `voxels` those that were let in;
+    `found` the fit to them and to what waits; `kept` (m, 4) the rows of time and field to make the
+    final calibration of: the first of every box, and ever fewer of the later ones; `recent` (j, 4)
+    the last rows; `repeats` (3,) how often in a row each axis has said the same.
+
+    `waiting` (k, 4) are the rows not let in yet, for iron that comes near is noticed only when it
+    is; `judge` the fit that they are held against, made when `judged_at` readings were seen;
+    `alarm` the time, s, of the last that were off it, by `off` of the magnitude, and `held` how
+    many were kept out.
     """
 
     n: int = 0
@@ -99,3 +104,9 @@ class LiveState:
     kept: Array = field(default_factory=lambda: np.empty((0, 4)))
     recent: Array = field(default_factory=lambda: np.empty((0, 4)))
     repeats: Array = field(default_factory=lambda: np.zeros(3))
+    waiting: Array = field(default_factory=lambda: np.empty((0, 4)))
+    judge: Found | None = None
+    judged_at: int = 0
+    alarm: float = -np.inf
+    off: float = 0.0
+    held: int = 0

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.kernels import moments, summed, voxels
+from agonic.kernels.voxels import Voxels
+from agonic.live.quarantine import Alarm, passed
 from agonic.live.state import Found, LiveParams, LiveState
 
 Array = NDArray[np.float64]
@@ -17,6 +19,12 @@ RECENT = 25
 
 FEWEST_BOXES = 5
 """Boxes below which no sphere is laid through them."""
+
+FEWEST_TO_JUDGE = 100
+"""Readings that a fit must have before others are held against it."""
+
+GROWTH = 1.1
+"""The fit that readings are held against is made anew when there are so many times as many."""
 
 FINEST = 2.0**-12
 """Edge of the first boxes, over the largest reading: small enough to begin with."""
@@ -30,14 +38,40 @@ def updated(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     finite = np.isfinite(rows).all(axis=1)
     state = replace(state, rejected=state.rejected + int((~finite).sum()))
     rows = rows[finite]
-    after = (state.n + len(rows)) % params.every
-    if after >= len(rows):
-        return _put(state, rows)
-    before = len(rows) - after
-    return _put(_fitted(params, _put(state, rows[:before])), rows[before:])
+    blocks = state.n // params.every
+    while len(rows):
+        until = _next_judge(params, state)
+        taken, rows = np.split(rows, [until - state.n])
+        state = _taken(params, state, taken)
+        if state.n == until:
+            state = _rejudged(params, state)
+    if state.n // params.every == blocks:
+        return state
+    found = _fit(params, state.n, boxes_of(params, state), state.judge)
+    return replace(state, found=found or state.found)
 
 
-def _repeated(state: LiveState, field: Array) -> LiveState:
+def boxes_of(params: LiveParams, state: LiveState) -> Voxels | None:
+    """The boxes with the readings that wait in them too, as long as nothing speaks against them."""
+    waiting = state.waiting[: len(state.waiting) - state.n % params.every]
+    return _boxed(state.voxels, waiting)[0]
+
+
+def _next_judge(params: LiveParams, state: LiveState) -> int:
+    """The count of readings at which the next judge is made, a multiple of `every`."""
+    blocks = max(int(GROWTH * state.judged_at / params.every), state.judged_at // params.every + 1)
+    return blocks * params.every
+
+
+def _rejudged(params: LiveParams, state: LiveState) -> LiveState:
+    """A judge of what was let in so far; none where as much was kept out, which is as credible."""
+    boxes, judge = state.voxels, None
+    if boxes is not None and 2 * state.held <= state.n and boxes.counts.sum() >= FEWEST_TO_JUDGE:
+        judge = _fit(params, state.n, boxes, state.judge)
+    return replace(state, judge=judge, judged_at=state.n)
+
+
+def _repeated(state: LiveState, field: Array) -> Array:
     """How often each axis has repeated itself up to now."""
     repeats, last = state.repeats.copy(), state.recent[-1:, 1:]
     steps = np.concatenate([last, field])
@@ -45,43 +79,58 @@ def _repeated(state: LiveState, field: Array) -> LiveState:
         changed = np.flatnonzero(np.diff(steps[:, axis]) != 0)
         total = len(steps) - 1
         repeats[axis] = total - 1 - changed[-1] if len(changed) else repeats[axis] + total
-    return replace(state, repeats=repeats)
+    return repeats
 
 
-def _put(state: LiveState, rows: Array) -> LiveState:
-    """Rows put in their boxes; those to remember are kept."""
-    if not len(rows):
-        return state
-    field = rows[:, 1:]
-    boxes = state.voxels
-    if boxes is None:
-        boxes = voxels.begun(field[0], float(np.abs(field[0]).max() or 1.0) * FINEST)
-    boxes, place = voxels.added(boxes, field)
-    memorable = (place <= summed.PLENTY) | (np.log2(place) % 1 == 0)
+def _taken(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
+    """Rows taken: whole blocks of them judged, and put in their boxes when they have waited."""
+    partial = state.n % params.every
+    judged, fresh = np.split(state.waiting, [len(state.waiting) - partial])
+    fresh = np.concatenate([fresh, rows])
+    fresh, partly = np.split(fresh, [len(fresh) - len(fresh) % params.every])
+    made = passed(state.judge, Alarm(state.alarm, state.off), judged, fresh, params.every)
+    boxes, memorable = _boxed(state.voxels, made.let_in)
     return replace(
-        _repeated(state, field),
+        state,
         n=state.n + len(rows),
-        voxels=boxes,
-        kept=np.concatenate([state.kept, rows[memorable]]),
+        repeats=_repeated(state, rows[:, 1:]),
         recent=np.concatenate([state.recent, rows])[-RECENT:],
+        voxels=boxes,
+        kept=np.concatenate([state.kept, made.let_in[memorable]]),
+        waiting=np.concatenate([made.waiting, partly]),
+        held=state.held + made.held,
+        alarm=made.alarm.time,
+        off=made.alarm.off,
     )
 
 
-def _fitted(params: LiveParams, state: LiveState) -> LiveState:
-    """The fit to all boxes so far."""
-    boxes = state.voxels
+def _boxed(boxes: Voxels | None, rows: Array) -> tuple[Voxels | None, NDArray[np.bool_]]:
+    """Boxes with rows put in, and which rows to remember."""
+    if not len(rows):
+        return boxes, np.zeros(0, dtype=bool)
+    field = rows[:, 1:]
+    if boxes is None:
+        boxes = voxels.begun(field[0], float(np.abs(field[0]).max() or 1.0) * FINEST)
+    boxes, place = voxels.added(boxes, field)
+    return boxes, (place <= summed.PLENTY) | (np.log2(place) % 1 == 0)
+
+
+def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) -> Found | None:
+    """The fit to boxes, from the judge on."""
     if boxes is None or len(boxes.keys) < FEWEST_BOXES:
-        return state
+        return None
     middles = boxes.middles
     centre = middles.mean(axis=0)
     size = float(np.linalg.norm(middles - centre) / np.sqrt(len(middles)))
     if not size > 0:
-        return state
+        return None
     sums = moments.rebase(boxes.sums.T, boxes.centre, boxes.scale, centre, size).T
-    made = summed.estimate(sums, params.soft_iron_sd)
+    start = None
+    if judge is not None:
+        bias = (judge.centre + judge.size * judge.bias - centre) / size
+        start = bias, judge.matrix * size / judge.size
+    made = summed.estimate(sums, params.soft_iron_sd, start)
     if made is None:
-        return state
-    found = Found(
-        state.n, centre, size, made.bias, made.matrix, made.covariance, made.noise, made.condition
-    )
-    return replace(state, found=found)
+        return None
+    return Found(n, centre, size, made.bias, made.matrix, made.covariance, made.noise,
+                 made.condition)  # fmt: skip

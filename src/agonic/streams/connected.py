@@ -69,6 +69,8 @@ class LineDecoder:
 class Connected:
     """A source over a wire."""
 
+    lasting = True
+
     def __init__(self, link: Link, decoder: Decoder) -> None:
         self.link, self.decoder = link, decoder
         self.name = link.name

@@ -6,8 +6,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from agonic.calibration.base import Calibration
 from agonic.io.write_motioncal import encode_motioncal, motioncal_packet
 
@@ -76,6 +74,5 @@ class MotionCalDevice:
         first, second = self._told.get("Cal1", ()), self._told.get("Cal2", ())
         kept = dict(zip(_PACKET[:4], first[6:10], strict=True)) if len(first) == 10 else {}
         if len(second) == 9:
-            w = np.reshape(second, (3, 3))
-            kept |= dict(zip(_PACKET[4:], [*np.diag(w), w[0, 1], w[0, 2], w[1, 2]], strict=True))
+            kept |= dict(zip(_PACKET[4:], [second[i] for i in (0, 4, 8, 1, 2, 5)], strict=True))
         return kept

@@ -26,9 +26,13 @@ _SETTINGS = {"kind": str, "rate": float, "sensors": int, "seed": int, "minutes":
 
 
 class Source(Protocol):
-    """Where readings come from: `events` yields until `stop` is set or there are no more."""
+    """Where readings come from: `events` yields until `stop` is set or there are no more.
+
+    `lasting` where a source that is opened again goes on, rather than begins again.
+    """
 
     name: str
+    lasting: bool
 
     @property
     def stack(self) -> str: ...

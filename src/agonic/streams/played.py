@@ -26,6 +26,8 @@ RATE_HZ = 50.0
 class Played:
     """Recorded sensors, played at `speed` times their own pace; as fast as possible at 0."""
 
+    lasting = False
+
     def __init__(
         self, sensors: Sequence[Samples], name: str, speed: float = 1.0, stack: str = ""
     ) -> None:

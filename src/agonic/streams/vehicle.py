@@ -33,6 +33,9 @@ OTHERS = {"HIGHRES_IMU": ("mG", 1e3), "SCALED_IMU": ("mG", 1.0), "SCALED_IMU2": 
           "SCALED_IMU3": ("mG", 1.0), "RAW_IMU": (RAW, 1.0)}  # fmt: skip
 """Of other autopilots, as they send: unit, and factor to it."""
 
+LEARN = "COMPASS_LEARN"
+"""Above zero the vehicle changes its calibration in flight; it is set to zero with a new one."""
+
 RATE_HZ = 50
 HEARTBEAT_S = 1.0
 REQUEST_S = 5.0
@@ -137,6 +140,8 @@ class Vehicle:
         for name in SLOTS:
             number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
             self._link.command_long_send(*self._system, 511, 0, number, interval, 0, 0, 0, 0, 0)
+        if self._autopilot == ARDUPILOT and LEARN not in self.parameters.values:
+            self._ask(LEARN)
         if not self._seen:
             self._link.request_data_stream_send(*self._system, 1, RATE_HZ, 1)
 
@@ -180,7 +185,7 @@ class Vehicle:
         number = compass_number(calibration.sensor)
         parameters, warnings = ardupilot_parameters(calibration, compass=number)
         values = self.parameters.values
-        wanted = {**parameters, "COMPASS_LEARN": 0.0}
+        wanted = {**parameters, LEARN: 0.0}
         return [Change(name, values.get(name), new) for name, new in wanted.items()], warnings
 
     def write(

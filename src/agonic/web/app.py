@@ -53,7 +53,14 @@ POLICY = (
 _TYPES = {"js": "text/javascript", "css": "text/css"}
 _FILES: dict[str, Callable[[], str]] = {
     "live.js": lambda: _static("live.js"),
-    "live.css": lambda: of_report("base.css") + of_report("report.css") + _static("live.css"),
+    "live.css": lambda: (
+        of_report("base.css")
+        + of_report("report.css")
+        + _static("uplot/uPlot.min.css")
+        + _static("live.css")
+    ),
+    "strips.js": lambda: _static("strips.js"),
+    "uplot.js": lambda: _static("uplot/uPlot.iife.min.js"),
     "canvas.js": lambda: of_report("canvas.js"),
 }
 

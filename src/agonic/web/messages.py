@@ -34,7 +34,8 @@ class Sensor(msgspec.Struct, frozen=True):
 
     `centre` (3) and `shape` (9) bring readings onto the unit sphere; `cells` (80) readings in each
     direction; `present` and `wanted` where the field points in the sensor's axes and should;
-    `heading_sd_deg` and `progress` (0…1) are of the calibration so far.
+    `heading_sd_deg` and `progress` (0…1) are of the calibration so far; `course` the former over
+    the time since the first reading, s.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Sensor(msgspec.Struct, frozen=True):
     problems: list[Problem] = []
     numbers: list[Number] = []
     before: str = ""
+    course: list[tuple[float, float]] = []
 
 
 class Outcome(msgspec.Struct, frozen=True):
@@ -101,6 +103,7 @@ class Status(msgspec.Struct, frozen=True, tag="status"):
     offer: list[Setting] = []
     offered: str = ""
     device_says: str = ""
+    notes: list[str] = []
 
 
 class Accept(msgspec.Struct, frozen=True, tag="accept"):

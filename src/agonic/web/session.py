@@ -5,56 +5,27 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
 
 from agonic.calibrated import Calibrated, calibrate
-from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.io.atomic import make_folder
 from agonic.io.write_csv import write_csv
-from agonic.live import LiveParams
 from agonic.provenance import Input, sha256_of
-from agonic.reference import Reference
 from agonic.report.folder import Written, file_stem, write_folder
 from agonic.samples import Samples
 from agonic.streams import Chunk, Said, Source
 from agonic.streams.device import Change, Device
 from agonic.web.messages import Outcome, Sensor, Setting, Status
+from agonic.web.plan import Plan
 from agonic.web.shown import Shown
+from agonic.web.unfinished import Unfinished
 from agonic.web.watched import Watched, calibration_before
 
 DIGEST_S = 0.2
 """Between two fits, and two statuses."""
 
 MOST_SENSORS = 8
-
-
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """What a session is to reach: the field to expect, when to stop, where to write.
-
-    `settings` are those of the fit that go with the reference; `before` calibrations by sensor.
-    """
-
-    folder: Path
-    reference: Reference | None = None
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    target_deg: float = 0.5
-    sensor: str | None = None
-    before: Mapping[str, Affine] = field(default_factory=dict)
-
-    def params(self, first: Chunk) -> LiveParams:
-        """Those of the live fit of a sensor."""
-        reference = self.reference
-        known = None if reference is None else float(reference.magnitudes(1)[0])
-        return LiveParams(
-            unit=first.unit, magnitude=known, magnitude_sd=reference.sd if reference else 0.0,
-            source=reference.source if reference else "given", target_deg=self.target_deg,
-            inclination_deg=self.settings.get("inclination_deg", 60.0), name=first.sensor,
-            device_id=first.device_id,
-        )  # fmt: skip
 
 
 class Session:
@@ -65,6 +36,9 @@ class Session:
         self._lock, self._stop = threading.RLock(), threading.Event()
         self._threads: list[threading.Thread] = []
         self._watched: dict[str, Watched] = {}
+        origin = source.name if source.lasting else ""
+        self._unfinished = Unfinished(plan.folder, origin, fresh=plan.fresh)
+        self._notes: list[str] = []
         self._heard = Said(False, f"connecting to {source.name}")
         self._sensors: list[Sensor] = []
         self._version = self._accepted = 0
@@ -82,10 +56,14 @@ class Session:
             thread.start()
 
     def stop(self) -> None:
-        """Stop reading, and wait for it."""
+        """Stop reading, wait for it, and save where it stands."""
         self._stop.set()
         for thread in self._threads:
             thread.join(timeout=3.0)
+        with self._lock:
+            for watched in self._watched.values():
+                watched.digest()
+        self._save()
 
     @property
     def status(self) -> Status:
@@ -97,6 +75,7 @@ class Session:
                 outcomes=self._outcomes, busy=self._busy, trouble=self._trouble,
                 device="" if self.source.device is None else self.source.device.name,
                 offered=self._offer[0], offer=self._offer[1], device_says=self._offer[2],
+                notes=list(self._notes),
             )  # fmt: skip
 
     @property
@@ -163,7 +142,8 @@ class Session:
             for name, watched in self._watched.items():
                 if sensor in (None, name):
                     watched.restart()
-            self._outcomes, self._trouble = [], ""
+                    self._unfinished.begin(name)
+            self._outcomes, self._trouble, self._notes = [], "", []
             self._sensors = [watched.status() for watched in self._watched.values()]
             self._changed()
 
@@ -186,6 +166,10 @@ class Session:
         with self._lock:
             self._outcomes, self._trouble, self._busy = outcomes, trouble, False
             self._accepted += 1
+            self._notes = []
+            for result in self.results:
+                if result.verdict != "refused":
+                    self._unfinished.finish(result.samples.name)
             self._changed()
         return outcomes
 
@@ -249,7 +233,26 @@ class Session:
                 before = calibration_before(self.plan.folder, chunk.sensor, dict(self.plan.before))
                 watched = Watched(chunk, self.plan.params(chunk), before)
                 self._watched[chunk.sensor] = watched
+                self._go_on(watched)
             watched.take(chunk)
+
+    def _go_on(self, watched: Watched) -> None:
+        """Take a sensor up where it was left."""
+        live, note = self._unfinished.taken_up(watched.params)
+        if live is not None:
+            watched.go_on(live)
+        if note:
+            self._notes.append(note)
+
+    def _save(self) -> None:
+        """Write where it stands, beside the reading and fitting."""
+        with self._lock:
+            stands = {n: (one.params, one.live.state) for n, one in self._watched.items()}
+        trouble = self._unfinished.save(stands)
+        if trouble:
+            with self._lock:
+                self._trouble = trouble
+                self._changed()
 
     def _digest(self) -> None:
         while not self._stop.is_set():
@@ -260,6 +263,8 @@ class Session:
                 sensors = [watched.status() for watched in self._watched.values()]
                 self._sensors = sensors
                 self._changed()
+            if self._unfinished.due():
+                self._save()
             # a slow machine fits less often rather than falls behind
             self._stop.wait(max(DIGEST_S - (time.monotonic() - began), 0.1 * DIGEST_S))
 

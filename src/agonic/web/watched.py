@@ -20,6 +20,12 @@ from agonic.web.shown import Shown
 
 Array = NDArray[np.float64]
 
+PAUSE_S = 10.0
+"""Between the times of readings that were saved and those after."""
+
+MOST_NOTED = 200
+"""Values of the heading's standard error that are remembered."""
+
 RATE_OVER_S = 2.0
 """The rate is that of readings in so many seconds."""
 
@@ -34,9 +40,22 @@ class Watched:
 
     def restart(self) -> None:
         """Forget all readings."""
-        self.live, self.shown = LiveFit(self.params), Shown()
+        self._begin(LiveFit(self.params))
+
+    def go_on(self, live: LiveFit) -> None:
+        """Go on from a live fit that was saved, with times after its own."""
+        readings = live.samples
+        assert readings.time is not None
+        self._begin(live, float(readings.time[-1]))
+        self.shown.add(readings.field, time.time())
+
+    def _begin(self, live: LiveFit, last_s: float | None = None) -> None:
+        self.live, self.shown = live, Shown()
         self._waiting: list[Chunk] = []
         self._arrived: list[tuple[float, int]] = []
+        self._last_s, self._later_s = last_s, 0.0
+        self._began = time.monotonic()
+        self._course: list[tuple[float, float]] = []
 
     def take(self, chunk: Chunk) -> None:
         """Show readings at once; the fit has them at the next `digest`."""
@@ -50,11 +69,12 @@ class Watched:
     def digest(self) -> None:
         """Fit what has come."""
         waiting, self._waiting = self._waiting, []
-        if waiting:
-            self.live.add(
-                np.concatenate([chunk.time for chunk in waiting]),
-                np.concatenate([chunk.field for chunk in waiting]),
-            )
+        if not waiting:
+            return
+        times = np.concatenate([chunk.time for chunk in waiting])
+        if self._last_s is not None:  # this machine's clock may have begun anew since
+            self._later_s, self._last_s = self._last_s + PAUSE_S - float(times[0]), None
+        self.live.add(times + self._later_s, np.concatenate([chunk.field for chunk in waiting]))
 
     @property
     def rate_Hz(self) -> float:
@@ -72,6 +92,7 @@ class Watched:
     def status(self) -> Sensor:
         """All that a page shows of it."""
         live, guidance = self.live, self.live.guidance
+        self._note()
         centre, shape = self._sphere()
         calibration, coverage = live.fitted or (None, None)
         return Sensor(
@@ -88,7 +109,21 @@ class Watched:
             problems=[Problem(f.name, f.sentence) for f in guidance.findings],
             numbers=[] if calibration is None else self._numbers(calibration),
             before="" if self.before is None else _told(self.before),
+            course=list(self._course),
         )  # fmt: skip
+
+    def _note(self) -> None:
+        """Note the heading's standard error, ever more seldom."""
+        fitted, course = self.live.fitted, self._course
+        now = time.monotonic() - self._began
+        step = 2 * now / MOST_NOTED
+        if fitted is None or (course and now - course[-1][0] < max(step, 0.2)):
+            return
+        error = fitted[1].heading_sd_deg
+        if np.isfinite(error) and error > 0:
+            course.append((round(now, 1), float(f"{error:.4g}")))
+        if len(course) > MOST_NOTED:
+            del course[1::2]
 
     def _sphere(self) -> tuple[Array, Array]:
         """What brings the readings onto the unit sphere: the fit, or at first their midst."""
@@ -96,7 +131,7 @@ class Watched:
         if fitted is not None:
             calibration = fitted[0]
             return calibration.bias, calibration.matrix / (calibration.magnitude or 1.0)
-        boxes = self.live.state.voxels
+        boxes = self.live.boxes
         points = np.zeros((1, 3)) if boxes is None else boxes.middles
         low, high = points.min(axis=0), points.max(axis=0)
         reach = max(float((high - low).max()) / 2, 0.1 * float(np.abs(points).max()), 1e-9)
@@ -131,7 +166,7 @@ class Watched:
 
     def _spread(self, correct: Callable[[Array], Array]) -> float | None:
         """Standard deviation over mean of the magnitude, percent, each box counted alike."""
-        boxes = self.live.state.voxels
+        boxes = self.live.boxes
         if boxes is None:
             return None
         sizes = np.linalg.norm(correct(boxes.middles), axis=1)

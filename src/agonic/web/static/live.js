@@ -4,6 +4,8 @@
   const MOST = 50000;         // points of a sensor
   const LIMIT = 0.05;         // relative deviation of the magnitude at which colour is full
   const TRACE = 600;          // readings of the strip
+  const STRIP_MS = 100;       // between two drawings of it
+  const WORST_DEG = 90;       // heading error that is still drawn
   const SPOKEN_MS = 4000;     // between two sentences for a screen reader
   const EASE = 0.12;          // share of the way that the view follows in a frame
 
@@ -136,43 +138,39 @@
     context.globalAlpha = 1;
   }
 
-  function drawStrip(canvas, sizes) {
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((v) => Math.round(v * ratio));
-    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    const context = canvas.getContext("2d");
-    context.clearRect(0, 0, width, height);
-    let reach = 0.02;
-    for (const size of sizes) reach = Math.max(reach, Math.min(Math.abs(size - 1), 1));
-    const y = (size) => height / 2 - (size - 1) / reach * 0.46 * height;
-    context.strokeStyle = colours.line;
-    context.lineWidth = ratio;
-    context.beginPath();
-    context.moveTo(0, height / 2);
-    context.lineTo(width, height / 2);
-    context.stroke();
-    context.strokeStyle = colours.ink;
-    context.beginPath();
-    sizes.forEach((size, i) => context.lineTo(i / (TRACE - 1) * width, y(size)));
-    context.stroke();
-    context.fillStyle = colours.ink;
-    context.font = `${11 * ratio}px system-ui, sans-serif`;
-    context.fillText(`±${(100 * reach).toFixed(reach < 0.1 ? 1 : 0)} %`, 4 * ratio, 12 * ratio);
-  }
+  const seconds = (v) => `${strips.minus(+v.toFixed(1) + "")} s`;
+  const minutes = (v) => v < 90 ? `${+v.toFixed(1)} s` : `${+(v / 60).toFixed(1)} min`;
+  const percent = (v) => `${v > 0 ? "+" : ""}${strips.minus(+v.toFixed(1) + "")} %`;
 
   // ---- one sensor ---------------------------------------------------------------------------
 
   const digits = (value) => {
     if (value === null || value === undefined) return "";
     const size = Math.abs(value);
-    return value.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : size >= 0.1 ? 3 : 5);
+    return strips.minus(value.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : size >= 0.1 ? 3 : 5));
   };
 
   function sensor(name) {
     const article = find("sensor").content.cloneNode(true).firstElementChild;
     const part = (selector) => article.querySelector(selector);
     const canvas = part("figure canvas");
-    const strip = part(".strip");
+    const strength = strips.strip(part(".strength"), {
+      time: seconds, value: percent,
+      scale: { range: (_, low, high) => {
+        const reach = Math.max(2, Math.min(100, 1.1 * Math.max(Math.abs(low), Math.abs(high))));
+        return [-reach, reach];
+      } },
+      pointed: (at, value) => text(part(".strength-at"), at === null ? "" : `${at}: ${value}`),
+    });
+    const course = strips.strip(part(".course"), {
+      time: minutes, value: (v) => `${+v.toPrecision(2)}°`,
+      scale: { distr: 3, range: (_, low, high) => [
+        Math.min(0.1, (low || 1) / 1.5), Math.max(10, high || 1),
+      ] },
+      splits: [0.001, 0.01, 0.1, 1, 10, 100],
+      pointed: (at, value) => text(part(".course-at"), at === null ? "" : `${at}: ${value}`),
+    });
+    let drawnAt = 0;
     const points = cloud();
     const angles = { ...START };
     const rows = [];
@@ -268,14 +266,25 @@
       if (told && told.present && told.wanted && !told.done) {
         drawArrow(context, view, unit(told.present), unit(told.wanted), ratio);
       }
-      drawStrip(strip, points.trace());
+      drawStrips();
+    }
+
+    // The strength of the last readings over the seconds before now, and the error so far.
+    function drawStrips() {
+      if (!told || told.heading_sd_deg === null || performance.now() - drawnAt < STRIP_MS) return;
+      drawnAt = performance.now();
+      const sizes = Array.from(points.trace(), (size) => 100 * (size - 1));
+      const rate = told.rate_Hz || 50;
+      strength.show(sizes.map((_, i) => (i + 1 - sizes.length) / rate), sizes, 0);
+      const errors = told.course.map(([, error]) => Math.min(error, WORST_DEG));
+      course.show(told.course.map(([at]) => at), errors, told.target_deg);
     }
 
     return {
       name, points, update, draw,
       add(bytes) { points.add(bytes); dirty = true; },
       remove() { article.remove(); },
-      stale() { dirty = true; },
+      stale() { dirty = true; strength.restyle(); course.restyle(); },
     };
   }
 
@@ -301,6 +310,8 @@
     text(find("spoken"), said);
   }
 
+  const basename = (path) => path.split(/[\\/]/).pop();
+
   function outcomes(list) {
     const key = JSON.stringify(list);
     const box = find("outcomes");
@@ -311,7 +322,8 @@
       block.className = `verdict ${one.verdict}`;
       const lines = [
         `${one.sensor}: ${one.verdict}`, one.status,
-        one.files.length ? `Written: ${one.files.join(", ")}` : "", ...one.warnings,
+        one.files.length ? `Written to ${hello.folder}: ${one.files.map(basename).join(", ")}` : "",
+        ...one.warnings,
       ];
       block.append(...lines.filter(Boolean).map((line, i) => {
         const paragraph = document.createElement("p");
@@ -345,11 +357,12 @@
       row.innerHTML = "<th scope=row></th><td></td><td></td><td></td>";
       row.cells[0].textContent = setting.name;
       values.forEach((v, i) => {
-        row.cells[i + 1].textContent = v === null ? (i ? "" : "not told") : String(+v.toPrecision(7));
+        row.cells[i + 1].textContent = v === null ? (i ? "" : "not told") : strips.minus(String(+v.toPrecision(7)));
       });
       return row;
     }));
     find("write").disabled = now.busy || now.offer.some((s) => s.read_back !== null) || !now.offer.length;
+    text(find("leave"), now.offer.some((s) => s.read_back !== null) ? "Close" : "Leave it");
     if (!dialog.open) dialog.showModal();
   }
 
@@ -361,6 +374,8 @@
       if (!sensors[i]) sensors[i] = sensor(one.name);
       sensors[i].update(one);
     });
+    text(find("notes"), now.notes.join(". "));
+    find("notes").hidden = !now.notes.length;
     find("waiting").hidden = sensors.length > 0;
     find("finish").hidden = sensors.length === 0;
     const fitted = now.sensors.filter((one) => one.heading_sd_deg !== null);

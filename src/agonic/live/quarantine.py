@@ -1,0 +1,89 @@
+"""Readings wait before they are let in: near iron is noticed only when it is already near.
+
+Blocks of readings are held against the fit to those before them. A block that is off it is kept
+out, and so is all that came within `WAIT_S` before and after it, when the iron was further off.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels import summed
+from agonic.live.state import Found
+
+Array = NDArray[np.float64]
+
+WAIT_S = 1.5
+"""How long readings wait, and for how long after a disturbance none are let in."""
+
+MOST_WAITING = 2000
+"""Readings that wait at most, however fast they come."""
+
+SLIGHT = 0.015
+"""Of the field's magnitude: a block that is off by less is let in."""
+
+SURE = 4.0
+"""Standard deviations of the readings by which a block must be off."""
+
+UNSURE = 10.0
+"""Standard errors of the fit by which it must: where it has seen little, it is not the judge."""
+
+
+class Alarm(NamedTuple):
+    """The time, s, of the last block that was off, and by how much of the magnitude."""
+
+    time: float
+    off: float
+
+
+class Judged(NamedTuple):
+    """Rows let in, rows that wait, how many are kept out, and the last alarm."""
+
+    let_in: Array
+    waiting: Array
+    held: int
+    alarm: Alarm
+
+
+def offs(judge: Found | None, blocks: Array) -> Array:
+    """By how much of the magnitude blocks (b, k, 4) of rows are off, 0 where they are not, (b,)."""
+    if judge is None:
+        return np.zeros(len(blocks))
+    points = (blocks[:, :, 1:].reshape(-1, 3) - judge.centre) / judge.size
+    off, sd = summed.deviations(points, judge.bias, judge.matrix, judge.covariance)
+    noise = judge.noise * float(np.trace(judge.matrix)) / 3
+    room = np.median(np.hypot(UNSURE * sd, SURE * noise).reshape(blocks.shape[:2]), axis=1)
+    middle = np.median(off.reshape(blocks.shape[:2]), axis=1)
+    return np.where(np.abs(middle) > np.maximum(SLIGHT, room), middle, 0.0)
+
+
+def passed(judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size: int) -> Judged:
+    """Whole blocks of `size` among rows that wait and `fresh` ones (…, 4), one after another.
+
+    The rows that wait have been judged before. What is let in does not depend on how the readings
+    were cut in chunks, as long as the judge is the same.
+    """
+    rows = np.concatenate([waiting, fresh])
+    blocks = rows.reshape(-1, size, 4)
+    old = len(waiting) // size
+    off = offs(judge, blocks[old:])
+    begins, ends = blocks[:, 0, 0].tolist(), blocks[:, -1, 0].tolist()
+    queue, let_in, held = deque(range(old)), list[int](), 0
+    for k in range(old, len(blocks)):
+        while queue and (abs(begins[k] - begins[queue[0]]) > WAIT_S
+                         or len(queue) * size >= MOST_WAITING):  # fmt: skip
+            let_in.append(queue.popleft())
+        if off[k - old]:
+            held += 1 + len(queue)
+            queue.clear()
+            alarm = Alarm(ends[k], float(off[k - old]))
+        elif abs(begins[k] - alarm.time) < WAIT_S:
+            held += 1
+        else:
+            queue.append(k)
+    chosen = blocks[let_in].reshape(-1, 4)
+    return Judged(chosen, blocks[list(queue)].reshape(-1, 4), held * size, alarm)

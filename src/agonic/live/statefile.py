@@ -1,0 +1,80 @@
+"""The file that holds where a live calibration stands, float for float, to go on from there."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from agonic.errors import AgonicError, LogError
+from agonic.io.atomic import write_atomically
+from agonic.io.contents import read_bytes
+from agonic.live.state import LiveParams, LiveState
+
+SCHEMA = "agonic/live-state@1"
+
+_SHAPES = {"kept": 4, "recent": 4, "waiting": 4}
+"""Columns of the tables of a state."""
+
+
+class ArrayRecord(Struct, frozen=True):
+    """An array: its shape, and its numbers as little-endian bytes, `f8` or `i8`."""
+
+    shape: tuple[int, ...]
+    kind: str
+    data: bytes
+
+
+class StateFile(Struct, frozen=True):
+    """Where a live calibration stands, made with agonic; `origin` is where readings came from."""
+
+    schema: str
+    origin: str
+    params: dict[str, Any]
+    state: dict[str, Any]
+
+
+def save_state(params: LiveParams, state: LiveState, path: Path | str, origin: str = "") -> Path:
+    """Write the state in one step; `AgonicError` where the file cannot be written."""
+    record = StateFile(SCHEMA, origin, asdict(params), vars(state))
+    return write_atomically(path, msgspec.msgpack.encode(record, enc_hook=_recorded))
+
+
+def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:
+    """Settings, state and origin of a state file.
+
+    Raises `LogError` where it is missing, damaged, something else, or made by another version.
+    """
+    data = read_bytes(path)
+    try:
+        record = msgspec.msgpack.decode(data, type=StateFile)
+        if record.schema != SCHEMA:
+            raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
+        params = msgspec.convert(record.params, LiveParams)
+        state = msgspec.convert(record.state, LiveState, dec_hook=_restored)
+        for name, columns in _SHAPES.items():
+            if getattr(state, name).shape[1:] != (columns,):
+                raise LogError(f"its {name} is no table of {columns} columns")
+    except (AgonicError, msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
+        raise LogError(f"not a usable state of a live calibration: {error}", path=path) from None
+    return params, state, record.origin
+
+
+def _recorded(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        kind = "i8" if value.dtype.kind == "i" else "f8"
+        return ArrayRecord(value.shape, kind, value.astype("<" + kind).tobytes())
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} is not kept in a state")
+
+
+def _restored(kind: type, value: Any) -> Any:
+    record = msgspec.convert(value, ArrayRecord)
+    if record.kind not in ("f8", "i8"):
+        raise ValueError(f"numbers of kind {record.kind!r}")
+    return np.frombuffer(record.data, "<" + record.kind).reshape(record.shape).copy()
