@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from agonic.calibration.interference import Interference, stacked
 from agonic.choice import Choice, Kind, choose
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.fitting.ellipsoid import evaluate, fit_ellipsoid
+from agonic.fitting.ellipsoid import Recording, ellipsoid_alone, evaluate, fit_and_rows
 from agonic.fitting.latency import LatencyFit
 from agonic.kernels.angles import angle_deg
 from agonic.reference import Reference
@@ -85,7 +86,41 @@ def calibrate(
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    choice = _with_latency(choose(samples, reference, kind, settings))
+    return _verified(_with_latency(choose(samples, reference, kind, settings)))
+
+
+def calibrate_recording(
+    recording: Recording, reference: Reference | None = None, **settings: Any
+) -> Calibrated:
+    """Calibrate a recording of any length by the magnitude, and verify it on the rows kept of it.
+
+    The calibration uses all readings; held-out parts are judged, and pictures drawn, by some
+    100 000 rows that are spread evenly, the `samples` of the result.
+
+    Parameters: as in `fit_recording`. Raises `CoverageError` where nothing can be fitted at all.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.io.pieces import open_mission
+    >>> from agonic.io.write_csv import write_csv
+    >>> from agonic.simulation import simulate
+    >>> with TemporaryDirectory() as folder:
+    ...     path = write_csv(simulate("tumble").samples, Path(folder, "long.csv"))
+    ...     calibrate_recording(open_mission([path]), Reference.constant(50_000)).verdict
+    'good'
+    """
+    fit, samples = fit_and_rows(recording, reference, **settings)
+    kept = ("method", "robust", "soft_iron_sd", "gauge", "seed")
+    again = partial(
+        ellipsoid_alone, **{name: settings[name] for name in kept if name in settings},
+        model=fit.calibration.model,
+    )  # fmt: skip
+    why = "the recording is longer than memory: it was read piece by piece"
+    return _verified(Choice(samples, reference, fit, "ellipsoid", why, again))
+
+
+def _verified(choice: Choice) -> Calibrated:
+    """A choice with its checks on held-out parts."""
     samples, reference, fit = choice.samples, choice.reference, choice.fit
     folds = _folds(samples, reference, choice.again)
     gain = float(np.trace(fit.calibration.matrix) / 3)
@@ -128,7 +163,7 @@ def judge(
     fit = _evidence(calibration, samples, reference, settings)
     known = reference if calibration.unit_out == "nT" else None
     why = "the calibration was made before"
-    given = Choice(samples, reference, fit, method, why, fit_ellipsoid)
+    given = Choice(samples, reference, fit, method, why, ellipsoid_alone)
     return _judged(given, verify(calibration, samples, known))
 
 
@@ -154,7 +189,7 @@ class _Folds:
 
 
 def _folds(
-    samples: Samples, reference: Reference | None, again: Callable[..., Fit]
+    samples: Samples, reference: Reference | None, again: Callable[..., Calibration]
 ) -> _Folds | None:
     """Fits to the odd and to the even blocks of time, each applied to all rows."""
     block = np.arange(len(samples)) * BLOCKS // len(samples)
@@ -163,7 +198,7 @@ def _folds(
     for rows in (even, ~even):
         try:
             part = again(samples.select(rows), reference.select(rows) if reference else None)
-            fields.append(apply(part.calibration, samples).field)
+            fields.append(apply(part, samples).field)
         except AgonicError:
             return None
     unseen = np.where(even[:, None], fields[1], fields[0])

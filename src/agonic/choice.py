@@ -10,10 +10,11 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
 from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
-from agonic.fitting.ellipsoid import fit_ellipsoid
+from agonic.fitting.ellipsoid import against_gravity, ellipsoid_alone, fit_ellipsoid
 from agonic.fitting.latency import LatencyFit, fit_latency, undelayed
 from agonic.kernels.wald import wald
 from agonic.reference import Reference
@@ -38,7 +39,7 @@ class Choice:
     """A fit with the word for its method and the reason for choosing it.
 
     `samples` are those that were fitted, with the latency undone where there was one, and
-    `reference` is that of their rows; `again` repeats the fit with the same choices on others.
+    `reference` is that of their rows; `again` calibrates others with the same choices.
     """
 
     samples: Samples
@@ -46,7 +47,7 @@ class Choice:
     fit: Fit
     method: str
     reason: str
-    again: Callable[..., Fit]
+    again: Callable[..., Calibration]
     latency: LatencyFit | None = None
 
     @property
@@ -69,7 +70,8 @@ def choose(
     check_choice("kind", kind, get_args(Kind))
     method, reason = _method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     if method == "ellipsoid":
-        return _ellipsoid(samples, reference, reason, settings)
+        alone = _ellipsoid(samples, reference, reason, settings)
+        return replace(alone, fit=against_gravity(alone.fit, samples, reference))
     if reference is None:
         raise AgonicError(
             f"a {method} fit needs the field of the place: give it (--at LAT,LON, --date), or a "
@@ -99,7 +101,7 @@ def _ellipsoid(
 ) -> Choice:
     """The fit to the magnitude; its latency matters to a heading, and is told with it."""
     fit = fit_ellipsoid(samples, reference, **settings)
-    again = partial(fit_ellipsoid, **{**settings, "model": fit.calibration.model})
+    again = partial(ellipsoid_alone, **{**settings, "model": fit.calibration.model})
     return Choice(samples, reference, fit, "ellipsoid", reason, again, _latency(samples))
 
 
@@ -122,10 +124,11 @@ def _taught(
             fit = None
     if fit is None:
         fit = run(samples, reference, **settings)
-    again = partial(
-        run,
-        **{**settings, "gauge": fit.calibration.gauge, "sources": fit.calibration.needs},
-    )
+    same = {**settings, "gauge": fit.calibration.gauge, "sources": fit.calibration.needs}
+
+    def again(samples: Samples, reference: Reference) -> Calibration:
+        return run(samples, reference, **same).calibration
+
     return Choice(samples, reference, fit, method, reason, again, latency)
 
 

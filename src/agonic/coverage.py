@@ -50,8 +50,8 @@ def cover(
         filled=float((cells > 0).mean()),
         field_sd=field_sd,
         field_sd_max=float(field_sd.max()),
-        heading_sd_deg=kernel.heading_sd_deg(
-            inclination_deg, magnitude, bias, matrix, covariance, gauge
+        heading_sd_deg=float(
+            kernel.heading_sd_deg(inclination_deg, magnitude, matrix, covariance, gauge)
         ),
         inclination_deg=inclination_deg,
         turns=turns(kernel.missing_axes(cells)),

@@ -61,6 +61,17 @@ def test_an_axis_frozen_for_a_time_is_left_out_there(motion: str, axis: int, n: 
         assert np.array_equal(usable_rows(samples.field), samples.time < 45.0)
 
 
+@pytest.mark.parametrize("moved", [1, 3, 11])
+def test_an_axis_that_freezes_at_once_is_refused_as_frozen(moved: int) -> None:
+    samples = minute("tumble", 300, defects=[frozen(1, start=moved / 5.0)])
+    (finding,) = inspect(samples)
+    assert (finding.name, finding.severity) == ("frozen axis", "refuse")
+    assert "axis y hardly ever changes" in finding.sentence
+    fit = ag.fit_ellipsoid(samples)
+    assert fit.verdict == "refused"
+    assert "frozen axis" in [found.name for found in fit.findings]
+
+
 def test_a_sensor_at_rest_is_not_frozen() -> None:
     """All axes repeat together: a digital sensor that does not move."""
     samples = simulate("static", n=1000, noise=10.0, defects=[quantised(150.0)]).samples

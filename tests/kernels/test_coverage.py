@@ -87,7 +87,7 @@ def test_heading_sd_is_that_of_many_calibrations() -> None:
     rng = np.random.default_rng(2)
     shape = rng.normal(size=(9, 9)) * np.array([100.0] * 3 + [2e-3] * 6)[:, None]
     covariance = shape @ shape.T
-    claimed = coverage.heading_sd_deg(60.0, FIELD, BIAS, MATRIX, covariance, "symmetric")
+    claimed = coverage.heading_sd_deg(60.0, FIELD, MATRIX, covariance, "symmetric")
     along, _ = coverage.level_directions(60.0)
     raw = FIELD * along @ np.linalg.inv(MATRIX).T + BIAS
     centre = np.concatenate([BIAS, entries(MATRIX)])

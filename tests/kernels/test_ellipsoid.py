@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.kernels import ellipsoid, leastsq
 from agonic.kernels.affine import model_basis, split
-from agonic.kernels.noise import noise_of
+from agonic.kernels.noise import like_gaussian, noise_of
 from agonic.simulation.draws import directions
 
 W = np.array([[1.1, 0.05, -0.1], [0.05, 0.9, 0.08], [-0.1, 0.08, 1.0]])
@@ -93,6 +93,44 @@ def test_noise_brings_in_tukey_only_where_a_reading_stands_out() -> None:
     assert noise_of(residuals, robust=False, parameters=9).sd > 0.02
 
 
+def test_gaussian_noise_is_told_from_what_hides_a_second_surface() -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(400, 300))
+    shapes = {
+        "noise": noise,
+        "two populations": np.where(rng.uniform(size=noise.shape) < 0.4, 4.0, 0.0) + noise,
+        "a bias that moved": 5 * rng.uniform(-1, 1, noise.shape) + noise,
+        "strays": noise * np.where(rng.uniform(size=noise.shape) < 0.1, 10.0, 1.0),
+    }
+    passed = {}
+    for name, rows in shapes.items():
+        rows -= rows.mean(axis=1, keepdims=True)
+        passed[name] = np.mean([like_gaussian(r, float(r.std()), 1) for r in rows])
+    assert passed["noise"] > 0.97
+    assert max(passed[name] for name in shapes if name != "noise") < 0.02
+
+
+@pytest.mark.parametrize("model", ["sphere", "full"])
+@pytest.mark.parametrize("robust", [True, False])
+def test_where_all_readings_agree_a_search_finds_nothing_else(monkeypatch, model, robust) -> None:
+    searches, search = [], ellipsoid._search
+    for seed in range(6):
+        made = problem(250, seed=seed, noise=0.005, prior=0.1)
+        if model == "sphere":
+            made = made._replace(points=(made.points - BIAS) @ W.T + BIAS, model=model)
+        with monkeypatch.context() as watched:
+            watched.setattr(ellipsoid, "_search", lambda *of: searches.append(1) or search(*of))
+            agreed = ellipsoid.estimate(made, robust=robust)
+        with monkeypatch.context() as distrusted:
+            distrusted.setattr(ellipsoid, "_agreed", lambda found: False)
+            searched = ellipsoid.estimate(made, robust=robust)
+        moved = agreed.solution.params - searched.solution.params
+        sd = np.sqrt(np.diag(searched.solution.covariance))
+        assert np.abs(moved / sd).max() < 0.01  # the tolerance of the solver
+        assert agreed.noise.sd == pytest.approx(searched.noise.sd, rel=1e-4)
+    assert len(searches) < 2  # one in seventy is taken for something else than noise by chance
+
+
 def test_a_stray_that_nothing_contradicts_is_not_believed() -> None:
     """A cap of readings, and one far reading that happens to lie on the ellipsoid."""
     cap = problem(4000)
@@ -141,6 +179,22 @@ def test_strays_hardly_move_the_estimate() -> None:
     assert np.abs(error).max() < 1.5
     assert (found.weights[strays] == 0).mean() > 0.8
     assert (np.delete(found.weights, strays) > 0).all()
+
+
+def test_pull_of_the_prior_is_its_gradient_in_standard_errors() -> None:
+    """For matrices one by one, as the prior's own residuals give it, and for all at once."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(5, 9, 9)) * 0.02
+    covariance = root @ np.swapaxes(root, -1, -2)
+    skew = rng.normal(0, 0.08, (5, 3, 3))
+    matrix = 1.2 * np.eye(3) + skew + np.swapaxes(skew, -1, -2)
+    pull = ellipsoid.soft_iron_pull(matrix, covariance, 0.1)
+    prior = ellipsoid.soft_iron_prior("full", 0.1)
+    assert prior is not None
+    for k in range(5):
+        residuals, jacobian = prior(ellipsoid.parameters(np.zeros(3), matrix[k], "full"))
+        gradient = residuals @ jacobian
+        assert pull[k] == pytest.approx(np.sqrt(gradient @ covariance[k] @ gradient), rel=1e-9)
 
 
 @settings(max_examples=15)

@@ -11,9 +11,11 @@ import typer
 from agonic.cli import (
     simulate_alignment,
     simulate_campaign,
+    simulate_fleet,
     simulate_network,
     simulate_north,
     simulate_orbit,
+    simulate_vehicle,
 )
 from agonic.cli.options import Json
 from agonic.cli.simulate_campaign import FAULTS
@@ -36,7 +38,7 @@ def simulate(
         typer.Argument(
             help="tumble, sphere, belt, hand, circle, flight, boat, car, static, vehicle, orbit, "
             "paper, paper-space, nonaffine; "
-            "campaign, alignment, north or coil."
+            "campaign, fleet, alignment, north or coil."
         ),
     ],
     out: Annotated[
@@ -78,7 +80,10 @@ def simulate(
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     sensors: Annotated[
-        str, typer.Option(metavar="LIST", help="Of a campaign: 2xMMC5883MA,3xMPU-9255.")
+        str,
+        typer.Option(
+            metavar="LIST", help="Of a campaign: 2xMMC5883MA,3xMPU-9255; of a fleet: how many."
+        ),
     ] = "2xMMC5883MA,3xMPU-9255",
     rate: Annotated[
         float,
@@ -87,7 +92,25 @@ def simulate(
     fault: Annotated[
         list[str] | None, typer.Option(metavar="FAULT", help=f"Of a campaign: {FAULTS}.")
     ] = None,
-    format: Annotated[str, typer.Option(help="Of a campaign: csv or parquet.")] = "csv",
+    format: Annotated[str, typer.Option(help="Of a campaign or fleet: csv or parquet.")] = "csv",
+    logs: Annotated[
+        int | None, typer.Option(help="Of a fleet: logs of each sensor; default 1.", min=1)
+    ] = None,
+    rows: Annotated[
+        int | None, typer.Option(help="Of a fleet: readings of a log; default 300.", min=20)
+    ] = None,
+    broken: Annotated[
+        float | None, typer.Option(metavar="SHARE", help="Of a fleet: broken sensors.")
+    ] = None,
+    swapped: Annotated[
+        float | None, typer.Option(metavar="SHARE", help="Of a fleet: sensors with misnamed axes.")
+    ] = None,
+    duplicated: Annotated[
+        float | None, typer.Option(metavar="SHARE", help="Of a fleet: logs that are there twice.")
+    ] = None,
+    damaged: Annotated[
+        float | None, typer.Option(metavar="SHARE", help="Of a fleet: damaged files.")
+    ] = None,
     drift: Annotated[
         float | None, typer.Option(metavar="NT", help="Of an orbit: drift of the bias, nT.")
     ] = None,
@@ -123,6 +146,23 @@ def simulate(
         settings = {name: value for name, value in stated.items() if value is not None}
         return simulate_alignment.alignment(out, as_json=as_json, seed=seed, **settings)
     _refuse(kind, {"--orientations": orientations})
+    of_fleet: dict[str, Any] = {
+        "logs": logs, "rows": rows, "broken": broken, "swapped": swapped,
+        "duplicated": duplicated, "damaged": damaged,
+    }  # fmt: skip
+    if kind == "fleet":
+        _refuse(kind, {
+            "--outliers": outliers or None, "--step": step or None, "--clip": clip or None,
+            "--tilt": tilt, "--bank": bank, "--latency": latency, "--truth": truth,
+            "--opposite": opposite or None, "--fault": fault,
+        })  # fmt: skip
+        of_fleet |= {"noise": noise if _stated(context, "noise") else None, "magnitude": field}
+        asked = {name: value for name, value in of_fleet.items() if value is not None}
+        many = sensors if _stated(context, "sensors") else "1000"
+        return simulate_fleet.fleet(
+            out, sensors=many, format=format, seed=seed, as_json=as_json, **asked
+        )
+    _refuse(kind, {f"--{name}": value for name, value in of_fleet.items()})
     if kind in simulate_north.KINDS:
         own_noise = noise if _stated(context, "noise") else None
         return simulate_north.session(kind, out, as_json=as_json, seed=seed, noise=own_noise)
@@ -159,8 +199,9 @@ def simulate(
     _refuse(kind, misfits)
     defects = _defects(outliers, step, clip, seed)
     if kind == "vehicle":
-        return _vehicle(
-            out, defects, truth, as_json, n=n, noise=noise, seed=seed,
+        whose = [_truth(path) for path in truth or ()]
+        return simulate_vehicle.vehicle(
+            out, defects, whose, as_json, n=n, noise=noise, seed=seed,
             placing="opposite" if opposite else "apart",
             **({} if bank is None else {"bank_deg": bank}),
             **({} if latency is None else {"latency_s": latency / 1000}),
@@ -217,7 +258,7 @@ def _check_kind(kind: str) -> None:
     from agonic.simulation import kinds
 
     known = (
-        *kinds(), "vehicle", "orbit", *simulate_network.KINDS, "campaign", "alignment",
+        *kinds(), "vehicle", "orbit", *simulate_network.KINDS, "campaign", "fleet", "alignment",
         *simulate_north.KINDS,
     )  # fmt: skip
     if kind not in known:
@@ -233,38 +274,6 @@ def _truth(path: Path) -> Affine:
     if not isinstance(found, Affine):
         raise AgonicError(f"{path} is a {found.kind}; the truth must be an affine one")
     return found
-
-
-def _vehicle(
-    out: Path, defects: list[Defect], whose: list[Path] | None, as_json: bool, **settings: Any
-) -> int:
-    """The sensors of a vehicle in one table, two or those of `whose`, and what undoes each."""
-    from agonic.cli.output import print_json, say
-    from agonic.io.calfile import save
-    from agonic.io.write_csv import write_sensors
-    from agonic.simulation import simulate_vehicle
-
-    if whose:
-        settings |= {"sensors": len(whose), "calibrations": [_truth(path) for path in whose]}
-    made = simulate_vehicle(**settings)
-    sensors = list(made.samples)
-    for defect in defects:
-        sensors = [defect(samples) for samples in sensors]
-    write_sensors(sensors, out)
-    truths = [save(t, out.with_suffix(f".{t.sensor}.truth.json")) for t in made.truths]
-    if as_json:
-        print_json("agonic/simulate@1", {
-            "kind": "vehicle", "n": len(made.heading_deg),
-            "files": [str(out), *map(str, truths)],
-            "bias_nT": [t.bias for t in made.truths], "matrix": [t.matrix for t in made.truths],
-            "stray_nT_A": [t.matrix @ t.coefficients[:, 0] for t in made.truths],
-            "latency_ms": 1000 * made.latency_s,
-        })  # fmt: skip
-    else:
-        count = "one sensor" if len(made.samples) == 1 else "two sensors"
-        say(f"{len(made.heading_deg)} readings of {count}: {out}")
-        say(f"The truths: {', '.join(map(str, truths))}")
-    return 0
 
 
 def _stated(context: typer.Context, name: str) -> bool:

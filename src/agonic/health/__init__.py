@@ -1,9 +1,16 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
-from agonic.health.evidence import Evidence, examine, examine_taught, undetermined
+from agonic.health.evidence import (
+    Evidence,
+    examine,
+    examine_taught,
+    strayed,
+    undetermined,
+    wandered,
+)
 from agonic.health.finding import Finding, Judged, Severity, figure, sentences
-from agonic.health.mounting import mounted
-from agonic.health.readings import FEWEST, describe, inspect, step, usable_rows
+from agonic.health.mounting import misnamed, mounted
+from agonic.health.readings import FEWEST, describe, inspect, left_out, step, usable_rows
 from agonic.health.scale import misscaled
 
 __all__ = [
@@ -17,10 +24,14 @@ __all__ = [
     "examine_taught",
     "figure",
     "inspect",
+    "left_out",
+    "misnamed",
     "misscaled",
     "mounted",
     "sentences",
     "step",
+    "strayed",
     "undetermined",
     "usable_rows",
+    "wandered",
 ]

@@ -255,14 +255,40 @@ def _noisy(e: Evidence) -> Finding | None:
 
 
 def _strays(e: Evidence) -> Finding | None:
-    stray = e.weights == 0.0
-    if not stray.any():
+    return strayed(int(np.count_nonzero(e.weights == 0.0)), len(e.weights))
+
+
+def strayed(count: int, total: int) -> Finding | None:
+    """Readings that the loss left out, so many of all.
+
+    >>> strayed(3, 1000).sentence
+    '3 readings (0.3 %) do not fit and were left out'
+    """
+    if not count:
         return None
-    share = float(stray.mean())
+    share = count / total
     doubtful = share > STRAYS_DOUBTFUL
     return Finding(
         "outliers",
         "check" if doubtful else "note",
-        f"{int(stray.sum())} readings ({figure(100 * share)} %) do not fit and were left out",
+        f"{count} readings ({figure(100 * share)} %) do not fit and were left out",
         "look for disturbances at those times" if doubtful else "",
+    )
+
+
+def wandered(shift: float, radius: float, when: str, unit: str) -> Finding:
+    """A bias that is not the same throughout, by less than a change that spoils the fit.
+
+    Parameters: `shift` of the bias from the part before `when` to the part after.
+
+    >>> wandered(12.0, 50_000.0, "t = 3600 s", "nT").severity
+    'note'
+    """
+    doubtful = shift >= SHIFT_DOUBTFUL * radius
+    return Finding(
+        "bias moves",
+        "check" if doubtful else "note",
+        f"the bias before and after {when} differs by {figure(shift)} {unit}, more than chance "
+        "allows: it changed once, or drifts",
+        "calibrate the parts separately, or follow it over time" if doubtful else "",
     )

@@ -1,17 +1,30 @@
-"""Whether the axes of the readings are those of roll and pitch."""
+"""Whether the axes of the readings are those of roll and pitch, or of the accelerometer."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.health.finding import Finding
-from agonic.kernels.mounting import in_words, right_angles, vertical_misfit
+from agonic.health.finding import Finding, figure
+from agonic.kernels.mounting import in_words, renamed, right_angles, vertical_misfit
+from agonic.kernels.tilt import down_of_force
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 Array = NDArray[np.float64]
 
 FAR_BETTER = 0.4
 """Another mounting is believed when it leaves less than this share of the vertical's misfit."""
+VERTICAL_DOUBTFUL = 0.08
+"""Of the field: what a good sensor and 5° of wrong gravity leave of a vertical that is constant."""
+RIVAL = 1.5
+"""Axes are named when any others leave this much more than the best."""
+NEAR_GRAVITY = 0.1
+"""Acceleration further off gravity, by this share of it, tells no vertical."""
+UPRIGHT_SD = 0.03
+"""How well an accelerometer at rest knows the vertical, in radians."""
+FEWEST_TILTS = 8
+"""So many directions of gravity, in steps of about 15°, tell the 48 namings of axes apart."""
+_MOST = 20_000  # readings that are enough to tell axes apart
 
 
 def mounted(readings: Array, down: Array) -> Finding | None:
@@ -31,3 +44,58 @@ def mounted(readings: Array, down: Array) -> Finding | None:
         f"with the sensor mounted so that {in_words(turns[best])}",
         "turn the readings into body axes, or correct the orientation set for this sensor",
     )
+
+
+def misnamed(
+    field: Array, acceleration: Array, magnitude: float, upwards: bool | None = None
+) -> Finding | None:
+    """The finding that the axes of the readings are not those of the accelerometer beside them.
+
+    The magnitude of the field is the same whatever its axes are called; its vertical part is
+    constant for the right ones only. Every exchange and reversal of axes is tried, on readings
+    near gravity, each weighed by w = 1/(σ² + (|a|/g − 1)²).
+
+    Parameters: calibrated field (n, 3) and its magnitude, acceleration (n, 3) m/s²; `upwards`
+    whether the field points up there. Without it, all axes and none reversed cannot be told apart,
+    and the naming with fewer reversals is told.
+    """
+    thinned = slice(None, None, -(-len(field) // _MOST))
+    field, acceleration = field[thinned], acceleration[thinned]
+    felt = np.sqrt(np.einsum("ni,ni->n", acceleration, acceleration))
+    gravity = float(np.median(felt))
+    if abs(gravity / STANDARD_GRAVITY_M_S2 - 1) > 2 * NEAR_GRAVITY:
+        return None
+    off = felt / gravity - 1
+    calm = np.abs(off) < NEAR_GRAVITY
+    down = down_of_force(acceleration[calm])
+    if _tilts(down) < FEWEST_TILTS:
+        return None
+    turns, weights = right_angles(), 1 / (UPRIGHT_SD**2 + off[calm] ** 2)
+    misfit = vertical_misfit(field[calm] / magnitude, down, turns, weights, centred=True)
+    best, rival = np.argsort(misfit)[:2]
+    clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
+    if misfit[0] < VERTICAL_DOUBTFUL or not clear:
+        return None
+    turn = _signed(turns[best], down, field[calm], upwards)
+    return Finding(
+        "axes",
+        "check",
+        f"the axes are not those of the accelerometer beside it: {renamed(turn)} (the vertical "
+        f"field is then constant to {figure(100 * misfit[best])} %, as named to "
+        f"{figure(100 * misfit[0])} %)",
+        "name the axes of the magnetometer or of the accelerometer rightly and calibrate again: "
+        "the calibration holds for the axes as named, a heading from both would be wrong",
+    )
+
+
+def _tilts(down: Array) -> int:
+    """How many directions of gravity were visited, in steps of about 15°."""
+    return len(np.unique(np.rint(4 * down) @ (81.0, 9.0, 1.0)))
+
+
+def _signed(turn: Array, down: Array, field: Array, upwards: bool | None) -> Array:
+    """The turn or its reverse: the one that fits the field's sign, or that reverses fewer axes."""
+    if upwards is None:
+        return turn if np.count_nonzero(turn < 0) < 2 else 0.0 - turn
+    vertical = float(np.einsum("ni,ij,nj->", down, turn, field))
+    return turn if (vertical < 0) == upwards else 0.0 - turn

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,7 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     """
     stuck = [stuck_rows(samples.field, axis) for axis in range(3)]
     found = [
-        *_rejected(samples),
+        *left_out(samples.rejected, len(samples) + sum(samples.rejected.values())),
         _few(samples),
         *(_frozen(rows, axis) for axis, rows in enumerate(stuck)),
         _clipped(clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
@@ -37,12 +39,13 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
 def usable_rows(field: Array) -> NDArray[np.bool_]:
     """Rows (n,) whose three axes all read what the field was: neither clipped nor stuck.
 
-    An axis that never moves leaves all rows in, for the fit to be refused on them.
+    An axis that hardly ever moves leaves all rows in, for the fit to be refused on them.
     """
     spoilt = clipped_rows(field)
     for axis in range(3):
         stuck = stuck_rows(field, axis)
-        spoilt |= stuck & ~stuck.all()
+        if not _throughout(stuck):
+            spoilt |= stuck
     return ~spoilt
 
 
@@ -78,8 +81,12 @@ def step(field: Array) -> float | None:
     return max(sizes) if sizes else None
 
 
-def _rejected(samples: Samples) -> list[Finding]:
-    total = len(samples) + sum(samples.rejected.values())
+def left_out(rejected: Mapping[str, int], total: int) -> list[Finding]:
+    """Rows of so many that hold no number or no time of their own, by the reason.
+
+    >>> left_out({"time does not increase": 3}, 1000)[0].what
+    '3 of 1000 rows were left out (time does not increase)'
+    """
     return [
         Finding(
             "NaN" if "NaN" in why else "clock",
@@ -87,7 +94,8 @@ def _rejected(samples: Samples) -> list[Finding]:
             f"{count} of {total} rows were left out ({why})",
             "look at the logger" if count > 0.01 * total else "",
         )
-        for why, count in samples.rejected.items()
+        for why, count in rejected.items()
+        if count
     ]
 
 
@@ -127,15 +135,21 @@ def stuck_rows(field: Array, axis: int) -> NDArray[np.bool_]:
     return stuck & (len(usual) == 0 or usual.mean() <= 0.5)
 
 
+def _throughout(stuck: NDArray[np.bool_]) -> bool:
+    """Whether an axis stands still in all rows but too few to be judged."""
+    return int(np.count_nonzero(~stuck)) < min(FEWEST, len(stuck))
+
+
 def _frozen(stuck: NDArray[np.bool_], axis: int) -> Finding | None:
     """An axis that stands still, throughout or for a time, while the others move."""
     if not stuck.any():
         return None
-    if stuck.all():
+    if _throughout(stuck):
+        ever = "never" if stuck.all() else "hardly ever"
         return Finding(
             "frozen axis",
             "refuse",
-            f"axis {'xyz'[axis]} never changes while the others do",
+            f"axis {'xyz'[axis]} {ever} changes while the others do",
             "check the sensor and its wiring; one axis short, only a compass held level is left",
         )
     return Finding(

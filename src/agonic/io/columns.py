@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 
 from agonic.errors import LogError, UnitError
 from agonic.io.quantities import (
@@ -89,6 +90,7 @@ MOST_COLUMNS = 4096
 """A table of more columns is not a log."""
 
 
+@lru_cache(maxsize=MOST_COLUMNS)
 def understood(header: str) -> Column | None:
     """What a header says, or `None` where it is not one of the names above.
 

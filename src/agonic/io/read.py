@@ -169,3 +169,16 @@ def _read(reader: ModuleType, file: Path, source: Input, unit: str | None) -> Lo
         return log
     note = f"the format fixes the unit of the field: the given unit {unit} is not used"
     return replace(log, notes=(*log.notes, note))
+
+
+def accepts(path: Path | str) -> bool:
+    """Whether a file begins like something that `open_log` reads; any text does.
+
+    >>> accepts("nowhere.csv")
+    False
+    """
+    try:
+        _reader(_head(Path(path)))
+    except (LogError, OSError):
+        return False
+    return True

@@ -115,15 +115,16 @@ class _Layout:
 def _layout(lines: Sequence[str], sample: Sequence[int]) -> _Layout:
     """The layout that the sample of lines with values shows."""
     separator = _separator([lines[i] for i in sample])
-    split = [_cells(lines[i], separator) for i in sample]
-    width = Counter(map(len, split)).most_common(1)[0][0]
+    counts = [_width(lines[i], separator) for i in sample]
+    width = Counter(counts).most_common(1)[0][0]
     if width > MOST_COLUMNS:
         raise LogError(f"{width} columns: more than {MOST_COLUMNS} are no log")
     widths = (width,) if separator is None else (width, width - 1)  # rows may end in a separator
-    at = next(k for k, cells in enumerate(split) if len(cells) in widths)
+    at = next(k for k, count in enumerate(counts) if count in widths)
     notes = (f"{at} lines before the table skipped",) * (at > 0)
-    if _is_header(split[at]):
-        return _Layout(separator=separator, header=split[at], start=sample[at] + 1, notes=notes)
+    first = _cells(lines[sample[at]], separator)
+    if _is_header(first):
+        return _Layout(separator=separator, header=first, start=sample[at] + 1, notes=notes)
     start = sample[at]
     comment = next((lines[i] for i in reversed(range(start)) if not _holds_values(lines[i])), "")
     header = _cells(comment.strip(f"{_COMMENT} "), separator)
@@ -141,7 +142,7 @@ def _separator(rows: Sequence[str]) -> str | None:
     """The separator that splits most rows alike, best one that splits the first row so too."""
     alike = []
     for separator in (";", "\t", ","):
-        widths = [len(_cells(row, separator)) for row in rows]
+        widths = [_width(row, separator) for row in rows]
         width, times = Counter(widths).most_common(1)[0]
         if width > 1 and 2 * times > len(rows):
             alike.append((widths[0] != width, separator))
@@ -154,6 +155,13 @@ def _cells(line: str, separator: str | None) -> list[str]:
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
     return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+
+
+def _width(line: str, separator: str | None) -> int:
+    """How many cells a line has; separators are counted where none can stand in quotes."""
+    if separator is None or '"' in line:
+        return len(_cells(line, separator))
+    return line.count(separator) + 1
 
 
 def _is_header(cells: Sequence[str]) -> bool:
@@ -176,9 +184,7 @@ def _table(
     if separator in (";", "\t"):
         rows = [row.replace(",", ".") for row in rows]
     first = [_cells(row, separator) for row in rows[:_SAMPLE]]
-    texts = {
-        i: name for i, name in wanted.items() if _holds_texts(name, [c[i : i + 1] for c in first])
-    }
+    texts = {i: name for i, name in wanted.items() if _holds_texts(name, i, first)}
     numeric = [i for i in wanted if i not in texts]
     values = _numbers(rows, separator, numeric)
     table: dict[str, NDArray[Any]] = {wanted[i]: values[:, k] for k, i in enumerate(numeric)}
@@ -188,12 +194,12 @@ def _table(
     return table
 
 
-def _holds_texts(name: str, cells: Sequence[Sequence[str]]) -> bool:
+def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     """Whether a column may hold texts and most of its first cells do; a label is always one."""
     column = understood(name)
     quantity = "" if column is None else column.quantity.column
     if quantity in _TEXTUAL:
-        return _is_header([cell for row in cells for cell in row])
+        return _is_header([cell for row in rows for cell in row[at : at + 1]])
     return quantity in _LABELS
 
 

@@ -8,6 +8,7 @@ the parameters of a model and gauge, and `with_covariates` spreads them over a b
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ def correct(raw: Array, bias: Array, matrix: Array) -> Array:
     return np.asarray((raw - bias) @ np.swapaxes(matrix, -1, -2))
 
 
+@lru_cache(maxsize=16)
 def model_basis(model: str, gauge: str = SYMMETRIC) -> Array:
     """The map from a model's parameters to the twelve local numbers, (12, m).
 
@@ -45,7 +47,9 @@ def model_basis(model: str, gauge: str = SYMMETRIC) -> Array:
         columns.append(entries[:, :3].sum(axis=1, keepdims=True))
     else:
         columns.append(entries[:, :3] if model == "diagonal" else entries)
-    return np.hstack(columns)
+    basis = np.hstack(columns)
+    basis.flags.writeable = False  # all who ask for it share it
+    return basis
 
 
 def split(local: Array) -> tuple[Array, Array]:

@@ -36,7 +36,11 @@ def least_median_sphere(
         columns.append(magnitude[:, None] ** 2)
     design = np.hstack(columns)
     square = np.einsum("ij,ij->i", points, points)
-    solutions = (np.linalg.pinv(design[chosen]) @ square[chosen][..., None])[..., 0]
+    rows = design[chosen]
+    normal = np.swapaxes(rows, 1, 2) @ rows
+    normal += 1e-13 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(design.shape[1])
+    right = np.swapaxes(rows, 1, 2) @ square[chosen][..., None]
+    solutions = np.linalg.solve(normal, right)[..., 0]
     centres = solutions[:, :3]
     if varies:
         gains = 1 / np.sqrt(np.maximum(solutions[:, 4], 1e-12))
@@ -45,7 +49,8 @@ def least_median_sphere(
         gains = float(np.mean(magnitude)) / radius
     judged = rng.permutation(len(points))[:500]
     wanted = (magnitude[judged] if varies else magnitude[:1])[None, :] / gains[:, None]
-    distance = np.linalg.norm(points[judged][None] - centres[:, None], axis=2) - wanted
+    away = square[judged] - 2 * centres @ points[judged].T + (centres**2).sum(axis=1)[:, None]
+    distance = np.sqrt(np.maximum(away, 0.0)) - wanted
     typical = np.quantile(np.abs(distance), quantile, axis=1)
     typical[~np.isfinite(typical)] = np.inf
     best = int(np.argmin(typical))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,21 +78,27 @@ def level_directions(inclination_deg: float, headings: int = 36) -> tuple[Array,
 
 def heading_sd_deg(
     inclination_deg: float,
-    magnitude: float,
-    bias: Array,
+    magnitude: Array | float,
     matrix: Array,
     covariance: Array,
     gauge: str,
-) -> float:
-    """Standard error of the heading of a level vehicle, rms over all headings, degrees.
+) -> Any:
+    """Standard error of the heading of a level vehicle, rms over all headings, degrees, (…).
 
-    σ_ψ = √(eᵀ C e)/(F cos I), e horizontal and across the field.
+    σ_ψ = √(eᵀ C e)/(F cos I), e horizontal and across the field. An error of bias and matrix
+    enters as e·δ(W d) = −(Wᵀe)·δb + eᵀ δW d with d = F W⁻¹ m along the field's direction m.
+    Broadcasts over magnitude (…), matrix (…, 3, 3) and covariance (…, 9, 9).
     """
     directions, across = level_directions(inclination_deg)
-    spread = field_covariance(directions, magnitude, bias, matrix, covariance, gauge)
-    variance = np.einsum("ni,nij,nj->n", across, spread, across).mean()
-    variance = max(float(variance), 0.0)  # rounding, where nothing is determined
-    return float(np.degrees(np.sqrt(variance) / (magnitude * np.cos(np.radians(inclination_deg)))))
+    size = np.asarray(magnitude, dtype=np.float64)
+    d = size[..., None, None] * directions @ np.swapaxes(np.linalg.inv(matrix), -1, -2)
+    by_matrix = across[:, :, None] * d[..., :, None, :]
+    local = np.concatenate(
+        [-across @ matrix, by_matrix.reshape(*by_matrix.shape[:-2], 9)], axis=-1
+    ) @ model_basis("full", gauge)
+    variance = ((local @ covariance) * local).sum(axis=-1).mean(axis=-1)
+    variance = np.maximum(variance, 0.0)  # rounding, where nothing is determined
+    return np.degrees(np.sqrt(variance) / (size * np.cos(np.radians(inclination_deg))))[()]
 
 
 def thickness(points: Array) -> tuple[float, Array]:

@@ -16,13 +16,20 @@ from agonic.kernels import leastsq, moments, quadric
 from agonic.kernels.affine import magnitude_residual, model_basis, split
 from agonic.kernels.consensus import least_median_sphere
 from agonic.kernels.coverage import cells_of
-from agonic.kernels.noise import Noise, noise_of
+from agonic.kernels.gauge import entries, mean_gain
+from agonic.kernels.noise import Noise, like_gaussian, noise_of
 
 Array = NDArray[np.float64]
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 _CROWD = 0.2  # of the readings
 _ENOUGH = 3000  # readings for the search; the refinement uses all
+_LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
+_DETERMINED = 0.05  # standard error over the field, or over the gain
+
+
+Start = tuple[Array, Array, float]
+"""Bias, matrix, and the standard deviation of soft iron in it from which the prior is relaxed."""
 
 
 class Problem(NamedTuple):
@@ -86,6 +93,23 @@ def soft_iron_prior(model: str, sd: float | None) -> leastsq.Prior | None:
     return prior
 
 
+def soft_iron_pull(matrix: Array, covariance: Array, sd: float) -> Array:
+    """By how many standard errors that prior would move a fit made without it, at most, (…).
+
+    One step √(gᵀCg) along the gradient g = Jᵀρ of the prior's residuals ρ, as `soft_iron_prior`
+    has them. Parameters: matrix (…, 3, 3) symmetric, covariance (…, 9, 9).
+    """
+    delta = np.array([1.0, 1, 1, 0, 0, 0])
+    gain = np.asarray(mean_gain(matrix))[..., None]
+    ratio = entries(matrix) / gain
+    residuals = (ratio - delta) / sd
+    along = (residuals * ratio).sum(axis=-1, keepdims=True)
+    gradient = (residuals - along * delta / 3) / (gain * sd)
+    spread = covariance[..., 3:, 3:]
+    square = np.einsum("...i,...ij,...j", gradient, spread, gradient)
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+
 def parameters(bias: Array, matrix: Array, model: str) -> Array:
     """The parameters of a model nearest to a bias and matrix (least squares)."""
     local = np.concatenate([bias, matrix.ravel()])
@@ -104,16 +128,21 @@ class Estimate(NamedTuple):
 def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimate:
     """The most probable bias and matrix, how sure they are, and the noise.
 
-    Robust: search on a few thousand readings from a start that outliers cannot reach, with the
-    prior on soft iron relaxed step by step, then refine on all readings with Tukey's loss where
-    any reading stands out. The refinement takes the noise's own effect on the curved surface out
-    (`magnitude_residual`).
+    The algebraic fit to a few thousand readings comes first. Where they all agree with its minimum,
+    another one could hold for some of them only; otherwise a search finds where to start. Then all
+    readings refine it, with Tukey's loss where any stands out. The refinement takes the noise's own
+    effect on the curved surface out (`magnitude_residual`).
     """
     n = len(problem.points)
     few = problem
     if n > _ENOUGH:
         few = problem.subset(np.random.default_rng(seed).choice(n, _ENOUGH, replace=False))
-    return _refine(problem, _search(few, robust, seed), robust)
+    starts = _quadrics(few)
+    for bias, matrix, _ in starts:
+        found = _refine(few, parameters(bias, matrix, few.model), robust)
+        if _agreed(found):
+            return found if few is problem else _refine(problem, found.solution.params, robust)
+    return _refine(problem, _search(few, starts, robust, seed), robust)
 
 
 def corroborated(
@@ -169,12 +198,29 @@ def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     return Estimate(solution, noise, residuals, weights * used)
 
 
-def _search(few: Problem, robust: bool, seed: int) -> Array:
-    """Parameters from which the refinement converges, found on a few thousand readings."""
-    candidates = [(*_sphere(few, seed), 0.02), *_quadrics(few)]
+def _search(few: Problem, others: list[Start], robust: bool, seed: int) -> Array:
+    """Parameters from which the refinement converges, found on a few thousand readings.
+
+    From a start that outliers cannot reach, and from others, the prior on soft iron is relaxed step
+    by step.
+    """
+    candidates = [(*_sphere(few, seed), 0.02), *others]
     starts = [_relax(few, bias, matrix, sd, robust) for bias, matrix, sd in candidates]
     found = [_refine(few, start, robust) for start in starts]
     return min(found, key=lambda e: leastsq.robust_scale(e.residuals)).solution.params
+
+
+def _agreed(found: Estimate) -> bool:
+    """Whether all readings lie as near to a well-determined surface as Gaussian noise lets them.
+
+    What is left must be little beside the field, so that no second surface can hide in the noise.
+    """
+    return bool(
+        found.weights.min() == 1.0
+        and found.noise.sd < _LITTLE
+        and like_gaussian(found.residuals, found.noise.sd, len(found.solution.params))
+        and np.diag(found.solution.covariance).max() < _DETERMINED**2
+    )
 
 
 def _sphere(few: Problem, seed: int) -> tuple[Array, Array]:
@@ -182,7 +228,7 @@ def _sphere(few: Problem, seed: int) -> tuple[Array, Array]:
     return bias, gain * np.eye(3)
 
 
-def _quadrics(few: Problem) -> list[tuple[Array, Array, float]]:
+def _quadrics(few: Problem) -> list[Start]:
     """The adjusted fit as a start, where the magnitude is constant and it is an ellipsoid."""
     if len(few.magnitude) > 1:
         return []

@@ -1,9 +1,12 @@
 """Moving a bias, a symmetric matrix and their covariance between scales, models and gauges.
 
-Parameters are bias x y z, then matrix xx yy zz xy xz yz; covariances are (9, 9) of these.
+Parameters are bias x y z, then matrix xx yy zz xy xz yz; covariances are (9, 9) of these. All
+broadcast over leading axes: a covariance may be (…, 9, 9).
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,36 +20,83 @@ _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 
 
 def entries(matrix: Array) -> Array:
-    """xx yy zz xy xz yz of a matrix, (6,)."""
-    return np.asarray(matrix[_ROWS, _COLUMNS])
+    """xx yy zz xy xz yz of a matrix, (…, 6)."""
+    return np.asarray(matrix[..., _ROWS, _COLUMNS])
+
+
+def mean_gain(matrix: Array) -> Any:
+    """tr W / 3, (…)."""
+    return np.trace(matrix, axis1=-2, axis2=-1) / 3
 
 
 def spread_model(model: str, covariance: Array) -> Array:
     """Covariance (9, 9) from that of a model's own parameters (4, 6 or 9)."""
     if model == "full":
         return covariance
-    spread = np.zeros((9, len(covariance)))
+    spread = np.zeros((9, covariance.shape[-1]))
     spread[:3, :3] = np.eye(3)
     spread[3:6, 3:] = np.ones((3, 1)) if model == "sphere" else np.eye(3)
     return np.asarray(spread @ covariance @ spread.T)
 
 
-def scaled(covariance: Array, bias_scale: float, matrix_scale: float) -> Array:
-    """Covariance after bias and matrix were multiplied by their scales."""
-    size = np.array([bias_scale] * 3 + [matrix_scale] * 6)
-    return covariance * np.outer(size, size)
+def scaled(covariance: Array, bias_scale: Array | float, matrix_scale: Array | float) -> Array:
+    """Covariance after bias and matrix were multiplied by their scales, (…)."""
+    scales = np.broadcast_arrays(bias_scale, matrix_scale)
+    size = np.stack(scales, axis=-1)[..., [0] * 3 + [1] * 6]
+    return np.asarray(covariance * (size[..., :, None] * size[..., None, :]))
 
 
-def mean_gain_one(matrix: Array, covariance: Array) -> tuple[Array, Array, float]:
+def mean_gain_one(matrix: Array, covariance: Array) -> tuple[Array, Array, Any]:
     """Matrix over k = tr W/3, its covariance, and k: for readings without a known magnitude."""
-    gain = float(np.trace(matrix) / 3)
+    gain = mean_gain(matrix)
+    k = np.asarray(gain)[..., None, None]
     toward = np.array([1.0, 1, 1, 0, 0, 0]) / 3
-    change = np.eye(9)
-    change[3:, 3:] = (np.eye(6) - np.outer(entries(matrix) / gain, toward)) / gain
-    spread = change @ covariance @ change.T
-    exact = np.diag(spread)[3:] < 1e-24  # a sphere's entries are exactly 1 now, but for rounding
-    spread[3:][exact], spread[:, 3:][:, exact] = 0.0, 0.0
-    return matrix / gain, spread, gain
+    change = np.zeros(covariance.shape)
+    change[..., :3, :3] = np.eye(3)
+    change[..., 3:, 3:] = (np.eye(6) - entries(matrix)[..., :, None] / k * toward) / k
+    spread = change @ covariance @ np.swapaxes(change, -1, -2)
+    # a sphere's entries are exactly 1 now, but for rounding
+    exact = np.diagonal(spread, axis1=-2, axis2=-1) < 1e-24
+    exact = exact & (np.arange(9) >= 3)
+    spread[exact[..., :, None] | exact[..., None, :]] = 0.0
+    return matrix / k, spread, gain
+
+
+class Units(NamedTuple):
+    """From normalised points to readings: reading = centre + size · point, (…, 3) and (…).
+
+    `magnitude` is what one stands for in the calibrated field, or None; `sd` its uncertainty.
+    """
+
+    centre: Array
+    size: Any
+    magnitude: float | None
+    sd: float = 0.0
+
+
+def in_units(
+    bias: Array, matrix: Array, covariance: Array, units: Units, gauge: str
+) -> tuple[Array, Array, Array, Any]:
+    """Bias, matrix and covariance of readings from those of normalised points, and the magnitude.
+
+    Without a known magnitude the mean gain becomes one; the uncertainty of a known one stretches
+    the matrix as a whole.
+    """
+    size = np.asarray(units.size)
+    if units.magnitude is None:
+        matrix, covariance, gain = mean_gain_one(matrix, covariance)
+        factor, magnitude = np.ones(size.shape), units.size / gain
+    else:
+        factor, magnitude = units.magnitude / size, units.magnitude
+    matrix = matrix * factor[..., None, None]
+    covariance = scaled(covariance, size, factor)
+    if units.magnitude is not None:
+        stretch = np.zeros(covariance.shape[:-1])
+        stretch[..., 3:] = entries(matrix) * units.sd / magnitude
+        covariance = covariance + stretch[..., :, None] * stretch[..., None, :]
+    if gauge == "triangular":
+        matrix, covariance = triangular(matrix, covariance)
+    return units.centre + size[..., None] * bias, matrix, covariance, magnitude
 
 
 def triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:
@@ -57,22 +107,26 @@ def triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:
     """
 
     def upper(flat: Array) -> Array:
-        w = np.empty((3, 3))
-        w[_ROWS, _COLUMNS] = flat
-        w[_COLUMNS, _ROWS] = flat
-        return np.asarray(np.linalg.cholesky(w.T @ w).T)
+        w = np.empty((*flat.shape[:-1], 3, 3))
+        w[..., _ROWS, _COLUMNS] = flat
+        w[..., _COLUMNS, _ROWS] = flat
+        return np.swapaxes(np.linalg.cholesky(w @ w), -1, -2)
 
     flat = entries(matrix)
-    step = 1e-6 * float(np.trace(matrix) / 3)
-    change = np.eye(9)
-    for k, direction in enumerate(np.eye(6) * step):
-        ahead, behind = entries(upper(flat + direction)), entries(upper(flat - direction))
-        change[3:, 3 + k] = (ahead - behind) / (2 * step)
-    return upper(flat), change @ covariance @ change.T
+    step = 1e-6 * np.asarray(mean_gain(matrix))[..., None]
+    change = np.zeros(covariance.shape)
+    change[..., :3, :3] = np.eye(3)
+    for k, direction in enumerate(np.eye(6)):
+        ahead = entries(upper(flat + direction * step))
+        behind = entries(upper(flat - direction * step))
+        change[..., 3:, 3 + k] = (ahead - behind) / (2 * step)
+    return upper(flat), change @ covariance @ np.swapaxes(change, -1, -2)
 
 
-def soft_iron_tests(matrix: Array, covariance: Array) -> list[tuple[str, str, float, float]]:
+def soft_iron_tests(matrix: Array, covariance: Array) -> list[tuple[str, str, Any, Any]]:
     """Wald tests of smaller models within the full one: (smaller, larger, χ², p), smallest first.
+
+    χ² and p are (…), numbers for a single matrix.
 
     sphere in full: equal gains and no off-diagonals, five conditions; diagonal in full: three.
     """
@@ -81,8 +135,8 @@ def soft_iron_tests(matrix: Array, covariance: Array) -> list[tuple[str, str, fl
     conditions[2:, 3:] = np.eye(3)
     tests = []
     for smaller, rows in (("sphere", conditions), ("diagonal", conditions[2:])):
-        difference = rows @ entries(matrix)
-        spread = rows @ covariance[3:, 3:] @ rows.T
-        statistic = float(difference @ inverse(spread) @ difference)
-        tests.append((smaller, "full", statistic, float(chdtrc(len(rows), statistic))))
+        difference = entries(matrix) @ rows.T
+        spread = rows @ covariance[..., 3:, 3:] @ rows.T
+        statistic = np.einsum("...i,...ij,...j", difference, inverse(spread), difference)[()]
+        tests.append((smaller, "full", statistic, chdtrc(len(rows), statistic)))
     return tests

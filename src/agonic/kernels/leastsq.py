@@ -7,11 +7,12 @@ data in memory, out of core and on several workers take the same code.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 Array = NDArray[np.float64]
 Pieces = Callable[[Array], Iterable[tuple[Array, Array]]]
@@ -28,11 +29,13 @@ class Loss(NamedTuple):
     curvature: Callable[[Array], Array]
 
 
+@lru_cache(maxsize=1)
 def squares() -> Loss:
     """ρ = z²/2: least squares, every reading counts."""
     return Loss(lambda q: q / 2, np.ones_like, np.ones_like)
 
 
+@lru_cache(maxsize=16)
 def cauchy(c: float = 2.385) -> Loss:
     """ρ = c²/2 · ln(1 + z²/c²): far readings count little but always pull back; 95 % efficient."""
     return Loss(
@@ -42,6 +45,7 @@ def cauchy(c: float = 2.385) -> Loss:
     )
 
 
+@lru_cache(maxsize=16)
 def tukey(c: float = 6.0) -> Loss:
     """The biweight (Beaton & Tukey 1974): beyond c standard deviations nothing counts.
 
@@ -122,10 +126,7 @@ def noise_scale(residuals: Array, loss: Loss, scale: float, parameters: int) -> 
     Uses every reading that the loss lets through, so it is as sharp as the plain rms on clean
     readings and deaf to gross ones.
     """
-    grid = np.linspace(-8, 8, 1601)
-    density = np.exp(-(grid**2) / 2)
-    w = loss.weight(grid**2)
-    expected = float((density * w * grid**2).sum() / (density * w).sum())
+    expected = expected_square(loss)
     freedom = len(residuals) / max(len(residuals) - parameters, 1)
     for _ in range(20):
         q = (residuals / scale) ** 2
@@ -135,6 +136,34 @@ def noise_scale(residuals: Array, loss: Loss, scale: float, parameters: int) -> 
             return float(updated)
         scale = updated
     return float(scale)
+
+
+@lru_cache(maxsize=16)
+def expected_square(loss: Loss) -> float:
+    """Σ w(z) z² / Σ w(z) of Gaussian residuals over their standard deviation.
+
+    >>> round(expected_square(squares()), 6), round(expected_square(tukey()), 3)
+    (1.0, 0.892)
+    """
+    return _weighted_square(loss, 1.0)
+
+
+def elasticity(loss: Loss) -> float:
+    """By which power of their scale that grows where residuals grow: d ln E / d ln scale.
+
+    >>> round(elasticity(squares()), 6), round(elasticity(tukey()), 2)
+    (2.0, 1.77)
+    """
+    grown, shrunk = (_weighted_square(loss, 1.0 + small) for small in (1e-3, -1e-3))
+    return float(np.log(grown / shrunk) / np.log(1.001 / 0.999))
+
+
+def _weighted_square(loss: Loss, scale: float) -> float:
+    grid = np.linspace(-8, 8, 1601)
+    density = np.exp(-(grid**2) / 2)
+    q = (grid * scale) ** 2
+    w = loss.weight(q)
+    return float((density * w * q).sum() / (density * w).sum())
 
 
 def accumulate(
@@ -257,7 +286,9 @@ def _step(information: Array, gradient: Array, damping: float) -> Array:
     size = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     scaled = information / np.outer(size, size)
     scaled[np.diag_indices_from(scaled)] += damping + 1e-13
-    step = cho_solve(cho_factor(scaled), -gradient / size)
+    _, step, failed = dposv(scaled, -gradient / size)
+    if failed:
+        raise np.linalg.LinAlgError("the information is not positive definite")
     return np.asarray(step / size)
 
 
@@ -300,7 +331,7 @@ def _diagonal(matrix: Array) -> Array:
 
 def condition(information: Array) -> Array:
     """Condition number of information matrices scaled to a unit diagonal."""
-    size = np.sqrt(np.maximum(_diagonal(information), np.finfo(float).tiny))
+    size = np.sqrt(np.maximum(np.abs(_diagonal(information)), 1e-100))
     values = np.linalg.eigvalsh(information / (size[..., :, None] * size[..., None, :]))
     largest = np.maximum(values[..., -1], 1.0)
     return np.asarray(largest / np.maximum(values[..., 0], np.finfo(float).eps * largest))

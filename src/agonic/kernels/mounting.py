@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import permutations, product
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+@cache
 def right_angles() -> Array:
     """The 24 rotations that take axes to axes, (24, 3, 3); the first is the identity.
 
@@ -20,23 +22,44 @@ def right_angles() -> Array:
         np.eye(3)[list(order)] * np.array(signs)[:, None]
         for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
     ]
-    return np.array([turn for turn in turns if np.linalg.det(turn) > 0])
+    proper = np.array([turn for turn in turns if np.linalg.det(turn) > 0])
+    proper.flags.writeable = False
+    return proper
 
 
-def vertical_misfit(readings: Array, down: Array, turns: Array) -> Array:
+def vertical_misfit(
+    readings: Array,
+    down: Array,
+    turns: Array,
+    weights: Array | None = None,
+    *,
+    centred: bool = False,
+) -> Array:
     """How badly the vertical field is constant for each mounting, (k,), rms over all readings.
 
     The vertical component of the field is Z = d·R W (raw − bias), so with one gain g
 
         d·R raw = d·b + Z/g,
 
-    linear in b and Z/g; the misfit is what this leaves. Parameters: readings (n, 3), down (n, 3)
-    in body axes, turns (k, 3, 3) from sensor to body axes.
+    linear in b and Z/g; the misfit is what this leaves. It is a quadratic form of R in the products
+    d_i raw_j, so their moments are taken once for all mountings. R and −R leave the same: the sign
+    of Z is free.
+
+    Parameters: readings (n, 3), down (n, 3) in body axes, turns (k, 3, 3) from sensor to body axes,
+    weights (n,) of the readings; `centred` where they are calibrated, so that b is 0.
     """
-    design = np.column_stack([down, np.ones(len(down))])
-    wanted = np.einsum("ni,kij,nj->nk", down, turns, readings - readings.mean(axis=0))
-    solution = np.linalg.lstsq(design, wanted, rcond=1e-6)[0]
-    return np.asarray(np.sqrt(np.mean((wanted - design @ solution) ** 2, axis=0)))
+    n = len(readings)
+    weights = np.ones(n) if weights is None else weights
+    seen = readings if centred else readings - readings.mean(axis=0)
+    products = (down[:, :, None] * seen[:, None, :]).reshape(n, 9)
+    columns = [products, np.ones(n)] if centred else [products, down, np.ones(n)]
+    table = np.column_stack(columns)
+    gram = (table * weights[:, None]).T @ table / weights.sum()
+    among, across, known = gram[:9, :9], gram[:9, 9:], gram[9:, 9:]
+    left = among - across @ np.linalg.pinv(known, rcond=1e-12, hermitian=True) @ across.T
+    forms = turns.reshape(-1, 9)
+    squares = np.einsum("ki,ij,kj->k", forms, left, forms)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
 def in_words(turn: Array) -> str:
@@ -48,3 +71,31 @@ def in_words(turn: Array) -> str:
     names = (("backward", "forward"), ("left", "right"), ("up", "down"))
     along = [names[int(np.argmax(np.abs(axis)))][int(axis.sum() > 0)] for axis in turn.T]
     return f"x points {along[0]}, y {along[1]}, z {along[2]}"
+
+
+def renamed(turn: Array) -> str:
+    """What is wrong with the names of axes that a turn, proper or not, puts right.
+
+    >>> renamed(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]))
+    'x and y are exchanged'
+    >>> renamed(np.diag([1.0, -1, 1]))
+    'y is reversed'
+    >>> renamed(np.array([[0.0, 0, 1], [-1, 0, 0], [0, 1, 0]]))
+    'what is called x, y, z lies along −y, z, x'
+    """
+    along = np.argmax(np.abs(turn), axis=0)
+    reversed_ = [int(i) for i in np.flatnonzero(turn.sum(axis=0) < 0)]
+    moved = [int(i) for i in np.flatnonzero(along != np.arange(3))]
+    if not moved and reversed_:
+        return f"{_listed(reversed_)} {'is' if len(reversed_) == 1 else 'are'} reversed"
+    if len(moved) == 2 and not reversed_:
+        return f"{_listed(moved)} are exchanged"
+    signs = ("−" if i in reversed_ else "" for i in range(3))
+    truly = ", ".join(sign + "xyz"[i] for sign, i in zip(signs, along, strict=True))
+    return f"what is called x, y, z lies along {truly}"
+
+
+def _listed(axes: list[int]) -> str:
+    """Axes by name: "x", "x and y", "x, y and z"."""
+    *first, last = ("xyz"[i] for i in axes)
+    return f"{', '.join(first)} and {last}" if first else last

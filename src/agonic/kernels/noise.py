@@ -38,3 +38,18 @@ def noise_of(residuals: Array, robust: bool, parameters: int) -> Noise:
     sd = max(leastsq.noise_scale(residuals, loss, scale, parameters), 1e-9)
     weights = loss.weight((residuals / sd) ** 2)
     return Noise(loss, sd, leastsq.correlation_length(residuals, weights))
+
+
+def like_gaussian(residuals: Array, sd: float, parameters: int) -> bool:
+    """Whether residuals of so many fitted parameters and of this rms look like Gaussian noise.
+
+    None stands out, and their median size (sampling error 0.93/√n) and kurtosis (4.9/√n) are what
+    the rms makes them: two populations or a bias that moved make the median larger and the kurtosis
+    smaller, strays the other way round.
+    """
+    n = len(residuals)
+    z = residuals / sd
+    typical = leastsq.robust_scale(z, parameters) - 1
+    tails = float(np.mean(z**4)) - 3
+    near = abs(typical) < min(2.5 / np.sqrt(n), 0.2) and -11 < tails * np.sqrt(n) < 20
+    return bool(near and np.abs(z).max() < np.sqrt(2 * np.log(2 * n)) + 1)

@@ -28,12 +28,13 @@ from agonic.kernels.affine import (
     with_covariates,
 )  # fmt: skip
 from agonic.kernels.consensus import least_median_sphere
-from agonic.kernels.noise import Noise, noise_of
+from agonic.kernels.noise import Noise, like_gaussian, noise_of
 
 Array = NDArray[np.float64]
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 _ENOUGH = 3000  # readings for the search; the refinement uses all
+_LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 TERM_SD = 0.5  # prior: one standard deviation of a source moves the bias by less than the field
 
 
@@ -189,29 +190,48 @@ class Estimate(NamedTuple):
 def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimate:
     """The most probable parameters, how sure they are, and the noise of each channel.
 
-    From several starts on a few thousand readings the prior on soft iron is relaxed step by step;
-    the best is refined on all readings.
+    From a start on a few thousand readings the prior on soft iron is relaxed step by step; where
+    not all of them agree with the minimum, other starts may find a better one. The best is refined
+    on all readings.
     """
     n = len(problem.points)
     few = problem
     if n > _ENOUGH:
         rows = np.sort(np.random.default_rng(seed).choice(n, _ENOUGH, replace=False))
         few = problem.subset(rows)
-    found = [refined(few, _relax(few, start, robust), robust) for start in _starts(few, seed)]
+    found: list[Estimate] = []
+    for start in _starts(few, seed):
+        found.append(refined(few, _relax(few, start, robust), robust))
+        if _agreed(found[-1]):
+            break
     best = min(found, key=lambda e: sum(np.log(noise.sd) for noise in e.noise.values()))
     return best if few is problem else refined(problem, best.solution.params, robust)
 
 
-def _starts(few: Problem, seed: int) -> list[Array]:
+def _agreed(found: Estimate) -> bool:
+    """Whether all readings agree with a minimum, so that another could hold for some of them only.
+
+    None was left out or counts for less in any channel, and the magnitude, which errors of the
+    attitude do not reach, is as near to that of the field as Gaussian noise lets it.
+    """
+    sd, m = found.noise["magnitude"].sd, len(found.solution.params)
+    return bool(
+        found.weight.min() == 1.0
+        and sd < _LITTLE
+        and like_gaussian(found.residuals["magnitude"], sd, m)
+    )
+
+
+def _starts(few: Problem, seed: int) -> Iterator[Array]:
     """Parameters to start from: the middle of the readings, and the sphere of most readings."""
-    f = np.hypot(few.horizontal, few.vertical)
-    bias, gain = least_median_sphere(few.points, f, seed=seed)
     turning = np.sqrt(np.var(few.points - few.points.mean(axis=0), axis=0).sum())
     level = float(np.mean(few.horizontal))
     middle = few.points.mean(axis=0)
     if few.down is not None:
         middle = middle - few.down.mean(axis=0) * float(np.mean(few.vertical)) * turning / level
-    return [_start(few, bias, gain), _start(few, middle, level / max(turning, 1e-9))]
+    yield _start(few, middle, level / max(turning, 1e-9))
+    f = np.hypot(few.horizontal, few.vertical)
+    yield _start(few, *least_median_sphere(few.points, f, seed=seed))
 
 
 def _start(few: Problem, bias: Array, gain: float) -> Array:

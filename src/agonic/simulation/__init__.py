@@ -16,6 +16,7 @@ from agonic.simulation.defects import (
     with_outliers,
 )
 from agonic.simulation.draws import random_calibration
+from agonic.simulation.fleet import SimulatedFleet, simulate_fleet
 from agonic.simulation.kepler import Orbit
 from agonic.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.simulation.sensor import Simulated, kinds, simulate
@@ -25,6 +26,7 @@ __all__ = [
     "Defect",
     "Orbit",
     "Simulated",
+    "SimulatedFleet",
     "SimulatedOrbit",
     "SimulatedVehicle",
     "clipped",
@@ -38,6 +40,7 @@ __all__ = [
     "quantised",
     "random_calibration",
     "simulate",
+    "simulate_fleet",
     "simulate_orbit",
     "simulate_vehicle",
     "with_correlated_noise",

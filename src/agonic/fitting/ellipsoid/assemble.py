@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from agonic.reference import Reference
 
 Array = NDArray[np.float64]
 Gauge = Literal["symmetric", "triangular"]
+Scale = gauges.Units
 
 CITATIONS = {
     "likelihood": ("huber-1981", "beaton-tukey-1974"),
@@ -28,42 +29,20 @@ CITATIONS = {
 }
 
 
-class Scale(NamedTuple):
-    """From normalised points back to readings: reading = centre + size · point.
-
-    `magnitude` is the known magnitude that one stands for, or None; `sd` its uncertainty.
-    """
-
-    centre: Array
-    size: float
-    magnitude: float | None
-    sd: float = 0.0
-
-
 def calibration(found: Found, scale: Scale, unit: str, gauge: Gauge) -> Affine:
     """The calibration in the units of the readings, scale and gauge made explicit."""
-    matrix, covariance = found.matrix, found.covariance
-    if scale.magnitude is None:
-        matrix, covariance, gain = gauges.mean_gain_one(matrix, covariance)
-        factor, magnitude, unit_out = 1.0, scale.size / gain, unit
-    else:
-        factor, magnitude, unit_out = scale.magnitude / scale.size, scale.magnitude, "nT"
-    matrix = matrix * factor
-    covariance = gauges.scaled(covariance, scale.size, factor)
-    if scale.magnitude is not None:
-        stretch = np.concatenate([np.zeros(3), gauges.entries(matrix)]) * scale.sd / magnitude
-        covariance = covariance + np.outer(stretch, stretch)
-    if gauge == "triangular":
-        matrix, covariance = gauges.triangular(matrix, covariance)
+    bias, matrix, covariance, magnitude = gauges.in_units(
+        found.bias, found.matrix, found.covariance, scale, gauge
+    )
     return Affine(
-        bias=scale.centre + scale.size * found.bias,
+        bias=bias,
         matrix=matrix,
         covariance=covariance,
         unit_in=unit,
-        unit_out=unit_out,
+        unit_out=unit if scale.magnitude is None else "nT",
         gauge=gauge,
         model=found.model,
-        magnitude=magnitude,
+        magnitude=float(magnitude),
         noise=found.noise * scale.size,
     )
 
@@ -101,16 +80,30 @@ def remarks(
     assert affine.magnitude is not None
     unit = affine.unit_in
     said = [
-        f"bias known to {figure(float(affine.sd[:3].max()))} {unit}, a level heading to "
-        f"{figure(coverage.heading_sd_deg)}° at {coverage.inclination_deg:.0f}° dip",
+        accuracy(
+            float(affine.sd[:3].max()), unit, coverage.heading_sd_deg, coverage.inclination_deg
+        ),
         *(test.sentence for test in tests[:1]),
     ]
     if not reference_known:
-        said.append(
-            f"no reference magnitude was given, so the mean gain is set to 1 "
-            f"(magnitude {figure(affine.magnitude, 5)} {unit})"
-        )
+        said.append(unscaled(affine.magnitude, unit))
     return tuple(said)
+
+
+def accuracy(bias_sd: float, unit: str, heading_sd_deg: float, inclination_deg: float) -> str:
+    """How well the result is known."""
+    return (
+        f"bias known to {figure(bias_sd)} {unit}, a level heading to "
+        f"{figure(heading_sd_deg)}° at {inclination_deg:.0f}° dip"
+    )
+
+
+def unscaled(magnitude: float, unit: str) -> str:
+    """What was done for want of a reference."""
+    return (
+        "no reference magnitude was given, so the mean gain is set to 1 "
+        f"(magnitude {figure(magnitude, 5)} {unit})"
+    )
 
 
 def finished(fit: Fit, more: tuple[Finding | None, ...]) -> Fit:

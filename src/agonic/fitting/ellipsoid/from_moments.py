@@ -30,6 +30,9 @@ from agonic.reference import Reference
 
 Array = NDArray[np.float64]
 
+STILL = 1e-9
+"""Readings that move by less, over their size, do not move but for rounding."""
+
 
 def fit_moments(
     sums: Moments,
@@ -56,7 +59,7 @@ def fit_moments(
         raise AgonicError("moments hold no rows, so they need one constant reference magnitude")
     if sums.count < 4:
         raise CoverageError(f"{sums.count} readings cannot hold a sphere; four are the least")
-    centre, size = _middle(sums)
+    centre, size = middle(sums)
     known = None if reference is None else float(reference.magnitudes(1)[0])
     scale = Scale(centre, size, known, reference.sd if reference else 0.0)
     normalised = sums.rebase(centre, size).sums
@@ -83,12 +86,18 @@ def fit_moments(
     return finished(fit, (scale_finding(affine), undetermined(coverage)))
 
 
-def _middle(sums: Moments) -> tuple[Array, float]:
+def still() -> CoverageError:
+    """The error of readings that are all the same."""
+    return CoverageError("the readings never change", turns="turn the sensor about all axes")
+
+
+def middle(sums: Moments) -> tuple[Array, float]:
     """Mean and rms distance from it of the readings that went in."""
     plain = sums.rebase(sums.centre, 1.0).sums / sums.count
     at = {exponents: k for k, exponents in enumerate(kernel.EXPONENTS)}
     mean = np.array([plain[at[e]] for e in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
     square = sum(plain[at[e]] for e in ((2, 0, 0), (0, 2, 0), (0, 0, 2))) - mean @ mean
-    if not square > 0.0:
-        raise CoverageError("the readings never change", turns="turn the sensor about all axes")
-    return sums.centre + mean, float(np.sqrt(square))
+    centre = sums.centre + mean
+    if not square > max(1e-12 * float(mean @ mean), STILL**2 * float(centre @ centre)):
+        raise still()
+    return centre, float(np.sqrt(square))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.fit import Fit
+from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.assemble import (
     CITATIONS,
     Gauge,
@@ -29,8 +29,9 @@ from agonic.fitting.ellipsoid.solve import (
     algebraic,
     choose,
     likelihood,
+    no_ellipsoid,
 )
-from agonic.health import FEWEST, usable_rows
+from agonic.health import FEWEST, inspect, usable_rows
 from agonic.kernels import ellipsoid, moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -86,11 +87,56 @@ def fit_ellipsoid(
     >>> bool(np.all(np.abs(fit.calibration.bias - [3000, -500, 100]) < 4 * fit.sd[:3]))
     True
     """
+    asked = Asked(model, method, robust, soft_iron_sd, gauge, inclination_deg, seed)
+    found, affine, usable, tests = _solved(samples, reference, asked)
+    assert affine.noise is not None
+    return with_evidence(
+        found._replace(noise=affine.noise), affine, samples, reference, usable, tests,
+        inclination_deg,
+    )  # fmt: skip
+
+
+def ellipsoid_alone(
+    samples: Samples, reference: Reference | None = None, **settings: Any
+) -> Affine:
+    """The calibration of `fit_ellipsoid` without its evidence, of which parts of a log make no use.
+
+    >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(20, 3)))
+    >>> ellipsoid_alone(turned, model="sphere").model
+    'sphere'
+    """
+    return _solved(samples, reference, Asked(**settings)).affine
+
+
+class Asked(NamedTuple):
+    """The settings of `fit_ellipsoid`."""
+
+    model: Model = "auto"
+    method: Method = "likelihood"
+    robust: bool = True
+    soft_iron_sd: float | None = 0.1
+    gauge: Gauge = "symmetric"
+    inclination_deg: float = 60.0
+    seed: int = 0
+
+
+class _Solved(NamedTuple):
+    """What was found, as a calibration too; the rows that could be used; the tests of models."""
+
+    found: Found
+    affine: Affine
+    usable: NDArray[np.bool_]
+    tests: tuple[ModelTest, ...]
+
+
+def _solved(samples: Samples, reference: Reference | None, asked: Asked) -> _Solved:
+    """The estimate, and the calibration that it is in the units of the readings."""
+    model, method, robust, soft_iron_sd, gauge, _, seed = asked
     check_choice("model", model, get_args(Model))
     check_choice("method", method, get_args(Method))
     check_choice("gauge", gauge, get_args(Gauge))
     usable = usable_rows(samples.field)
-    scale, magnitude = _normalised(samples, reference, usable, method)
+    scale, magnitude = normalised(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
 
     def attempt(chosen: Fixed) -> Found:
@@ -100,19 +146,25 @@ def fit_ellipsoid(
         enough = len(points) >= 2 * FEWEST  # to tell a stray from the rest
         return likelihood(problem, chosen, robust and enough, seed)
 
-    found, tests = choose(attempt, model, len(points), method)
-    asked = settings(
+    try:
+        found, tests = choose(attempt, model, len(points), method)
+    except OverflowError:  # an axis that never moves leaves the fit without any hold
+        raise _without_hold(samples) from None
+    chosen = settings(
         model, method, gauge, reference, robust=robust, soft_iron_sd=soft_iron_sd, seed=seed
     )
-    affine = _labelled(calibration(found, scale, samples.unit, gauge), samples, asked, method)
-    assert affine.noise is not None
-    return with_evidence(
-        found._replace(noise=affine.noise), affine, samples, reference, usable, tests,
-        inclination_deg,
-    )  # fmt: skip
+    affine = _labelled(calibration(found, scale, samples.unit, gauge), samples, chosen, method)
+    return _Solved(found, affine, usable, tests)
 
 
-def _normalised(
+def _without_hold(samples: Samples) -> CoverageError:
+    """The error of readings whose fit runs away, with what they themselves give away of it."""
+    refused = (found for found in inspect(samples) if found.severity == "refuse")
+    cause = next(refused, None)
+    return no_ellipsoid() if cause is None else CoverageError(cause.what, turns=cause.move)
+
+
+def normalised(
     samples: Samples, reference: Reference | None, usable: NDArray[np.bool_], method: str
 ) -> tuple[Scale, Array]:
     """Centre and size of the readings, and magnitudes scaled to mean one, (1,) or (n,)."""

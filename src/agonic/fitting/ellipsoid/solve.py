@@ -73,11 +73,7 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
             v = quadric.smallest(psi[0], model)
         bias, matrix = quadric.to_affine(v)
     except ValueError:
-        raise CoverageError(
-            "the readings do not determine an ellipsoid",
-            undetermined="shape",
-            turns="turn the sensor about all three axes, or fit with method='likelihood'",
-        ) from None
+        raise no_ellipsoid() from None
     if method != "adjusted":  # their noise: what the algebraic residual leaves per reading
         gradient = 4 * float(np.trace(matrix.T @ matrix)) / 3
         q = v * quadric.MULTIPLICITY
@@ -95,6 +91,24 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
     )  # fmt: skip
 
 
+def no_ellipsoid() -> CoverageError:
+    """The error of readings whose quadric is none."""
+    return CoverageError(
+        "the readings do not determine an ellipsoid",
+        undetermined="shape",
+        turns="turn the sensor about all three axes, or fit with method='likelihood'",
+    )
+
+
+def too_few(n: int, model: Model) -> CoverageError:
+    """The error of fewer readings than a model has unknowns."""
+    return CoverageError(
+        f"{n} readings cannot determine the {UNKNOWNS.get(model, 4)} unknowns of a "
+        f"{'sphere' if model == 'auto' else model} model",
+        turns="record a few hundred readings while turning the sensor about all axes",
+    )
+
+
 def choose(
     attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
 ) -> tuple[Found, tuple[ModelTest, ...]]:
@@ -104,11 +118,7 @@ def choose(
     better guess, but the uncertainty of the full one stays.
     """
     if n < UNKNOWNS.get(model, 4):
-        raise CoverageError(
-            f"{n} readings cannot determine the {UNKNOWNS.get(model, 4)} unknowns of a "
-            f"{'sphere' if model == 'auto' else model} model",
-            turns="record a few hundred readings while turning the sensor about all axes",
-        )
+        raise too_few(n, model)
     if model != "auto":
         return attempt(model), ()
     if n < FEWEST:
@@ -122,7 +132,7 @@ def choose(
             larger=large,
             statistic=x,
             p_value=p,
-            sentence=_words(small, p, discerned),
+            sentence=in_words(small, p, discerned),
         )
         for small, large, x, p in gauge.soft_iron_tests(full.matrix, full.covariance)
     )
@@ -134,7 +144,7 @@ def choose(
     return full, tests
 
 
-def _words(smaller: str, p: float, discerned: bool) -> str:
+def in_words(smaller: str, p: float, discerned: bool) -> str:
     """What a test says, in a sentence."""
     chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     present = p <= SIGNIFICANT

@@ -1,0 +1,271 @@
+"""What drifts, wanders and scatters from one measurement to the next, and how far each is known.
+
+Values y of a number at times t, each with its formal standard error s, are
+
+    y = X β + w(t) + e,   X = (1, t, steps …),   E[w(t) w(t')] = q² min(t, t'),   var e = s² + σ²
+
+with a straight line, a random walk of size q and a scatter σ beyond the formal errors. Nobody knows
+q and σ: they are averaged over, on a grid of both, with the restricted likelihood (Patterson &
+Thompson 1971) that each node leaves. Of white scatter alone that gives Student's t: few values say
+little, as they should. Before anything is seen every power of ten of σ over the formal error, and
+of the walk across the span over the white part, is as likely as any other, from a tenth upwards.
+
+The walk is a filter of one state, so that a long series costs as its length. Leading axes are
+series of the same length.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+Array = NDArray[np.float64]
+
+GRID = 11
+"""Nodes along each of the two sizes."""
+DEEP = 15.0
+"""Nodes whose logarithm of the likelihood is this far below the best are not looked at again."""
+_ZOOMS = 2
+_LEAST, _MOST = np.log(0.1), np.log(1e3)  # of σ over the errors, and over the values' spread
+_CALM, _ROUGH = np.log(0.1), np.log(1e3)  # of the walk across the span over the white part
+
+
+class Series(NamedTuple):
+    """Times (…, n) from 0 on in units of the span, values (…, n), formal variances (…, n), and the
+    design (…, p, n), its first two rows 1 and t.
+    """
+
+    time: Array
+    value: Array
+    variance: Array
+    design: Array
+
+
+class Belief(NamedTuple):
+    """Nodes of (σ, q), their weights (…, m), and β (…, m, p) with its covariance (…, m, p, p)."""
+
+    scatter: Array
+    walk: Array
+    weight: Array
+    beta: Array
+    covariance: Array
+
+    def mean(self, k: int) -> Array:
+        """The expected β_k (…,)."""
+        return np.asarray(np.sum(self.weight * self.beta[..., k], axis=-1))
+
+    def sd(self, k: int) -> Array:
+        """Its standard deviation (…,), with what is not known of the sizes."""
+        return spread_of(self.weight, self.beta[..., k], self.covariance[..., k, k])[1]
+
+    def p_value(self, k: int) -> Array:
+        """Twice the probability (…,) that β_k has the other sign."""
+        over = self.beta[..., k] / np.sqrt(self.covariance[..., k, k])
+        sides = [np.sum(self.weight * ndtr(side), axis=-1) for side in (over, -over)]
+        return np.asarray(2 * np.minimum(*sides))
+
+    def size(self, of: str) -> Array:
+        """The expected root mean square (…,) of the scatter or of the walk across the span."""
+        return np.asarray(np.sqrt(np.sum(self.weight * getattr(self, of) ** 2, axis=-1)))
+
+
+def spread_of(weight: Array, mean: Array, variance: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation (…,) of a mixture of normals (…, m).
+
+    >>> spread_of(np.array([0.5, 0.5]), np.array([-3.0, 3.0]), np.array([16.0, 16.0]))
+    (np.float64(0.0), np.float64(5.0))
+    """
+    centre = np.sum(weight * mean, axis=-1)
+    apart = np.sum(weight * (variance + (mean - centre[..., None]) ** 2), axis=-1)
+    return centre, np.sqrt(apart)
+
+
+def believed(of: Series) -> Belief:
+    """What a series says of β and of the sizes.
+
+    >>> rng = np.random.default_rng(1)
+    >>> t = np.linspace(0.0, 1.0, 40)
+    >>> line = np.stack([np.ones(40), t])
+    >>> seen = Series(t, 5 + 3 * t + rng.normal(0, 0.2, 40), np.full(40, 0.01), line)
+    >>> belief = believed(seen)
+    >>> abs(belief.mean(1) - 3) < 2 * belief.sd(1) < 0.5, bool(0.1 < belief.size("scatter") < 0.3)
+    (np.True_, True)
+    """
+    low, high = _whole(of)
+    for zoom in range(_ZOOMS + 1):
+        nodes = _grid(low, high)
+        scatter, walk = _sizes(of, nodes)
+        log, beta, covariance = _fits(sums(of, scatter, walk))
+        log = log - log.max(axis=-1, keepdims=True)
+        if zoom < _ZOOMS:
+            low, high = _box(nodes, log, low, high)
+    weight = np.exp(log)
+    weight /= weight.sum(axis=-1, keepdims=True)
+    return Belief(scatter, walk, weight, beta, covariance)
+
+
+def errors_of(of: Series) -> Array:
+    """The usual formal error (…,); where there is none, a small part of the spread."""
+    usual = np.sqrt(np.median(of.variance, axis=-1))
+    return np.asarray(np.maximum(usual, 1e-4 * _spread(of)))
+
+
+def _spread(of: Series) -> Array:
+    return np.asarray(np.maximum(np.std(of.value, axis=-1), 1e-300))
+
+
+def _whole(of: Series) -> tuple[Array, Array]:
+    """The corners (…, 2) of all that is looked at: ln σ, and ln of the walk over the white part."""
+    errors = errors_of(of)
+    most = _MOST + np.log(np.maximum(_spread(of), errors))
+    return (
+        np.stack([_LEAST + np.log(errors), np.full_like(errors, _CALM)], axis=-1),
+        np.stack([most, np.full_like(errors, _ROUGH)], axis=-1),
+    )
+
+
+def _grid(low: Array, high: Array) -> Array:
+    """Nodes (…, m, 2) between corners (…, 2)."""
+    share = np.linspace(0.0, 1.0, GRID)
+    unit = np.stack([np.repeat(share, GRID), np.tile(share, GRID)], axis=-1)
+    return np.asarray(low[..., None, :] + unit * (high - low)[..., None, :])
+
+
+def _sizes(of: Series, nodes: Array) -> tuple[Array, Array]:
+    """σ, and q across the span, each (…, m)."""
+    scatter = np.exp(nodes[..., 0])
+    return scatter, np.exp(nodes[..., 1]) * np.hypot(scatter, errors_of(of)[..., None])
+
+
+def _box(nodes: Array, log: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """The corners around the nodes that count, a step of the grid wider."""
+    counts = (log > -DEEP)[..., None]
+    step = (high - low) / (GRID - 1)
+    least = np.where(counts, nodes, np.inf).min(axis=-2) - step
+    most = np.where(counts, nodes, -np.inf).max(axis=-2) + step
+    return np.maximum(least, low), np.minimum(most, high)
+
+
+class Sums(NamedTuple):
+    """Products of whitened rows: `logs` Σ ln F (…, m), `base` (…, m, 1+p, 1+p) of value and design;
+    of candidates `cross` (…, m, c, 1+p) with these and `own` (…, m, c) with themselves.
+    """
+
+    logs: Array
+    base: Array
+    cross: Array
+    own: Array
+
+
+def sums(of: Series, scatter: Array, walk: Array, candidates: Array | None = None) -> Sums:
+    """Products under each node (…, m) of the value, the design, and candidates (c, n)."""
+    n, many = of.time.shape[-1], 1 + of.design.shape[-2]
+    columns = np.concatenate([of.value[..., None, :], of.design], axis=-2)
+    if candidates is not None:
+        shape = (*columns.shape[:-2], *candidates.shape[-2:])
+        columns = np.concatenate([columns, np.broadcast_to(candidates, shape)], axis=-2)
+    mean = np.zeros((*scatter.shape, columns.shape[-2]))
+    variance = np.zeros_like(scatter)
+    logs = np.zeros_like(scatter)
+    base = np.zeros((*scatter.shape, many, many))
+    cross = np.zeros((*scatter.shape, columns.shape[-2] - many, many))
+    own = np.zeros(cross.shape[:-1])
+    steps = np.diff(of.time, prepend=of.time[..., :1], axis=-1)
+    for k in range(n):
+        variance = variance + walk**2 * steps[..., k, None]
+        total = variance + of.variance[..., k, None] + scatter**2
+        gain = variance / total
+        ahead = columns[..., None, :, k] - mean
+        mean = mean + gain[..., None] * ahead
+        variance = variance * (1 - gain)
+        white = ahead / np.sqrt(total)[..., None]
+        logs += np.log(total)
+        known = white[..., :many]
+        base += known[..., :, None] * known[..., None, :]
+        if candidates is not None:
+            own += white[..., many:] ** 2
+            cross += white[..., many:, None] * known[..., None, :]
+    return Sums(logs, base, cross, own)
+
+
+def _fits(seen: Sums) -> tuple[Array, Array, Array]:
+    """The restricted log likelihood (…, m), β (…, m, p) and its covariance (…, m, p, p)."""
+    design, towards = seen.base[..., 1:, 1:], seen.base[..., 1:, 0]
+    covariance, logs = _inverse(design)
+    beta = np.einsum("...ij,...j->...i", covariance, towards)
+    left = seen.base[..., 0, 0] - np.sum(beta * towards, axis=-1)
+    return -0.5 * (seen.logs + logs + np.maximum(left, 0.0)), beta, covariance
+
+
+def _inverse(design: Array) -> tuple[Array, Array]:
+    """The inverse of normal equations (…, p, p), and the logarithm of their determinant."""
+    scale = np.sqrt(np.maximum(np.einsum("...ii->...i", design), 1e-300))
+    scaled = design / (scale[..., :, None] * scale[..., None, :])
+    scaled = scaled + 1e-12 * np.eye(design.shape[-1])
+    logs = np.linalg.slogdet(scaled)[1] + 2 * np.log(scale).sum(axis=-1)
+    return np.linalg.inv(scaled) / (scale[..., :, None] * scale[..., None, :]), logs
+
+
+def suspects(of: Series, candidates: Array) -> Array:
+    """How often chance makes a candidate's coefficient as large (…, c), on a grid of all sizes.
+
+    Parameters: candidates (c, n), columns that could join the design, each alone. A column that the
+    design explains already is given one.
+    """
+    nodes = _grid(*_whole(of))
+    scatter, walk = _sizes(of, nodes)
+    seen = sums(of, scatter, walk, candidates)
+    log, beta, covariance = _fits(seen)
+    towards = seen.cross[..., 1:] @ covariance
+    own = seen.own - np.sum(towards * seen.cross[..., 1:], axis=-1)
+    free = own > 1e-9 * seen.own
+    own = np.where(free, own, 1.0)
+    gap = seen.cross[..., 0] - np.einsum("...cp,...p->...c", seen.cross[..., 1:], beta)
+    each = log[..., None] + 0.5 * (gap**2 / own - np.log(own))
+    weight = np.exp(each - each.max(axis=-2, keepdims=True))
+    weight /= weight.sum(axis=-2, keepdims=True)
+    tail = np.sum(weight * 2 * ndtr(-np.abs(gap) / np.sqrt(own)), axis=-2)
+    return np.where(free.all(axis=-2), tail, 1.0)
+
+
+def followed(of: Series, belief: Belief, at: Array, design: Array) -> tuple[Array, Array]:
+    """Mean and variance (m, k) of X β + w at times `at` (k,), by node, for one series.
+
+    Parameters: at, in order, not before the first value; design (p, k) there.
+    """
+    n, k = len(of.time), len(at)
+    order = np.argsort(np.concatenate([of.time, at]), kind="stable")
+    time = np.concatenate([of.time, at])[order]
+    variance = np.concatenate([of.variance, np.full(k, np.inf)])[order]
+    rows = np.concatenate([of.value[None], of.design])
+    columns = np.concatenate([rows, np.zeros((len(rows), k))], axis=1)[:, order]
+    walked, sd2 = _smoothed(time, variance, columns, belief)
+    place = np.argsort(order, kind="stable")[n:]
+    left, spread = walked[place], sd2[place]  # (k, m, 1+p), (k, m)
+    lean = design.T[:, None, :] - left[..., 1:]
+    mean = left[..., 0] + np.einsum("kmp,mp->km", lean, belief.beta)
+    var = spread + np.einsum("kmp,mpq,kmq->km", lean, belief.covariance, lean)
+    return mean.T, var.T
+
+
+def _smoothed(time: Array, variance: Array, columns: Array, belief: Belief) -> tuple[Array, Array]:
+    """The walk (n, m, c) behind each column (c, n), and its variance (n, m), after all rows."""
+    n, m = len(time), len(belief.walk)
+    mean, var = np.zeros((n, m, len(columns))), np.zeros((n, m))
+    ahead, steps = np.zeros((n, m)), np.diff(time, prepend=time[0])
+    state, doubt = np.zeros((m, len(columns))), np.zeros(m)
+    for k in range(n):
+        ahead[k] = doubt = doubt + belief.walk**2 * steps[k]
+        gain = doubt / (doubt + variance[k] + belief.scatter**2)
+        state = state + gain[:, None] * (columns[:, k] - state)
+        doubt = doubt * (1 - gain)
+        mean[k], var[k] = state, doubt
+    for k in range(n - 2, -1, -1):
+        moved = ahead[k + 1] > 0
+        back = np.where(moved, var[k] / np.where(moved, ahead[k + 1], 1.0), 1.0)
+        mean[k] += back[:, None] * (mean[k + 1] - mean[k])
+        var[k] += back**2 * (var[k + 1] - ahead[k + 1])
+    return mean, np.maximum(var, 0.0)

@@ -1,0 +1,198 @@
+"""Shifts in series of a few values: where one stepped to another level, and values that are astray.
+
+Each place where a step or a stray could be joins the design of `drifting` alone, and the one that
+chance would make least often is kept, its tail times the number of places and of series looked at
+(Bonferroni); then the rest is looked through again with it in the design. A line, a walk and
+scatter of unknown size are allowed for all along, so that a slope is no step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels.drifting import Belief, Series, believed, suspects
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+FEWEST = 8
+"""With fewer values a shift cannot be told from scatter of unknown size."""
+_WINDOW = 96  # values looked through at a time; windows overlap by half
+_MOST = 20  # shifts
+_SHARES = (0.9, 0.05, 0.05)  # of the chance, for shifts that none, one or two others hide
+_JUMP = 8.0  # median steps: a step or stray that is hidden by another is larger
+
+
+class Shift(NamedTuple):
+    """From value number `place` on the level is another; or, `stray`, that value alone is astray.
+
+    `p_value` is how often chance makes one like it anywhere; `where` which series it was seen in.
+    """
+
+    place: int
+    stray: bool
+    p_value: float
+    where: tuple[int, ...]
+
+    def column(self, n: int) -> Array:
+        """What it adds to each of n values."""
+        rows = np.arange(n)
+        return np.asarray(rows == self.place if self.stray else rows >= self.place, dtype=float)
+
+
+def shifts(many: Sequence[Series], chance: float) -> list[Shift]:
+    """The shifts in series of the same times, in the order in which they were found.
+
+    Parameters: many, each with a line for its design; chance, how often any is found where there is
+    none. Half of it goes to the last value, which a step and a stray move alike: it is given as a
+    stray.
+
+    >>> rng = np.random.default_rng(3)
+    >>> t = np.linspace(0.0, 1.0, 30)
+    >>> y = rng.normal(0, 1, (2, 30)) + np.outer([0, 9], t > 0.5)
+    >>> line = np.stack([np.ones(30), t])
+    >>> found = shifts([Series(t, v, np.ones(30), line) for v in y], 0.01)
+    >>> [(s.place, s.stray, s.where) for s in found]
+    [(15, False, (1,))]
+    """
+    found: list[Shift] = []
+    while len(found) < _MOST:
+        new = _next(many, found, chance)
+        if new is None:
+            break
+        found.append(new)
+    return found
+
+
+def _next(many: Sequence[Series], found: Sequence[Shift], chance: float) -> Shift | None:
+    """The next shift that chance would hardly make.
+
+    Two shifts can hide each other. Where none stands out though something jumps, the most suspect
+    one joins the design for the time being and the others are looked at again, with the places of
+    both counted.
+    """
+    n = len(many[0].time) if many else 0
+    last, held_back, ways = Shift(n - 1, True, 1.0, ()), [*found], len(many)
+    for share in _SHARES:
+        if n - len(held_back) < FEWEST or (share != _SHARES[0] and not any(map(_jumps, many))):
+            break
+        held = [joined(series, held_back, k) for k, series in enumerate(many)]
+        allowed = 0.5 * share * chance
+        if last.place not in [shift.place for shift in held_back]:
+            new = _judged(held, last, ways, allowed)
+            if new:
+                return new
+        candidates = [s for s in _candidates(n) if not _taken(s, held_back)]
+        suspect = _suspect(held, candidates)
+        if suspect is None:
+            break
+        ways *= len(candidates)
+        new = _judged(held, suspect, ways, allowed)
+        if new:
+            return new
+        held_back.append(suspect._replace(where=tuple(range(len(many)))))
+    return None
+
+
+def _jumps(series: Series) -> bool:
+    """Whether some value lies much further from the one before than values commonly do."""
+    steps = np.diff(series.value)
+    away = np.abs(steps - np.median(steps))
+    return bool(away.max() > _JUMP * np.median(away))
+
+
+def joined(series: Series, found: Sequence[Shift], k: int) -> Series:
+    """A series, the k-th, with the shifts that were seen in it in its design; strays in all."""
+    n = len(series.time)
+    columns = [s.column(n) for s in found if s.stray or k in s.where]
+    return series._replace(design=np.concatenate([series.design, np.reshape(columns, (-1, n))]))
+
+
+def size_of(series: Series, shift: Shift) -> Belief:
+    """What is believed of a series when a shift joins its design, last."""
+    column = shift.column(len(series.time))
+    return believed(series._replace(design=np.concatenate([series.design, column[None]])))
+
+
+def _candidates(n: int) -> list[Shift]:
+    """A step before every value but the first and the last, a stray at each but the ends."""
+    steps = [Shift(k, False, 1.0, ()) for k in range(1, n - 1)]
+    return steps + [Shift(k, True, 1.0, ()) for k in range(1, n - 1)]
+
+
+def _taken(shift: Shift, found: Sequence[Shift]) -> bool:
+    """Whether it is found already, or no other than one that is: next to a stray a step is none."""
+    return any(
+        (shift.place, shift.stray) == (s.place, s.stray) or (s.stray and shift.place == s.place)
+        for s in found
+    )
+
+
+def _suspect(held: Sequence[Series], candidates: Sequence[Shift]) -> Shift | None:
+    """The candidate with the least tail in any series, on a coarse grid of the sizes."""
+    n = len(held[0].time)
+    best: tuple[float, Shift | None] = (np.inf, None)
+    for rows in _windows(n):
+        inside = [s for s in candidates if rows.start < s.place < rows.stop - 1]
+        if not inside:
+            continue
+        columns = np.stack([s.column(n)[rows] for s in inside])
+        for _, part in _stacked([_part(series, rows) for series in held]):
+            tails = suspects(part, columns).min(axis=0)
+            k = int(np.argmin(tails))
+            if tails[k] < best[0]:
+                best = (float(tails[k]), inside[k])
+    return best[1]
+
+
+def _judged(held: Sequence[Series], shift: Shift, looks: int, chance: float) -> Shift | None:
+    """The shift with its tail and the series it shows in; None where chance would do."""
+    tails = _tails(held, shift)
+    p_value = float(tails.min()) * looks
+    if not p_value < chance:
+        return None
+    where = tuple(np.flatnonzero(tails * len(held) < chance).tolist())
+    return shift._replace(p_value=p_value, where=where)
+
+
+def _tails(held: Sequence[Series], shift: Shift) -> Array:
+    """How often chance makes a shift as large in each series, with the values around it."""
+    rows = [r for r in _windows(len(held[0].time)) if r.start + _WINDOW // 4 <= shift.place]
+    window = rows[-1] if rows else next(_windows(len(held[0].time)))
+    column = shift.column(len(held[0].time))[window]
+    tails = np.ones(len(held))
+    for which, part in _stacked([_part(series, window) for series in held]):
+        wide = np.broadcast_to(column, (*part.value.shape[:-1], 1, len(column)))
+        joint = part._replace(design=np.concatenate([part.design, wide], axis=-2))
+        size = joint.design.shape[-2]
+        if np.linalg.matrix_rank(joint.design[0]) == size:
+            tails[which] = believed(joint).p_value(size - 1)
+    return tails
+
+
+def _windows(n: int) -> Iterator[slice]:
+    """Stretches of values that are looked at together."""
+    for start in range(0, max(n - _WINDOW // 2, 1), _WINDOW // 2):
+        yield slice(start, min(start + _WINDOW, n))
+
+
+def _part(series: Series, rows: slice) -> Series:
+    """A stretch of a series, with the columns of its design that change there."""
+    design = series.design[:, rows]
+    moving = np.ptp(design, axis=1) > 0
+    moving[0] = True
+    time, value, variance = (values[rows] for values in series[:3])
+    return Series(time - time[0], value, variance, design[moving])
+
+
+def _stacked(parts: Sequence[Series]) -> Iterator[tuple[Index, Series]]:
+    """Series with as many columns each, put together, and which they are."""
+    width = np.array([len(part.design) for part in parts])
+    for columns in np.unique(width):
+        which = np.flatnonzero(width == columns)
+        chosen = [parts[k] for k in which.tolist()]
+        yield which, Series(*(np.stack(values) for values in zip(*chosen, strict=True)))

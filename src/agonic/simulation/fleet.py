@@ -1,0 +1,287 @@
+"""`simulate_fleet`: boards of one design, turned in a laboratory, with faults that are known."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError
+from agonic.simulation.fleet_faults import BROKEN, DAMAGED, SWAPPED, Faulty, gain_of, naming_of
+from agonic.simulation.turnings import pushes, turnings
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+Array = NDArray[np.float64]
+
+CHUNK = 200
+"""So many logs are drawn at once, from a seed of their own."""
+_FIRST = dt.datetime(2025, 3, 3, 8, tzinfo=dt.UTC)
+_LOG_S = 120.0  # from one board on the bench to the next
+_AGAIN_DAYS = 30.0  # from one log of a board to its next
+_FORCE_NOISE_M_S2 = 0.04
+_STEP_NT = 10.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Board:
+    """What is true of many boards, a row a board: readings = matrix⁻¹ field + bias + noise.
+
+    `bias` (n, 3) nT at 25 °C, `matrix` (n, 3, 3), `noise` (n,) nT, `slope` (n, 3) nT/°C,
+    `force_bias` (n, 3) m/s², `fault` (n,) the name of what is wrong with each, or "".
+    """
+
+    bias: Array
+    matrix: Array
+    noise: Array
+    slope: Array
+    force_bias: Array
+    fault: NDArray[Any]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recorded:
+    """Logs as their loggers had them: `first` the number of the first of k logs of m rows.
+
+    `time` (m,) s, `field` (k, m, 3) nT, `acceleration` (k, m, 3) m/s², `temperature` (k, m) °C.
+    """
+
+    first: int
+    time: Array
+    field: Array
+    acceleration: Array
+    temperature: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedFleet:
+    """The logs of many boards and the truth behind them.
+
+    `truth` has a row a log: `source` its name, `sensor` the board, `fault` by name or "", `group`
+    of the fault ("broken", "swapped", "duplicated", "damaged" or ""), `original` the log that a
+    duplicate repeats, `start`, `temperature_C`, and what a calibration should find: `bias` (k, 3)
+    nT, `matrix` (k, 3, 3) symmetric and `noise` (k,) nT. `readings()` makes the logs, `facts` made
+    them.
+    """
+
+    truth: Mapping[str, NDArray[Any]]
+    facts: Mapping[str, Any]
+    boards: Board
+    board: NDArray[np.intp]
+    """Which board each log is of, (k,)."""
+    draw: NDArray[np.intp]
+    """Which drawn readings each log holds, (k,): a duplicate holds those of its original."""
+
+    def __len__(self) -> int:
+        return len(self.board)
+
+    def readings(self) -> Iterator[Recorded]:
+        """All logs that were drawn, some hundred at a time, without duplicates and damage."""
+        drawn = int(self.draw.max()) + 1
+        for first in range(0, drawn, CHUNK):
+            yield self._chunk(first, min(first + CHUNK, drawn))
+
+    def _chunk(self, first: int, stop: int) -> Recorded:
+        """The logs of one seed."""
+        rng = np.random.default_rng([self.facts["seed"], 1, first])
+        rows, rate_Hz = self.facts["rows"], self.facts["rate_Hz"]
+        time = np.arange(rows) / rate_Hz
+        of = self.board[first:stop]
+        north_b, down_b = turnings(rng, time, len(of))
+        dip = np.radians(self.facts["inclination_deg"])
+        size = self.facts["magnitude"] + 15.0 * rng.standard_normal((len(of), 1, 1))  # by the day
+        field_b = size * (np.cos(dip) * north_b + np.sin(dip) * down_b)
+        boards, mean_C = self.boards, self.truth["temperature_C"][first:stop]
+        temperature = mean_C[:, None] + 0.5 * time / max(time[-1], 1.0)
+        raw = field_b @ np.linalg.inv(boards.matrix[of]).transpose(0, 2, 1)
+        raw += (boards.bias[of] + boards.slope[of] * (mean_C - 25.0)[:, None])[:, None]
+        noise = boards.noise[of][:, None, None] * rng.standard_normal(raw.shape)
+        force = -STANDARD_GRAVITY_M_S2 * down_b + boards.force_bias[of][:, None]
+        force += pushes(rng, time, len(of))
+        force += _FORCE_NOISE_M_S2 * rng.standard_normal(force.shape)
+        for k, fault in enumerate(boards.fault[of]):
+            if fault:
+                raw[k], noise[k] = Faulty(fault)(raw[k], noise[k], int(of[k]))
+        field = np.round((raw + noise) / _STEP_NT) * _STEP_NT
+        return Recorded(
+            first=first, time=time, field=field, acceleration=force, temperature=temperature
+        )
+
+
+def simulate_fleet(
+    n: int,
+    *,
+    logs: int = 1,
+    rows: int = 300,
+    rate_Hz: float = 10.0,
+    magnitude: float = 48_000.0,
+    inclination_deg: float = 65.0,
+    bias: tuple[float, float, float] = (9_000.0, -5_000.0, 3_000.0),
+    bias_sd: float = 700.0,
+    noise: float = 120.0,
+    broken: float = 0.03,
+    swapped: float = 0.02,
+    duplicated: float = 0.01,
+    damaged: float = 0.01,
+    seed: int = 0,
+) -> SimulatedFleet:
+    """Logs of boards of one design, each turned slowly by hand over all attitudes in one place.
+
+    The boards share the bias and the soft iron of their design and scatter about it; each has its
+    noise, its temperature coefficient and its accelerometer.
+
+    Parameters
+    ----------
+    n, logs, rows, rate_Hz : boards, logs of each, readings of a log, readings a second.
+    magnitude, inclination_deg : the field of the laboratory, nT.
+    bias, bias_sd : mean over the boards and their scatter, nT; `noise` of a reading, nT.
+    broken, swapped : share of the boards that are broken, in each of the ways `BROKEN` in turn, or
+        whose axes are not those of the accelerometer (`SWAPPED`).
+    duplicated, damaged : share of the logs that are there twice, under another name, and of the
+        files that cannot be read rightly (`DAMAGED`).
+    seed : the same seed gives the same fleet.
+
+    Returns
+    -------
+    SimulatedFleet
+        Its truth at once; its readings are made when they are asked for.
+
+    Raises
+    ------
+    AgonicError
+        For shares that do not fit or sizes below what a log needs.
+
+    Examples
+    --------
+    >>> fleet = simulate_fleet(200, broken=0.05, seed=1)
+    >>> len(fleet), int((fleet.truth["group"] == "broken").sum())
+    (202, 10)
+    """
+    shares = {"broken": broken, "swapped": swapped, "duplicated": duplicated, "damaged": damaged}
+    _check(n, logs, rows, shares)
+    rng = np.random.default_rng([seed, 0])
+    boards = _boards(rng, n, np.asarray(bias), bias_sd, noise)
+    places = rng.permutation(n)
+    ill = _dealt(BROKEN, round(broken * n))
+    odd = _dealt(SWAPPED, round(swapped * n))
+    boards.fault[places[: len(ill)]] = ill
+    boards.fault[places[len(ill) : len(ill) + len(odd)]] = odd
+    board = np.tile(np.arange(n), logs)
+    again = np.sort(rng.choice(len(board), round(duplicated * len(board)), replace=False))
+    hurt = rng.permutation(np.setdiff1d(np.arange(len(board)), again))
+    hurt = hurt[np.argsort(boards.fault[board[hurt]] != "", kind="stable")]  # good boards first
+    files = dict(
+        zip(hurt.tolist(), _dealt(DAMAGED, round(damaged * len(board))).tolist(), strict=False)
+    )
+    truth = _truth(rng, boards, board, again, files)
+    facts = {
+        "n": n, "logs": logs, "rows": rows, "rate_Hz": rate_Hz, "magnitude": magnitude,
+        "inclination_deg": inclination_deg, "noise": noise, "seed": seed, **shares,
+    }  # fmt: skip
+    return SimulatedFleet(
+        truth=MappingProxyType(truth),
+        facts=MappingProxyType(facts),
+        boards=boards,
+        board=np.concatenate([board, board[again]]),
+        draw=np.concatenate([np.arange(len(board)), again]),
+    )
+
+
+def _check(n: int, logs: int, rows: int, shares: Mapping[str, float]) -> None:
+    """Raise where there would be no fleet."""
+    for name, value, least in (("n", n, 1), ("logs", logs, 1), ("rows", rows, 20)):
+        if value < least:
+            raise AgonicError(f"{name} is {value}; a fleet needs {least} at least")
+    for name, share in shares.items():
+        if not 0 <= share <= 1:
+            raise AgonicError(f"{name} is {share}; give a share from 0 to 1")
+    for one, other in (("broken", "swapped"), ("duplicated", "damaged")):
+        if shares[one] + shares[other] > 1:
+            raise AgonicError(f"{one} and {other} are more than all together: lower one")
+
+
+def _dealt(faults: tuple[str, ...], count: int) -> NDArray[Any]:
+    """The faults in turn, as often as it takes."""
+    return np.array([faults[k % len(faults)] for k in range(count)], dtype=object)
+
+
+def _boards(rng: np.random.Generator, n: int, bias: Array, bias_sd: float, noise: float) -> Board:
+    """Boards about the pattern of their design."""
+    iron = np.array([[0.04, 0.015, -0.01], [0.015, -0.03, 0.02], [-0.01, 0.02, 0.01]])
+    spread = 0.004 * rng.standard_normal((n, 3, 3))
+    gains = np.eye(3) * (1 + 0.015 * rng.standard_normal((n, 1, 3)))
+    matrix = gains + iron + (spread + spread.transpose(0, 2, 1)) / 2
+    return Board(
+        bias=bias + bias_sd * rng.standard_normal((n, 3)),
+        matrix=matrix,
+        noise=noise * np.exp(0.1 * rng.standard_normal(n)),
+        slope=np.array([8.0, -5.0, 12.0]) + 3.0 * rng.standard_normal((n, 3)),
+        force_bias=0.15 * rng.standard_normal((n, 3)),
+        fault=np.full(n, "", dtype=object),
+    )
+
+
+def _truth(
+    rng: np.random.Generator, boards: Board, board: NDArray[np.intp],
+    again: NDArray[np.intp], files: Mapping[int, str],
+) -> dict[str, NDArray[Any]]:  # fmt: skip
+    """The table of the truth: all logs, then those that are there twice."""
+    n, count = len(boards.bias), len(board)
+    wide = len(str(n - 1))
+    names = np.array([f"board-{k:0{wide}d}" for k in range(n)], dtype=object)
+    number = np.arange(count)
+    mean_C = 25.0 + 4.0 * rng.standard_normal(count)
+    start_s = _LOG_S * (number % n) + 86_400.0 * _AGAIN_DAYS * (number // n)
+    damage = np.array([files.get(k, "") for k in range(count)], dtype=object)
+    fault = np.where(damage != "", damage, boards.fault[board])
+    round_ = number // n + 1
+    source = np.array(
+        [f"{name}-{turn}" for name, turn in zip(names[board], round_, strict=True)], dtype=object
+    )
+    bias = boards.bias[board] + boards.slope[board] * (mean_C - 25.0)[:, None]
+    bias, matrix = _as_named(boards, board, bias)
+    table: dict[str, NDArray[Any]] = {
+        "source": source,
+        "sensor": names[board],
+        "fault": fault,
+        "group": np.array([_GROUPS[name] for name in fault], dtype=object),
+        "original": np.full(count, "", dtype=object),
+        "start": np.array([_FIRST + dt.timedelta(seconds=s) for s in start_s], dtype=object),
+        "temperature_C": mean_C,
+        "bias": bias,
+        "matrix": matrix,
+        "noise": boards.noise[board],
+    }
+    copies = {name: column[again] for name, column in table.items()}
+    copies["original"] = source[again]
+    copies["source"] = np.array([f"{name}-copy" for name in source[again]], dtype=object)
+    copies["fault"] = copies["group"] = np.full(len(again), "duplicated", dtype=object)
+    return {name: np.concatenate([table[name], copies[name]]) for name in table}
+
+
+_GROUPS = {"": "", **dict.fromkeys(BROKEN, "broken"), **dict.fromkeys(SWAPPED, "swapped"),
+           **dict.fromkeys(DAMAGED, "damaged")}  # fmt: skip
+
+
+def _as_named(boards: Board, board: NDArray[np.intp], bias: Array) -> tuple[Array, Array]:
+    """Bias and symmetric matrix of readings with wrong gains and wrongly named axes.
+
+    Named readings are r' = N G r: field = W (r − b) = W (N G)⁻¹ (r' − N G b), and of that matrix
+    the magnitude sees the symmetric part of its polar decomposition.
+    """
+    bias, matrix = bias.copy(), boards.matrix[board].copy()
+    for k in np.flatnonzero(boards.fault[board] != ""):
+        fault, of = boards.fault[board[k]], int(board[k])
+        change = naming_of(fault, of) @ np.diag(gain_of(fault, of))
+        bias[k] = change @ bias[k]
+        values, vectors = np.linalg.eigh(_square(matrix[k] @ np.linalg.inv(change)))
+        matrix[k] = vectors * np.sqrt(values) @ vectors.T
+    return bias, matrix
+
+
+def _square(matrix: Array) -> Array:
+    return np.asarray(matrix.T @ matrix)
