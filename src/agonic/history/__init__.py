@@ -1,1 +1,22 @@
-"""What was known of each sensor, and when."""
+"""Calibrations kept over time: how a sensor drifts, when it stepped, whether it left the others."""
+
+from agonic.history.departures import Departure, beside, departures
+from agonic.history.drifted import Drift, Event, Moved, drift
+from agonic.history.listing import drifting
+from agonic.history.store import History, Kept
+from agonic.history.trend import Band, Trend
+
+__all__ = [
+    "Band",
+    "Departure",
+    "Drift",
+    "Event",
+    "History",
+    "Kept",
+    "Moved",
+    "Trend",
+    "beside",
+    "departures",
+    "drift",
+    "drifting",
+]

@@ -1,7 +1,21 @@
 """Many calibrations: the table they make, and what stands out in it."""
 
+from agonic.population.duplicate import Duplicate, duplicates
+from agonic.population.outlier import Outlier, outliers
+from agonic.population.peers import Peers
 from agonic.population.population import Population
 from agonic.population.row import Row, Verdict
 from agonic.population.table import read_population, write_population
 
-__all__ = ["Population", "Row", "Verdict", "read_population", "write_population"]
+__all__ = [
+    "Duplicate",
+    "Outlier",
+    "Peers",
+    "Population",
+    "Row",
+    "Verdict",
+    "duplicates",
+    "outliers",
+    "read_population",
+    "write_population",
+]

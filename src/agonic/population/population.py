@@ -19,6 +19,7 @@ COLUMNS: Mapping[str, Any] = {field.name: get_type_hints(Row)[field.name] for fi
 
 AXES = ("x", "y", "z")
 ENTRIES = tuple(f"{i}{j}" for i in AXES for j in AXES)
+PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +87,26 @@ class Population:
     def matrix_sd(self) -> Array:
         """(n, 3, 3); of a symmetric or triangular matrix, NaN below the diagonal."""
         return np.column_stack([self[f"matrix_{e}_sd"] for e in ENTRIES]).reshape(-1, 3, 3)
+
+    @property
+    def cross(self) -> Array:
+        """The symmetric part of xy, xz, yz, the same in every gauge to first order, (n, 3).
+
+        NaN where the model has none.
+        """
+        i, j = np.array(PAIRS).T
+        cross = 0.5 * (self.matrix[:, i, j] + self.matrix[:, j, i])
+        cross[np.isin(self["model"].astype(str), ("sphere", "diagonal"))] = np.nan
+        return np.asarray(cross)
+
+    @property
+    def cross_sd(self) -> Array:
+        """(n, 3); where xy and yx have errors of their own, of their mean."""
+        i, j = np.array(PAIRS).T
+        errors = np.nan_to_num(self.matrix_sd)
+        once = (self["gauge"] == "symmetric")[:, None]
+        both = 0.5 * np.hypot(errors[:, i, j], errors[:, j, i])
+        return np.where(once, errors[:, i, j], both)
 
 
 def _column(name: str, rows: list[Row]) -> NDArray[Any]:

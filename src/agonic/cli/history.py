@@ -1,0 +1,144 @@
+"""`agonic history [SENSOR]`: calibrations kept over time, and what they tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agonic.cli.options import Json
+
+if TYPE_CHECKING:
+    from agonic.calibrated import Calibrated
+    from agonic.fleet.settings import FleetSettings
+    from agonic.history import Drift, History
+    from agonic.io.log import Log
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("history")(history)
+
+
+def history(
+    sensor: Annotated[
+        str | None, typer.Argument(metavar="[SENSOR]", help="Who to look at; default: list all.")
+    ] = None,
+    store: Annotated[
+        Path | None,
+        typer.Option(
+            "--store", metavar="STORE", envvar="AGONIC_STORE", show_envvar=True,
+            help="The history that agonic calibrate --store and agonic fleet --store write.",
+        ),
+    ] = None,
+    date: Annotated[
+        str | None, typer.Option(help="Date to predict for, 2026-05-01; default: today.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="HTML", help="Page to write of a sensor.")
+    ] = None,
+    as_json: Json = False,
+) -> int:  # fmt: skip
+    """Show how calibrations drift, when a sensor stepped, and which ones left the others.
+
+    Exit status 1 where the last calibration of a sensor left the band that the earlier ones
+    predict, or the sensor left its population.
+    """
+    from agonic.errors import AgonicError
+    from agonic.history import History
+
+    if store is None:
+        raise AgonicError("name the history: --store STORE, or set AGONIC_STORE")
+    if sensor is None and (out is not None or date is not None):
+        raise AgonicError("-o and --date are of one sensor: agonic history SENSOR")
+    with History.open(store, new=False) as kept:
+        if sensor is None:
+            return _all(kept, as_json)
+        return _one(kept, sensor, _moment(date), out, as_json)
+
+
+def _all(kept: History, as_json: bool) -> int:
+    from agonic.cli.output import print_json, say
+    from agonic.cli.progress import counting
+    from agonic.history import departures, drifting
+    from agonic.report.history_record import listed, listing
+
+    sensors = kept.sensors()
+    with counting(100) as told:
+        moving = drifting(kept, lambda done, of: told("Drift", 100 * done // of))
+    said = listing(sensors, moving, departures(kept))
+    if as_json:
+        print_json("agonic/history@1", said)
+    else:
+        say("\n".join(listed(said)))
+    return 1 if said["departures"] else 0
+
+
+def _one(kept: History, sensor: str, at: datetime | None, out: Path | None, as_json: bool) -> int:
+    from agonic.cli.output import print_json, say
+    from agonic.history import beside, departures, drift
+    from agonic.report.history_record import lines, record
+
+    found = beside(drift(kept.of(sensor), at), departures(kept))
+    files = [] if out is None else [_page(found, out)]
+    if as_json:
+        print_json("agonic/history@1", {**record(found), "files": files})
+    else:
+        say("\n".join([*lines(found), *(f"\nPage      {file}" for file in files)]))
+    return 0 if found.ok else 1
+
+
+def _page(found: Drift, out: Path) -> str:
+    from agonic.io.atomic import write_atomically
+    from agonic.report.history_page import history_page
+
+    return str(write_atomically(out, history_page(found)))
+
+
+def _moment(date: str | None) -> datetime | None:
+    from agonic.errors import AgonicError
+
+    if date is None:
+        return None
+    try:
+        return datetime.fromisoformat(date).replace(tzinfo=UTC)
+    except ValueError:
+        raise AgonicError(f"--date {date!r} is no date such as 2026-05-01") from None
+
+
+def keep(
+    store: Path, results: Sequence[Calibrated], log: Log, asked: FleetSettings,
+    between: str | None, name: str | None,
+) -> int:  # fmt: skip
+    """Add what came of a log to a history; returns how many calibrations were new to it.
+
+    Parameters: `asked` and `between`, what the figures depend on, its date being that of a log that
+    knows none; `name`, who the sensor is, else its number for autopilots or the log's stem.
+    """
+    from dataclasses import replace
+
+    from agonic.fleet.inputs import identified
+    from agonic.fleet.rows import row_of
+    from agonic.fleet.settings import digest
+    from agonic.history import History
+    from agonic.version import __version__
+
+    settings = asked.asked if between is None else f"{asked.asked} {between}"
+    rows = []
+    for result in results:
+        row = row_of(
+            result, sensor="", source=str(log.path), sha256=log.source.sha256,
+            key=digest(log.source.sha256, result.samples.name, settings), settings=settings,
+            version=__version__,
+        )  # fmt: skip
+        rows.append(replace(row, start=row.start or _moment(asked.date)))
+    if name is None:
+        rows = identified(str(log.path), rows, None)
+    else:
+        several = len(rows) > 1
+        rows = [replace(r, sensor=f"{name} {r.channel}" if several else name) for r in rows]
+    with History.open(store) as history:
+        return history.add(rows)

@@ -1,0 +1,166 @@
+"""`departures`: sensors that left their population, by where they are and by how they moved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.health import Finding
+from agonic.health.finding import figure
+from agonic.history.drifted import Drift
+from agonic.history.parameters import NAMES, parameters
+from agonic.history.store import History
+from agonic.kernels.discoveries import discoveries
+from agonic.kernels.robust_spread import robust_spread
+from agonic.kernels.tails import Tail, tail_of
+from agonic.population import Population, outliers
+
+Array = NDArray[np.float64]
+
+RATE = 0.02
+"""Of all sensors named, the share that chance may have named at most."""
+LEAST = 8
+"""Fewer sensors do not tell what is usual among them."""
+_KINDS = {"bias": slice(0, 3), "gain": slice(3, 6), "cross": slice(6, 9)}
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A sensor that left the others: "level", where its last calibration is, or "move", how far it
+    went since the one before. `distance` is in what is usual among the others, `p_value` how often
+    chance puts a regular one there.
+    """
+
+    sensor: str
+    kind: str
+    sentence: str
+    distance: float
+    p_value: float
+
+
+def departures(history: History, *, rate: float = RATE) -> tuple[Departure, ...]:
+    """The sensors of a history that left their population.
+
+    The last good calibration of each is set against those of all others, as `outliers` does it, and
+    its move since the one before against the moves of all others: their robust centre and spread,
+    and the tail that the moves themselves show. Of the sensors named, chance has named a share of
+    at most `rate` (Benjamini and Hochberg).
+
+    Parameters
+    ----------
+    history : of many sensors; fewer than eight do not tell what is usual.
+    rate : the false discovery rate.
+
+    Returns them in the order of their names.
+
+    Source: Benjamini, Hochberg, J. R. Stat. Soc. B 57 (1995) 289.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.population import Row
+    >>> def row(k, bias):
+    ...     return Row(sensor=f"s{k:02d}", source=f"{k}.csv", verdict="good", status="",
+    ...                unit_in="nT", bias_x=bias, bias_y=0.1 * bias, bias_z=-50.0 - bias)
+    >>> crowd = [row(k, 40.0 * (-1) ** k + k) for k in range(20)] + [row(20, 9000.0)]
+    >>> with TemporaryDirectory() as folder, History.open(folder + "/boards.sqlite") as history:
+    ...     added = history.add(crowd)
+    ...     print([(one.sensor, one.kind) for one in departures(history)])
+    [('s20', 'level')]
+    """
+    latest = history.latest()
+    if len(latest) < LEAST:
+        return ()
+    levels = [
+        Departure(o.sensor, "level", o.sentence, o.distance, o.p_value)
+        for o in outliers(latest, rate=rate)
+    ]
+    return tuple(sorted([*levels, *moves(latest, history.latest(1), rate)], key=lambda d: d.sensor))
+
+
+def beside(drift: Drift, departed: Iterable[Departure]) -> Drift:
+    """How a sensor moved, with what it looks like among the others added to its findings."""
+    found = tuple(
+        Finding(
+            "left its population", "check", one.sentence,
+            "look at the board, at how it was turned, and at what is near it",
+        )
+        for one in departed
+        if one.sensor == drift.sensor
+    )  # fmt: skip
+    return replace(drift, findings=(*drift.findings, *found))
+
+
+def moves(latest: Population, previous: Population, rate: float = RATE) -> list[Departure]:
+    """The sensors that moved unlike the others between two calibrations of each.
+
+    >>> from agonic.population import Row
+    >>> def row(k, bias):
+    ...     return Row(sensor=f"s{k:02d}", source="", verdict="good", status="", unit_in="nT",
+    ...                bias_x=bias, bias_y=k % 2, bias_z=k % 5, bias_x_sd=1.0,
+    ...                bias_y_sd=1.0, bias_z_sd=1.0)
+    >>> before = Population.of([row(k, 100.0 * k) for k in range(20)])
+    >>> after = Population.of([row(k, 100.0 * k + k % 3 + 900 * (k == 7)) for k in range(20)])
+    >>> [(d.sensor, d.kind) for d in moves(after, before)]
+    [('s07', 'move')]
+    """
+    now, then = _pairs(latest, previous)
+    found: list[Departure] = []
+    for units in sorted({*zip(now["unit_in"], now["unit_out"], strict=True)}, key=str):
+        same = (now["unit_in"] == units[0]) & (now["unit_out"] == units[1])
+        if same.sum() >= LEAST:
+            found.extend(_moved(now.select(same), then.select(same), rate))
+    return found
+
+
+def _pairs(latest: Population, previous: Population) -> tuple[Population, Population]:
+    """The sensors that have two calibrations which can be compared, row by row."""
+    names = ("sensor", "channel", "unit_in", "unit_out")
+    keys = [list(zip(*(p[name] for name in names), strict=True)) for p in (latest, previous)]
+    place = {key: k for k, key in enumerate(keys[1])}
+    there = [k for k, key in enumerate(keys[0]) if key in place]
+    return (
+        latest.select(np.array(there, dtype=int)),
+        previous.select(np.array([place[keys[0][k]] for k in there], dtype=int)),
+    )
+
+
+def _moved(now: Population, then: Population, rate: float) -> list[Departure]:
+    after, before = parameters(now), parameters(then)
+    away = after.values - before.values
+    sd = np.hypot(after.sd, before.sd)
+    tested = []
+    for kind, part in _KINDS.items():
+        usual = robust_spread(away[:, part], sd[:, part])
+        scale = np.hypot(usual.spread, sd[:, part])
+        known = np.isfinite(away[:, part]).all(axis=1) & (scale > 0).all(axis=1)
+        if known.sum() < LEAST:
+            continue
+        off = away[known, part] - usual.centre
+        distance = np.linalg.norm(off / scale[known], axis=1)
+        tested.append((kind, np.flatnonzero(known), off, distance, tail_of(distance, 3)))
+    p_values = [tail.beyond(distance) for *_, distance, tail in tested]
+    holds = discoveries(np.concatenate(p_values or [np.zeros(0)]), rate)
+    found, at = [], 0
+    for (kind, rows, off, distance, tail), p_value in zip(tested, p_values, strict=True):
+        for k in np.flatnonzero(holds[at : at + len(rows)]):
+            said = _sentence(kind, off[k], after.units[_KINDS[kind].start], distance[k], tail)
+            sensor = str(now["sensor"][rows[k]])
+            times = float(distance[k] / (tail.scale * np.sqrt(3)))
+            found.append(Departure(sensor, "move", said, times, float(p_value[k])))
+        at += len(rows)
+    return found
+
+
+def _sentence(kind: str, off: Array, unit: str, distance: float, tail: Tail) -> str:
+    worst = int(np.argmax(np.abs(off)))
+    name = NAMES[_KINDS[kind].start + worst]
+    size = f"{'−' if off[worst] < 0 else '+'}{figure(abs(float(off[worst])))} {unit}".rstrip()
+    times = figure(distance / (tail.scale * np.sqrt(3)))
+    return (
+        f"since the calibration before, its {name} moved by {size} more than that of the others, "
+        f"{times} times as far as is usual"
+    )

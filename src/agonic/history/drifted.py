@@ -1,0 +1,260 @@
+"""`drift`: how the calibration of one sensor moved over time, and whether the last one belongs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError
+from agonic.health import Finding
+from agonic.health.finding import Judged, figure
+from agonic.history.parameters import NAMES, Parameters, comparable, parameters
+from agonic.history.schema import UNDATED
+from agonic.history.trend import Trend, series_of, trend
+from agonic.kernels.drifting import Series, believed
+from agonic.kernels.shifts import Shift, joined, shifts, size_of
+from agonic.population import Population
+
+Array = NDArray[np.float64]
+
+FEWEST = 5
+"""Calibrations from which on a drift can be told from scatter."""
+CHANCE = 0.004
+"""How often chance makes a step, or a calibration off its band, in a history of all parameters."""
+DRIFTING = 0.01
+"""How often chance makes any parameter of a sensor seem to drift."""
+_SETTLED = 4  # calibrations after a step from which on it is history
+
+
+@dataclass(frozen=True)
+class Moved:
+    """By how much one parameter moved, with its standard deviation."""
+
+    name: str
+    unit: str
+    size: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened: a "step" between two calibrations, a "stray", or a "last" one that is off.
+
+    It lies after `after` and not later than `before`, the moment of calibration number `place` (of
+    those that are compared). `p_value` is how often chance makes one like it anywhere in the
+    history; `parameters` are those in which it shows.
+    """
+
+    kind: str
+    place: int
+    after: datetime
+    before: datetime
+    p_value: float
+    parameters: tuple[Moved, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drift(Judged):
+    """How one sensor moved: a trend for each parameter, what happened, and findings.
+
+    `population` holds all calibrations in order of time, `compared` the numbers of those that were
+    compared. `trends` is empty where they are too few. `verdict`, `ok` and `status` as for a fit.
+    """
+
+    sensor: str
+    at: datetime
+    population: Population
+    compared: NDArray[np.intp]
+    trends: tuple[Trend, ...]
+    events: tuple[Event, ...]
+    findings: tuple[Finding, ...]
+    remarks: tuple[str, ...]
+
+    def trend(self, name: str) -> Trend:
+        """The trend of "bias x" … "cross yz"; raises `KeyError` for one that is not followed."""
+        return {one.name: one for one in self.trends}[name]
+
+
+def drift(population: Population, at: datetime | None = None) -> Drift:
+    """How the calibration of a sensor drifts, wanders and steps, with bands.
+
+        parameter = level + slope·t + steps + random walk + scatter + formal error
+
+    Sizes of walk and scatter are not known, for standard errors of calibrations say nothing of
+    what happens between days. They are averaged over with the restricted likelihood, so that few
+    calibrations give wide bands. A step, a calibration astray, or a last one that lies off what the
+    earlier ones predict, is one where chance makes any in the whole history in less than 1 %.
+
+    Parameters
+    ----------
+    population : the calibrations of one sensor in order of time, as `History.of` gives them.
+    at : the date for which the parameters are predicted, now without.
+
+    Raises `AgonicError` where there is no calibration, or `at` is before the first.
+
+    Source: Harvey, Koopman, J. Bus. Econ. Stat. 10 (1992) 377; Patterson, Thompson, Biometrika 58
+    (1971) 545.
+
+    Examples
+    --------
+    >>> from agonic.population import Row
+    >>> noise = [0.4, -1.1, 0.9, 0.2, -0.6, 1.3, -0.3, -0.8, 0.5, 0.1]
+    >>> rows = [Row(sensor="7", source=f"{k}.csv", verdict="good", status="", unit_in="nT",
+    ...             start=datetime(2026, 1 + k, 1, tzinfo=UTC), bias_x=30.0 * k + e, bias_y=e,
+    ...             bias_z=-e, bias_x_sd=1.0, bias_y_sd=1.0, bias_z_sd=1.0)
+    ...         for k, e in enumerate(noise)]
+    >>> found = drift(Population.of(rows), at=datetime(2026, 12, 1, tzinfo=UTC))
+    >>> one = found.trend("bias x")
+    >>> found.verdict, round(one.slope, -1), one.slope_sd < 20
+    ('good', 360.0, True)
+    """
+    moment = (at or datetime.now(UTC)).astimezone(UTC)
+    if not len(population):
+        raise AgonicError("there is no calibration to follow")
+    compared = comparable(population)
+    chosen = population.select(compared)
+    time = np.array([start.timestamp() for start in chosen["start"]])
+    if len(time) and moment.timestamp() < time[0]:
+        raise AgonicError(f"{moment:%Y-%m-%d} is before the first calibration")
+    enough = len(time) >= FEWEST and time[-1] > time[0]
+    trends, events = _followed(time, parameters(chosen)) if enough else ((), ())
+    return Drift(
+        sensor=str(population["sensor"][-1]),
+        at=moment,
+        population=population,
+        compared=compared,
+        trends=trends,
+        events=events,
+        findings=tuple(_findings(population, compared, trends, events)),
+        remarks=_remarks(trends, moment),
+    )
+
+
+def _followed(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[Event, ...]]:
+    """The trends of all parameters that are known throughout and move at all, and what happened."""
+    known = [
+        k for k in range(len(NAMES))
+        if np.isfinite(of.values[:, k]).all() and np.ptp(of.values[:, k]) > 0
+    ]  # fmt: skip
+    many = [series_of(time, of.values[:, k], of.sd[:, k]) for k in known]
+    found = shifts(many, CHANCE)
+    trends = []
+    for number, k in enumerate(known):
+        held = joined(many[number], found, number)
+        own = tuple(s for s in found if s.stray or number in s.where)
+        value, sd = of.values[:, k], of.sd[:, k]
+        trends.append(trend(NAMES[k], of.units[k], time, value, sd, held, believed(held), own))
+    units = [of.units[k] for k in known]
+    names = [NAMES[k] for k in known]
+    events = [_event(time, many, found, shift, names, units) for shift in found]
+    return tuple(trends), tuple(sorted(events, key=lambda event: event.place))
+
+
+def _event(
+    time: Array, many: list[Series], found: list[Shift], shift: Shift, names: list[str],
+    units: list[str],
+) -> Event:  # fmt: skip
+    others = [s for s in found if s is not shift]
+    moved = []
+    for k in shift.where:
+        belief = size_of(joined(many[k], others, k), shift)
+        last = belief.beta.shape[-1] - 1
+        moved.append(Moved(names[k], units[k], float(belief.mean(last)), float(belief.sd(last))))
+    kind = "step" if not shift.stray else "last" if shift.place == len(time) - 1 else "stray"
+    after = _moment(time[shift.place - (0 if kind == "stray" else 1)])
+    return Event(kind, shift.place, after, _moment(time[shift.place]), shift.p_value, tuple(moved))
+
+
+def _findings(
+    population: Population, compared: NDArray[np.intp], trends: tuple[Trend, ...],
+    events: tuple[Event, ...],
+) -> list[Finding]:  # fmt: skip
+    found = []
+    if population["verdict"][-1] == "refused":
+        found.append(Finding(
+            "last one refused", "check",
+            f"the last calibration, of {population['source'][-1]}, was refused",
+            "see its status, and calibrate again",
+        ))  # fmt: skip
+    for event in events:
+        found.append(_happened(event, len(compared)))
+    if len(compared) < FEWEST:
+        found.append(Finding(
+            "few calibrations", "note",
+            f"{len(compared)} can be compared; from {FEWEST} on a drift can be told",
+        ))  # fmt: skip
+    left_out = int(population.fitted.sum()) - len(compared)
+    if left_out:
+        found.append(Finding(
+            "not compared", "note", f"{left_out} earlier ones are of another channel or unit",
+        ))  # fmt: skip
+    undated = sum(UNDATED.name in names for names in population["findings"])
+    if undated:
+        found.append(UNDATED)
+    moving = [one for one in trends if one.p_value * len(trends) < DRIFTING]
+    if moving:
+        found.append(Finding("drifting", "note", "it drifts: " + ", ".join(map(_slope, moving))))
+    return found
+
+
+def _happened(event: Event, n: int) -> Finding:
+    moved = ", ".join(
+        f"{one.name} by {_signed(one.size, one.sd)} ± {_figure(one.sd, one.unit)}"
+        for one in event.parameters
+    )
+    if event.kind == "last":
+        return Finding(
+            "left its band", "check",
+            f"the last calibration, of {event.before:%Y-%m-%d}, lies off what the earlier ones "
+            f"predict: {moved}", "calibrate once more: a step stays, a stray does not",
+        )  # fmt: skip
+    if event.kind == "stray":
+        return Finding(
+            "stray calibration", "note",
+            f"that of {event.before:%Y-%m-%d} lies off those before and after it: {moved}; it is "
+            "left out of the drift",
+        )  # fmt: skip
+    fresh = n - event.place < _SETTLED
+    return Finding(
+        "step", "check" if fresh else "note",
+        f"between {event.after:%Y-%m-%d} and {event.before:%Y-%m-%d} it stepped: {moved}",
+        "see what was changed on the board or near it in that time" if fresh else "",
+    )  # fmt: skip
+
+
+def _remarks(trends: tuple[Trend, ...], at: datetime) -> tuple[str, ...]:
+    known = []
+    for one in trends[:3]:
+        band = one.at(np.array([at.timestamp()]))
+        known.append(f"{one.name} to ± {_figure(float(band.sd[0]), one.unit)}")
+    return (f"known on {at:%Y-%m-%d}: {', '.join(known)}",) if known else ()
+
+
+def _slope(one: Trend) -> str:
+    return (
+        f"{one.name} by {_signed(one.slope, one.slope_sd)} ± "
+        f"{_figure(one.slope_sd, one.unit)} a year"
+    )
+
+
+def _signed(value: float, sd: float) -> str:
+    """A number with its sign, to the second digit of its standard deviation."""
+    decimals = int(np.clip(1 - np.floor(np.log10(max(sd, 1e-300))), 0, 12))
+    return f"{value:+.{decimals}f}"
+
+
+def _figure(value: float, unit: str) -> str:
+    return f"{figure(value)} {unit}".rstrip()
+
+
+def _moment(seconds: float) -> datetime:
+    return datetime.fromtimestamp(float(seconds), UTC)
+
+
+def moments(drift: Drift, count: int = 200) -> Array:
+    """Moments (count,) from the first calibration to the date of the drift, seconds since 1970."""
+    first = drift.trends[0].time[0]
+    return np.linspace(first, max(drift.at.timestamp(), first + 1.0), count)

@@ -1,0 +1,119 @@
+"""Which of many sensors drift: the same estimate as for one, made for all that could."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtr
+
+from agonic.history.drifted import DRIFTING, FEWEST
+from agonic.history.parameters import NAMES
+from agonic.history.store import History
+from agonic.kernels.drifting import Series, believed
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_COLUMNS = (
+    "sensor", "channel", "unit_in", "time", "bias_x", "bias_y", "bias_z", "bias_x_sd", "bias_y_sd",
+    "bias_z_sd",
+)  # fmt: skip
+_SCREEN = 0.05
+_AT_ONCE = 100
+
+
+def drifting(history: History, progress: Callable[[int, int], None] | None = None) -> set[str]:
+    """The sensors whose bias drifts, as `drift` judges it, with steps not taken out.
+
+    A plain line through the biases comes first: where it sees nothing, nothing is there.
+
+    Parameters: `progress` is told how many of how many sensors are done.
+    """
+    columns = history.columns(*_COLUMNS)
+    first, last = _sensors(columns)
+    keep = _like_last(columns, first, last)
+    bounds = np.concatenate([[0], np.cumsum(keep)])
+    kept = {name: values[keep] for name, values in columns.items()}
+    first, last = bounds[first], bounds[last]
+    known = np.flatnonzero(last - first >= FEWEST)
+    suspects = known[_plain_line(kept, first[known], last[known]) < _SCREEN]
+    found: set[str] = set()
+    done = 0
+    for n in np.unique(last[suspects] - first[suspects]):
+        of_length = suspects[last[suspects] - first[suspects] == n]
+        for start in range(0, len(of_length), _AT_ONCE):
+            rows = first[of_length[start : start + _AT_ONCE], None] + np.arange(n)
+            found.update(kept["sensor"][rows[_drift(kept, rows), 0]])
+            done += len(rows)
+            if progress:
+                progress(done, len(suspects))
+    return found
+
+
+def _sensors(columns: dict[str, NDArray[Any]]) -> tuple[Index, Index]:
+    """The first row of each sensor and the one after its last."""
+    names = columns["sensor"]
+    starts = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]])[: len(names)])
+    return starts, np.append(starts[1:], len(names)) if len(starts) else starts
+
+
+def _like_last(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> NDArray[np.bool_]:
+    """The rows of each sensor with a bias, and the channel and unit of the last."""
+    of = np.repeat(last - 1, last - first)
+    keep = np.isfinite(columns["bias_x"] + columns["bias_y"] + columns["bias_z"])
+    for name in ("channel", "unit_in"):
+        keep &= np.asarray(columns[name] == columns[name][of], dtype=bool)
+    return np.asarray(keep, dtype=bool)
+
+
+def _plain_line(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> Array:
+    """The least p-value (s,) of the slopes of plain lines through the three biases."""
+    if not len(first):
+        return np.ones(0)
+    n = (last - first).astype(float)
+    edges = np.stack([first, last], axis=1).ravel()
+    size = len(columns["time"])
+
+    def total(values: Array) -> Array:
+        return np.asarray(np.add.reduceat(np.append(values, 0.0), np.minimum(edges, size))[::2])
+
+    of = np.repeat(np.arange(len(first)), last - first)
+    rows = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])
+
+    def centred(values: Array) -> Array:
+        out = np.zeros(size)
+        out[rows] = values[rows] - (total(values) / n)[of]
+        return out
+
+    time = centred(columns["time"])
+    span = np.maximum(total(time**2), 1e-300)
+    least = np.ones(len(first))
+    for axis in "xyz":
+        value = centred(columns[f"bias_{axis}"])
+        slope = total(time * value) / span
+        left = np.maximum(total(value**2) - slope**2 * span, 1e-300) / (n - 2)
+        least = np.minimum(least, 2 * stdtr(n - 2, -np.abs(slope) / np.sqrt(left / span)))
+    return least
+
+
+def _drift(columns: dict[str, NDArray[Any]], rows: Index) -> NDArray[np.bool_]:
+    """Which of sensors with rows (s, n) drift on one axis or another."""
+    time = columns["time"][rows]
+    span = time[:, -1:] - time[:, :1]
+    spread = (span > 0)[:, 0]
+    scaled = (time - time[:, :1]) / np.where(span > 0, span, 1.0)
+    line = np.stack([np.ones_like(scaled), scaled], axis=1)
+    found = np.zeros(len(rows), dtype=bool)
+    for axis in "xyz":
+        value = columns[f"bias_{axis}"][rows]
+        moves = spread & (np.ptp(value, axis=1) > 0)
+        if not moves.any():
+            continue
+        sd = np.nan_to_num(columns[f"bias_{axis}_sd"][rows[moves]])
+        value = value[moves] - value[moves].mean(axis=1, keepdims=True)
+        p_value = believed(Series(scaled[moves], value, sd**2, line[moves])).p_value(1)
+        found[moves] |= p_value * len(NAMES) < DRIFTING
+    return found

@@ -1,0 +1,106 @@
+"""`Trend`: one parameter of a sensor over time, how it drifts, and how far it is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels.drifting import Belief, Series, followed, spread_of
+from agonic.kernels.shifts import Shift
+
+Array = NDArray[np.float64]
+
+YEAR_S = 365.25 * 86_400.0
+
+
+@dataclass(frozen=True)
+class Band:
+    """A parameter at some moments: expected, its standard deviation, and that of a calibration of
+    the usual quality there, each (k,).
+    """
+
+    mean: Array
+    sd: Array
+    calibration_sd: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trend:
+    """One parameter of a sensor: a line, a random walk, and scatter of its calibrations.
+
+    `time` (n,) in seconds since 1970, `value` and `sd` (n,) as calibrated. `slope` and `slope_sd`
+    are a year's; `p_value` how often chance makes such a slope. `scatter` is what calibrations
+    differ by beyond their standard errors, `walk` how far the parameter wanders in a year, both
+    as root mean squares of what is believed.
+    """
+
+    name: str
+    unit: str
+    time: Array
+    value: Array
+    sd: Array
+    slope: float
+    slope_sd: float
+    p_value: float
+    scatter: float
+    walk: float
+    series: Series
+    belief: Belief
+    shifts: tuple[Shift, ...]
+
+    def at(self, time: Array) -> Band:
+        """The parameter at moments (k,), seconds since 1970 and not before the first calibration.
+
+        Between two calibrations that a step lies between, the level before it still holds.
+        """
+        order = np.argsort(time, kind="stable")
+        mean, variance = followed(
+            self.series, self.belief, self._scaled(time)[order], self._design(time)[:, order]
+        )
+        usual = float(np.median(self.series.variance))
+        more = variance + self.belief.scatter[:, None] ** 2 + usual
+        weight = self.belief.weight
+        back = np.argsort(order, kind="stable")
+        centre, sd = spread_of(weight, mean.T, variance.T)
+        _, wide = spread_of(weight, mean.T, more.T)
+        return Band((centre + self.offset)[back], sd[back], wide[back])
+
+    @property
+    def offset(self) -> float:
+        """What was taken off the values before anything else."""
+        return float(self.value.mean())
+
+    def _scaled(self, time: Array) -> Array:
+        return np.asarray((time - self.time[0]) / (self.time[-1] - self.time[0]))
+
+    def _design(self, time: Array) -> Array:
+        steps = [time >= self.time[s.place] if not s.stray else 0 * time for s in self.shifts]
+        return np.array([np.ones_like(time), self._scaled(time), *steps], dtype=np.float64)
+
+
+def series_of(time: Array, value: Array, sd: Array) -> Series:
+    """A parameter as the kernels take it: time over its span, values about their mean."""
+    span = (time - time[0]) / (time[-1] - time[0])
+    return Series(span, value - value.mean(), sd**2, np.stack([np.ones_like(span), span]))
+
+
+def trend(
+    name: str, unit: str, time: Array, value: Array, sd: Array, held: Series, belief: Belief,
+    shifts: tuple[Shift, ...],
+) -> Trend:  # fmt: skip
+    """The trend of a series, with what is believed of it and the shifts in its design."""
+    years = float(time[-1] - time[0]) / YEAR_S
+    figures: dict[str, Any] = {
+        "slope": float(belief.mean(1)) / years,
+        "slope_sd": float(belief.sd(1)) / years,
+        "p_value": float(belief.p_value(1)),
+        "scatter": float(belief.size("scatter")),
+        "walk": float(belief.size("walk")) / np.sqrt(years),
+    }
+    return Trend(
+        name=name, unit=unit, time=time, value=value, sd=sd, series=held, belief=belief,
+        shifts=shifts, **figures,
+    )  # fmt: skip

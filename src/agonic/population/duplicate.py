@@ -1,0 +1,94 @@
+"""`Duplicate`: the same log more than once in a population."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from agonic.population.population import Population
+
+
+@dataclass(frozen=True)
+class Duplicate:
+    """Logs with the same content: their names, and the sensors that they are said to be of.
+
+    `contested` where one channel of them is said to be of several sensors.
+
+    >>> Duplicate("0123abcd", ("a.csv", "b.csv"), ("a", "b"), (0, 1), True).sentence
+    'a.csv and b.csv are the same log, said to be of 2 sensors: a and b'
+    """
+
+    sha256: str
+    sources: tuple[str, ...]
+    sensors: tuple[str, ...]
+    rows: tuple[int, ...]
+    contested: bool
+
+    @property
+    def sentence(self) -> str:
+        """What is the same."""
+        if len(self.sources) == 1:
+            return f"{_listed(self.sensors)} of {self.sources[0]} have the same readings"
+        said = f"{_listed(self.sources)} are the same log"
+        if self.contested:
+            said += f", said to be of {len(self.sensors)} sensors: {_listed(self.sensors)}"
+        return said
+
+
+def duplicates(population: Population) -> tuple[Duplicate, ...]:
+    """Logs that are in a population more than once, under other names or of other sensors.
+
+    Parameters
+    ----------
+    population : its rows carry the digest (SHA-256) of the log that each is from.
+
+    Returns one `Duplicate` for each such log, in the order of the first source. Several sensors
+    of one source are no duplicates, unless their calibrations have the same numbers.
+
+    Source: equal digests are equal content (FIPS 180-4).
+
+    Examples
+    --------
+    >>> from agonic.population import Row
+    >>> rows = [Row(sensor=s, source=f"{s}.csv", sha256="5e", verdict="good", status="")
+    ...         for s in "ab"]
+    >>> [found.sources for found in duplicates(Population.of(rows))]
+    [('a.csv', 'b.csv')]
+    """
+    by_digest: dict[str, list[int]] = {}
+    for row, digest in enumerate(population["sha256"].tolist()):
+        if digest:
+            by_digest.setdefault(digest, []).append(row)
+    found = []
+    for digest, rows in by_digest.items():
+        sources = tuple(dict.fromkeys(population["source"][rows].tolist()))
+        if len(sources) > 1:
+            sensors = population["sensor"][rows].tolist()
+            said = set(zip(population["channel"][rows].tolist(), sensors, strict=True))
+            contested = len(said) > len({channel for channel, _ in said})
+            named = tuple(dict.fromkeys(sensors))
+            found.append(Duplicate(digest, sources, named, tuple(rows), contested))
+    known = {row for one in found for row in one.rows}
+    return (*found, *(one for one in _within(population) if not known.issuperset(one.rows)))
+
+
+def _within(population: Population) -> Iterator[Duplicate]:
+    """Sensors of one source whose bias and noise agree in seven digits, which is no chance."""
+    figures = np.column_stack([population.bias, population["noise"]]).astype(np.float32)
+    usable = np.flatnonzero(np.isfinite(figures).all(axis=1) & (figures != 0).all(axis=1))
+    by_figures: dict[tuple[str, bytes], list[int]] = {}
+    for row, digits in zip(usable.tolist(), figures[usable], strict=True):
+        by_figures.setdefault((population["source"][row], digits.tobytes()), []).append(row)
+    for (source, _), rows in by_figures.items():
+        sensors = tuple(dict.fromkeys(population["sensor"][rows].tolist()))
+        if len(sensors) > 1:
+            digest = population["sha256"][rows[0]]
+            yield Duplicate(digest, (source,), sensors, tuple(rows), True)
+
+
+def _listed(names: tuple[str, ...], most: int = 5) -> str:
+    """Names as a sentence has them; of many, the first few."""
+    shown = names if len(names) <= most else (*names[: most - 1], f"{len(names) - most + 1} more")
+    return f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -1,0 +1,274 @@
+"""`Outlier`: a sensor that stands out from its population, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.health.finding import figure
+from agonic.kernels.axis_swaps import swap_likelihoods, swapped
+from agonic.kernels.discoveries import discoveries
+from agonic.kernels.tails import Tail, tail_of
+from agonic.population.peers import LEAST, Peers, Quantity, peers
+from agonic.population.population import AXES, Population
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+
+RATE = 0.03
+"""Of all sensors named, the share that chance may have named at most."""
+
+GEOMETRY = ("bias", "gain", "cross")
+_REGULAR = 1e-3  # a sensor belongs to its population if chance makes its distance more often
+_ODD = 0.05  # nearer ones are not tried with swapped axes
+_PATTERN = 5.0  # spreads by which a swap must change what the population has in common
+_AMBIGUOUS = np.log(20.0)
+_PAIRS = ("x and y", "x and z", "y and z")
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A sensor that stands out, by one quantity, and the sentence that says so.
+
+    `row` of the population is the calibration it was seen in. `quantity` is "bias", "gain",
+    "cross", "magnitude", "noise", "spread" or "axes"; `distance` how many times as far from the
+    centre it is as sensors commonly are (of axes: the logarithm of the evidence); `p_value` how
+    often chance puts a regular one there.
+    """
+
+    sensor: str
+    source: str
+    row: int
+    quantity: str
+    sentence: str
+    distance: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """One quantity of one group, above or below or in all directions."""
+
+    group: Peers
+    name: str
+    quantity: Quantity
+    members: NDArray[np.intp]  # of the group: those that have a distance, on this side
+    distance: Array
+    tail: Tail
+    p_values: Array
+
+
+def outliers(population: Population, *, rate: float = RATE) -> tuple[Outlier, ...]:
+    """Sensors that stand out from their population, each with a sentence that says why.
+
+    Every quantity of a sensor (bias, gains, cross-axis terms, the magnitude where it has the gain,
+    noise, what is left of the spread of the magnitude) is set against centre and spread of its
+    peers, robustly estimated and without the errors of the fits, with its own error added. How
+    often chance puts a regular sensor as far out is read from the tail of the population itself,
+    and from Student's t with four degrees of freedom where the sensors are too few to show theirs.
+    Of the sensors named, chance has named a share of at most `rate` (Benjamini and Hochberg, all
+    sensors and quantities together).
+
+    Where the population shares a pattern of bias or soft iron, a sensor that belongs to it only
+    after a swap of its axes (one of 48: b' = P b, W' = P W Pᵀ) is named for that instead.
+
+    Parameters
+    ----------
+    population : rows of sensors; each sensor counts once.
+    rate : the false discovery rate.
+
+    Returns them in the order of their rows, of one sensor the most striking first. Groups of less
+    than eight sensors have none: they cannot tell.
+
+    Source: Benjamini, Hochberg, J. R. Stat. Soc. B 57 (1995) 289; Wang, Ramdas, J. R. Stat. Soc. B
+    84 (2022) 822 for the swaps.
+
+    Examples
+    --------
+    >>> from agonic.population import Row
+    >>> def row(k, bias):
+    ...     return Row(sensor=f"s{k:02d}", source=f"{k:02d}.csv", verdict="good", status="",
+    ...                unit_in="nT", bias_x=bias, bias_y=0.1 * bias, bias_z=-50.0 - bias)
+    >>> crowd = [row(k, 40.0 * (-1) ** k + k) for k in range(20)] + [row(20, 9000.0)]
+    >>> [(o.sensor, o.quantity) for o in outliers(Population.of(crowd))]
+    [('s20', 'bias')]
+    """
+    groups = [group for group in peers(population) if group.told]
+    tested = [test for group in groups for test in _tests(group)]
+    p_values = np.concatenate([test.p_values for test in tested] or [np.zeros(0)])
+    holds = discoveries(p_values, rate)
+    found: list[Outlier] = []
+    for test, part in zip(tested, _parts(holds, tested), strict=True):
+        chosen = np.flatnonzero(part & test.quantity.matters[test.members])
+        found.extend(_named(test, chosen))
+    turned = [one for group in groups for one in _swapped(group, tested, rate)]
+    return _ordered(found, turned)
+
+
+def _tests(group: Peers) -> Iterator[_Tested]:
+    for name, quantity in group.quantities.items():
+        distance = quantity.distance
+        known = np.isfinite(distance)
+        above = quantity.values[:, 0] > quantity.centre[0]
+        both = (above, ~above)
+        sides = {"magnitude": both, "noise": both, "spread": (above,)}.get(name, (known,))
+        for side in sides:
+            members = np.flatnonzero(known & side)
+            if known.sum() >= LEAST and 2 * len(members) >= LEAST // len(sides):
+                far = distance[members]
+                tail = tail_of(far, quantity.values.shape[1])
+                yield _Tested(group, name, quantity, members, far, tail, tail.beyond(far))
+
+
+def _parts(flags: NDArray[np.bool_], tested: Sequence[_Tested]) -> list[NDArray[np.bool_]]:
+    ends = np.cumsum([0, *(len(test.members) for test in tested)]).tolist()
+    return [flags[start:end] for start, end in pairwise(ends)]
+
+
+def _named(test: _Tested, chosen: NDArray[np.intp]) -> Iterator[Outlier]:
+    scale = test.tail.scale * float(np.sqrt(test.tail.dimensions))
+    for k in chosen.tolist():
+        member = int(test.members[k])
+        times = float(test.distance[k]) / scale
+        said = _sentence(test.group, test.name, test.quantity, member, times)
+        yield _outlier(test.group, member, test.name, said, times, float(test.p_values[k]))
+
+
+def _outlier(
+    group: Peers, member: int, quantity: str, said: str, times: float, p_value: float
+) -> Outlier:
+    row = int(group.rows[member])
+    sensor, source = group.population["sensor"][row], group.population["source"][row]
+    return Outlier(sensor, source, row, quantity, said, times, p_value)
+
+
+def _ordered(found: Iterable[Outlier], turned: Iterable[Outlier]) -> tuple[Outlier, ...]:
+    """Sensors in the order of their rows; swapped axes explain what else their geometry shows.
+
+    So does one gain the magnitude.
+    """
+    swaps, others = list(turned), list(found)
+    explained = {(one.row, name) for one in swaps for name in GEOMETRY}
+    explained |= {(one.row, "magnitude") for one in others if one.quantity == "gain"}
+    left = [one for one in others if (one.row, one.quantity) not in explained]
+    return tuple(sorted([*swaps, *left], key=lambda o: (o.row, o.quantity != "axes", -o.distance)))
+
+
+# ---- swapped axes --------------------------------------------------------------------------------
+
+
+def _swapped(group: Peers, tested: Sequence[_Tested], rate: float) -> Iterator[Outlier]:
+    three = [group.quantities[name] for name in GEOMETRY]
+    values, sd = (np.hstack([getattr(q, name) for q in three]) for name in ("values", "sd"))
+    centre = np.concatenate([q.centre for q in three])
+    spread = np.concatenate([np.hypot(q.spread, 0.1 * q.least) for q in three])
+    if not np.isfinite(centre[:6]).all() or not (spread[:6] > 0).all():
+        return
+    tests = {test.name: test for test in tested if test.group is group}
+    tails = {name: test.tail for name, test in tests.items()}
+    odd = [t.members[t.p_values < _ODD] for name, t in tests.items() if name in GEOMETRY]
+    members = np.unique(np.concatenate([*odd, np.zeros(0, dtype=np.intp)]))
+    likelihoods = swap_likelihoods(values[members], sd[members], centre, spread)
+    evidence = likelihoods.evidence()
+    for k in np.flatnonzero(discoveries(1.0 / evidence, rate, len(group))).tolist():
+        log, member = likelihoods.log[k], int(members[k])
+        best = int(np.argmax(log))
+        turn = likelihoods.turns[best]
+        own, error = swapped(values[member], turn), np.abs(swapped(sd[member], turn))
+        if _shows(turn, centre, spread) and _regular(own, error, group.quantities, tails):
+            ways = int(np.count_nonzero(log > log[best] - _AMBIGUOUS))
+            said, times = _swap_sentence(turn, ways), float(np.log(evidence[k]))
+            yield _outlier(group, member, "axes", said, times, float(1.0 / evidence[k]))
+
+
+def _shows(turn: Array, centre: Array, spread: Array) -> bool:
+    """Whether the swap changes what the population has in common by more than it spreads."""
+    scale = np.hypot(spread, np.abs(swapped(spread, turn)))
+    z = (swapped(centre, turn) - centre) / scale
+    return bool(np.linalg.norm(z[np.isfinite(z)]) > _PATTERN)
+
+
+def _regular(
+    own: Array, error: Array, quantities: Mapping[str, Quantity], tails: Mapping[str, Tail]
+) -> bool:
+    """Whether a sensor with these parameters is one of its population."""
+    for k, name in enumerate(GEOMETRY):
+        part, usual = slice(3 * k, 3 * k + 3), quantities[name]
+        one = replace(usual, values=own[None, part], sd=error[None, part])
+        far = one.distance
+        if name in tails and np.isfinite(far[0]) and tails[name].beyond(far)[0] < _REGULAR:
+            return False
+    return True
+
+
+# ---- words ---------------------------------------------------------------------------------------
+
+
+def _sentence(group: Peers, name: str, quantity: Quantity, member: int, times: float) -> str:
+    value, centre, spread = quantity.values[member], quantity.centre, quantity.spread
+    if name in ("magnitude", "noise", "spread"):
+        return _of_size(group, name, float(value[0]), float(centre[0]))
+    away = value - centre
+    worst = int(np.argmax(np.abs(away) / np.hypot(spread, 1e-12 + 0.1 * quantity.least)))
+    usual = f"{figure(times)} times as far as is usual among {len(group)} sensors"
+    if name == "bias":
+        unit = _unit(group.unit_in)
+        size, parts = (
+            figure(float(np.linalg.norm(away)), 3),
+            ", ".join(f"{axis} {away[k]:+.{_decimals(away)}f}" for k, axis in enumerate(AXES)),
+        )
+        return f"its bias is {size} {unit} from that of the others ({parts}), {usual}"
+    decimals = _decimals(np.append(spread[spread > 0], 0.01 * abs(away[worst])))
+    both = f"{value[worst]:.{decimals}f}", f"{centre[worst]:.{decimals}f}"
+    around = f"{both[1]} ± {spread[worst]:.{decimals}f}"
+    if name == "gain":
+        return f"its gain on {AXES[worst]} is {both[0]}, that of the others {around}, {usual}"
+    gain = float(group.quantities["gain"].centre.mean())
+    angle = figure(abs(float(np.degrees(2 * away[worst] / gain))))
+    return (
+        f"its axes {_PAIRS[worst]} are {angle}° further from their angle than those of the others "
+        f"(cross-axis term {both[0]}, others {around}), {usual}"
+    )
+
+
+def _of_size(group: Peers, name: str, log: float, usual: float) -> str:
+    if name == "magnitude":
+        field, others = figure(float(np.exp(log)), 3), figure(float(np.exp(usual)), 3)
+        return (
+            f"it saw a field of {field} {_unit(group.unit_out)}, the others {others}: all its "
+            f"gains are {figure(100 * abs(float(np.expm1(log - usual))))} % "
+            f"too {'large' if log > usual else 'small'}, or it was elsewhere"
+        )
+    more = figure(float(np.exp(abs(log - usual))))
+    times = f"{more} times that of the others" if log > usual else f"1/{more} of the others'"
+    value, centre = float(np.exp(log)), float(np.exp(usual))
+    if name == "noise":
+        unit = _unit(group.unit_in)
+        return f"its noise is {times}: {figure(value)} {unit} instead of {figure(centre)}"
+    shares = f"{figure(100 * value)} % instead of {figure(100 * centre)} %"
+    return f"its calibrated magnitude spreads {more} times as much as that of the others: {shares}"
+
+
+def _unit(unit: str) -> str:
+    return "raw units" if unit == RAW else unit or "units"
+
+
+def _decimals(values: Array) -> int:
+    """Decimal places that show two digits of the smallest value, from 0 to 8."""
+    least = float(np.min(np.abs(values))) if len(values) else 0.0
+    return int(np.clip(1 - np.floor(np.log10(least)), 0, 8)) if least > 0 else 0
+
+
+def _swap_sentence(turn: Array, ways: int) -> str:
+    axes = []
+    for own, column in enumerate(turn.T):
+        theirs = int(np.argmax(np.abs(column)))
+        if own != theirs or column[theirs] < 0:
+            sign = "−" if column[theirs] < 0 else ""
+            axes.append(f"its {AXES[own]} is the others' {sign}{AXES[theirs]}")
+    said = f"axes swapped: {', '.join(axes)}; then it is like the others"
+    return said + (f" ({ways} ways fit about equally well)" if ways > 1 else "")

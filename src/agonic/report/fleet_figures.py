@@ -1,0 +1,151 @@
+"""Figures of a fleet: histograms, biases against each other, and what goes with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels.robust_line import Line
+from agonic.population.peers import Peers
+from agonic.report.digits import counted, quantity
+from agonic.report.markup import Markup, element, markup
+from agonic.report.strips import Axis, down, path, plot, points, right
+
+Array = NDArray[np.float64]
+
+BINS = 40
+MOST_DOTS = 1500
+"""Points that are drawn where the page's script does not run."""
+
+_MARGIN = 0.06
+
+
+def reach(values: Array, label: str, beyond: float = 1.0) -> Axis:
+    """An axis over the bulk of the values: a few that lie far out do not squeeze the others.
+
+    It goes no further than `beyond` times the width of the inner nine tenths past them.
+
+    >>> axis = reach(np.r_[np.linspace(0.0, 1.0, 99), 1e6], "")
+    >>> bool(axis.low < 0.0), bool(1.0 < axis.high < 3.0)
+    (True, True)
+    """
+    low, first, last, high = np.percentile(values, (0, 5, 95, 100))
+    wide = max(last - first, 1e-9 * max(abs(first), abs(last)), 1e-12)
+    low, high = max(low, first - beyond * wide), min(high, last + beyond * wide)
+    margin = _MARGIN * max(high - low, wide)
+    return Axis(label, float(low - margin), float(high + margin))
+
+
+def histogram(
+    values: Array, label: str, column: str, group: int, usual: tuple[float, float] | None,
+    size: float = 1.0,
+) -> Markup:  # fmt: skip
+    """How often each value occurs; what lies beyond the axis is in its outermost bars.
+
+    Values are `size` times those of the column. `usual` are centre and spread of the population:
+    a line, and a band of one spread to each side.
+    """
+    x = reach(values, label)
+    counts, edges = np.histogram(np.clip(values, x.low, x.high), BINS, (x.low, x.high))
+    y = Axis("calibrations", 0.0, 1.06 * float(max(counts.max(), 1)))
+    steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)
+    layers = [path(f"M0 1000L{points(*steps)}L1000 1000Z", "bars")]
+    if usual is not None:
+        low, middle, high = right(x, usual[0] + usual[1] * np.array([-1.0, 0.0, 1.0]))
+        layers.insert(0, path(f"M{low:.1f} 0H{high:.1f}V1000H{low:.1f}Z", "usual"))
+        layers.append(path(f"M{middle:.1f} 0V1000", "centre"))
+    name = f"Histogram of {label} of {counted(len(values), 'calibration')}"
+    drawn = plot(x, y, layers, name, kind="short")
+    return _live(drawn, "histogram", group, (column,), (x, y), name, size)
+
+
+def scatter(
+    x: Axis, y: Axis, across: Array, along: Array, noted: NDArray[np.bool_],
+    lines: Sequence[tuple[Line, float, float]] = (), kind: str = "short",
+) -> Markup:  # fmt: skip
+    """Points, those that stand out over the others; lines through them from x to x."""
+    plain = np.flatnonzero(~noted)
+    plain = plain[:: 1 + len(plain) // MOST_DOTS]
+    inside = (across >= x.low) & (across <= x.high) & (along >= y.low) & (along <= y.high)
+    marked = np.flatnonzero(noted)
+    marked = marked[:: 1 + len(marked) // (MOST_DOTS // 5)]
+    layers = []
+    for rows, name in ((plain, "dots"), (marked, "odd-dots")):
+        rows = rows[inside[rows]]
+        if len(rows):
+            layers.append(path(_dots(right(x, across[rows]), down(y, along[rows])), name))
+    for line, low, high in lines:
+        ends = np.array([low, high])
+        layers.append(path(f"M{points(right(x, ends), down(y, line.at(ends)))}", "centre"))
+    name = f"{y.label} against {x.label}, {counted(len(across), 'calibration')}"
+    return plot(x, y, layers, name, kind=kind)
+
+
+def biases(group: Peers, number: int, bias: Array, noted: NDArray[np.bool_], unit: str) -> Markup:
+    """Bias x against y and z against y, on axes of the same length."""
+    axes = [reach(bias[:, k], f"bias {name}, {unit}", 3.0) for k, name in enumerate("xyz")]
+    widest = max(axis.high - axis.low for axis in axes)
+    x, y, z = (_widened(axis, widest) for axis in axes)
+    outside = np.zeros(len(bias), dtype=bool)
+    for values, axis in zip(bias.T, (x, y, z), strict=True):
+        outside |= (values < axis.low) | (values > axis.high)
+    beyond = int(outside.sum())
+    said = f"{counted(beyond, 'calibration')} beyond the axes." if beyond else ""
+    drawn = element(
+        "div",
+        *(
+            _live(scatter(one, y, bias[:, k], bias[:, 1], noted, kind="tall"), "scatter", number,
+                  (f"bias_{'xyz'[k]}", "bias_y"), (one, y), f"bias {'xyz'[k]} against y")
+            for k, one in ((0, x), (2, z))
+        ),
+        class_="pair",
+    )  # fmt: skip
+    return markup(drawn, element("p", said, class_="aside"))
+
+
+def verdicts(counts: dict[str, int]) -> Markup:
+    """The shares of good, to be checked and refused as one bar."""
+    total, at, parts = max(sum(counts.values()), 1), 0.0, []
+    for name, n in counts.items():
+        if n:
+            wide = 1000.0 * n / total
+            d = f"M{at:.1f} 0H{at + wide:.1f}V1000H{at:.1f}Z"
+            parts.append(path(d, f"share {name}"))
+            at += wide
+    words = ", ".join(f"{n} {name}" for name, n in counts.items())
+    return element("svg", *parts, class_="shares", viewBox="0 0 1000 1000",
+                   preserveAspectRatio="none", role="img", aria_label=words)  # fmt: skip
+
+
+def usual_words(usual: tuple[float, float] | None, unit: str) -> str:
+    """Centre and spread of a population in words."""
+    if usual is None or not np.isfinite(usual).all():
+        return ""
+    centre, spread = usual
+    shown = quantity(centre, unit, 4 if abs(centre) > 10 * spread else 3)
+    return f"{shown}, sensors differ by ±{quantity(spread, unit, 2)}"
+
+
+def _widened(axis: Axis, wide: float) -> Axis:
+    middle = 0.5 * (axis.low + axis.high)
+    return Axis(axis.label, middle - 0.5 * wide, middle + 0.5 * wide)
+
+
+def _dots(across: Array, below: Array) -> str:
+    return "".join(f"M{r:.0f} {d:.0f}h0" for r, d in zip(across, below, strict=True))
+
+
+def _live(
+    drawn: Markup, kind: str, group: int, columns: tuple[str, ...], axes: tuple[Axis, Axis],
+    name: str, size: float = 1.0,
+) -> Markup:  # fmt: skip
+    """A figure that the page's script can select from: its columns and the ranges of its axes."""
+    x, y = axes
+    said = element("p", class_="picked aside", aria_live="polite")
+    return element(
+        "div", drawn, said, class_=f"live {kind}", data_kind=kind, data_group=group,
+        data_columns=" ".join(columns), data_bins=BINS, data_name=name, data_size=size,
+        data_x=f"{x.low!r} {x.high!r}", data_y=f"{y.low!r} {y.high!r}",
+    )  # fmt: skip

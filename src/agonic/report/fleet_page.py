@@ -1,0 +1,248 @@
+"""`fleet_page`: the calibrations of many sensors as one HTML file, to look at and to search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.population import Outlier, Population, duplicates
+from agonic.population import outliers as standing_out
+from agonic.population.peers import Peers, peers
+from agonic.report import fleet_figures as figures
+from agonic.report import fleet_words as words
+from agonic.report.blocks import header, part
+from agonic.report.digits import counted
+from agonic.report.documents import document, static
+from agonic.report.fleet_data import days, embedded, known, number
+from agonic.report.fleet_related import drawn, related
+from agonic.report.markup import Markup, element, markup
+from agonic.report.quantities import unit_label
+from agonic.report.verdict import sentence
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+KICKER = "Calibrations of many magnetometers"
+_SCRIPTS = ("fleet_rows.js", "fleet_table.js", "fleet_figures.js", "fleet.js")
+MOST_GROUPS = 4
+_SHOWN = ("bias", "axes")  # quantities that a figure of biases shows
+_LEAST_RANGE_C = 3.0
+_LEAST_DAYS = 2.0
+_YEAR = 365.25
+
+
+def fleet_page(
+    population: Population,
+    *,
+    title: str,
+    outliers: Sequence[Outlier] | None = None,
+    remarks: Sequence[str] = (),
+) -> str:
+    """The calibrations of many sensors as one self-contained HTML page.
+
+    Parameters
+    ----------
+    population : the rows; their reports and calibration files are linked where they are named.
+    title : what the page is about.
+    outliers : sensors that stand out, from `outliers`; by default they are looked for.
+    remarks : more sentences to show, such as what the history of the sensors says.
+
+    Returns the page: no network, dark and light, the same bytes for the same rows.
+
+    >>> from agonic.population import Row
+    >>> row = Row(sensor="<a>", source="a.csv", verdict="refused", status="the file is empty")
+    >>> page = fleet_page(Population.of([row]), title="Boards of May")
+    >>> "&lt;a&gt;" in page or "<a>" in page, "The file is empty." in page
+    (False, True)
+    """
+    found = standing_out(population) if outliers is None else outliers
+    groups, same = peers(population), duplicates(population)
+    notes = words.notes(found)
+    noted = _noted(len(population), found)
+    belongs = _belonging(population, groups)
+    body = markup(
+        header(KICKER, title, words.headline(population, found, same), _verdicts(population)),
+        element(
+            "main",
+            *_remarks(remarks),
+            part("What stands out", words.standing_out(population, found, groups)),
+            part("Refused, and to be checked", words.reasons(population)),
+            *(
+                _group(population, g, k, belongs, noted == 2)
+                for k, g in enumerate(groups[:MOST_GROUPS])
+            ),
+            *_others(groups[MOST_GROUPS:]),
+            *([part("Duplicates", words.duplicated(population, same))] if same else []),
+            part("All calibrations", _table(population)),
+        ),
+        embedded(population, belongs, notes, noted),
+    )
+    style = static("report.css") + static("fleet.css")
+    return document(f"{KICKER}: {title}", body, style=style, script="".join(map(static, _SCRIPTS)))
+
+
+def _noted(rows: int, found: Sequence[Outlier]) -> NDArray[np.uint8]:
+    """0 for rows like the others, 1 for those that stand out, 2 where the bias does."""
+    noted = np.zeros(rows, dtype=np.uint8)
+    for one in found:
+        noted[one.row] = max(int(noted[one.row]), 2 if one.quantity in _SHOWN else 1)
+    return noted
+
+
+def _verdicts(population: Population) -> Markup:
+    number = words.counts(population)
+    return markup(figures.verdicts(number), words.verdict_words(number))
+
+
+def _remarks(remarks: Sequence[str]) -> list[Markup]:
+    if not remarks:
+        return []
+    return [part("Of their history", element("ul", *(element("li", sentence(r)) for r in remarks)))]
+
+
+def _belonging(population: Population, groups: Sequence[Peers]) -> NDArray[np.int8]:
+    """The group of every calibration, −1 where it has none."""
+    belongs = np.full(len(population), -1, dtype=np.int8)
+    for k, group in reversed(list(enumerate(groups[:MOST_GROUPS]))):
+        units = (population["unit_in"] == group.unit_in) & (
+            population["unit_out"] == group.unit_out
+        )
+        if group.channel is None:
+            channels = {g.channel for g in groups if g.unit_in == group.unit_in} - {None}
+            units &= ~np.isin(population["channel"].astype(str), sorted(map(str, channels)))
+        else:
+            units &= population["channel"] == group.channel
+        belongs[units & population.fitted] = k
+    return belongs
+
+
+def _others(groups: Sequence[Peers]) -> list[Markup]:
+    if not groups:
+        return []
+    said = "; ".join(f"{group.name}: {counted(len(group), 'sensor')}" for group in groups)
+    return [element("p", f"Not drawn, for they are few: {said}.", class_="aside")]
+
+
+# ---- one group of sensors ------------------------------------------------------------------------
+
+
+def _group(
+    population: Population, group: Peers, k: int, belongs: NDArray[np.int8],
+    noted: NDArray[np.bool_],
+) -> Markup:  # fmt: skip
+    rows = np.flatnonzero(belongs == k)
+    if not len(rows):
+        return Markup("")
+    parts = [
+        element("h3", "Distributions"),
+        element("p", _USUAL if group.told else "", class_="aside"),
+        element("div", *_histograms(population, group, k, rows), class_="trio"),
+        *_bias(population, group, k, rows, noted),
+        *_temperature(population, group, rows, noted),
+        *_time(population, group, rows, noted),
+    ]
+    name = f"{counted(len(group), 'sensor')}: {group.name}"
+    return part(name, *parts)
+
+
+_USUAL = (
+    "The line is the centre of the sensors and the band their spread, both estimated so that "
+    "strays do not count, each sensor once, the errors of the fits taken out. Choose bars to see "
+    "their calibrations in the table."
+)
+
+
+def _histograms(population: Population, group: Peers, k: int, rows: Index) -> list[Markup]:
+    unit, out = unit_label(group.unit_in), unit_label(group.unit_out)
+    gain = "" if group.unit_in == group.unit_out else f"{out} per raw unit"
+    entries = [
+        *((f"bias_{i}", f"bias {i}", unit, ("bias", j)) for j, i in enumerate("xyz")),
+        *((f"gain_{i}", f"gain {i}", gain, ("gain", j)) for j, i in enumerate("xyz")),
+        ("noise", "noise of a reading", unit, ("noise", -1)),
+        ("spread_after", "spread of the magnitude", "%", ("spread", -1)),
+        ("heading_sd_deg", "error of the heading", "°", None),
+    ]
+    drawn = (_histogram(population, group, k, rows, *entry) for entry in entries)
+    return [figure for figure in drawn if figure]
+
+
+def _histogram(
+    population: Population, group: Peers, k: int, rows: Index, column: str, name: str, unit: str,
+    key: tuple[str, int] | None,
+) -> Markup:  # fmt: skip
+    values = number(population, column)[rows]
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return Markup("")
+    size = 100.0 if unit == "%" else 1.0
+    usual = _usual(group, key, size)
+    label = f"{name}, {unit}" if unit else name
+    figure = figures.histogram(size * values, label, column, k, usual, size)
+    said = element("p", figures.usual_words(usual, unit), class_="aside")
+    return element("figure", element("figcaption", element("strong", name), said), figure)
+
+
+def _usual(group: Peers, key: tuple[str, int] | None, size: float) -> tuple[float, float] | None:
+    if key is None or not group.told:
+        return None
+    quantity = group.quantities[key[0]]
+    centre, spread = float(quantity.centre[key[1]]), float(quantity.spread[key[1]])
+    if key[1] < 0:  # logarithms
+        centre, spread = float(np.exp(centre)), float(np.exp(centre) * np.sinh(spread))
+    return (size * centre, size * spread) if np.isfinite(centre) else None
+
+
+def _bias(
+    population: Population, group: Peers, k: int, rows: Index, noted: NDArray[np.bool_]
+) -> list[Markup]:
+    rows = rows[np.isfinite(population.bias[rows]).all(axis=1)]
+    if len(rows) < 3:
+        return []
+    drawn = figures.biases(group, k, population.bias[rows], noted[rows], unit_label(group.unit_in))
+    key = element(
+        "p",
+        element("i", class_="key odd-dots"),
+        "stands out by its bias or axes",
+        class_="legend",
+    )
+    return [element("h3", "Bias"), key, drawn]
+
+
+def _temperature(
+    population: Population, group: Peers, rows: Index, noted: NDArray[np.bool_]
+) -> list[Markup]:
+    celsius = population["temperature_C"]
+    seen = celsius[rows][np.isfinite(celsius[rows])]
+    relation = related(population, group, rows, celsius) if len(seen) else None
+    if relation is None or np.ptp(relation.along) < _LEAST_RANGE_C:
+        return []
+    figure = drawn(relation, group, "temperature, °C", noted, ("°C", 1.0))
+    return [element("h3", "Bias and temperature"), figure]
+
+
+def _time(
+    population: Population, group: Peers, rows: Index, noted: NDArray[np.bool_]
+) -> list[Markup]:
+    when = days(population["start"])
+    if not known(when[rows]):
+        return []
+    first = float(np.nanmin(when[rows]))
+    relation = related(population, group, rows, when - first)
+    if relation is None or np.ptp(relation.along) < _LEAST_DAYS:
+        return []
+    day = np.datetime64(int(first), "D")
+    figure = drawn(relation, group, f"days since {day}", noted, ("year", _YEAR))
+    return [element("h3", "Bias over time"), figure]
+
+
+# ---- the table of all ----------------------------------------------------------------------------
+
+
+def _table(population: Population) -> Markup:
+    """Where the page's script puts its table; without it, where the rows are."""
+    none = (
+        f"{counted(len(population), 'calibration')} to search, sort and select with JavaScript on."
+    )
+    return element("div", element("p", none, class_="script-off"), id="browse")

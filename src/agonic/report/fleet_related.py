@@ -1,0 +1,95 @@
+"""What the bias goes with: temperature, and time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.kernels.robust_line import Line, robust_line
+from agonic.population import Population
+from agonic.population.peers import LEAST, Peers
+from agonic.population.population import AXES
+from agonic.report.digits import counted, signed, with_sd
+from agonic.report.fleet_figures import reach, scatter
+from agonic.report.markup import Markup, element, markup
+from agonic.report.quantities import unit_label
+
+Array = NDArray[np.float64]
+
+
+class Related(NamedTuple):
+    """Bias (n, 3) beside another quantity (n,) of some rows, and a line for each axis.
+
+    `sensors` is the number of sensors, each with several logs, or 0 where every sensor counts once.
+    """
+
+    rows: NDArray[np.intp]
+    along: Array
+    bias: Array
+    lines: tuple[Line, ...]
+    sensors: int
+
+
+def related(
+    population: Population, group: Peers, rows: NDArray[np.intp], x: Array
+) -> Related | None:
+    """The relation within sensors where eight or more were seen at several x, else between them.
+
+    Within: what each differs by from its own mean, drawn about the mean of all.
+    """
+    rows = rows[np.isfinite(x[rows]) & np.isfinite(population.bias[rows]).all(axis=1)]
+    names, sensor = np.unique(population["sensor"][rows].astype(str), return_inverse=True)
+    size = np.bincount(sensor, minlength=len(names))
+    ranging = np.bincount(sensor, (x[rows] - _mean(x[rows], sensor, size)[sensor]) ** 2) > 0
+    several = ranging[sensor]
+    if ranging.sum() >= LEAST:
+        rows, sensor, taken = rows[several], sensor[several], int(ranging.sum())
+        bias, along = population.bias[rows], x[rows]
+        own = np.column_stack([_mean(b, sensor, size) for b in bias.T])[sensor]
+        bias = bias - own + bias.mean(axis=0)
+        along = along - _mean(along, sensor, size)[sensor] + along.mean()
+    else:
+        rows, taken = group.rows[np.isfinite(x[group.rows])], 0
+        bias, along = population.bias[rows], x[rows]
+    if len(rows) < LEAST or np.ptp(along) == 0:
+        return None
+    lines = tuple(robust_line(along, b, taken) for b in bias.T)
+    return Related(rows, along, bias, lines, taken)
+
+
+def drawn(
+    relation: Related, group: Peers, label: str, noted: NDArray[np.bool_], per: tuple[str, float]
+) -> Markup:
+    """A figure for each axis with its line, and the slopes in a sentence."""
+    unit = unit_label(group.unit_in)
+    x = reach(relation.along, label)
+    ends = float(relation.along.min()), float(relation.along.max())
+    figures = [
+        scatter(x, reach(b, f"bias {axis}, {unit}"), relation.along, b, noted[relation.rows],
+                [(line, *ends)])
+        for axis, b, line in zip(AXES, relation.bias.T, relation.lines, strict=True)
+    ]  # fmt: skip
+    return markup(_slopes(relation, unit, per), element("div", *figures, class_="trio"))
+
+
+def _slopes(relation: Related, unit: str, per: tuple[str, float]) -> Markup:
+    name, factor = per
+    parts = [
+        f"{axis} {signed(with_sd(line.slope * factor, line.slope_sd * factor))}"
+        for axis, line in zip(AXES, relation.lines, strict=True)
+    ]
+    who = (
+        f"within {counted(relation.sensors, 'sensor')} with several logs, each about its own mean"
+        if relation.sensors
+        else f"between {counted(len(relation.rows), 'sensor')}, each counted once"
+    )
+    clear = [a for a, line in zip(AXES, relation.lines, strict=True) if line.sloped]
+    said = f"It changes on {', '.join(clear)}" if clear else "No change is more than chance"
+    return element("p", f"{said}: {', '.join(parts)} {unit} per {name} ({who}).")
+
+
+def _mean(values: Array, sensor: NDArray[np.intp], size: NDArray[np.intp]) -> Array:
+    total = np.bincount(sensor, values, minlength=len(size))
+    return np.asarray(total / np.maximum(size, 1))
