@@ -151,6 +151,12 @@
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
     draw();
     document.documentElement.dataset.ready = performance.now().toFixed(0);
+    paintRest();
+
+    function paintRest() {  // one at a time, so that print and pictures of the page have them all
+      const one = [...seen.keys()].find((figure) => !figure.fresh);
+      if (one) { paint(one); setTimeout(paintRest, 20); }
+    }
   }
 
   start();
