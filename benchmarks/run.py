@@ -9,7 +9,10 @@ from pathlib import Path
 from benchmarks import estimators, honesty, speed, tables
 
 # scripts that print a table of their own
-ALONE = ("dataflash", "field", "heading", "thermal", "tracking", "inflight", "network")
+ALONE = (
+    "dataflash", "field", "heading", "thermal", "tracking", "inflight", "network", "fleet_faults",
+    "fleet_logs", "fleet_recording",
+)  # fmt: skip
 
 
 def main() -> None:
@@ -33,7 +36,8 @@ def alone(name: str, *, keep: bool) -> None:
     if done.returncode:
         tables.progress(f"{name}: ended with status {done.returncode}; its table is left as it was")
         return
-    tables.publish(name, [f"# {name.capitalize()}", done.stdout.strip()], keep=keep)
+    title = f"# {name.replace('_', ' ').capitalize()}"
+    tables.publish(name, [title, done.stdout.strip()], keep=keep)
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from typer import Typer
 
 COMMANDS = (
-    "calibrate", "live", "info", "fit", "apply", "verify", "heading", "export", "report", "field",
-    "plan", "simulate", "track", "retrain", "cite", "demo",
+    "calibrate", "fleet", "history", "live", "info", "fit", "apply", "verify", "heading", "export",
+    "report", "field", "plan", "simulate", "track", "retrain", "cite", "demo",
 )  # fmt: skip
 """In the order in which `agonic --help` lists them; each is a file here."""
 

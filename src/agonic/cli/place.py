@@ -15,15 +15,10 @@ def expected(
     samples: Samples, at: str | None, date: str | None, magnitude: float | None
 ) -> tuple[Reference | None, dict[str, Any]]:
     """The reference for a sensor and the fit settings that go with the place."""
-    from agonic.field.place import field_along, field_at
-    from agonic.reference import Reference
+    from agonic.field.place import reference_for
 
-    if magnitude is not None:
-        return Reference.constant(magnitude, source="given on the command line"), {}
-    found = field_at(*position(at), date, samples) if at else field_along(samples, date)
-    if found is None:
-        return None, {}
-    return found.reference, {"inclination_deg": found.inclination_deg}
+    where = position(at) if at and magnitude is None else None
+    return reference_for(samples, where, date, magnitude)
 
 
 def scalar_reference(samples: Samples, wanted: bool | None) -> Reference | None:

@@ -38,3 +38,43 @@ def counting(total: int) -> Iterator[Callable[[str, int], None]]:
             bar.update(tasks[what], completed=done)
 
         yield told
+
+
+@contextmanager
+def paced(what: str, things: str) -> Iterator[Callable[[int, int, int], None]]:
+    """A function that is told how many things are done, of how many, and how many were before.
+
+    The rate and the remaining time are of those that were not done before.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _done, _total, _before: None
+        return
+    import time
+
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    texts = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
+    with Progress(*texts, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None, pace="")
+        begun = time.monotonic()
+
+        def told(done: int, total: int, before: int) -> None:
+            pace = _pace(done - before, total - done, time.monotonic() - begun, things)
+            bar.update(task, completed=done, total=total, pace=pace)
+
+        yield told
+
+
+def _pace(done: int, left: int, seconds: float, things: str) -> str:
+    """The rate and the remaining time.
+
+    >>> _pace(240, 1200, 2.0, "logs")
+    '120 logs/s, 0:00:10 left'
+    """
+    if done < 1 or seconds <= 0:
+        return ""
+    remaining = round(left * seconds / done)
+    minutes, rest = divmod(remaining, 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{done / seconds:.3g} {things}/s, {hours}:{minutes:02}:{rest:02} left"

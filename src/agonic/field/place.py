@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 
@@ -100,3 +101,24 @@ def field_along(samples: Samples, date: str | None = None) -> Expected | None:
         values = values.mean(axis=0)
     reference = Reference.vector(values, frame="n", sd=vectors.sd, source=source)
     return Expected(reference=reference, inclination_deg=float(np.median(dip)))
+
+
+def reference_for(
+    samples: Samples,
+    at: tuple[float, float, float] | None = None,
+    date: str | None = None,
+    magnitude: float | None = None,
+) -> tuple[Reference | None, dict[str, Any]]:
+    """The reference to calibrate a sensor by, and the settings of the fit that go with the place.
+
+    From the magnitude (nT) or the place that was given, or else from the log's own place and date.
+
+    >>> reference_for(Samples(field=[[0, 0, 1.0]]), magnitude=50_000.0)[0].values
+    array([50000.])
+    """
+    if magnitude is not None:
+        return Reference.constant(magnitude, source="given"), {}
+    found = field_at(*at, date, samples) if at else field_along(samples, date)
+    if found is None:
+        return None, {}
+    return found.reference, {"inclination_deg": found.inclination_deg}

@@ -1,0 +1,203 @@
+"""`agonic fleet INPUT…`: many logs into one table."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.cli.options import At, Date, Json, Magnitude, Sensor, Unit
+
+if TYPE_CHECKING:
+    from agonic.fleet.engine import Engine
+    from agonic.fleet.run import FleetRun
+
+FAIL_ABOVE = 0.05
+REASONS = 5
+"""How many reasons are told to people; programs are told all."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("fleet")(fleet)
+
+
+def fleet(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INPUT...", help="Logs, folders of them, patterns in quotes: 'logs/**/*.ulg'."
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--out", metavar="DIR",
+            help="Folder to write to; a run that was cut off goes on there.",
+        ),
+    ],
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    method: Annotated[
+        str, typer.Option(help="auto (by what each log holds), ellipsoid, levelled or vector.")
+    ] = "auto",
+    name: Annotated[
+        str | None,
+        typer.Option(
+            metavar="REGEX", help="Who a sensor is: a group in the path of its log, '/(SN\\d+)_'."
+        ),
+    ] = None,
+    sensor_column: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Column that names the sensor in a Parquet dataset."),
+    ] = None,
+    files: Annotated[
+        bool, typer.Option("--files", help="Write the calibration file of each sensor and log.")
+    ] = False,
+    reports: Annotated[
+        bool, typer.Option("--reports", help="Write the folder of each log that calibrate writes.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(min=0, help="Processes; default: one for each processor.")
+    ] = None,
+    engine: Annotated[
+        str | None, typer.Option(help="local (default), or dask: its own cluster of --workers.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler that runs: tcp://host:8786."),
+    ] = None,
+    store: Annotated[
+        Path | None,
+        typer.Option(metavar="STORE", help="Keep the calibrations in this history as well."),
+    ] = None,
+    fail_above: Annotated[
+        float,
+        typer.Option(
+            min=0.0, max=1.0, metavar="SHARE",
+            help="Exit status 1 where more than this share has no calibration.",
+        ),
+    ] = FAIL_ABOVE,
+    as_json: Json = False,
+) -> int:  # fmt: skip
+    """Calibrate every magnetometer of many logs into one table, without anyone watching.
+
+    Writes fleet.parquet, a row for each sensor and log, and report.html. A bad log is a row with
+    its reason, never a stop. Exit status 1 where too many have no calibration.
+    """
+    from agonic.cli.output import print_json, say
+    from agonic.cli.place import position
+    from agonic.fleet.run import run_fleet
+    from agonic.fleet.settings import FleetSettings
+
+    settings = FleetSettings(
+        unit=unit, at=position(at) if at else None, date=date, field_nT=field, method=method,
+        sensor=sensor, name=name, sensor_column=sensor_column, files=files, reports=reports,
+    )  # fmt: skip
+    chosen = _engine(engine, scheduler, workers)
+    with _telling() as progress:
+        run = run_fleet(
+            inputs, out, settings=settings, engine=chosen, store=store, progress=progress
+        )
+    if as_json:
+        print_json("agonic/fleet@1", _summary(run))
+    else:
+        say(_text(run))
+    return 1 if _failed(run) > fail_above * len(run.population) else 0
+
+
+def _engine(engine: str | None, scheduler: str | None, workers: int | None) -> Engine:
+    from agonic.errors import AgonicError, check_choice
+    from agonic.fleet.engine import Here
+    from agonic.fleet.local import Processes
+
+    check_choice("--engine", engine or "local", ("local", "dask"))
+    if scheduler is not None and engine == "local":
+        raise AgonicError("--scheduler is for the engine dask, not for local")
+    if engine == "dask" or scheduler is not None:
+        from agonic.fleet.distributed import Dask
+
+        return Dask(scheduler=scheduler, workers=workers)
+    return Here() if workers == 0 else Processes(workers)
+
+
+@contextmanager
+def _telling() -> Iterator[Any]:
+    """Progress on a terminal; an interruption is told as what it costs, which is nothing."""
+    from agonic.cli.progress import paced
+    from agonic.errors import AgonicError
+
+    try:
+        with paced("Calibrating", "logs") as told:
+            yield lambda progress: told(progress.done, progress.logs, progress.resumed)
+    except KeyboardInterrupt:
+        raise AgonicError(
+            "interrupted; the same command goes on from where it was, with the same -o"
+        ) from None
+
+
+def _failed(run: FleetRun) -> int:
+    return int((~run.population.fitted).sum())
+
+
+def _summary(run: FleetRun) -> dict[str, Any]:
+    """What programs are told."""
+    verdicts = Counter(run.population["verdict"].tolist())
+    return {
+        "logs": run.logs,
+        "rows": len(run.population),
+        "verdicts": {word: verdicts[word] for word in ("good", "check", "refused")},
+        "reasons": [{"reason": reason, "rows": rows} for reason, rows in _reasons(run)],
+        "calibrated": run.calibrated,
+        "resumed": run.resumed,
+        "repeated": run.repeated,
+        "skipped": run.skipped,
+        "seconds": run.seconds,
+        "logs_per_second": run.rate,
+        "table": str(run.table),
+        "page": str(run.page),
+    }
+
+
+def _reasons(run: FleetRun) -> list[tuple[str, int]]:
+    """Why rows are not good, the most frequent first: the gravest finding, or what was said."""
+    columns = (run.population[name].tolist() for name in ("verdict", "findings", "status"))
+    counts = Counter(
+        findings[0] if findings else status
+        for verdict, findings, status in zip(*columns, strict=True)
+        if verdict != "good"
+    )
+    return sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
+
+
+def _text(run: FleetRun) -> str:
+    """What people are told."""
+    told = _summary(run)
+    words = ", ".join(f"{count} {word}" for word, count in told["verdicts"].items())
+    lines = [f"{run.logs} logs, {len(run.population)} calibrations: {words}"]
+    parts = {
+        "calibrated": f"{run.calibrated} calibrated in {run.seconds:.1f} s "
+        f"({run.rate:.3g} a second)",
+        "resumed": f"{run.resumed} were finished before",
+        "repeated": f"{run.repeated} have the content of another",
+        "skipped": f"{run.skipped} other files were left aside",
+    }
+    lines.append("; ".join(text for name, text in parts.items() if told[name]))
+    reasons = _reasons(run)
+    if reasons:
+        lines += ["", "Not good, because of"]
+        lines += [f"{rows:>8}  {_short(reason)}" for reason, rows in reasons[:REASONS]]
+        others = sum(rows for _, rows in reasons[REASONS:])
+        lines += [f"{others:>8}  other reasons"] if others else []
+    return "\n".join([*lines, "", f"Table     {run.table}", f"Report    {run.page}"])
+
+
+def _short(text: str, most: int = 88) -> str:
+    return text if len(text) <= most else text[: most - 1].rstrip() + "…"

@@ -1,0 +1,55 @@
+"""Sensors of a dataset calibrated by their rows, as logs are."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+from agonic.calibrated import Calibrated
+from agonic.errors import LogError
+from agonic.fleet.rows import refused, row_of
+from agonic.fleet.settings import FleetSettings
+from agonic.fleet.work import outcome_of, sentence
+from agonic.io.dataset import Channel, Dataset
+from agonic.io.sensor_rows import Table
+from agonic.io.table import log_of_table
+from agonic.population import Row
+from agonic.provenance import Input
+from agonic.samples import Samples
+
+Task = tuple[tuple[int, str, Table], ...]
+"""Sensors with their place in the table, their name and their rows."""
+
+
+def refined(
+    task: Task, *, dataset: Dataset, channel: Channel, source: Input, settings: FleetSettings,
+    known: Mapping[str, Any],
+) -> tuple[Row, ...]:  # fmt: skip
+    """The row of each of these sensors, calibrated by its rows as a log is."""
+    rows = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matters is among the findings of the row
+        for _, name, table in task:
+            try:
+                log = log_of_table(
+                    table, path=dataset.path, source=source, format="Parquet table",
+                    unit=dataset.unit,
+                )  # fmt: skip
+                samples = log.sensor(channel.name)
+            except LogError as error:
+                why = sentence(error, str(dataset.path))
+                rows.append(refused(why, sensor=name, **known))
+                continue
+            outcome = outcome_of(samples, settings)
+            rows.append(_row(outcome, samples, name, known))
+    return tuple(rows)
+
+
+def _row(
+    outcome: Calibrated | Exception, samples: Samples, name: str, known: Mapping[str, Any]
+) -> Row:
+    told = {key: value for key, value in known.items() if key != "channel"}
+    if isinstance(outcome, Calibrated):
+        return row_of(outcome, sensor=name, **told)
+    return refused(sentence(outcome, told["source"]), sensor=name, samples=samples, **told)

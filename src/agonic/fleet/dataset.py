@@ -1,0 +1,267 @@
+"""`calibrate_dataset`: the readings of many sensors in one Parquet table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError, check_choice
+from agonic.field.place import reference_for
+from agonic.fitting.ellipsoid.from_many import fit_many
+from agonic.fleet.by_rows import Task, refined
+from agonic.fleet.columns import Columns, blank, columns_of
+from agonic.fleet.doubts import doubts
+from agonic.fleet.engine import Engine, Here, Lost
+from agonic.fleet.local import Processes
+from agonic.fleet.rows import refused
+from agonic.fleet.settings import FleetSettings, digest
+from agonic.fleet.work import facts, sentence
+from agonic.io.dataset import (
+    Channel,
+    Dataset,
+    connected,
+    database_error,
+    find_dataset,
+    without_damaged,
+)  # fmt: skip
+from agonic.io.grouped_moments import Grouped, summed
+from agonic.io.grouped_residuals import residual_sums
+from agonic.io.sensor_rows import Table, tables_of
+from agonic.population import Population, Row
+from agonic.population.population import COLUMNS
+from agonic.provenance import Input
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Refine = Literal["auto", "all", "none"]
+Progress = Callable[[str, int, int], None]
+
+_TOGETHER = 16
+"""Sensors of a task for an engine."""
+_MOST_ROWS = 100_000  # after which a task is closed
+_FEW = 64
+"""Sensors that are calibrated before other processes would have begun."""
+
+
+def calibrate_dataset(
+    dataset: Dataset | Path | str,
+    settings: FleetSettings | None = None,
+    *,
+    refine: Refine = "auto",
+    engine: Engine | None = None,
+    progress: Progress | None = None,
+) -> Population:
+    """Calibrate every sensor of a Parquet dataset, one row for each.
+
+    All sensors are fitted from the moments of their readings, which DuckDB sums. Those whose rows
+    would change the answer, and those for which there is no good one, are calibrated by their rows
+    as `agonic calibrate` does it.
+
+    Parameters
+    ----------
+    dataset : what `find_dataset` gave, or the path of a file or folder for it.
+    settings : as for `agonic calibrate`; see `FleetSettings`.
+    refine : "auto", "all" for every sensor by its rows, "none" for moments alone.
+    engine : where sensors are calibrated by their rows; without, processes of this machine.
+    progress : is told the stage, and how many of how many sensors are done.
+
+    Returns the table; `method` is "adjusted" where moments taught the result. A file that is
+    damaged is a row of its own. Raises `LogError` where there is no dataset.
+
+    Source: adjusted least squares (Markovsky, Kukush & Van Huffel 2004); DuckDB for the sums.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> import pyarrow as pa
+    >>> from pyarrow.parquet import write_table
+    >>> u = np.random.default_rng(0).normal(size=(900, 3))
+    >>> raw = 50_000 * u / np.linalg.norm(u, axis=1, keepdims=True) + [700.0, 0, 0]
+    >>> raw += np.random.default_rng(1).normal(size=(900, 3)) * 150
+    >>> columns = {f"mag_{a}_nT": raw[:, i] for i, a in enumerate("xyz")}
+    >>> with TemporaryDirectory() as folder:
+    ...     write_table(pa.table({"sensor": np.arange(900) % 3, **columns}), folder + "/d.parquet")
+    ...     table = calibrate_dataset(folder + "/d.parquet")
+    >>> table["sensor"].tolist(), table["method"].tolist()
+    (['0', '1', '2'], ['adjusted', 'adjusted', 'adjusted'])
+    """
+    check_choice("refine", refine, get_args(Refine))
+    settings = settings or FleetSettings()
+    if not isinstance(dataset, Dataset):
+        found = find_dataset(dataset, unit=settings.unit)
+        if found is None:
+            raise LogError("it holds no Parquet table with a column of sensors", path=dataset)
+        dataset = found
+    work = partial(_worked, settings=settings, refine=refine, engine=engine)
+    tell = progress or (lambda stage, done, total: None)
+    try:
+        return work(dataset, tell=tell)
+    except database_error():
+        return work(without_damaged(dataset), tell=tell)
+
+
+def _worked(
+    dataset: Dataset, *, settings: FleetSettings, refine: Refine, engine: Engine | None,
+    tell: Progress,
+) -> Population:  # fmt: skip
+    """The rows of all channels, and of what cannot be calibrated at all."""
+    tell("hashing", 0, len(dataset.files))
+    source, content = str(dataset.path), dataset.sha256
+    parts: list[Columns] = []
+    with connected() as db:
+        for channel in dataset.channels:
+            known = facts(source, content, settings, channel.name)
+            del known["sensor"]
+            job = _Job(db, dataset, channel, settings, {"channel": channel.name, **known}, tell)
+            parts.append(job.columns(refine, engine))
+            parts.append(_columns(job.without_readings()))
+    lost = [
+        refused(sentence(LogError(why), file), **{**facts(file, "", settings), "sensor": ""})
+        for file, why in dataset.damaged
+    ]
+    return _in_order([*parts, _columns(lost)])
+
+
+@dataclass
+class _Job:
+    """The work on one channel of a dataset."""
+
+    db: Any
+    dataset: Dataset
+    channel: Channel
+    settings: FleetSettings
+    known: Mapping[str, Any]
+    tell: Progress
+    grouped: Grouped | None = None
+
+    def columns(self, refine: Refine, engine: Engine | None) -> Columns:
+        """The columns of all sensors of the channel."""
+        self.tell("summing", 0, 0)
+        grouped = self.grouped = summed(self.db, self.dataset, self.channel)
+        every = np.arange(len(grouped))
+        if refine == "all" or _rows_tell_more(self.dataset, self.settings):
+            columns, ids = blank(len(grouped)), every
+        else:
+            columns, doubtful = self._from_moments(grouped)
+            ids = every[:0] if refine == "none" else np.flatnonzero(doubtful)
+        columns["sensor"][:] = grouped.sensors
+        self._refine(columns, ids, engine)
+        columns["key"][:] = [digest(self.known["key"], name) for name in grouped.sensors]
+        return columns
+
+    def _from_moments(self, grouped: Grouped) -> tuple[Columns, NDArray[np.bool_]]:
+        """The columns by moments alone, and which sensors should be calibrated by their rows."""
+        unit, total = self.channel.unit_in, len(grouped)
+        reference, of_place = _reference(grouped, self.settings)
+        self.tell("fitting", 0, total)
+        fits = fit_many(
+            grouped.sums, grouped.centre, grouped.scale, reference, threads=2, **of_place
+        )
+        self.tell("checking", 0, total)
+        residuals = residual_sums(
+            self.db, self.dataset, self.channel, fits.bias, fits.matrix, fits.magnitude
+        )
+        found = doubts(fits, grouped, residuals, unit=unit)
+        columns = columns_of(
+            fits, grouped, unit=unit, scaled=reference is not None,
+            inclination_deg=of_place.get("inclination_deg", 60.0), **self.known,
+        )  # fmt: skip
+        return columns, np.any(list(found.values()), axis=0)
+
+    def _refine(self, columns: Columns, ids: NDArray[np.intp], engine: Engine | None) -> None:
+        """Put the rows of these sensors, calibrated as logs are, into the columns."""
+        if not len(ids):
+            return
+        engine = engine or (Here() if len(ids) <= _FEW else Processes())
+        source = Input(name=self.known["source"], sha256=self.known["sha256"], count=0)
+        function = partial(
+            refined, dataset=self.dataset, channel=self.channel, source=source,
+            settings=self.settings, known=self.known,
+        )  # fmt: skip
+        done = 0
+        for task, rows in engine.run(function, self._tasks(columns["sensor"], ids)):
+            if isinstance(rows, Lost):
+                rows = tuple(
+                    refused(rows.sentence, sensor=name, **self.known) for _, name, _ in task
+                )
+            for (place, _, _), row in zip(task, rows, strict=True):
+                _put(columns, place, row)
+            done += len(rows)
+            self.tell("calibrating by rows", done, len(ids))
+
+    def _tasks(self, names: NDArray[Any], ids: NDArray[np.intp]) -> Iterator[Task]:
+        task: list[tuple[int, str, Table]] = []
+        rows = 0
+        for place, table in tables_of(self.db, self.dataset, ids):
+            task.append((place, str(names[place]), table))
+            rows += len(next(iter(table.values())))
+            if len(task) == _TOGETHER or rows > _MOST_ROWS:
+                yield tuple(task)
+                task, rows = [], 0
+        if task:
+            yield tuple(task)
+
+    def without_readings(self) -> list[Row]:
+        """The rows of sensors without a finite reading, and of rows that name no sensor."""
+        assert self.grouped is not None
+        rows = [
+            refused(f"none of its {count} rows holds three finite readings", sensor=name,
+                    **{**self.known, "key": digest(self.known["key"], name)})
+            for name, count in self.grouped.empty
+        ]  # fmt: skip
+        if self.grouped.nameless:
+            what = f"{self.grouped.nameless} rows name no sensor and were left out"
+            rows.append(refused(what, sensor="", **self.known))
+        return rows
+
+
+def _reference(
+    grouped: Grouped, settings: FleetSettings
+) -> tuple[Reference | None, dict[str, Any]]:
+    """The one reference of all sensors, and the settings that go with the place."""
+    dated = grouped.start[np.isfinite(grouped.start)]
+    epoch = None
+    if len(dated):
+        epoch = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=float(np.median(dated)))
+    date = settings.date or (None if epoch else settings.undated)
+    nowhere = Samples(field=np.ones((1, 3)), epoch=epoch)
+    return reference_for(nowhere, settings.at, date, settings.field_nT)
+
+
+def _rows_tell_more(dataset: Dataset, settings: FleetSettings) -> bool:
+    """Whether a fit by rows knows what moments do not: the attitude, or the place of each row."""
+    placed = {"latitude_deg", "longitude_deg"} <= set(dataset.found)
+    if settings.method not in ("auto", "ellipsoid"):
+        return True
+    if settings.field_nT is not None:
+        return False
+    if settings.at is None:
+        return placed
+    tilted = {"roll_deg", "pitch_deg"} <= set(dataset.found)
+    return tilted and settings.method == "auto"
+
+
+def _put(columns: Columns, place: int, row: Row) -> None:
+    for field in fields(Row):
+        value = getattr(row, field.name)
+        column = columns[field.name]
+        column[place] = np.nan if value is None and column.dtype == np.float64 else value
+
+
+def _columns(rows: list[Row]) -> Columns:
+    return dict(Population.of(rows).columns)
+
+
+def _in_order(parts: list[Columns]) -> Population:
+    """The columns one below the other, in the order that a population has."""
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
+    keys = [joined[name].astype(str) for name in ("sensor", "channel", "source")]
+    order = np.lexsort(keys)
+    return Population({name: column[order] for name, column in joined.items()})

@@ -1,0 +1,191 @@
+"""`Dask`: the engine of a cluster, by Dask distributed."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain, islice
+from typing import Any, TypeVar
+
+from agonic.errors import AgonicError, MissingExtraError
+from agonic.fleet.engine import Answer, Lost
+from agonic.fleet.local import processors
+from agonic.version import __version__
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+BATCH = 16
+"""Tasks that go to a worker together: each message costs the scheduler about a millisecond."""
+WAITING = 3
+"""Batches for each thread of the cluster that are under way at a time."""
+SECONDS = 30
+"""How long a scheduler and its workers may take to answer at first."""
+PATIENCE_S = 20
+"""How long the way of finished answers may take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dask:
+    """Workers of a cluster: that of a scheduler which runs, or one of its own on this machine.
+
+    A batch whose worker ends goes to another. Where workers end again, its tasks are tried one by
+    one; and those with which they still end, at last, with nothing beside them to be blamed.
+
+    Parameters
+    ----------
+    scheduler : its address, "tcp://host:8786". Its workers have the same version of agonic, and
+        find the logs, and the folder for files, under the same paths.
+    workers : of a cluster of its own; one for each processor unless told otherwise.
+    batch : tasks that go to a worker together.
+    """
+
+    scheduler: str | None = None
+    workers: int | None = None
+    batch: int = BATCH
+
+    def run(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
+        """As `Engine.run`."""
+        distributed = _distributed()
+        with _quiet(), self._client(distributed) as client:
+            room = WAITING * _threads(client)
+            left: list[T] = []
+            waiting = iter(tasks)
+            for size, most in ((self.batch, room), (1, room), (1, 1)):
+                for batch, answers in _submitted(client, function, _batches(waiting, size), most):
+                    if answers is None:
+                        left += batch
+                    else:
+                        yield from zip(batch, (answer.value() for answer in answers), strict=True)
+                waiting, left = iter(left), []
+            yield from ((task, Lost()) for task in waiting)
+
+    @contextmanager
+    def _client(self, distributed: Any) -> Iterator[Any]:
+        """A client of the cluster; with it, a cluster of its own is closed."""
+        if self.scheduler is None:
+            with (
+                _own_cluster(distributed, self.workers or processors()) as cluster,
+                distributed.Client(cluster, set_as_default=False) as client,
+            ):
+                yield client
+            return
+        try:
+            client = distributed.Client(self.scheduler, timeout=SECONDS, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise AgonicError(
+                f"the scheduler {self.scheduler} does not answer ({error}); start one with "
+                "`dask scheduler`"
+            ) from None
+        with client:
+            yield client
+
+
+_OWN = {
+    "distributed.scheduler.allowed-failures": 1,
+    # else a worker that ends again some seconds after it was replaced is given up for good
+    "distributed.deploy.lost-worker-timeout": "1 day",
+    "logging.distributed": "critical",
+}
+
+
+@contextmanager
+def _own_cluster(distributed: Any, workers: int) -> Iterator[Any]:
+    import dask
+
+    with (
+        dask.config.set(_OWN),
+        distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+    ):  # fmt: skip
+        yield cluster
+
+
+def _batches(tasks: Iterator[T], size: int) -> Iterator[list[T]]:
+    return iter(lambda: list(islice(tasks, size)), [])
+
+
+def _submitted(
+    client: Any, function: Callable[[T], R], batches: Iterator[list[T]], most: int
+) -> Iterator[tuple[list[T], list[Answer] | None]]:
+    """Each batch with its answers, None where workers ended with it; `most` under way at a time."""
+    distributed = _distributed()
+    finished = distributed.as_completed(loop=client.loop)
+    underway: dict[str, tuple[Any, list[T]]] = {}
+    again: list[list[T]] = []
+    while True:
+        returned, again = again, []
+        for batch in islice(chain(returned, batches), max(most - len(underway), len(returned))):
+            future = client.submit(_answers, function, batch, pure=False)
+            underway[future.key] = future, batch
+            finished.add(future)
+        if not underway:
+            return
+        future, batch = underway.pop(next(finished).key)
+        try:
+            answers = future.result(timeout=PATIENCE_S)
+        except distributed.KilledWorker:
+            answers = None
+        except TimeoutError:  # the worker ended with the answers, and nobody makes them anew
+            future.cancel()
+            again.append(batch)
+            continue
+        except (OSError, distributed.CancelledError) as error:
+            raise AgonicError(
+                f"the cluster was lost ({error}); the same command goes on from there"
+            ) from None
+        yield batch, answers
+
+
+def _answers(function: Callable[[T], R], batch: list[T]) -> list[Answer]:
+    """What a worker does."""
+    return [Answer.of(function, task) for task in batch]
+
+
+def _threads(client: Any) -> int:
+    """How many tasks the cluster works on at a time; its workers must be of one mind with us."""
+    try:
+        client.wait_for_workers(1, timeout=SECONDS)
+        versions = set(client.run(_version).values())
+    except TimeoutError:
+        raise AgonicError("the scheduler has no workers; start some with `dask worker`") from None
+    except ImportError as error:
+        raise AgonicError(f"a worker of the cluster has no agonic ({error})") from None
+    if versions != {__version__}:
+        others = ", ".join(sorted(versions - {__version__}))
+        raise AgonicError(f"workers of the cluster have agonic {others}, and this is {__version__}")
+    return sum(client.nthreads().values())
+
+
+def _version() -> str:
+    return __version__
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Dask's own words on workers that come and go are kept from the user, who gets rows."""
+    loggers = [
+        logging.getLogger(name)
+        for name in ("distributed", *logging.root.manager.loggerDict)
+        if name.partition(".")[0] == "distributed"
+    ]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise MissingExtraError("a cluster", "fleet") from None
+    return distributed

@@ -1,0 +1,145 @@
+"""`Journal`: what is finished, kept so that a run goes on where another was cut off."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import msgspec
+
+from agonic.errors import AgonicError
+from agonic.fleet.settings import digest
+from agonic.population import Row
+
+COMMIT_S = 1.0
+"""How much work a cut may cost."""
+
+_TABLES = """
+create table if not exists contents(
+    path text primary key, size integer, mtime_ns integer, sha256 text) without rowid;
+create index if not exists sizes on contents(size);
+create table if not exists rows(
+    work text, place integer, row blob, primary key(work, place)) without rowid;
+create table if not exists given(work text primary key, undated text) without rowid;
+"""
+_UNUSABLE = "delete it, and all logs are calibrated again"
+
+
+class State(NamedTuple):
+    """A file's size and time of change: while they stay, so does its content."""
+
+    size: int
+    mtime_ns: int
+
+    @classmethod
+    def of(cls, path: str) -> State | None:
+        """Those of a file; None where there is none."""
+        try:
+            found = Path(path).stat()
+        except OSError:
+            return None
+        return cls(found.st_size, found.st_mtime_ns)
+
+
+class Journal:
+    """Finished rows by the content of their log and the work asked for, in an SQLite file.
+
+    One process writes. It commits about once a second; what was committed outlives a kill at any
+    moment, and what was not is done again. Rows of other settings or another version stay.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> row = Row(sensor="a", source="a.csv", verdict="refused", status="empty")
+    >>> with TemporaryDirectory() as folder, Journal(folder + "/j.sqlite", work="w") as journal:
+    ...     journal.add("content", [row])
+    ...     journal.rows("content")[0].status, journal.rows("other")
+    ('empty', ())
+    """
+
+    def __init__(self, path: Path | str, *, work: str) -> None:
+        self._work = work
+        self._path = path
+        self._committed = time.monotonic()
+        try:
+            self._db = sqlite3.connect(path, isolation_level=None, timeout=0.0)
+            self._db.execute("pragma locking_mode = exclusive")
+            self._db.execute("begin exclusive")
+            for statement in _TABLES.split(";"):
+                self._db.execute(statement)
+        except sqlite3.OperationalError as error:
+            raise AgonicError(
+                f"{path}: cannot be used ({error}); is another run writing to this folder?"
+            ) from None
+        except sqlite3.DatabaseError as error:
+            raise AgonicError(f"{path}: is no journal of a fleet ({error}); {_UNUSABLE}") from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:  # fmt: skip
+        with closing(self._db):
+            self._db.execute("commit")
+
+    def content(self, path: str, state: State | None = None) -> str | None:
+        """The digest of a file's content as it was last read, where `state` is still the same."""
+        found = self._db.execute(
+            "select size, mtime_ns, sha256 from contents where path = ?", (path,)
+        ).fetchone()
+        return found[2] if found and (state is None or state == found[:2]) else None
+
+    def sizes(self) -> set[int]:
+        """The sizes of files that were read."""
+        return {size for (size,) in self._db.execute("select distinct size from contents")}
+
+    def note(self, path: str, state: State, sha256: str) -> None:
+        """Keep the digest of a file's content."""
+        self._db.execute(
+            "insert or replace into contents values (?, ?, ?, ?)", (path, *state, sha256)
+        )
+
+    def rows(self, sha256: str) -> tuple[Row, ...]:
+        """The finished rows of a content, in its order; none where it is not finished."""
+        found = self._db.execute(
+            "select row from rows where work = ? order by place", (self._key(sha256),)
+        )
+        try:
+            return tuple(_DECODER.decode(row) for (row,) in found)
+        except (msgspec.DecodeError, sqlite3.DatabaseError) as error:
+            raise AgonicError(f"{self._path}: is damaged ({error}); {_UNUSABLE}") from None
+
+    def add(self, sha256: str, rows: Iterable[Row]) -> None:
+        """Keep the rows of a content, all of its channels or none."""
+        key = self._key(sha256)
+        self._db.execute("delete from rows where work = ?", (key,))
+        self._db.executemany(
+            "insert into rows values (?, ?, ?)",
+            [(key, place, _ENCODER.encode(row)) for place, row in enumerate(rows)],
+        )
+        if time.monotonic() - self._committed > COMMIT_S:
+            self.commit()
+
+    def undated(self, today: str) -> str:
+        """The date of logs that know none: that of the first run which asked for this work."""
+        self._db.execute("insert or ignore into given values (?, ?)", (self._work, today))
+        found = self._db.execute("select undated from given where work = ?", (self._work,))
+        return str(found.fetchone()[0])
+
+    def commit(self) -> None:
+        """Make what was kept outlive a kill."""
+        self._db.execute("commit")
+        self._db.execute("begin exclusive")
+        self._committed = time.monotonic()
+
+    def _key(self, sha256: str) -> str:
+        return digest(sha256, self._work)
+
+
+_ENCODER = msgspec.msgpack.Encoder()
+_DECODER = msgspec.msgpack.Decoder(Row)

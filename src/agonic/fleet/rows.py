@@ -1,0 +1,118 @@
+"""The row of a calibration, and of what could not be calibrated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from datetime import datetime, timedelta
+from typing import Any
+
+from agonic.calibrated import Calibrated
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
+from agonic.population import Row
+from agonic.population.population import ENTRIES
+from agonic.samples import Samples
+
+
+def row_of(
+    calibrated: Calibrated, *, sensor: str, source: str, sha256: str = "", key: str = "",
+    calibration: str | None = None, report: str | None = None, settings: str = "",
+    version: str = "",
+) -> Row:  # fmt: skip
+    """The row of one calibrated sensor; its figures are those of `agonic calibrate --json`.
+
+    Parameters: as the fields of `Row`. A refused fit has its figures too: they show why.
+
+    >>> from agonic.calibrated import calibrate
+    >>> from agonic.simulation import simulate
+    >>> row = row_of(calibrate(simulate("tumble").samples), sensor="a", source="a.csv")
+    >>> row.verdict, row.method, row.rows
+    ('good', 'ellipsoid', 3000)
+    """
+    fit, verification = calibrated.fit, calibrated.verification
+    found = fit.calibration
+    names = FREE_PARAMETERS if found.gauge == "free" else PARAMETERS
+    sd = dict(zip(names, map(_number, fit.sd.tolist()), strict=False))
+    bias = dict(zip(PARAMETERS[:3], found.bias.tolist(), strict=True))
+    entries = zip(ENTRIES, found.matrix.ravel().tolist(), strict=True)
+    return Row(
+        sensor=sensor,
+        source=source,
+        sha256=sha256,
+        key=key,
+        **of_samples(calibrated.samples),
+        rows=fit.n,
+        method=calibrated.method,
+        model=found.model,
+        gauge=found.gauge,
+        verdict=calibrated.verdict,  # type: ignore[arg-type]
+        status=calibrated.status,
+        findings=tuple(_found(calibrated)),
+        unit_out=found.unit_out,
+        **bias,
+        **{f"matrix_{name}": value for name, value in entries},  # type: ignore[arg-type]
+        **{f"{name}_sd": value for name, value in sd.items()},  # type: ignore[arg-type]
+        magnitude=_number(found.magnitude),
+        noise=_number(fit.noise),
+        spread_before=_number(verification.spread_before),
+        spread_after=_number(verification.spread_after),
+        residual_rms=_number(verification.residual_rms),
+        heading_sd_deg=_number(fit.coverage.heading_sd_deg),
+        calibration=calibration,
+        report=report,
+        settings=settings,
+        version=version,
+    )
+
+
+def refused(
+    status: str, *, sensor: str, source: str, samples: Samples | None = None, **known: Any
+) -> Row:
+    """The row of a log, or of a sensor in it, that could not be calibrated at all.
+
+    >>> refused("the file is empty", sensor="a", source="a.csv").verdict
+    'refused'
+    """
+    facts = {} if samples is None else of_samples(samples)
+    return Row(
+        sensor=sensor, source=source, verdict="refused", status=status, **facts, **known
+    )  # fmt: skip
+
+
+def of_samples(samples: Samples) -> Mapping[str, Any]:
+    """What the readings themselves say of a row."""
+    start, duration = None, None
+    if samples.time is not None and len(samples):
+        first, last = float(samples.time[0]), float(samples.time[-1])
+        start, duration = _moment(samples.epoch, first), last - first
+    warm = samples.temperature
+    return {
+        "channel": samples.name,
+        "device_id": samples.device_id,
+        "start": start,
+        "duration_s": duration,
+        "temperature_C": None if warm is None or not len(warm) else float(warm.mean()),
+        "unit_in": samples.unit,
+    }
+
+
+def _found(calibrated: Calibrated) -> Iterator[str]:
+    """The names of what was found, the gravest first; a check that failed is among them."""
+    findings, checks = calibrated.fit.findings, calibrated.verification.checks
+    for severity in ("refuse", "check", "note"):
+        yield from (finding.name for finding in findings if finding.severity == severity)
+        if severity == "check":
+            yield from (f"held out: {check.name}" for check in checks if check.passed is False)
+
+
+def _moment(epoch: datetime | None, seconds: float) -> datetime | None:
+    if epoch is None:
+        return None
+    try:
+        return epoch + timedelta(seconds=seconds)
+    except OverflowError:
+        return None
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)

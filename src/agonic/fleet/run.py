@@ -1,0 +1,287 @@
+"""`calibrate_fleet`: many logs into one table, which goes on where it was cut off."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+
+from agonic.fleet.dataset import calibrate_dataset
+from agonic.fleet.engine import Engine, Lost
+from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find, identified
+from agonic.fleet.journal import Journal, State
+from agonic.fleet.local import Processes
+from agonic.fleet.settings import FleetSettings, digest
+from agonic.fleet.work import Done, calibrate_log, sentence, unread
+from agonic.history import History
+from agonic.io.atomic import make_folder, write_atomically
+from agonic.population import Population, Row, write_population
+from agonic.provenance import sha256_of
+from agonic.report.fleet_page import fleet_page
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How many of the logs are done, and how many of these were found done."""
+
+    done: int
+    resumed: int
+    logs: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetRun:
+    """The table of a fleet, where it is kept, and how it came about.
+
+    `calibrated` logs were worked on, `resumed` were finished by an earlier run, `repeated` have the
+    content of another; `skipped` files of folders are no logs.
+    """
+
+    population: Population
+    table: Path
+    page: Path
+    logs: int
+    calibrated: int
+    resumed: int
+    repeated: int
+    skipped: int
+    seconds: float
+
+    @property
+    def rate(self) -> float:
+        """Logs calibrated in a second."""
+        return self.calibrated / self.seconds if self.seconds else 0.0
+
+
+def calibrate_fleet(
+    inputs: Iterable[Path | str],
+    out: Path | str,
+    *,
+    settings: FleetSettings | None = None,
+    engine: Engine | None = None,
+    store: Path | str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Population:
+    """Calibrate every magnetometer of many logs; a bad log is a row with its reason.
+
+    Parameters
+    ----------
+    inputs : files, folders (with all that is in them) and patterns such as "logs/**/*.ulg".
+    out : the folder for `fleet.parquet` (the table), `report.html` and `journal.sqlite`. With the
+        same folder, finished logs are not calibrated again while their content, the settings and
+        the version of agonic stay.
+    settings : as for `agonic calibrate`; see `FleetSettings`.
+    engine : where the work is done; without, processes of this machine.
+    store : a history that the calibrations are kept in as well.
+    progress : is told how far it is.
+
+    Returns the table. Raises `AgonicError` where the inputs name no log, or where `out` cannot be
+    written.
+
+    Source: an implementation of agonic's own.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.fleet.engine import Here
+    >>> from agonic.io.write_csv import write_csv
+    >>> from agonic.simulation import simulate
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = write_csv(simulate("sphere", n=300).samples, folder + "/board-7.csv")
+    ...     _ = Path(folder, "board-8.csv").write_text("")
+    ...     table = calibrate_fleet([folder], folder + "/out", engine=Here())
+    >>> table["sensor"].tolist(), table["verdict"].tolist(), table["status"][1]
+    (['board-7', 'board-8'], ['good', 'refused'], 'the file is empty')
+    """
+    run = run_fleet(inputs, out, settings=settings, engine=engine, store=store, progress=progress)
+    return run.population
+
+
+def run_fleet(
+    inputs: Iterable[Path | str],
+    out: Path | str,
+    *,
+    settings: FleetSettings | None = None,
+    engine: Engine | None = None,
+    store: Path | str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> FleetRun:
+    """As `calibrate_fleet`, with how it came about."""
+    begun = time.monotonic()
+    if store is not None:
+        History.open(store).close()  # what is wrong with it is told before the work
+    settings = settings or FleetSettings()
+    found = find(inputs, settings)
+    folder = make_folder(out)
+    with Journal(folder / JOURNAL, work=settings.work) as journal:
+        today = datetime.now(UTC).date().isoformat()
+        settings = replace(settings, undated=journal.undated(today))
+        work = _Work(found, journal, settings, folder, progress or (lambda _: None))
+        work.through(engine or Processes())
+        work.through_datasets(engine or Processes())
+        population = Population.of(work.rows())
+    table = write_population(population, folder / TABLE)
+    if store is not None:
+        with History.open(store) as history:
+            history.add(population)
+    return FleetRun(
+        population=population,
+        table=table,
+        page=_page(population, folder),
+        logs=len(found) - work.skipped,
+        calibrated=work.calibrated,
+        resumed=work.resumed,
+        repeated=work.repeated,
+        skipped=found.skipped + work.skipped,
+        seconds=time.monotonic() - begun,
+    )
+
+
+@dataclass(slots=True)
+class _Work:
+    """What is to be done and what is, log by log."""
+
+    found: Inputs
+    journal: Journal
+    settings: FleetSettings
+    folder: Path
+    progress: Callable[[Progress], None]
+    calibrated: int = 0
+    resumed: int = 0
+    repeated: int = 0
+    skipped: int = 0
+    of_datasets: list[tuple[str, str]] = field(default_factory=list)
+    underway: dict[str, tuple[str, State | None, str | None]] = field(default_factory=dict)
+    fresh: set[str] = field(default_factory=set)
+    passing: dict[str, tuple[Row, ...]] = field(default_factory=dict)
+    """Rows that are not kept for the next run, by path or content."""
+
+    def through(self, engine: Engine) -> None:
+        """Work on all logs that are not finished."""
+        function = partial(calibrate_log, settings=self.settings, folder=str(self.folder.resolve()))
+        for task, result in engine.run(function, self._unfinished()):
+            if isinstance(result, Lost):
+                result = unread(task, result.sentence, self.settings)
+            self._finish(task, result)
+            self._tell()
+        self._tell()
+        self.journal.commit()
+
+    def through_datasets(self, engine: Engine) -> None:
+        """Calibrate the sensors of datasets, each dataset at once."""
+        for dataset in self.found.datasets:
+            path = str(dataset.path)
+            content = digest(dataset.sha256, dataset.sensor)
+            if self.journal.rows(content):
+                self.resumed += 1
+            else:
+                try:
+                    rows = tuple(calibrate_dataset(dataset, self.settings, engine=engine))
+                except Exception as error:  # whatever is wrong with a dataset becomes its row
+                    rows = unread(path, sentence(error, path), self.settings).rows
+                    self.passing[path] = rows
+                else:
+                    self.journal.add(content, rows)
+                self.calibrated += 1
+            self.of_datasets.append((path, content))
+            self._tell()
+        self.journal.commit()
+
+    def rows(self) -> Iterator[Row]:
+        """The rows of all logs, with the sensor and the path that each is known by."""
+        for path in self.found.logs:
+            rows = self._rows_of(path)
+            if not self._aside(path, rows):
+                yield from identified(path, rows, self.settings.name)
+        for path, content in self.of_datasets:
+            rows = self.passing.get(path) or self.journal.rows(content)
+            yield from (replace(row, source=path) if row.sensor else row for row in rows)
+
+    def _rows_of(self, path: str) -> tuple[Row, ...]:
+        if path in self.passing:
+            return self.passing[path]
+        content = self.journal.content(path) or ""
+        found = self.passing.get(content) or self.journal.rows(content)
+        return found or unread(path, "the file changed while it was read", self.settings).rows
+
+    def _unfinished(self) -> Iterator[str]:
+        """The logs to work on; of those with the same content, the first."""
+        states = map(State.of, self.found.logs)
+        sizes = Counter(state.size for state in states if state)
+        known = self.journal.sizes()
+        for path in self.found.logs:
+            state = State.of(path)
+            content = self.journal.content(path, state) if state else None
+            if state and content is None and (sizes[state.size] > 1 or state.size in known):
+                content = _content(path)
+                if content is not None:
+                    self.journal.note(path, state, content)
+            if content is None or self._is_new(content, path):
+                task = os.path.abspath(path)  # wherever the process that works on it stands
+                self.underway[task] = path, state, content
+                yield task
+
+    def _aside(self, path: str, rows: Sequence[Row]) -> bool:
+        """Whether a file turned out to be no log, and nobody said that it was."""
+        return path in self.found.perhaps and not rows[0].channel
+
+    def _is_new(self, content: str, path: str) -> bool:
+        """Whether a content is neither finished nor under way."""
+        if content in self.fresh:
+            self.repeated += 1
+            return False
+        finished = self.journal.rows(content)
+        if finished and all(map(self._complete, finished)):
+            if self._aside(path, finished):
+                self.skipped += 1
+            else:
+                self.resumed += 1
+            if self.resumed % 1000 == 0:
+                self._tell()
+            return False
+        self.fresh.add(content)
+        return True
+
+    def _complete(self, row: Row) -> bool:
+        """Whether what was written for a row is still there."""
+        files = (row.calibration, row.report)
+        return all((self.folder / file).is_file() for file in files if file)
+
+    def _finish(self, task: str, done: Done) -> None:
+        path, state, content = self.underway.pop(task)
+        if self._aside(path, done.rows):
+            self.skipped += 1
+        else:
+            self.calibrated += 1
+        if not done.sha256 or state is None:
+            self.passing[path] = done.rows
+            if content is not None:
+                self.passing[content] = done.rows
+            return
+        self.fresh.add(done.sha256)
+        self.journal.note(path, state, done.sha256)
+        if done.lasting:
+            self.journal.add(done.sha256, done.rows)
+        else:
+            self.passing[done.sha256] = done.rows
+
+    def _tell(self) -> None:
+        done = self.calibrated + self.resumed + self.repeated + self.skipped
+        self.progress(Progress(done=done, resumed=self.resumed, logs=len(self.found)))
+
+
+def _content(path: str) -> str | None:
+    try:
+        return sha256_of(Path(path))
+    except OSError:
+        return None
+
+
+def _page(population: Population, folder: Path) -> Path:
+    """The report of the fleet."""
+    return write_atomically(folder / PAGE, fleet_page(population, title=folder.resolve().name))

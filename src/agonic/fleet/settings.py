@@ -1,0 +1,81 @@
+"""`FleetSettings`: what was asked of every log of a fleet."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+
+from agonic.errors import AgonicError, check_choice
+from agonic.units import canonical
+from agonic.version import __version__
+
+METHODS = ("auto", "ellipsoid", "levelled", "vector")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FleetSettings:
+    """What was asked of every log, as for `agonic calibrate`.
+
+    Parameters
+    ----------
+    unit : of the field where a log names none.
+    at : latitude, longitude (degrees) and altitude (metres), where all logs were recorded.
+    date : for the world model; without, each log's own.
+    undated : the date of logs that know none, where `date` is not given; today at the first run.
+    field_nT : magnitude of the field, nT, where it is known.
+    method : "auto", "ellipsoid", "levelled" or "vector".
+    sensor : name or number of the sensor to take from each log; without, all.
+    name : a regular expression whose group in a log's path is who the sensor is.
+    sensor_column : the column of a Parquet dataset that tells its sensors apart.
+    files, reports : whether calibration files, or whole folders with a report, are written of logs
+
+    >>> FleetSettings(unit="uT").asked
+    '{"unit": "uT", "method": "auto"}'
+    """
+
+    unit: str | None = None
+    at: tuple[float, float, float] | None = None
+    date: str | None = None
+    undated: str | None = None
+    field_nT: float | None = None
+    method: str = "auto"
+    sensor: str | None = None
+    name: str | None = None
+    sensor_column: str | None = None
+    files: bool = False
+    reports: bool = False
+
+    def __post_init__(self) -> None:
+        check_choice("method", self.method, METHODS)
+        if self.unit is not None:
+            canonical(self.unit)
+        if self.name is not None:
+            try:
+                re.compile(self.name)
+            except re.error as error:
+                raise AgonicError(f"name {self.name!r} is no regular expression: {error}") from None
+
+    @property
+    def asked(self) -> str:
+        """What the figures depend on, as JSON."""
+        kept = {name: value for name, value in asdict(self).items() if name not in _APART}
+        return json.dumps({name: value for name, value in kept.items() if value is not None})
+
+    @property
+    def work(self) -> str:
+        """What a finished row depends on beside the content of its log, as one digest."""
+        return digest(self.asked, self.files or self.reports, self.reports)
+
+
+_APART = ("name", "files", "reports", "undated")
+
+
+def digest(*parts: object) -> str:
+    """One digest of some parts and the version of the software.
+
+    >>> digest("a", "b") == digest("ab", "")
+    False
+    """
+    return sha256(json.dumps([*map(str, parts), __version__]).encode()).hexdigest()

@@ -1,0 +1,195 @@
+"""The work on one log: read it, calibrate each magnetometer in it, and say so in rows."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from agonic.calibrated import Calibrated, calibrate, calibrate_recording
+from agonic.errors import AgonicError, LogError, MissingExtraError
+from agonic.field.place import reference_for
+from agonic.fleet.inputs import SINGLE
+from agonic.fleet.rows import refused, row_of
+from agonic.fleet.settings import FleetSettings, digest
+from agonic.io.atomic import make_folder
+from agonic.io.calfile import save
+from agonic.io.log import Log
+from agonic.io.pieces import is_long, open_mission
+from agonic.io.read import open_log
+from agonic.population import Row
+from agonic.provenance import sha256_of
+from agonic.report.folder import file_stem, write_folder
+from agonic.samples import Samples
+from agonic.version import __version__
+
+IN_MEMORY = 5_000_000
+"""Rows of a Parquet table from which it is read piece by piece, as `agonic calibrate` does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of a log: the digest of its content, and its rows.
+
+    `lasting` is false where another try may end otherwise, as where the file could not be read.
+    The row of a log that could not be opened has the channel "".
+    """
+
+    sha256: str
+    rows: tuple[Row, ...]
+    lasting: bool = True
+
+
+def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
+    """The rows of a log: each sensor as `agonic calibrate` does it, or the reason why not.
+
+    Nothing that is wrong with a log is raised. `folder` is where the table goes; what is written of
+    the log goes into `calibrations` there.
+
+    >>> calibrate_log("nowhere.csv", settings=FleetSettings(), folder=".").rows[0].status
+    'there is no such file'
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matters is among the findings of the row
+        try:
+            if _is_long(path) and (found := _long(path, settings)):
+                log, outcomes = found
+            else:
+                log = open_log(path, unit=settings.unit)
+                if settings.sensor is not None:
+                    log = replace(log, sensors=(log.sensor(settings.sensor),))
+                outcomes = [outcome_of(samples, settings) for samples in log.sensors]
+        except Exception as error:  # whatever is wrong with a log becomes its row
+            return unread(path, sentence(error, path), settings, lasting=_lasting(error))
+        results = [outcome for outcome in outcomes if isinstance(outcome, Calibrated)]
+        written = _written(results, log, settings, Path(folder)) if results else {}
+    rows = []
+    for samples, outcome in zip(log.sensors, outcomes, strict=True):
+        known = facts(path, log.source.sha256, settings, samples.name)
+        rows.append(
+            row_of(outcome, **known, **written.get(samples.name, {}))
+            if isinstance(outcome, Calibrated)
+            else refused(sentence(outcome, path), **known, samples=samples)
+        )
+    return Done(log.source.sha256, tuple(rows), all(map(_lasting, outcomes)))
+
+
+def _is_long(path: str) -> bool:
+    try:
+        return is_long([Path(path)], IN_MEMORY)
+    except Exception:  # opening it tells what is wrong with it
+        return False
+
+
+def _long(path: str, settings: FleetSettings) -> tuple[Log, list[Calibrated | Exception]] | None:
+    """A table too long for memory, by rows that were kept of it, and what became of each sensor."""
+    mission = open_mission([path], sensor=settings.sensor, unit=settings.unit)
+    names = mission.sensors()
+    if not names:
+        return None
+    if settings.method not in ("auto", "ellipsoid"):
+        raise LogError(
+            f"it has {mission.rows} rows and is read piece by piece, by the magnitude alone, not "
+            f"{settings.method}; cut it"
+        )
+    heads, outcomes = [], []
+    for name in names if settings.sensor is None else (settings.sensor,):
+        of_sensor = replace(mission, sensor=name)
+        heads.append(of_sensor.head())
+        outcomes.append(outcome_of(heads[-1], settings, partial(calibrate_recording, of_sensor)))
+    log = Log(
+        path=Path(path), format="Parquet table", source=mission.inputs[0], sensors=tuple(heads)
+    )
+    return log, outcomes
+
+
+def facts(path: str, sha256: str, settings: FleetSettings, channel: str = "") -> dict[str, Any]:
+    """What a row of a log says beside its figures; the caller may know the sensor better."""
+    return {
+        "sensor": Path(path).stem,
+        "source": path,
+        "sha256": sha256,
+        "key": digest(sha256, channel, settings.asked),
+        "settings": settings.asked,
+        "version": __version__,
+    }
+
+
+def sentence(error: Exception, path: str) -> str:
+    """Why a log has no calibration: the error without the path, which the row names.
+
+    >>> sentence(LogError("not a number", path="a.csv", row=3), "a.csv")
+    'row 3: not a number'
+    >>> sentence(ZeroDivisionError("division by zero"), "a.csv")
+    'unexpected: ZeroDivisionError: division by zero'
+    """
+    if not isinstance(error, AgonicError):
+        return " ".join(f"unexpected: {type(error).__name__}: {error}".split())[:500]
+    return " ".join(str(error).removeprefix(path).lstrip(":, ").split())
+
+
+def unread(path: str, reason: str, settings: FleetSettings, *, lasting: bool = False) -> Done:
+    """The row of a log that could not be opened."""
+    try:
+        content = sha256_of(Path(path))
+    except OSError:
+        content, lasting = "", False
+    row = refused(reason, **facts(path, content, settings), channel="")
+    return Done(content, (row,), lasting)
+
+
+def outcome_of(
+    samples: Samples, settings: FleetSettings, run: Callable[..., Calibrated] | None = None
+) -> Calibrated | Exception:
+    """What `agonic calibrate` makes of one magnetometer, or why it cannot.
+
+    `run` calibrates a recording that `samples` are but the head of.
+    """
+    date = settings.date or (None if samples.epoch else settings.undated)
+    try:
+        reference, of_place = reference_for(samples, settings.at, date, settings.field_nT)
+        if run is not None:
+            return run(reference, **of_place)
+        return calibrate(samples, reference, kind=settings.method, **of_place)  # type: ignore[arg-type]
+    except Exception as error:  # as above
+        return error
+
+
+def _written(
+    results: Sequence[Calibrated], log: Log, settings: FleetSettings, folder: Path
+) -> Mapping[str, dict[str, str]]:
+    """The files of each sensor, from the folder of the table, by the fields of its row.
+
+    The digest in the name of the log's own folder keeps logs of one name apart.
+    """
+    if not (settings.files or settings.reports):
+        return {}
+    own = Path(SINGLE, f"{file_stem(log.path.stem)}-{log.source.sha256[:8]}")
+    make_folder(folder / own)
+    files = {
+        result.samples.name: {"calibration": f"{file_stem(result.samples.name)}.json"}
+        for result in results
+        if result.verdict != "refused"
+    }
+    if settings.reports:
+        write_folder(results, folder / own, title=log.path.name, stack=log.stack)
+        for result in results:
+            files.setdefault(result.samples.name, {})["report"] = "report.html"
+    else:
+        for result in results:
+            if result.samples.name in files:
+                path = folder / own / files[result.samples.name]["calibration"]
+                save(result.fit.calibration, path)
+    return {
+        name: {what: (own / file).as_posix() for what, file in of_sensor.items()}
+        for name, of_sensor in files.items()
+    }
+
+
+def _lasting(outcome: Calibrated | Exception) -> bool:
+    """Whether another try would end the same."""
+    chain = (outcome, getattr(outcome, "__cause__", None))
+    return not any(isinstance(part, OSError | MemoryError | MissingExtraError) for part in chain)
