@@ -10,7 +10,7 @@ os.environ["COLUMNS"] = "88"  # help texts are as wide on every terminal
 from agonic import calibrated, verification
 from agonic.fitting.attitude import evidence as attitude
 from agonic.fitting.ellipsoid import solve
-from agonic.health import evidence, readings
+from agonic.health import evidence, mounting, readings
 from agonic.version import __version__
 
 project = "agonic"
@@ -33,7 +33,7 @@ myst_enable_extensions = ["deflist", "substitution"]
 myst_heading_anchors = 4
 myst_substitutions = {  # limits are quoted from the source
     name: value
-    for module in (attitude, evidence, readings, verification, calibrated, solve)
+    for module in (attitude, evidence, readings, mounting, verification, calibrated, solve)
     for name, value in vars(module).items()
     if name.isupper() and isinstance(value, int | float)
 }

@@ -33,6 +33,7 @@ calibration                   what gets saved: `Affine`, `Interference`, `Alignm
 health, coverage, fit         what a result rests on, and what is wrong with it
 verification, calibrated      named checks on data the fit has not seen
 headings                      `heading(samples, setup)`: compass, magnetic, true, how sure
+population, fleet, history    the calibrations of many sensors and logs, as one table
 io                            readers by content, the calibration file, exports
 field                         the world model: IGRF and WMM
 simulation                    readings with known truth
@@ -119,6 +120,7 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.fitting.deviation import plan_swing as plan_swing
     from agonic.fitting.ellipsoid import fit_ellipsoid as fit_ellipsoid
     from agonic.fitting.ellipsoid import fit_moments as fit_moments
+    from agonic.fitting.ellipsoid import fit_recording as fit_recording
     from agonic.fitting.gravity import GravityFit as GravityFit
     from agonic.fitting.gravity import fit_gravity as fit_gravity
     from agonic.fitting.inflight import InflightFit as InflightFit
@@ -139,9 +141,15 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.fitting.thermal import fit_thermal as fit_thermal
     from agonic.fitting.tracking import WalkChoice as WalkChoice
     from agonic.fitting.tracking import choose_walk as choose_walk
+    from agonic.fleet.run import calibrate_fleet as calibrate_fleet
+    from agonic.fleet.settings import FleetSettings as FleetSettings
     from agonic.headings import Heading as Heading
     from agonic.headings import heading as heading
     from agonic.health import Finding as Finding
+    from agonic.history import Drift as Drift
+    from agonic.history import History as History
+    from agonic.history import departures as departures
+    from agonic.history import drift as drift
     from agonic.io.calfile import load as load
     from agonic.io.calfile import save as save
     from agonic.io.campaign import read_campaign as read_campaign
@@ -178,6 +186,9 @@ if TYPE_CHECKING:  # "as" tells type checkers that the names are public here
     from agonic.live import LiveFit as LiveFit
     from agonic.live import LiveParams as LiveParams
     from agonic.moments import Moments as Moments
+    from agonic.population import Population as Population
+    from agonic.population import read_population as read_population
+    from agonic.population import write_population as write_population
     from agonic.provenance import Provenance as Provenance
     from agonic.reference import Reference as Reference
     from agonic.report.card import card_text as card_text
@@ -231,14 +242,17 @@ _HOMES = {
     "fitting.gravity": ("GravityFit", "fit_gravity"),
     "fitting.north": ("DiFluxFit", "NorthFit", "fit_di_flux", "fit_north"),
     "fitting.deviation": ("DeviationFit", "SwingPlan", "fit_deviation", "plan_swing"),
-    "fitting.ellipsoid": ("fit_ellipsoid", "fit_moments"),
+    "fitting.ellipsoid": ("fit_ellipsoid", "fit_moments", "fit_recording"),
     "fitting.inflight": ("InflightFit", "fit_inflight", "fit_mission"),
     "fitting.latency": ("LatencyFit", "fit_latency", "undelayed"),
     "fitting.network": ("NetworkChoice", "NetworkFit", "choose_network", "fit_network"),
     "fitting.thermal": ("ThermalFit", "fit_thermal"),
     "fitting.tracking": ("WalkChoice", "choose_walk"),
+    "fleet.run": ("calibrate_fleet",),
+    "fleet.settings": ("FleetSettings",),
     "headings": ("Heading", "heading"),
     "health": ("Finding",),
+    "history": ("Drift", "History", "departures", "drift"),
     "io.calfile": ("load", "save"),
     "io.coil_file": ("read_coil",),
     "io.north_file": ("read_north",),
@@ -266,6 +280,7 @@ _HOMES = {
     "io.write_table": ("write_table",),
     "live": ("LiveFit", "LiveParams"),
     "moments": ("Moments",),
+    "population": ("Population", "read_population", "write_population"),
     "provenance": ("Provenance",),
     "reference": ("Reference",),
     "report.card": ("card_text",),

@@ -17,9 +17,7 @@ COVARIANCE = ROOT @ ROOT.T
 def test_the_gradient_gives_the_heading_s_standard_error():
     g = nextturn.heading_gradient(65.0, BIAS, MATRIX)
     sd = np.degrees(np.sqrt(np.trace(COVARIANCE @ g)))
-    assert sd == pytest.approx(
-        heading_sd_deg(65.0, 1.0, MATRIX, COVARIANCE, "symmetric"), rel=1e-9
-    )
+    assert sd == pytest.approx(heading_sd_deg(65.0, 1.0, MATRIX, COVARIANCE, "symmetric"), rel=1e-9)
 
 
 def test_gains_are_those_of_a_new_inversion():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,6 +22,7 @@ from agonic.cli.options import (
 
 if TYPE_CHECKING:
     from agonic.calibrated import Calibrated
+    from agonic.io.pieces import Mission
     from agonic.samples import Samples
 
 
@@ -44,22 +46,52 @@ def calibrate(
         str, typer.Option(help="auto (by what the log holds), ellipsoid, levelled or vector.")
     ] = "auto",
     between: Between = None,
+    store: Annotated[
+        Path | None,
+        typer.Option("--store", metavar="STORE", help="Keep the result in this history as well."),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--as", metavar="NAME",
+            help="Who the sensor is in the history; default: its device number, or the log's name.",
+        ),
+    ] = None,
     as_json: Json = False,
-) -> int:
+) -> int:  # fmt: skip
     """Calibrate every magnetometer in a log, verify it on held-out parts, and report.
 
     Writes report.html, a calibration file for each sensor that can be used, and exports for the
-    autopilot the log came from. Exit status 1 where a sensor was refused or a check failed.
+    autopilot the log came from. Exit status 1 where a sensor was refused or a check failed. A
+    Parquet table of more than five million rows is read piece by piece.
     """
+    from agonic.cli.long import log_of, missions
     from agonic.cli.output import print_json, say
+    from agonic.errors import check_choice
     from agonic.report.folder import write_folder
     from agonic.report.record import record
     from agonic.report.text import summary
 
-    recording, sensors = log_and_sensors(log, sensor, unit, between)
+    check_choice("--method", method, ("auto", "ellipsoid", "levelled", "vector"))
+    taught = f"--method {method}" if method in ("levelled", "vector") else None
+    long = missions(log, sensor, unit, {"--between": between, f"--method {method}": taught})
+    if long:
+        results, failures = _results([_of_mission(one, at, date, field) for one in long])
+        recording = log_of(long[0], results)
+    else:
+        recording, sensors = log_and_sensors(log, sensor, unit, between)
+        results, failures = _results([_of(one, at, date, field, method) for one in sensors])
     folder = out or Path(f"{log.name}-agonic")
-    results, failures = _results(sensors, at, date, field, method)
     written = write_folder(results, folder, title=recording.path.name, stack=recording.stack)
+    if store is not None:
+        from agonic.cli.history import keep
+        from agonic.cli.place import position
+        from agonic.fleet.settings import FleetSettings
+
+        asked = FleetSettings(
+            unit=unit, at=position(at) if at else None, date=date, field_nT=field, method=method
+        )
+        keep(store, results, recording, asked, between, name)
     if as_json:
         records = [record(result, *written[result.samples.name]) for result in results]
         print_json("agonic/calibrate@1", {"sensors": records + failures})
@@ -75,27 +107,42 @@ def calibrate(
     return 0 if not failures and all(result.verdict == "good" for result in results) else 1
 
 
-def _results(
-    sensors: tuple[Samples, ...],
-    at: str | None,
-    date: str | None,
-    field: float | None,
-    method: str,
-) -> tuple[list[Calibrated], list[dict[str, object]]]:
+_Job = tuple[str, Callable[[], "Calibrated"]]
+
+
+def _of(
+    samples: Samples, at: str | None, date: str | None, field: float | None, method: str
+) -> _Job:
+    """A sensor, and what calibrates it."""
+
+    def run() -> Calibrated:
+        from agonic.calibrated import calibrate as run_in_memory
+        from agonic.cli.place import expected
+
+        reference, settings = expected(samples, at, date, field)
+        return run_in_memory(samples, reference, kind=method, **settings)  # type: ignore[arg-type]
+
+    return samples.name, run
+
+
+def _of_mission(mission: Mission, at: str | None, date: str | None, field: float | None) -> _Job:
+    """A sensor of a recording longer than memory, and what calibrates it."""
+    from agonic.cli.long import calibrated
+
+    return mission.head().name, lambda: calibrated(mission, at, date, field)
+
+
+def _results(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[dict[str, object]]]:
     """The sensors that could be fitted, and records of those that could not."""
-    from agonic.calibrated import calibrate as run
-    from agonic.cli.place import expected
     from agonic.cli.progress import progress
-    from agonic.errors import CoverageError, check_choice
+    from agonic.errors import CoverageError
     from agonic.report.record import unfitted
 
-    check_choice("--method", method, ("auto", "ellipsoid", "levelled", "vector"))
     results: list[Calibrated] = []
     failures: list[dict[str, object]] = []
-    for samples in progress(sensors, "Calibrating"):
+    for name, run in progress(jobs, "Calibrating"):
         try:
-            reference, settings = expected(samples, at, date, field)
-            results.append(run(samples, reference, kind=method, **settings))  # type: ignore[arg-type]
+            results.append(run())
         except CoverageError as error:
-            failures.append(unfitted(samples.name, str(error)))
+            failures.append(unfitted(name, str(error)))
     return results, failures

@@ -32,6 +32,7 @@ from agonic.cli.options import (
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
+    from agonic.calibrated import Calibrated
     from agonic.samples import Samples
 
 Out = Annotated[
@@ -96,9 +97,17 @@ def ellipsoid(
     as_json: Json = False,
 ) -> int:
     """Bias and matrix from the magnitude alone."""
-    samples = _sensor(log, sensor, unit, between)
+    from agonic.cli.long import calibrated, missions
+
     settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
     settings["soft_iron_sd"] = soft_iron_sd or None
+    long = missions(log, sensor, unit, {"--between": between})
+    if len(long) > 1:
+        names = ", ".join(str(one.sensor) for one in long)
+        raise AgonicError(f"the log holds {names}; choose one with --sensor")
+    if long:
+        return _told(calibrated(long[0], at, date, field, **settings), out, as_json)
+    samples = _sensor(log, sensor, unit, between)
     return _run("ellipsoid", samples, (at, date, field), settings, out, as_json)
 
 
@@ -225,14 +234,20 @@ def _run(
 ) -> int:
     """Fit, verify, write, and say so."""
     from agonic.calibrated import calibrate
-    from agonic.cli.output import print_json, say
     from agonic.cli.place import expected
+
+    reference, of_place = expected(samples, *place)
+    result = calibrate(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
+    return _told(result, out, as_json)
+
+
+def _told(result: Calibrated, out: Path | None, as_json: bool) -> int:
+    """Write the calibration where it can be used, and say what came of it."""
+    from agonic.cli.output import print_json, say
     from agonic.io.calfile import save
     from agonic.report.record import record
     from agonic.report.text import summary
 
-    reference, of_place = expected(samples, *place)
-    result = calibrate(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
     files = [str(save(result.fit.calibration, out))] if out and result.verdict != "refused" else []
     if as_json:
         print_json("agonic/fit@1", record(result, files))

@@ -11,13 +11,20 @@ import numpy as np
 
 from agonic.errors import LogError
 from agonic.io import read_parquet
+from agonic.io.columns import identified
 from agonic.io.read import open_log
+from agonic.io.strips import ROWS as STRIP
+from agonic.io.strips import Strip, kept, layout, swept
 from agonic.io.table import log_of_table
 from agonic.provenance import Input, sha256_of
-from agonic.samples import Samples
+from agonic.samples import COLUMNS, Samples
 
 ROWS = 262_144
 """Rows in a piece: some tens of megabytes with all that is computed from them."""
+
+_HEAD = 16_384
+"""Rows that tell what the columns are."""
+_COMPANIONS = tuple(name for name in COLUMNS if name not in ("time", "field"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +42,7 @@ class Mission:
     unit: str | None = None
     epoch: datetime | None = None
     piece: int = ROWS
+    strip: int = STRIP
 
     def pieces(self, without: tuple[str, ...] = ()) -> Iterator[Samples]:
         """The readings in order of time, piece by piece, times counted from one epoch.
@@ -51,13 +59,71 @@ class Mission:
                 if shifted.time is None:
                     raise LogError("a mission needs times; this file has none", path=path)
                 if last is not None and shifted.time[0] <= last:
-                    raise LogError(
-                        "its readings do not come after those before; name the files in order of "
-                        "time, each once",
-                        path=path,
-                    )
+                    raise _out_of_order(path)
                 last = float(shifted.time[-1])
                 yield shifted
+
+    def head(self) -> Samples:
+        """The first rows: name, unit, frame and epoch of all."""
+        return self._head(self.files[0], self.inputs[0])
+
+    def _head(self, path: Path, source: Input) -> Samples:
+        return next(replace(self, piece=_HEAD)._of_file(path, source, _COMPANIONS))
+
+    def sensors(self) -> tuple[str, ...]:
+        """The magnetometers that have columns of their own; none where a column names them."""
+        path = self.files[0]
+        if not _is_parquet(path):
+            return tuple(samples.name for samples in open_log(path, unit=self.unit).sensors)
+        table = next(read_parquet.batches(path, _HEAD))
+        if "sensor" in identified(table):
+            return ()
+        log = log_of_table(
+            table, path=path, source=self.inputs[0], format="Parquet table", unit=self.unit
+        )
+        return tuple(samples.name for samples in log.sensors)
+
+    def strips(self, *, timed: bool = True) -> Iterator[Strip]:
+        """The readings alone, in order of time, as few operations a row as there can be.
+
+        Parameters: `timed`, whether times are wanted and looked at.
+
+        Raises `LogError` where the files do not follow each other in time.
+        """
+        epoch, last = self.epoch, -np.inf
+        for path, source in zip(self.files, self.inputs, strict=True):
+            head = self._head(path, source)
+            epoch = epoch or head.epoch
+            shifted = _counted_from(head, epoch, given=self.epoch is not None)
+            shift = 0.0
+            if head.time is not None and shifted.time is not None:
+                shift = float(shifted.time[0] - head.time[0])
+                if shifted.time[0] <= last:
+                    raise _out_of_order(path)
+            elif len(self.files) > 1:
+                raise LogError("several files need times to follow each other", path=path)
+            for strip in self._strips_of_file(path, source, head, shift, timed):
+                if strip.time is not None and len(strip):
+                    last = float(strip.time[-1])
+                yield strip
+
+    def _strips_of_file(
+        self, path: Path, source: Input, head: Samples, shift: float, timed: bool
+    ) -> Iterator[Strip]:
+        of = None
+        if _is_parquet(path):
+            of = layout(next(read_parquet.batches(path, _HEAD)), head, self.unit)
+        if of is not None:
+            yield from swept(path, replace(of, begun=of.begun + shift), self.strip, timed=timed)
+            return
+        last = -np.inf
+        for samples in self._of_file(path, source, _COMPANIONS):
+            time = None if samples.time is None or not timed else samples.time + shift
+            x, y, z = samples.field.T
+            strip = kept(Strip((x, y, z), 1.0, time, samples.rejected), last)
+            if strip.time is not None and len(strip):
+                last = float(strip.time[-1])
+            yield strip
 
     def _of_file(self, path: Path, source: Input, without: tuple[str, ...]) -> Iterator[Samples]:
         chosen = 0 if self.sensor is None else self.sensor
@@ -87,7 +153,7 @@ def open_mission(
     date : of time zero (UTC), for files that count their times from no known moment.
     piece : rows read at a time.
 
-    Returns a `Mission`; `fit_mission` takes it.
+    Returns a `Mission`; `fit_mission` and `fit_recording` take it.
 
     Raises `LogError` where a file cannot be read.
 
@@ -118,6 +184,13 @@ def open_mission(
         files=files, inputs=inputs, rows=sum(counts), sensor=sensor, unit=unit, epoch=epoch,
         piece=piece,
     )  # fmt: skip
+
+
+def _out_of_order(path: Path) -> LogError:
+    return LogError(
+        "its readings do not come after those before; name the files in order of time, each once",
+        path=path,
+    )
 
 
 def is_long(paths: Sequence[Path], rows: int) -> bool:

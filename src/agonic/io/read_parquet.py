@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from queue import Full, Queue
+from threading import Event, Thread
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
@@ -17,6 +20,11 @@ from agonic.provenance import Input
 _MAGIC = b"PAR1"
 _LARGEST_FOOTER = 16_000_000
 """Bytes; 200 are a column. Far more than a log needs, and refused before it costs anything."""
+
+
+_PLAIN = {"double", "float", *(f"{sign}int{8 << k}" for sign in ("", "u") for k in range(4))}
+_AHEAD = 2
+"""Batches that wait, decoded."""
 
 
 def accepts(head: bytes) -> bool:
@@ -66,10 +74,60 @@ def batches(path: Path, size: int, without: tuple[str, ...] = ()) -> Iterator[di
             if (column := understood(name)) is None or column.quantity.column not in without
         ]
         for batch in file.iter_batches(batch_size=size, columns=wanted, use_threads=False):
-            yield {
-                name: column.to_numpy(zero_copy_only=False)
-                for name, column in zip(batch.schema.names, batch.columns, strict=True)
-            }
+            yield _arrays(batch)
+
+
+def ahead(path: Path, size: int, headers: list[str]) -> Iterator[dict[str, NDArray[Any]]]:
+    """Some columns, `size` rows at a time, decoded ahead of whoever works on them.
+
+    A thread decodes the next few while the last are at work; nulls become NaN.
+    """
+    queue: Queue[dict[str, NDArray[Any]] | BaseException | None] = Queue(maxsize=_AHEAD)
+    stopped = Event()
+
+    def put(item: dict[str, NDArray[Any]] | BaseException | None) -> bool:
+        while not stopped.is_set():
+            try:
+                queue.put(item, timeout=0.1)
+            except Full:
+                continue
+            return True
+        return False
+
+    def decode() -> None:
+        try:
+            with _opened(path) as file:
+                for batch in file.iter_batches(batch_size=size, columns=headers):
+                    if not put(_arrays(batch)):
+                        return
+            put(None)
+        except BaseException as error:  # told to whoever waits for the rows
+            put(error)
+
+    reader = Thread(target=decode, daemon=True)
+    reader.start()
+    try:
+        while (item := queue.get()) is not None:
+            if isinstance(item, BaseException):
+                raise item
+            yield item
+    finally:
+        stopped.set()
+        reader.join()
+
+
+def _arrays(batch: Any) -> dict[str, NDArray[Any]]:
+    """The columns of a record batch; nulls become NaN."""
+    return {
+        name: _array(column) for name, column in zip(batch.schema.names, batch.columns, strict=True)
+    }
+
+
+def _array(column: Any) -> NDArray[Any]:
+    """A column as an array; plain numbers are not copied, and spare the import of pandas."""
+    if column.null_count == 0 and str(column.type) in _PLAIN:
+        return np.asarray(np.from_dlpack(column))
+    return np.asarray(column.to_numpy(zero_copy_only=False))
 
 
 def _opened(path: Path) -> Any:

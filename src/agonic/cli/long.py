@@ -1,0 +1,65 @@
+"""A recording that is longer than memory: one Parquet table, read piece by piece."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from agonic.calibrated import Calibrated
+    from agonic.io.log import Log
+    from agonic.io.pieces import Mission
+
+IN_MEMORY = 5_000_000
+"""Rows of a Parquet table from which it is read piece by piece."""
+
+
+def missions(
+    log: Path, sensor: str | None, unit: str | None, unfit: dict[str, object]
+) -> tuple[Mission, ...]:
+    """One for each magnetometer of a table too long for memory; none where it is not.
+
+    Nor where a column names the sensor row by row. `unfit` are options that need all rows at once,
+    None where they were not given.
+    """
+    from dataclasses import replace
+
+    from agonic.errors import AgonicError
+    from agonic.io.pieces import is_long, open_mission
+
+    if not is_long([log], IN_MEMORY):
+        return ()
+    mission = open_mission([log], sensor=sensor, unit=unit)
+    names = mission.sensors()
+    given = [name for name, value in unfit.items() if value is not None]
+    if names and given:
+        raise AgonicError(
+            f"{log.name} has {mission.rows} rows and is read piece by piece, by the magnitude "
+            f"alone, without {', '.join(given)}; cut it, or leave that away"
+        )
+    if sensor is not None:
+        return (mission,) if names else ()
+    return tuple(replace(mission, sensor=name) for name in names)
+
+
+def calibrated(
+    mission: Mission, at: str | None, date: str | None, field: float | None, **settings: Any
+) -> Calibrated:
+    """The calibration of a mission, with the field of the place."""
+    from agonic.calibrated import calibrate_recording
+    from agonic.cli.place import expected
+    from agonic.cli.progress import counting
+
+    reference, of_place = expected(mission.head(), at, date, field)
+    with counting(mission.rows) as told:
+        return calibrate_recording(mission, reference, progress=told, **settings, **of_place)
+
+
+def log_of(mission: Mission, results: list[Calibrated]) -> Log:
+    """The rows that were kept of a mission, as the log that they came from."""
+    from agonic.io.log import Log
+
+    return Log(
+        path=mission.files[0], format="Parquet table", source=mission.inputs[0],
+        sensors=tuple(result.samples for result in results),
+    )  # fmt: skip

@@ -1,0 +1,143 @@
+"""Maximum likelihood over readings that are not kept: each iteration is one pass over them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.fitting.ellipsoid.assemble import Scale
+from agonic.fitting.ellipsoid.scan import Progress, Recording, Scan, segments
+from agonic.fitting.ellipsoid.solve import Fixed, Found
+from agonic.kernels import batches, ellipsoid, ellipsoid_sums, gauge, leastsq
+from agonic.kernels.affine import model_basis, split
+from agonic.kernels.ellipsoid_sums import Assumed, Frame, Sums
+
+Array = NDArray[np.float64]
+
+MOST_PASSES = 12
+NEAR = 0.3
+"""Standard errors. From so near one more step, taken without looking, leaves nothing: it errs by
+the square of what it moves, over the size of the ellipsoid."""
+SETTLED = 3e-3
+"""Standard errors by which a change of the noise may still move the result."""
+
+
+COMPILE_FROM = 10_000_000
+"""Rows for which numba is worth loading."""
+
+
+class Whole(NamedTuple):
+    """A fit to all readings: what was found, the noise, how many readings there were and how many
+    of them did not count, and the likeliest change of the parameters in time."""
+
+    found: Found
+    noise: Assumed
+    n: int
+    strays: int
+    moved: batches.Break | None
+
+
+def maximised(
+    recording: Recording, scan: Scan, scale: Scale, model: Fixed, start: ellipsoid.Estimate,
+    soft_iron_sd: float | None, robust: bool, told: Progress,
+) -> Whole:  # fmt: skip
+    """The minimum over all readings, from that over some of them.
+
+    Each pass adds up normal equations, the noise, and the scores of stretches of time; Newton's
+    step goes to the minimum. The noise, whether any reading stands out, and how long errors last
+    are those of all readings in the pass before.
+    """
+    change = ellipsoid_sums.reduction(model)
+    prior = ellipsoid.soft_iron_prior(model, soft_iron_sd)
+    params, lasts = start.solution.params, start.noise.correlation
+    strays_count_nothing = start.noise.loss.weight(np.array([1e6]))[0] == 0.0
+    assumed = Assumed(start.noise.sd, bool(strays_count_nothing))
+    for number in range(1, MOST_PASSES + 1):
+        sums = _summed(recording, scan, scale, change @ params, assumed, number, told)
+        normal = sums.normal(assumed.sd, change)
+        held, pull = _held(prior, params)
+        curved = normal.information * (normal.curvature / normal.weight / lasts) + held
+        step = -leastsq.inverse(curved) @ (normal.gradient / lasts + pull)
+        params = params + step
+        scores, white = sums.score @ change / assumed.sd, _white(normal, len(params))
+        scatter = batches.scatter(scores, white)
+        lasts = scatter.correlation
+        seen = _seen(sums, assumed, robust, len(params))
+        # noise moves the result by its effect on a curved surface, σ²/F, over σ/√n
+        shifts = 2 * abs(seen.sd / assumed.sd - 1) * seen.sd * np.sqrt(normal.total)
+        near = float(np.sqrt(step @ curved @ step)) < NEAR
+        converged = near and shifts < SETTLED and seen.robust == assumed.robust
+        if converged:
+            break
+        assumed = seen
+    steady = batches.scatter(scores, white, steady=True)
+    covariance, data = _sandwich(normal, scatter, held, len(params))
+    bias, matrix = split(model_basis(model) @ params)
+    found = Found(
+        model, bias, matrix, gauge.spread_model(model, covariance), seen.sd, lasts,
+        condition=float(leastsq.condition(data)), iterations=number, converged=converged,
+    )  # fmt: skip
+    return Whole(
+        found, seen, normal.total, round(float(sums.facts[6])),
+        batches.find_break(-scores, data * lasts, steady.matrix),
+    )  # fmt: skip
+
+
+def _summed(
+    recording: Recording, scan: Scan, scale: Scale, params: Array, assumed: Assumed, number: int,
+    told: Progress,
+) -> Sums:  # fmt: skip
+    """One pass."""
+    sums = Sums.empty(batches.STRETCHES)
+    compiled = scan.rows >= COMPILE_FROM
+    for part in segments(recording, scan, lambda done: told(f"iteration {number}", done)):
+        frame = Frame(scale.centre, scale.size, part.factor)
+        ellipsoid_sums.add(
+            sums, part.stretch, part.columns, frame, params, assumed, compiled=compiled
+        )
+    return sums._replace(score=sums.score[: -(-scan.rows // scan.stretch)])
+
+
+def _held(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Array]:
+    """The information of the prior (m, m) and its gradient (m,)."""
+    if prior is None:
+        return np.zeros((len(params), len(params))), np.zeros(len(params))
+    residuals, jacobian = prior(params)
+    return jacobian.T @ jacobian, residuals @ jacobian
+
+
+def _seen(sums: Sums, assumed: Assumed, robust: bool, parameters: int) -> Assumed:
+    """The noise of all readings, by those that the loss lets through (`kernels.noise`)."""
+    _, weight, _, _, power, total, _, largest = sums.facts.tolist()
+    stands_out = largest > np.sqrt(2 * np.log(2 * total)) + 1
+    if robust and stands_out and not assumed.robust:
+        return assumed._replace(robust=True)
+    freedom = total / max(total - parameters, 1)
+    loss = assumed.loss
+    over = power / weight / leastsq.expected_square(loss) * freedom
+    sd = assumed.sd * over ** (1 / leastsq.elasticity(loss))
+    return assumed._replace(sd=max(float(sd), 1e-9))
+
+
+def _white(normal: leastsq.Normal, parameters: int) -> Array:
+    """The scatter of the gradient by residuals of which each counts."""
+    freedom = normal.total / max(normal.total - parameters, 1)
+    return np.asarray(normal.information * (freedom * normal.scatter / normal.weight))
+
+
+def _sandwich(
+    normal: leastsq.Normal, scatter: batches.Scatter, held: Array, parameters: int
+) -> tuple[Array, Array]:
+    """A⁻¹BA⁻¹ and the readings' part D of A = D/ν + H, B = S/ν² + H, as `leastsq` has them; S the
+    scatter of the gradient."""
+    lasts = scatter.correlation
+    curved = max(normal.curvature / normal.weight, 0.1)
+    data = normal.information * (curved / lasts)
+    freedom = normal.total / max(normal.total - parameters, 1)
+    least = freedom * normal.scatter / normal.weight / curved
+    bread = leastsq.inverse(data + held)
+    rest = scatter.matrix / lasts**2 - least * data + (1 - least) * held
+    covariance = least * bread + bread @ rest @ bread
+    return (covariance + covariance.T) / 2, data
