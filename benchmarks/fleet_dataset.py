@@ -37,8 +37,7 @@ FIELD = 50_000.0
 COMPARED = 500
 CHUNK = 1_000_000  # rows drawn at once
 
-INTRODUCTION = """# A dataset of many sensors
-
+INTRODUCTION = """\
 {sensors} sensors, {rows} readings each (float32, with time and temperature), soft iron of 4 %,
 noise of 100 to 300 nT, biases of 15 000 nT: all fitted from the moments that DuckDB sums, sensors
 in doubt by their rows. Time on the clock and of processors, from the file's name to the table on

@@ -136,7 +136,9 @@ def _telling() -> Iterator[Any]:
 
     try:
         with paced("Calibrating", "logs") as told:
-            yield lambda progress: told(progress.done, progress.logs, progress.resumed)
+            yield lambda progress: told(
+                progress.done, progress.logs, progress.resumed, progress.stage
+            )
     except KeyboardInterrupt:
         raise AgonicError(
             "interrupted; the same command goes on from where it was, with the same -o"
@@ -155,6 +157,14 @@ def _summary(run: FleetRun) -> dict[str, Any]:
         "rows": len(run.population),
         "verdicts": {word: verdicts[word] for word in ("good", "check", "refused")},
         "reasons": [{"reason": reason, "rows": rows} for reason, rows in _reasons(run)],
+        "outliers": [
+            {"sensor": o.sensor, "source": o.source, "quantity": o.quantity, "sentence": o.sentence}
+            for o in run.outliers
+        ],
+        "duplicates": [
+            {"sources": d.sources, "sensors": d.sensors, "sentence": d.sentence}
+            for d in run.duplicates
+        ],
         "calibrated": run.calibrated,
         "resumed": run.resumed,
         "repeated": run.repeated,
@@ -196,6 +206,15 @@ def _text(run: FleetRun) -> str:
         lines += [f"{rows:>8}  {_short(reason)}" for reason, rows in reasons[:REASONS]]
         others = sum(rows for _, rows in reasons[REASONS:])
         lines += [f"{others:>8}  other reasons"] if others else []
+    sensors = {outlier.sensor for outlier in run.outliers}
+    if sensors or run.duplicates:
+        lines.append("")
+    if sensors:
+        many = "1 sensor is" if len(sensors) == 1 else f"{len(sensors)} sensors are"
+        lines.append(f"{many} unlike the others: {_short(', '.join(sorted(sensors)))}")
+    if run.duplicates:
+        many = "1 log is" if len(run.duplicates) == 1 else f"{len(run.duplicates)} logs are"
+        lines.append(f"{many} there more than once")
     return "\n".join([*lines, "", f"Table     {run.table}", f"Report    {run.page}"])
 
 

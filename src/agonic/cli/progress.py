@@ -41,13 +41,14 @@ def counting(total: int) -> Iterator[Callable[[str, int], None]]:
 
 
 @contextmanager
-def paced(what: str, things: str) -> Iterator[Callable[[int, int, int], None]]:
+def paced(what: str, things: str) -> Iterator[Callable[[int, int, int, str], None]]:
     """A function that is told how many things are done, of how many, and how many were before.
 
-    The rate and the remaining time are of those that were not done before.
+    The rate and the remaining time are of those that were not done before; a stage that is told
+    stands in their place.
     """
     if not sys.stderr.isatty():
-        yield lambda _done, _total, _before: None
+        yield lambda _done, _total, _before, _stage: None
         return
     import time
 
@@ -59,8 +60,8 @@ def paced(what: str, things: str) -> Iterator[Callable[[int, int, int], None]]:
         task = bar.add_task(what, total=None, pace="")
         begun = time.monotonic()
 
-        def told(done: int, total: int, before: int) -> None:
-            pace = _pace(done - before, total - done, time.monotonic() - begun, things)
+        def told(done: int, total: int, before: int, stage: str) -> None:
+            pace = stage or _pace(done - before, total - done, time.monotonic() - begun, things)
             bar.update(task, completed=done, total=total, pace=pace)
 
         yield told

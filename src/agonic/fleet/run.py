@@ -20,29 +20,44 @@ from agonic.fleet.settings import FleetSettings, digest
 from agonic.fleet.work import Done, calibrate_log, sentence, unread
 from agonic.history import History
 from agonic.io.atomic import make_folder, write_atomically
-from agonic.population import Population, Row, write_population
+from agonic.population import (
+    Compared,
+    Duplicate,
+    Outlier,
+    Population,
+    Row,
+    compare,
+    write_population,
+)
 from agonic.provenance import sha256_of
 from agonic.report.fleet_page import fleet_page
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How many of the logs are done, and how many of these were found done."""
+    """How many of the logs are done, and how many of these were found done.
+
+    `stage` says what is done with the sensors of a dataset, where that is under way.
+    """
 
     done: int
     resumed: int
     logs: int
+    stage: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FleetRun:
     """The table of a fleet, where it is kept, and how it came about.
 
-    `calibrated` logs were worked on, `resumed` were finished by an earlier run, `repeated` have the
-    content of another; `skipped` files of folders are no logs.
+    `outliers` and `duplicates` are what is unusual. `calibrated` logs were worked on, `resumed`
+    were finished by an earlier run, `repeated` have the content of another; `skipped` files of
+    folders are no logs.
     """
 
     population: Population
+    outliers: tuple[Outlier, ...]
+    duplicates: tuple[Duplicate, ...]
     table: Path
     page: Path
     logs: int
@@ -123,16 +138,18 @@ def run_fleet(
         settings = replace(settings, undated=journal.undated(today))
         work = _Work(found, journal, settings, folder, progress or (lambda _: None))
         work.through(engine or Processes())
-        work.through_datasets(engine or Processes())
+        work.through_datasets(engine)
         population = Population.of(work.rows())
-    table = write_population(population, folder / TABLE)
     if store is not None:
         with History.open(store) as history:
             history.add(population)
+    compared = compare(population)
     return FleetRun(
-        population=population,
-        table=table,
-        page=_page(population, folder),
+        population=compared.population,
+        outliers=compared.outliers,
+        duplicates=compared.duplicates,
+        table=write_population(compared.population, folder / TABLE),
+        page=_page(compared, folder),
         logs=len(found) - work.skipped,
         calibrated=work.calibrated,
         resumed=work.resumed,
@@ -172,7 +189,7 @@ class _Work:
         self._tell()
         self.journal.commit()
 
-    def through_datasets(self, engine: Engine) -> None:
+    def through_datasets(self, engine: Engine | None) -> None:
         """Calibrate the sensors of datasets, each dataset at once."""
         for dataset in self.found.datasets:
             path = str(dataset.path)
@@ -181,7 +198,11 @@ class _Work:
                 self.resumed += 1
             else:
                 try:
-                    rows = tuple(calibrate_dataset(dataset, self.settings, engine=engine))
+                    rows = tuple(
+                        calibrate_dataset(
+                            dataset, self.settings, engine=engine, progress=self._tell_stage
+                        )
+                    )
                 except Exception as error:  # whatever is wrong with a dataset becomes its row
                     rows = unread(path, sentence(error, path), self.settings).rows
                     self.passing[path] = rows
@@ -270,9 +291,12 @@ class _Work:
         else:
             self.passing[done.sha256] = done.rows
 
-    def _tell(self) -> None:
+    def _tell(self, stage: str = "") -> None:
         done = self.calibrated + self.resumed + self.repeated + self.skipped
-        self.progress(Progress(done=done, resumed=self.resumed, logs=len(self.found)))
+        self.progress(Progress(done, self.resumed, len(self.found), stage))
+
+    def _tell_stage(self, stage: str, done: int, total: int) -> None:
+        self._tell(f"{stage} {done} of {total} sensors" if done else stage)
 
 
 def _content(path: str) -> str | None:
@@ -282,6 +306,8 @@ def _content(path: str) -> str | None:
         return None
 
 
-def _page(population: Population, folder: Path) -> Path:
+def _page(compared: Compared, folder: Path) -> Path:
     """The report of the fleet."""
-    return write_atomically(folder / PAGE, fleet_page(population, title=folder.resolve().name))
+    title = folder.resolve().name
+    page = fleet_page(compared.population, title=title, outliers=compared.outliers)
+    return write_atomically(folder / PAGE, page)

@@ -1,5 +1,6 @@
 """Many calibrations: the table they make, and what stands out in it."""
 
+from agonic.population.compared import Compared, compare
 from agonic.population.duplicate import Duplicate, duplicates
 from agonic.population.outlier import Outlier, outliers
 from agonic.population.peers import Peers
@@ -8,12 +9,14 @@ from agonic.population.row import Row, Verdict
 from agonic.population.table import read_population, write_population
 
 __all__ = [
+    "Compared",
     "Duplicate",
     "Outlier",
     "Peers",
     "Population",
     "Row",
     "Verdict",
+    "compare",
     "duplicates",
     "outliers",
     "read_population",

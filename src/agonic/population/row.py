@@ -28,6 +28,8 @@ class Row:
     rows : how many readings took part.
     method, model, gauge : as for `Calibrated` and `Affine`; "adjusted" is a fit from moments alone.
     verdict, status : the word and the sentence; `findings` the names of what was found.
+    unusual : what is unlike the other sensors, in sentences; empty where nothing is, and until the
+        row is in a table.
     unit_in, unit_out : of readings and field.
     bias_x … : in `unit_in`; matrix_xx … in `unit_out` per `unit_in`; standard errors with _sd.
     magnitude : of the field, in `unit_out`; `noise` of one reading on one axis, in `unit_in`.
@@ -54,6 +56,7 @@ class Row:
     verdict: Verdict
     status: str
     findings: tuple[str, ...] = ()
+    unusual: str = ""
     unit_in: str = ""
     unit_out: str = ""
     bias_x: float | None = None
