@@ -60,7 +60,7 @@ def test_people_are_told_what_matters(logs: Path, capsys) -> None:
     assert run(["fleet", str(logs / "board*.csv"), "-o", "out", "--workers", "0"]) == 0
     said = capsys.readouterr().out
     assert "6 logs, 6 calibrations: " in said
-    assert "6 calibrated in" in said
+    assert "6 made in" in said
     assert "out/fleet.parquet" in said
     assert "out/report.html" in said
     run(["fleet", str(logs), "-o", "out", "--workers", "0"])
@@ -120,7 +120,8 @@ def test_a_dataset_has_a_row_for_each_sensor(parted: bool, capsys) -> None:
         parquet.write_table(whole, "data/all.parquet")
     write_boards(Path("data"), 1)
     _, said = answer(capsys, "data", "--field", "50000")
-    assert (said["logs"], said["rows"], said["calibrated"]) == (2, 5, 2)
+    assert (said["logs"], said["datasets"], said["rows"]) == (1, 1, 5)
+    assert said["calibrated"] == 2
     rows = {row.sensor: row for row in read_population(said["table"])}
     for sensor in range(4):
         row = rows[f"s{sensor}"]

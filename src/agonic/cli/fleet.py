@@ -154,6 +154,7 @@ def _summary(run: FleetRun) -> dict[str, Any]:
     verdicts = Counter(run.population["verdict"].tolist())
     return {
         "logs": run.logs,
+        "datasets": run.datasets,
         "rows": len(run.population),
         "verdicts": {word: verdicts[word] for word in ("good", "check", "refused")},
         "reasons": [{"reason": reason, "rows": rows} for reason, rows in _reasons(run)],
@@ -170,7 +171,8 @@ def _summary(run: FleetRun) -> dict[str, Any]:
         "repeated": run.repeated,
         "skipped": run.skipped,
         "seconds": run.seconds,
-        "logs_per_second": run.rate,
+        "logs_per_second": run.calibrated / run.seconds if run.seconds else 0.0,
+        "rows_per_second": run.rate,
         "table": str(run.table),
         "page": str(run.page),
     }
@@ -191,9 +193,11 @@ def _text(run: FleetRun) -> str:
     """What people are told."""
     told = _summary(run)
     words = ", ".join(f"{count} {word}" for word, count in told["verdicts"].items())
-    lines = [f"{run.logs} logs, {len(run.population)} calibrations: {words}"]
+    read = [f"{run.logs} log{'s' * (run.logs != 1)}"] if run.logs or not run.datasets else []
+    read += [f"{run.datasets} dataset{'s' * (run.datasets != 1)}"] if run.datasets else []
+    lines = [f"{' and '.join(read)}, {len(run.population)} calibrations: {words}"]
     parts = {
-        "calibrated": f"{run.calibrated} calibrated in {run.seconds:.1f} s "
+        "calibrated": f"{run.made} made in {run.seconds:.1f} s "
         f"({run.rate:.3g} a second)",
         "resumed": f"{run.resumed} were finished before",
         "repeated": f"{run.repeated} have the content of another",

@@ -35,7 +35,6 @@ from agonic.io.grouped_moments import Grouped, summed
 from agonic.io.grouped_residuals import residual_sums
 from agonic.io.sensor_rows import Table, tables_of
 from agonic.population import Population, Row
-from agonic.population.population import COLUMNS
 from agonic.provenance import Input
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -121,12 +120,12 @@ def _worked(
             del known["sensor"]
             job = _Job(db, dataset, channel, settings, {"channel": channel.name, **known}, tell)
             parts.append(job.columns(refine, engine))
-            parts.append(_columns(job.without_readings()))
+            parts.append(dict(Population.of(job.without_readings()).columns))
     lost = [
         refused(sentence(LogError(why), file), **{**facts(file, "", settings), "sensor": ""})
         for file, why in dataset.damaged
     ]
-    return _in_order([*parts, _columns(lost)])
+    return Population.joined([*map(Population, parts), Population.of(lost)])
 
 
 @dataclass
@@ -253,15 +252,3 @@ def _put(columns: Columns, place: int, row: Row) -> None:
         value = getattr(row, field.name)
         column = columns[field.name]
         column[place] = np.nan if value is None and column.dtype == np.float64 else value
-
-
-def _columns(rows: list[Row]) -> Columns:
-    return dict(Population.of(rows).columns)
-
-
-def _in_order(parts: list[Columns]) -> Population:
-    """The columns one below the other, in the order that a population has."""
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
-    keys = [joined[name].astype(str) for name in ("sensor", "channel", "source")]
-    order = np.lexsort(keys)
-    return Population({name: column[order] for name, column in joined.items()})

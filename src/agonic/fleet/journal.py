@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import stat
 import time
 from collections.abc import Iterable
 from contextlib import closing
@@ -14,7 +15,9 @@ import msgspec
 
 from agonic.errors import AgonicError
 from agonic.fleet.settings import digest
-from agonic.population import Row
+from agonic.population import Population, Row
+from agonic.population.table import from_bytes, to_bytes
+from agonic.provenance import as_text
 
 COMMIT_S = 1.0
 """How much work a cut may cost."""
@@ -23,8 +26,8 @@ _TABLES = """
 create table if not exists contents(
     path text primary key, size integer, mtime_ns integer, sha256 text) without rowid;
 create index if not exists sizes on contents(size);
-create table if not exists rows(
-    work text, place integer, row blob, primary key(work, place)) without rowid;
+create table if not exists rows(work text, place integer, row blob, primary key(work, place));
+create table if not exists datasets(work text primary key, content blob);
 create table if not exists given(work text primary key, undated text) without rowid;
 """
 _UNUSABLE = "delete it, and all logs are calibrated again"
@@ -38,10 +41,12 @@ class State(NamedTuple):
 
     @classmethod
     def of(cls, path: str) -> State | None:
-        """Those of a file; None where there is none."""
+        """Those of a file; None where there is none, or what is no file, as a pipe."""
         try:
             found = Path(path).stat()
         except OSError:
+            return None
+        if not stat.S_ISREG(found.st_mode):
             return None
         return cls(found.st_size, found.st_mtime_ns)
 
@@ -90,7 +95,7 @@ class Journal:
     def content(self, path: str, state: State | None = None) -> str | None:
         """The digest of a file's content as it was last read, where `state` is still the same."""
         found = self._db.execute(
-            "select size, mtime_ns, sha256 from contents where path = ?", (path,)
+            "select size, mtime_ns, sha256 from contents where path = ?", (as_text(path),)
         ).fetchone()
         return found[2] if found and (state is None or state == found[:2]) else None
 
@@ -101,7 +106,7 @@ class Journal:
     def note(self, path: str, state: State, sha256: str) -> None:
         """Keep the digest of a file's content."""
         self._db.execute(
-            "insert or replace into contents values (?, ?, ?, ?)", (path, *state, sha256)
+            "insert or replace into contents values (?, ?, ?, ?)", (as_text(path), *state, sha256)
         )
 
     def rows(self, sha256: str) -> tuple[Row, ...]:
@@ -124,6 +129,21 @@ class Journal:
         )
         if time.monotonic() - self._committed > COMMIT_S:
             self.commit()
+
+    def table(self, sha256: str) -> Population | None:
+        """The finished rows of a dataset; None where it is not finished."""
+        found = self._db.execute(
+            "select content from datasets where work = ?", (self._key(sha256),)
+        ).fetchone()
+        return from_bytes(found[0]) if found else None
+
+    def add_table(self, sha256: str, population: Population) -> None:
+        """Keep the rows of a dataset."""
+        self._db.execute(
+            "insert or replace into datasets values (?, ?)",
+            (self._key(sha256), to_bytes(population)),
+        )
+        self.commit()
 
     def undated(self, today: str) -> str:
         """The date of logs that know none: that of the first run which asked for this work."""

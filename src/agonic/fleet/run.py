@@ -11,6 +11,8 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Engine, Lost
 from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find, identified
@@ -50,9 +52,9 @@ class Progress:
 class FleetRun:
     """The table of a fleet, where it is kept, and how it came about.
 
-    `outliers` and `duplicates` are what is unusual. `calibrated` logs were worked on, `resumed`
-    were finished by an earlier run, `repeated` have the content of another; `skipped` files of
-    folders are no logs.
+    `outliers` and `duplicates` are what is unusual. `calibrated` logs and datasets were worked on,
+    and `made` rows of them; `resumed` were finished by an earlier run, `repeated` have the content
+    of another; `skipped` files of folders are no logs.
     """
 
     population: Population
@@ -61,7 +63,9 @@ class FleetRun:
     table: Path
     page: Path
     logs: int
+    datasets: int
     calibrated: int
+    made: int
     resumed: int
     repeated: int
     skipped: int
@@ -69,8 +73,8 @@ class FleetRun:
 
     @property
     def rate(self) -> float:
-        """Logs calibrated in a second."""
-        return self.calibrated / self.seconds if self.seconds else 0.0
+        """Rows made in a second."""
+        return self.made / self.seconds if self.seconds else 0.0
 
 
 def calibrate_fleet(
@@ -139,7 +143,7 @@ def run_fleet(
         work = _Work(found, journal, settings, folder, progress or (lambda _: None))
         work.through(engine or Processes())
         work.through_datasets(engine)
-        population = Population.of(work.rows())
+        population = Population.joined([Population.of(work.rows()), *work.tables()])
     if store is not None:
         with History.open(store) as history:
             history.add(population)
@@ -150,8 +154,10 @@ def run_fleet(
         duplicates=compared.duplicates,
         table=write_population(compared.population, folder / TABLE),
         page=_page(compared, folder),
-        logs=len(found) - work.skipped,
+        logs=len(found.logs) - work.skipped,
+        datasets=len(found.datasets),
         calibrated=work.calibrated,
+        made=work.made,
         resumed=work.resumed,
         repeated=work.repeated,
         skipped=found.skipped + work.skipped,
@@ -169,6 +175,7 @@ class _Work:
     folder: Path
     progress: Callable[[Progress], None]
     calibrated: int = 0
+    made: int = 0
     resumed: int = 0
     repeated: int = 0
     skipped: int = 0
@@ -194,24 +201,21 @@ class _Work:
         for dataset in self.found.datasets:
             path = str(dataset.path)
             content = digest(dataset.sha256, dataset.sensor)
-            if self.journal.rows(content):
+            if self.journal.table(content) is not None:
                 self.resumed += 1
             else:
                 try:
-                    rows = tuple(
-                        calibrate_dataset(
-                            dataset, self.settings, engine=engine, progress=self._tell_stage
-                        )
+                    table = calibrate_dataset(
+                        dataset, self.settings, engine=engine, progress=self._tell_stage
                     )
                 except Exception as error:  # whatever is wrong with a dataset becomes its row
-                    rows = unread(path, sentence(error, path), self.settings).rows
-                    self.passing[path] = rows
+                    self.passing[path] = unread(path, sentence(error, path), self.settings).rows
                 else:
-                    self.journal.add(content, rows)
+                    self.journal.add_table(content, table)
+                    self.made += len(table)
                 self.calibrated += 1
             self.of_datasets.append((path, content))
             self._tell()
-        self.journal.commit()
 
     def rows(self) -> Iterator[Row]:
         """The rows of all logs, with the sensor and the path that each is known by."""
@@ -219,9 +223,16 @@ class _Work:
             rows = self._rows_of(path)
             if not self._aside(path, rows):
                 yield from identified(path, rows, self.settings.name)
+
+    def tables(self) -> Iterator[Population]:
+        """The rows of all datasets, with the path that each is known by."""
         for path, content in self.of_datasets:
-            rows = self.passing.get(path) or self.journal.rows(content)
-            yield from (replace(row, source=path) if row.sensor else row for row in rows)
+            table = self.journal.table(content)
+            if table is None:
+                yield Population.of(self.passing[path])
+            else:
+                source = np.where(table["sensor"] == "", table["source"], path)
+                yield Population({**table.columns, "source": source})
 
     def _rows_of(self, path: str) -> tuple[Row, ...]:
         if path in self.passing:
@@ -284,6 +295,7 @@ class _Work:
             if content is not None:
                 self.passing[content] = done.rows
             return
+        self.made += len(done.rows)
         self.fresh.add(done.sha256)
         self.journal.note(path, state, done.sha256)
         if done.lasting:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, get_type_hints
 
@@ -47,6 +47,14 @@ class Population:
         """The population of these rows, in its order."""
         ordered = sorted(rows, key=lambda row: (row.source, row.channel, row.sensor))
         return cls({name: _column(name, ordered) for name in COLUMNS})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Population]) -> Population:
+        """The rows of all parts, in the order of a population."""
+        every = (*parts, cls.of(()))  # so that no parts are no rows
+        columns = {name: np.concatenate([part[name] for part in every]) for name in COLUMNS}
+        keys = [columns[name].astype(str) for name in ("sensor", "channel", "source")]
+        return cls(columns).select(np.lexsort(keys))
 
     def __len__(self) -> int:
         return len(self.columns["sensor"])

@@ -37,6 +37,11 @@ def write_population(population: Population, path: Path | str) -> Path:
     ...     read_population(path)["sensor"].tolist()
     ['a']
     """
+    return write_atomically(path, to_bytes(population))
+
+
+def to_bytes(population: Population) -> bytes:
+    """The table as the bytes of a Parquet file."""
     pa, parquet = _arrow()
     kinds = {"device_id": pa.int64(), "start": pa.timestamp("us", "UTC")}
     kinds["findings"] = pa.list_(pa.string())
@@ -51,7 +56,7 @@ def write_population(population: Population, path: Path | str) -> Path:
     schema = pa.schema(fields, metadata={b"schema": SCHEMA})
     stream = BytesIO()
     parquet.write_table(pa.table(arrays, schema=schema), stream, compression="zstd")
-    return write_atomically(path, stream.getvalue())
+    return stream.getvalue()
 
 
 def read_population(path: Path | str) -> Population:
@@ -71,16 +76,24 @@ def read_population(path: Path | str) -> Population:
     Traceback (most recent call last):
     agonic.errors.LogError: nowhere.parquet: there is no such file
     """
-    pa, parquet = _arrow()
     path = Path(path)
     if not path.is_file():
         raise LogError("there is no such file", path=path)
     try:
-        table = parquet.read_table(path)
+        return from_bytes(path.read_bytes())
+    except LogError as error:
+        raise LogError(str(error), path=path) from None
+
+
+def from_bytes(content: bytes) -> Population:
+    """The population that `to_bytes` gave the bytes of; `LogError` where they are none."""
+    pa, parquet = _arrow()
+    try:
+        table = parquet.read_table(pa.BufferReader(content))
     except pa.ArrowInvalid as error:
-        raise LogError(f"it is not a Parquet table: {error}", path=path) from None
+        raise LogError(f"it is not a Parquet table: {error}") from None
     if (table.schema.metadata or {}).get(b"schema") != SCHEMA:
-        raise LogError("it is not a table of calibrations, as agonic fleet writes", path=path)
+        raise LogError("it is not a table of calibrations, as agonic fleet writes")
     return Population({name: _column(name, table.column(name)) for name in COLUMNS})
 
 
