@@ -22,11 +22,23 @@ class Input:
     sha256: str
     count: int
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", as_text(self.name))
+
     @classmethod
     def of_array(cls, name: str, array: np.ndarray[Any, Any]) -> Input:
         """The input that an array is, hashed as little-endian float64."""
         data = np.ascontiguousarray(array, dtype="<f8")
         return cls(name=name, sha256=hashlib.sha256(data.tobytes()).hexdigest(), count=len(data))
+
+
+def as_text(name: str) -> str:
+    r"""A name that can be written: bytes of a file's name that are no UTF-8 stand as escapes.
+
+    >>> as_text("caf\udce9.csv"), as_text("café.csv")
+    ('caf\\udce9.csv', 'café.csv')
+    """
+    return name.encode("utf-8", "backslashreplace").decode()
 
 
 def sha256_of(path: Path) -> str:

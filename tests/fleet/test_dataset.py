@@ -266,7 +266,7 @@ def test_which_column_tells_sensors_apart(tmp_path):
     part = columns(turned(1), "a")
     both = {**part, "Serial-Number": part["sensor"]}
     path = write(tmp_path / "a.parquet", both)
-    with pytest.raises(LogError, match="sensor and Serial-Number could both"):
+    with pytest.raises(AgonicError, match="sensor and Serial-Number could both"):
         find_dataset(path)
     assert find_dataset(path, "Serial-Number").sensor == "Serial-Number"
     with pytest.raises(LogError, match="no column 'x'; there are sensor"):

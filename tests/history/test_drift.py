@@ -113,6 +113,27 @@ def test_fresh_step_and_last_one_off_its_band_are_checks() -> None:
     )
 
 
+@pytest.mark.parametrize("n", [5, 6, 7])
+def test_last_of_few_is_told_where_it_is_far_off(n: int) -> None:
+    """Too few for steps, yet the newest is held against those before it."""
+    last = np.outer(np.arange(n) == n - 1, [0.0, 0.0, 30_000.0])
+    for seed in range(8):
+        found = drift(in_order(rows_of(n, seed, moved=last)), AT)
+        assert (found.verdict, names(found)) == ("check", ["left its band"])
+        assert [one.name for one in found.events[0].parameters] == ["bias z"]
+        assert drift(in_order(rows_of(n, seed)), AT).verdict == "good"
+
+
+def test_bias_without_bounds_takes_no_part_and_dates_are_needed() -> None:
+    rows = rows_of(10)
+    wild = [*rows[:3], replace(rows[3], bias_x=1e9, bias_x_sd=np.inf), *rows[4:]]
+    found = drift(in_order(wild), AT)
+    assert found.compared.tolist() == [0, 1, 2, *range(4, 10)]
+    assert "not compared" in names(found)
+    with pytest.raises(AgonicError, match="no date"):
+        drift(in_order([*rows[:3], replace(rows[3], start=None), *rows[4:]]), AT)
+
+
 def test_stray_is_left_out_and_is_no_step() -> None:
     moved = np.outer(np.arange(20) == 8, [900.0, 900.0, 0.0])
     found = drift(in_order(rows_of(seed=2, moved=moved)), AT)

@@ -111,7 +111,7 @@ def test_missing_sensors_and_files_are_said(path: Path, tmp_path: Path) -> None:
     assert not path.exists()
     with History.open(path) as history, pytest.raises(LogError, match="no sensor 'x'"):
         history.of("x")
-    with pytest.raises(LogError, match="cannot be opened"):
+    with pytest.raises(LogError, match=r"no folder .*create it"):
         History.open(tmp_path / "no" / "folder.sqlite")
 
 
@@ -133,6 +133,22 @@ def test_files_that_are_not_ours_are_left_alone(path: Path, tmp_path: Path) -> N
     database.close()
     with pytest.raises(LogError, match="later agonic"):
         History.open(path)
+
+
+def test_damaged_rows_are_said_and_names_that_are_no_text_are_kept(path: Path) -> None:
+    with History.open(path) as history:
+        assert history.add([row(1), row(2), row(3, sensor="caf\udce9")]) == 3
+        assert history.of("caf\udce9")["sensor"].tolist() == ["caf\\udce9"]
+        with sqlite3.connect(path) as database:
+            database.execute("UPDATE calibration SET start = 'yesterday' WHERE source = '2.csv'")
+        database.close()
+        with pytest.raises(LogError, match="damaged, a row"):
+            history.of("7")
+        with sqlite3.connect(path) as database:
+            database.execute("UPDATE calibration SET bias_x = 'far' WHERE source = '2.csv'")
+        database.close()
+        with pytest.raises(LogError, match="damaged, a row"):
+            history.columns("bias_x")
 
 
 def test_what_fails_half_way_leaves_nothing(path: Path) -> None:

@@ -234,6 +234,31 @@ def test_iron_that_passes_leaves_nothing_behind(turned):
         assert names(fits[1]) == []
 
 
+@pytest.mark.parametrize("seed", [1019, 1035, 1040])
+def test_good_readings_are_let_in_where_little_was_seen(seed):
+    """Paths whose first seconds lie in a plane: a fit to them is far off and sure of itself."""
+    rng = np.random.default_rng(seed)
+    field, live = readings(tumbled(rng, 3000), rng)[:1500], LiveFit(magnitude=50_000.0)
+    for rows in np.array_split(np.arange(1500), 60):
+        live.add(rows / RATE_HZ, field[rows])
+    assert live.state.held == 0
+    assert live.guidance.done
+    assert np.abs((live.calibration.bias - BIAS) / live.calibration.sd[:3]).max() < 4
+
+
+def test_what_is_not_known_yet_is_not_complained_of():
+    rng = np.random.default_rng(0)
+    live = LiveFit(magnitude=50_000.0, source="the simulation")
+    field = readings(tumbled(rng, 3000), rng)
+    for rows in np.array_split(np.arange(500), 50):
+        live.add(rows / RATE_HZ, field[rows])
+        assert "off the model" not in names(live)
+        assert live.guidance.say != "hold still"
+    live = LiveFit(magnitude=42_000.0, source="the simulation")
+    live.add(np.arange(3000) / RATE_HZ, field)
+    assert "above the simulation;" in str(live.guidance.findings[0].sentence)
+
+
 def test_what_waits_is_part_of_what_is_shown(recording):
     time, field = recording
     live = LiveFit(magnitude=50_000.0)

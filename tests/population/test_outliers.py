@@ -71,6 +71,28 @@ def test_regular_populations_have_hardly_any(law: str) -> None:
         assert false < 0.01 * n * seeds
 
 
+@pytest.mark.parametrize("n", [20, 30])
+def test_one_bad_board_among_few_is_named(n: int) -> None:
+    """20 spreads off, to a side of its own."""
+    hits, seeds = 0, 25
+    for seed in range(seeds):
+        towards = np.random.default_rng(seed).normal(size=3)
+        population = drawn(n, seed=100 + seed)
+        off = 6000 * towards / np.linalg.norm(towards)
+        far = with_bias(population, np.array([4]), population.bias[[4]] + off)
+        found = named(outliers(far))
+        hits += 4 in found
+        assert found.keys() <= {4}
+    assert hits >= 0.95 * seeds
+
+
+def test_error_without_bounds_excuses_a_sensor_too() -> None:
+    far = changed(drawn(30), np.array([3, 4]), bias_x=9e4)
+    loose = changed(far, np.array([3]), bias_x_sd=np.inf, matrix_xy_sd=np.inf)
+    assert set(named(outliers(far))) == {3, 4}
+    assert set(named(outliers(loose))) == {4}
+
+
 def test_a_tenth_of_bad_ones_does_not_hide_them() -> None:
     """All of them to one side, all by the same quantity."""
     population = drawn(200, seed=3)

@@ -24,6 +24,15 @@ BIAS = np.array([12_000.0, -5000.0, 3000.0])
 HEADER = b"time_s,mag_x_nT,mag_y_nT,mag_z_nT\n"
 
 
+def started(source, *options):
+    """`agonic live` on a source: the process, and the address of its page."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "agonic", "live", source, "--port", "0", *options],
+        stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    return process, re.search(r"http://\S+", process.stdout.readline())[0]
+
+
 class Sensor:
     """Sends 100 readings a second; `moving` turns it, `near_metal` adds 18 % to the field."""
 
@@ -94,6 +103,14 @@ class Sensor:
         self.unplug()
 
 
+def stopped(process):
+    """Interrupt, and wait for a good end."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=10) in (0, -signal.SIGKILL)
+    process.stdout.close()
+
+
 @pytest.fixture
 def sensor():
     one = Sensor()
@@ -107,21 +124,22 @@ def live(tmp_path):
     running = []
 
     def start(source, *options):
-        command = [sys.executable, "-m", "agonic", "live", source, "--port", "0", *options]
-        process = subprocess.Popen(
-            [*command, "-o", str(tmp_path / "out")], stdout=subprocess.PIPE, text=True
-        )
-        running.append(process)
-        line = process.stdout.readline()
-        start.process = process
-        return re.search(r"http://\S+", line)[0]
+        start.process, address = started(source, *options, "-o", str(tmp_path / "out"))
+        running.append(start.process)
+        return address
 
     yield start
     for process in running:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=10) in (0, -signal.SIGKILL)
-        process.stdout.close()
+        stopped(process)
+
+
+@pytest.fixture(scope="session")
+def three_sensors(tmp_path_factory):
+    """The address of a page with three simulated sensors, for tests that only look at it."""
+    folder = tmp_path_factory.mktemp("three")
+    process, address = started("sim?sensors=3&rate=20", "-o", str(folder))
+    yield address
+    stopped(process)
 
 
 @pytest.fixture

@@ -68,8 +68,8 @@ def megabytes(process, kind="VmRSS"):
     return int(next(line for line in text.splitlines() if line.startswith(kind)).split()[1]) / 1e3
 
 
-def test_only_this_machine_and_its_own_pages(live):
-    address = live("sim")
+def test_only_this_machine_and_its_own_pages(three_sensors):
+    address = three_sensors
     assert plain(address) == 200
     assert plain(address, Host="evil.example") == 403  # a name that was pointed here
     assert plain(address + "report") == 404
@@ -134,11 +134,11 @@ def test_twenty_clients_a_deaf_one_and_ten_thousand_malformed_messages(sensor, l
     address = live(f"tcp://127.0.0.1:{sensor.port}", "--field", "50000")
 
     async def all_at_once():
-        await heard(address, 1.0)
+        await heard(address, 0.7)
         before = megabytes(live.process)
         silent = [deaf(address) for _ in range(3)]
         loud = asyncio.gather(*(shout(address, 1000) for _ in range(10)))
-        results = await asyncio.gather(*(heard(address, 6.0) for _ in range(20)))
+        results = await asyncio.gather(*(heard(address, 4.0) for _ in range(20)))
         sent = await loud
         after = megabytes(live.process)
         for one in silent:
@@ -148,10 +148,10 @@ def test_twenty_clients_a_deaf_one_and_ten_thousand_malformed_messages(sensor, l
     results, sent, grown = run(all_at_once)
     assert sent >= 10_000
     for statuses, count, _ in results:
-        assert len(statuses) > 12  # five a second, on a machine that also plays all clients
+        assert len(statuses) > 8  # five a second, on a machine that also plays all clients
         versions = [s["version"] for s in statuses[1:]]
         assert versions == sorted(versions)
-        assert count > 400
+        assert count > 250
     late = np.concatenate([late for *_, late in results])
     assert np.median(late) < 0.1
     assert grown < 40
@@ -164,9 +164,9 @@ def test_the_source_may_send_anything(sensor, live):
     async def through():
         await heard(address, 1.0)
         before = megabytes(live.process)
-        sensor.send(*[b"8" * 1_000_000] * 1000, b"\n")  # a line of 1 GB
+        sensor.send(*[b"8" * 1_000_000] * 400, b"\n")  # ten times what it may take
         sensor.send(os.urandom(2_000_000) + b"\n")
-        statuses, count, _ = await heard(address, 3.0)
+        statuses, count, _ = await heard(address, 2.5)
         return statuses, count, megabytes(live.process, "VmHWM") - before
 
     statuses, count, grown = run(through)

@@ -7,6 +7,7 @@ import pytest
 from test_live_server import heard, run
 
 import agonic as ag
+from agonic.errors import AgonicError
 from agonic.live import LiveFit, LiveParams
 from agonic.streams import Chunk, Said
 from agonic.web.plan import Plan
@@ -99,6 +100,34 @@ def test_a_damaged_file_is_set_aside(tmp_path):
     assert (tmp_path / "mag-1.live").read_bytes() == b"not a state"
 
 
+def test_a_full_disk_stops_nothing_and_is_told_as_long_as_it_lasts(tmp_path, monkeypatch):
+    session = sat(tmp_path, slice(0, 300))
+
+    def full(path, data):
+        raise AgonicError(f"cannot write {path}: No space left on device")
+
+    more = Chunk("mag", 60 + MADE.time[300:900], MADE.field[300:900], "nT")
+    session._watched["mag"].take(more)
+    with monkeypatch.context() as patch:
+        patch.setattr("agonic.live.statefile.write_atomically", full)
+        session.stop()
+    assert session.status.trouble == session.parting
+    assert "the readings are not saved: cannot write" in session.parting
+    assert LiveFit.resume(tmp_path / "mag.live").n == 300
+    session.stop()
+    assert session.status.trouble == ""
+    assert "900 readings saved" in session.parting
+    assert session.accept()[0].verdict == "good"
+
+
+def test_a_sensor_that_was_not_asked_for_is_told_once(tmp_path):
+    session = Session(Wire(slice(0, 9)), Plan(folder=tmp_path, sensor="compass"))
+    for _ in range(3):
+        session._take(Chunk("mag", MADE.time[:9], MADE.field[:9], "nT"))
+    assert session.status.notes == ["mag is heard and left aside: only compass was asked for"]
+    assert session.shown == []
+
+
 def test_a_log_or_simulation_begins_again(tmp_path):
     Session(Wire(slice(0, 9)), Plan(folder=tmp_path))
     source = Wire(slice(0, 300))
@@ -111,11 +140,11 @@ def test_a_log_or_simulation_begins_again(tmp_path):
 
 def test_the_program_is_stopped_and_started_again(sensor, live, tmp_path):
     source = f"tcp://127.0.0.1:{sensor.port}"
-    statuses, *_ = run(lambda: heard(live(source, "--field", "50000"), 2.0))
+    statuses, *_ = run(lambda: heard(live(source, "--field", "50000"), 1.2))
     before = statuses[-1]["sensors"][0]["n"]
     live.process.send_signal(signal.SIGINT)
     assert live.process.wait(timeout=10) == 0
     assert (tmp_path / "out" / "mag.live").is_file()
-    statuses, *_ = run(lambda: heard(live(source, "--field", "50000"), 1.5))
+    statuses, *_ = run(lambda: heard(live(source, "--field", "50000"), 0.8))
     assert "continued from" in statuses[-1]["notes"][0]
     assert statuses[-1]["sensors"][0]["n"] > before

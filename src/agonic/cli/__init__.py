@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 from importlib import import_module
+from io import TextIOWrapper
 from typing import TYPE_CHECKING
 
 from agonic.version import __version__
@@ -27,6 +28,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Run `agonic` and leave with its exit status; an error is one line on stderr."""
     # before NumPy is imported: small matrices lose far more to threads than they gain
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if isinstance(sys.stdout, TextIOWrapper):  # a name of a file may hold what cannot be printed
+        sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 

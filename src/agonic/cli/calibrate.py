@@ -82,7 +82,7 @@ def calibrate(
         recording, sensors = log_and_sensors(log, sensor, unit, between)
         results, failures = _results([_of(one, at, date, field, method) for one in sensors])
     folder = out or Path(f"{log.name}-agonic")
-    written = write_folder(results, folder, title=recording.path.name, stack=recording.stack)
+    written = write_folder(results, folder, title=recording.source.name, stack=recording.stack)
     if store is not None:
         from agonic.cli.history import keep
         from agonic.cli.place import position

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -134,6 +136,8 @@ def _telling() -> Iterator[Any]:
     from agonic.cli.progress import paced
     from agonic.errors import AgonicError
 
+    heard = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if heard else None
     try:
         with paced("Calibrating", "logs") as told:
             yield lambda progress: told(
@@ -143,6 +147,9 @@ def _telling() -> Iterator[Any]:
         raise AgonicError(
             "interrupted; the same command goes on from where it was, with the same -o"
         ) from None
+    finally:
+        if heard:
+            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 def _failed(run: FleetRun) -> int:
@@ -191,14 +198,15 @@ def _reasons(run: FleetRun) -> list[tuple[str, int]]:
 
 def _text(run: FleetRun) -> str:
     """What people are told."""
+    from agonic.report.digits import counted
+
     told = _summary(run)
     words = ", ".join(f"{count} {word}" for word, count in told["verdicts"].items())
-    read = [f"{run.logs} log{'s' * (run.logs != 1)}"] if run.logs or not run.datasets else []
-    read += [f"{run.datasets} dataset{'s' * (run.datasets != 1)}"] if run.datasets else []
-    lines = [f"{' and '.join(read)}, {len(run.population)} calibrations: {words}"]
+    read = [counted(run.logs, "log")] if run.logs or not run.datasets else []
+    read += [counted(run.datasets, "dataset")] if run.datasets else []
+    lines = [f"{' and '.join(read)}, {counted(len(run.population), 'calibration')}: {words}"]
     parts = {
-        "calibrated": f"{run.made} made in {run.seconds:.1f} s "
-        f"({run.rate:.3g} a second)",
+        "calibrated": f"{run.made} made in {run.seconds:.1f} s ({run.rate:.3g} a second)",
         "resumed": f"{run.resumed} were finished before",
         "repeated": f"{run.repeated} have the content of another",
         "skipped": f"{run.skipped} other files were left aside",
@@ -214,11 +222,10 @@ def _text(run: FleetRun) -> str:
     if sensors or run.duplicates:
         lines.append("")
     if sensors:
-        many = "1 sensor is" if len(sensors) == 1 else f"{len(sensors)} sensors are"
-        lines.append(f"{many} unlike the others: {_short(', '.join(sorted(sensors)))}")
+        names = _short(", ".join(sorted(sensors)))
+        lines.append(f"{counted(len(sensors), 'sensor')} unlike the others: {names}")
     if run.duplicates:
-        many = "1 log is" if len(run.duplicates) == 1 else f"{len(run.duplicates)} logs are"
-        lines.append(f"{many} there more than once")
+        lines.append(f"{counted(len(run.duplicates), 'log')} more than once")
     return "\n".join([*lines, "", f"Table     {run.table}", f"Report    {run.page}"])
 
 

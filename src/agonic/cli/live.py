@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from agonic.web.session import Session
 
 PORT = 8737
+INTERRUPTED = 130
+"""The exit status after Ctrl-C, where no result was written."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -74,7 +76,10 @@ def live(
     from agonic.web.plan import Plan
     from agonic.web.session import Session
 
+    if not 0 < target < 180:
+        raise AgonicError(f"a --target of {target:g}° is none; give one above zero")
     opened = open_source(source, unit=unit, speed=speed)
+    _require_writable(out)
     reference, settings = _expected(opened, at, date, field)
     plan = Plan(
         folder=out, reference=reference, settings=settings, target_deg=target, sensor=sensor,
@@ -111,6 +116,20 @@ def _expected(
     return constant, settings
 
 
+def _require_writable(folder: Path) -> None:
+    """`AgonicError` where nothing can be written to a folder, before anybody turns a sensor."""
+    from tempfile import TemporaryFile
+
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    try:
+        with TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        raise AgonicError(
+            f"cannot write to {folder}: {error.strerror or error}; give another folder with -o"
+        ) from None
+
+
 def _before(paths: list[Path]) -> dict[str, Affine]:
     """Calibrations by the name of their sensor."""
     from agonic.calibration.affine import Affine
@@ -138,6 +157,7 @@ def _on_page(session: Session, listen: str | None, port: int) -> int:
         say(f"Writes to {session.plan.folder}; Ctrl-C stops")
 
     serve(session, listen=listen, port=port, ready=ready)
+    say(session.parting)
     return 0
 
 
@@ -151,7 +171,8 @@ def _in_terminal(session: Session, as_json: bool) -> int:
     from agonic.report.text import summary
 
     session.start()
-    lines = _Lines(sys.stderr if as_json else sys.stdout)
+    stream = sys.stderr if as_json else sys.stdout
+    lines = _Lines(stream)
     try:
         while True:
             time.sleep(0.25)
@@ -160,6 +181,10 @@ def _in_terminal(session: Session, as_json: bool) -> int:
             reached = bool(status.sensors) and all(one.done for one in status.sensors)
             if status.ended or reached:
                 break
+    except KeyboardInterrupt:
+        session.stop()
+        print(f"\n{session.parting}", file=stream)
+        return INTERRUPTED
     finally:
         session.stop()
     if not session.shown:
@@ -192,7 +217,7 @@ class _Lines:
         import time
 
         self._line("", status.heard, status.heard, 0.0)
-        for note in status.notes:
+        for note in [*status.notes, *filter(None, [status.trouble])]:
             self._line(note, note, note, time.monotonic())
         for one in status.sensors:
             error = "" if one.heading_sd_deg is None else f"  heading ±{one.heading_sd_deg:.2f}°"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -100,10 +101,12 @@ def calibrate_dataset(
         dataset = found
     work = partial(_worked, settings=settings, refine=refine, engine=engine)
     tell = progress or (lambda stage, done, total: None)
-    try:
-        return work(dataset, tell=tell)
-    except database_error():
-        return work(without_damaged(dataset), tell=tell)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matters is among the findings of the rows
+        try:
+            return work(dataset, tell=tell)
+        except database_error():
+            return work(without_damaged(dataset), tell=tell)
 
 
 def _worked(
@@ -115,7 +118,7 @@ def _worked(
     source, content = str(dataset.path), dataset.sha256
     parts: list[Columns] = []
     with connected() as db:
-        for channel in dataset.channels:
+        for channel in _chosen(dataset, settings.sensor):
             known = facts(source, content, settings, channel.name)
             del known["sensor"]
             job = _Job(db, dataset, channel, settings, {"channel": channel.name, **known}, tell)
@@ -126,6 +129,16 @@ def _worked(
         for file, why in dataset.damaged
     ]
     return Population.joined([*map(Population, parts), Population.of(lost)])
+
+
+def _chosen(dataset: Dataset, asked: str | None) -> Sequence[Channel]:
+    """The channels, or the one of this name or number."""
+    found = dataset.channels
+    chosen = [one for k, one in enumerate(found) if asked in (None, one.name, str(k))]
+    if not chosen:
+        names = ", ".join(one.name for one in found)
+        raise LogError(f"no magnetometer {asked!r}; there are {names}", path=dataset.path)
+    return chosen
 
 
 @dataclass

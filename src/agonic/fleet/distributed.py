@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import socket
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.fleet.engine import Answer, Lost
@@ -23,6 +25,8 @@ WAITING = 3
 """Batches for each thread of the cluster that are under way at a time."""
 SECONDS = 30
 """How long a scheduler and its workers may take to answer at first."""
+CONNECTED_S = 5
+"""How long the line to a scheduler may take; without one, Dask's client would try on and on."""
 PATIENCE_S = 20
 """How long the way of finished answers may take."""
 
@@ -72,15 +76,30 @@ class Dask:
             ):
                 yield client
             return
+        _reach(self.scheduler)
         try:
             client = distributed.Client(self.scheduler, timeout=SECONDS, set_as_default=False)
         except (OSError, ValueError) as error:
-            raise AgonicError(
-                f"the scheduler {self.scheduler} does not answer ({error}); start one with "
-                "`dask scheduler`"
-            ) from None
+            raise _unreached(self.scheduler, error) from None
         with client:
             yield client
+
+
+def _reach(scheduler: str) -> None:
+    """Raises `AgonicError` where nobody listens at the address of a scheduler."""
+    try:
+        parts = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
+        if parts.scheme not in ("tcp", "tls", "ws", "wss") or not parts.hostname or not parts.port:
+            raise ValueError("its address is like tcp://host:8786")
+        socket.create_connection((parts.hostname, parts.port), timeout=CONNECTED_S).close()
+    except (OSError, ValueError) as error:
+        raise _unreached(scheduler, error) from None
+
+
+def _unreached(scheduler: str, error: Exception) -> AgonicError:
+    return AgonicError(
+        f"the scheduler {scheduler} does not answer ({error}); start one with `dask scheduler`"
+    )
 
 
 _OWN = {

@@ -14,6 +14,7 @@ from agonic.fleet.settings import FleetSettings
 from agonic.io.dataset import Dataset, find_dataset
 from agonic.io.read import accepts
 from agonic.population import Row
+from agonic.provenance import as_text
 
 LOG_SUFFIXES = frozenset(
     (".csv", ".tsv", ".ulg", ".bin", ".tlog", ".parquet", ".mat", ".npz", ".cdf", ".nc")
@@ -23,7 +24,7 @@ PARQUET = ".parquet"
 JOURNAL, TABLE, PAGE, SINGLE = "journal.sqlite", "fleet.parquet", "report.html", "calibrations"
 """The files of a fleet, and the folder of what is written of single logs."""
 RESULTS = (JOURNAL, f"{JOURNAL}-journal", TABLE, PAGE, SINGLE)
-"""No logs, where they lie beside a journal."""
+"""No logs, where a journal or both table and page are among them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ def _datasets(folder: Path, tables: Sequence[Path], asked: FleetSettings) -> Ite
     """
     if not tables:
         return
-    whole = _dataset(folder, asked)
+    whole = _dataset(folder, asked, tables)
     if whole is not None:
         yield whole
         return
@@ -107,12 +108,36 @@ def _datasets(folder: Path, tables: Sequence[Path], asked: FleetSettings) -> Ite
             yield found
 
 
-def _dataset(path: Path, asked: FleetSettings) -> Dataset | None:
+def _dataset(
+    path: Path, asked: FleetSettings, tables: Sequence[Path] | None = None
+) -> Dataset | None:
     """The dataset that a file or a folder is; one that cannot be is read file by file, as logs."""
+    files = None if tables is None else [str(table) for table in tables]
     try:
-        return find_dataset(path, asked.sensor_column, unit=asked.unit)
+        found = find_dataset(path, asked.sensor_column, unit=asked.unit, files=files)
     except (LogError, OSError):
         return None
+    return None if found and asked.sensor_column is None and _is_of_vehicles(found) else found
+
+
+def _is_of_vehicles(dataset: Dataset) -> bool:
+    """Whether the sensors have such names as those of one vehicle, in each file: mag0, MAG2."""
+    from pyarrow.parquet import read_metadata
+
+    for file in dataset.files:
+        footer = read_metadata(file)
+        if dataset.sensor not in footer.schema.names:
+            return False
+        of_sensor = footer.schema.names.index(dataset.sensor)
+        for group in range(footer.num_row_groups):
+            known = footer.row_group(group).column(of_sensor).statistics
+            ends = (known.min, known.max) if known is not None and known.has_min_max else (None,)
+            if not all(isinstance(end, str) and _OF_VEHICLE.fullmatch(end) for end in ends):
+                return False
+    return True
+
+
+_OF_VEHICLE = re.compile(r"(sensor_)?(mag|compass|magnetometer)[ _]?\[?\d?\]?", re.IGNORECASE)
 
 
 def _files_of(dataset: Dataset) -> Iterator[str]:
@@ -133,6 +158,7 @@ def identified(path: str, rows: Sequence[Row], pattern: str | None) -> list[Row]
     >>> [one.sensor for one in identified("a/7.csv", [row, row], r"(\\w+)/")]
     ['a mag', 'a mag']
     """
+    path = as_text(path)
     named = None if pattern is None else _group(re.search(pattern, path))
     ids = [row.device_id for row in rows]
 
@@ -167,7 +193,7 @@ def _matches(name: str) -> list[str]:
 def _files(folder: str) -> Iterator[Path]:
     """All files in a folder and those below, but for hidden ones and results of a fleet."""
     for base, below, files in os.walk(folder):
-        results = RESULTS if JOURNAL in files else ()
+        results = RESULTS if JOURNAL in files or {TABLE, PAGE} <= set(files) else ()
         below[:] = sorted(n for n in below if not n.startswith(".") and n not in results)
         for name in files:
             path = Path(base, name)

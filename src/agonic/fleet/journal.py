@@ -31,6 +31,15 @@ create table if not exists datasets(work text primary key, content blob);
 create table if not exists given(work text primary key, undated text) without rowid;
 """
 _UNUSABLE = "delete it, and all logs are calibrated again"
+_NONE = f"is damaged, or no journal of a fleet ({{}}); {_UNUSABLE}"
+_CANNOT = "cannot be written ({})"
+_WRONG = {
+    sqlite3.SQLITE_BUSY: "is in use ({}): another run writes to this folder",
+    sqlite3.SQLITE_FULL: "{}; make room, and the same command goes on from there",
+    sqlite3.SQLITE_CANTOPEN: _CANNOT,
+    sqlite3.SQLITE_READONLY: _CANNOT,
+    sqlite3.SQLITE_IOERR: _CANNOT,
+}
 
 
 class State(NamedTuple):
@@ -75,12 +84,8 @@ class Journal:
             self._db.execute("begin exclusive")
             for statement in _TABLES.split(";"):
                 self._db.execute(statement)
-        except sqlite3.OperationalError as error:
-            raise AgonicError(
-                f"{path}: cannot be used ({error}); is another run writing to this folder?"
-            ) from None
-        except sqlite3.DatabaseError as error:
-            raise AgonicError(f"{path}: is no journal of a fleet ({error}); {_UNUSABLE}") from None
+        except sqlite3.Error as error:
+            raise self._told(error) from None
 
     def __enter__(self) -> Self:
         return self
@@ -90,7 +95,18 @@ class Journal:
         traceback: TracebackType | None,
     ) -> None:  # fmt: skip
         with closing(self._db):
-            self._db.execute("commit")
+            try:
+                if not isinstance(error, sqlite3.Error):
+                    self._db.execute("commit")
+            except sqlite3.Error as failed:
+                error = failed
+        if isinstance(error, sqlite3.Error):
+            raise self._told(error) from None
+
+    def _told(self, error: sqlite3.Error) -> AgonicError:
+        """What is wrong with the file, and what helps."""
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        return AgonicError(f"{self._path}: {_WRONG.get(code, _NONE).format(error)}")
 
     def content(self, path: str, state: State | None = None) -> str | None:
         """The digest of a file's content as it was last read, where `state` is still the same."""

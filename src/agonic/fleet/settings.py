@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 
 from agonic.errors import AgonicError, check_choice
+from agonic.field.decimal_year import decimal_year
+from agonic.reference import Reference
 from agonic.units import canonical
 from agonic.version import __version__
 
@@ -51,6 +53,10 @@ class FleetSettings:
         check_choice("method", self.method, METHODS)
         if self.unit is not None:
             canonical(self.unit)
+        if self.date is not None:
+            decimal_year(self.date)
+        if self.field_nT is not None:
+            Reference.constant(self.field_nT)
         if self.name is not None:
             try:
                 re.compile(self.name)

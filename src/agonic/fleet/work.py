@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ from agonic.io.log import Log
 from agonic.io.pieces import is_long, open_mission
 from agonic.io.read import open_log
 from agonic.population import Row
-from agonic.provenance import sha256_of
+from agonic.provenance import as_text, sha256_of
 from agonic.report.folder import file_stem, write_folder
 from agonic.samples import Samples
 from agonic.version import __version__
@@ -109,8 +110,8 @@ def _long(path: str, settings: FleetSettings) -> tuple[Log, list[Calibrated | Ex
 def facts(path: str, sha256: str, settings: FleetSettings, channel: str = "") -> dict[str, Any]:
     """What a row of a log says beside its figures; the caller may know the sensor better."""
     return {
-        "sensor": Path(path).stem,
-        "source": path,
+        "sensor": as_text(Path(path).stem),
+        "source": as_text(path),
         "sha256": sha256,
         "key": digest(sha256, channel, settings.asked),
         "settings": settings.asked,
@@ -133,12 +134,12 @@ def sentence(error: Exception, path: str) -> str:
 
 def unread(path: str, reason: str, settings: FleetSettings, *, lasting: bool = False) -> Done:
     """The row of a log that could not be opened."""
-    try:
-        content = sha256_of(Path(path))
-    except OSError:
-        content, lasting = "", False
+    content = ""
+    with suppress(OSError):
+        if Path(path).is_file():  # a pipe would be waited for
+            content = sha256_of(Path(path))
     row = refused(reason, **facts(path, content, settings), channel="")
-    return Done(content, (row,), lasting)
+    return Done(content, (row,), lasting and bool(content))
 
 
 def outcome_of(
@@ -167,7 +168,7 @@ def _written(
     """
     if not (settings.files or settings.reports):
         return {}
-    own = Path(SINGLE, f"{file_stem(log.path.stem)}-{log.source.sha256[:8]}")
+    own = Path(SINGLE, f"{file_stem(log.path.stem)[:60]}-{log.source.sha256[:8]}")
     make_folder(folder / own)
     files = {
         result.samples.name: {"calibration": f"{file_stem(result.samples.name)}.json"}
@@ -175,7 +176,7 @@ def _written(
         if result.verdict != "refused"
     }
     if settings.reports:
-        write_folder(results, folder / own, title=log.path.name, stack=log.stack)
+        write_folder(results, folder / own, title=log.source.name, stack=log.stack)
         for result in results:
             files.setdefault(result.samples.name, {})["report"] = "report.html"
     else:

@@ -17,11 +17,10 @@ from agonic.kernels.discoveries import discoveries
 from agonic.kernels.robust_spread import robust_spread
 from agonic.kernels.tails import Tail, tail_of
 from agonic.population import Population, outliers
+from agonic.population.outlier import usual_rate
 
 Array = NDArray[np.float64]
 
-RATE = 0.02
-"""Of all sensors named, the share that chance may have named at most."""
 LEAST = 8
 """Fewer sensors do not tell what is usual among them."""
 _KINDS = {"bias": slice(0, 3), "gain": slice(3, 6), "cross": slice(6, 9)}
@@ -41,7 +40,7 @@ class Departure:
     p_value: float
 
 
-def departures(history: History, *, rate: float = RATE) -> tuple[Departure, ...]:
+def departures(history: History, *, rate: float | None = None) -> tuple[Departure, ...]:
     """The sensors of a history that left their population.
 
     The last good calibration of each is set against those of all others, as `outliers` does it, and
@@ -52,7 +51,7 @@ def departures(history: History, *, rate: float = RATE) -> tuple[Departure, ...]
     Parameters
     ----------
     history : of many sensors; fewer than eight do not tell what is usual.
-    rate : the false discovery rate.
+    rate : the false discovery rate; default: 3 %, and up to 10 % among a few dozen sensors.
 
     Returns them in the order of their names.
 
@@ -94,7 +93,7 @@ def beside(drift: Drift, departed: Iterable[Departure]) -> Drift:
     return replace(drift, findings=(*drift.findings, *found))
 
 
-def moves(latest: Population, previous: Population, rate: float = RATE) -> list[Departure]:
+def moves(latest: Population, previous: Population, rate: float | None = None) -> list[Departure]:
     """The sensors that moved unlike the others between two calibrations of each.
 
     >>> from agonic.population import Row
@@ -108,6 +107,8 @@ def moves(latest: Population, previous: Population, rate: float = RATE) -> list[
     [('s07', 'move')]
     """
     now, then = _pairs(latest, previous)
+    if rate is None:
+        rate = usual_rate(len(now))
     found: list[Departure] = []
     for units in sorted({*zip(now["unit_in"], now["unit_out"], strict=True)}, key=str):
         same = (now["unit_in"] == units[0]) & (now["unit_out"] == units[1])

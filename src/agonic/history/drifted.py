@@ -93,7 +93,8 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
     population : the calibrations of one sensor in order of time, as `History.of` gives them.
     at : the date for which the parameters are predicted, now without.
 
-    Raises `AgonicError` where there is no calibration, or `at` is before the first.
+    Raises `AgonicError` where there is no calibration, one has no date, or `at` is before
+    the first.
 
     Source: Harvey, Koopman, J. Bus. Econ. Stat. 10 (1992) 377; Patterson, Thompson, Biometrika 58
     (1971) 545.
@@ -116,6 +117,8 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
         raise AgonicError("there is no calibration to follow")
     compared = comparable(population)
     chosen = population.select(compared)
+    if None in chosen["start"].tolist():
+        raise AgonicError("a calibration has no date; a History dates those that are added to it")
     time = np.array([start.timestamp() for start in chosen["start"]])
     if len(time) and moment.timestamp() < time[0]:
         raise AgonicError(f"{moment:%Y-%m-%d} is before the first calibration")

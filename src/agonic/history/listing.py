@@ -63,7 +63,9 @@ def _sensors(columns: dict[str, NDArray[Any]]) -> tuple[Index, Index]:
 def _like_last(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> NDArray[np.bool_]:
     """The rows of each sensor with a bias, and the channel and unit of the last."""
     of = np.repeat(last - 1, last - first)
-    keep = np.isfinite(columns["bias_x"] + columns["bias_y"] + columns["bias_z"])
+    keep = np.ones(len(of), dtype=bool)
+    for axis in "xyz":
+        keep &= np.isfinite(columns[f"bias_{axis}"]) & ~np.isinf(columns[f"bias_{axis}_sd"])
     for name in ("channel", "unit_in"):
         keep &= np.asarray(columns[name] == columns[name][of], dtype=bool)
     return np.asarray(keep, dtype=bool)

@@ -35,10 +35,13 @@ class Parameters(NamedTuple):
 def comparable(population: Population) -> NDArray[np.intp]:
     """The rows that can be compared with the last calibration: its channel, its units.
 
+    Their biases are known, within bounds.
+
     >>> comparable(Population.of([])).tolist()
     []
     """
-    rows = np.flatnonzero(population.fitted & np.isfinite(population.bias).all(axis=1))
+    known = np.isfinite(population.bias) & ~np.isinf(population.bias_sd)
+    rows = np.flatnonzero(population.fitted & known.all(axis=1))
     if not len(rows):
         return rows
     same = np.ones(len(rows), dtype=bool)
@@ -48,18 +51,17 @@ def comparable(population: Population) -> NDArray[np.intp]:
 
 
 def parameters(population: Population) -> Parameters:
-    """The parameters of every row.
+    """The parameters of every row; those without bounds are not known.
 
     >>> parameters(Population.of([])).values.shape
     (0, 9)
     """
-    matrix, matrix_sd = population.matrix, np.nan_to_num(population.matrix_sd)
+    matrix, matrix_sd = population.matrix, np.nan_to_num(population.matrix_sd, posinf=np.inf)
     axes = np.arange(3)
     values = np.hstack([population.bias, matrix[:, axes, axes], population.cross])
-    sd = np.hstack(
-        [np.nan_to_num(population.bias_sd), matrix_sd[:, axes, axes], population.cross_sd]
-    )
-    return Parameters(values, sd, _units(population))
+    bias_sd = np.nan_to_num(population.bias_sd, posinf=np.inf)
+    sd = np.hstack([bias_sd, matrix_sd[:, axes, axes], population.cross_sd])
+    return Parameters(np.where(np.isfinite(sd), values, np.nan), sd, _units(population))
 
 
 def _units(population: Population) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from agonic.health import Finding
 from agonic.population import Population, Row
 from agonic.population.population import COLUMNS, dtype_of
+from agonic.provenance import as_text
 
 APPLICATION = 0x61676E63
 """Written into the file's head, so that other SQLite files are told apart: "agnc"."""
@@ -72,7 +73,7 @@ def entry_of(row: Row, now: datetime) -> list[Any]:
     >>> len(entry_of(row, now)) == INSERT.count("?"), entry_of(row, now)[1] == now.timestamp()
     (True, True)
     """
-    values = list(_VALUES(row))
+    values = [_written(value) for value in _VALUES(row)]
     if row.key:
         identity = _digest(row.sensor, row.channel, row.key)
     elif row.sha256:
@@ -114,4 +115,9 @@ def _column(name: str, values: Sequence[Any]) -> NDArray[Any]:
 
 
 def _digest(*parts: str) -> bytes:
-    return blake2b("\0".join(parts).encode(), digest_size=16).digest()
+    return blake2b(as_text("\0".join(parts)).encode(), digest_size=16).digest()
+
+
+def _written(value: Any) -> Any:
+    """A value as the file can hold it: names of files may have bytes that are no text."""
+    return as_text(value) if isinstance(value, str) and not value.isascii() else value

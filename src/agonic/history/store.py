@@ -18,6 +18,7 @@ from agonic.errors import LogError
 from agonic.history import schema
 from agonic.population import Population, Row
 from agonic.population.population import COLUMNS, dtype_of
+from agonic.provenance import as_text
 
 WAIT_S = 60.0
 """How long to wait while another process writes."""
@@ -82,6 +83,8 @@ class History:
             raise LogError(
                 "there is no such history; agonic calibrate --store makes one", path=path
             )
+        if not path.absolute().parent.is_dir():
+            raise LogError(f"there is no folder {path.absolute().parent}; create it", path=path)
         mode = "rwc" if new else "rw"
         try:
             database = sqlite3.connect(
@@ -156,20 +159,21 @@ class History:
         findings of the row say so. Raises `LogError` for a sensor that is not there.
         """
         rows = self._read(
-            f"SELECT {', '.join(COLUMNS)} {_CURRENT} AND sensor = ? ORDER BY time, id", (sensor,)
+            f"SELECT {', '.join(COLUMNS)} {_CURRENT} AND sensor = ? ORDER BY time, id",
+            (as_text(sensor),),
         )
         if not rows:
             raise LogError(
                 f"there is no sensor {sensor!r}; agonic history lists them", path=self.path
             )
-        return schema.population_of(rows)
+        return self._population(rows)
 
     def latest(self, before: int = 0) -> Population:
         """The last good calibration of each sensor (of one without any, the last to be checked).
 
         Parameters: before, how many calibrations earlier; sensors that have fewer are left out.
         """
-        return schema.population_of(self._read(_RANKED, (before + 1,)))
+        return self._population(self._read(_RANKED, (before + 1,)))
 
     def columns(self, *names: str) -> dict[str, NDArray[Any]]:
         """Some columns of all calibrations that are not refused, by sensor and time.
@@ -182,10 +186,15 @@ class History:
             "ORDER BY sensor, time, id"
         )
         columns = list(zip(*rows, strict=True)) or [()] * len(known)
-        return {
-            name: np.array(values, dtype=np.float64 if name == "time" else dtype_of(name))
-            for name, values in zip(known, columns, strict=True)
-        }
+        with _understood(self.path):
+            return {
+                name: np.array(values, dtype=np.float64 if name == "time" else dtype_of(name))
+                for name, values in zip(known, columns, strict=True)
+            }
+
+    def _population(self, rows: list[Any]) -> Population:
+        with _understood(self.path):
+            return schema.population_of(rows)
 
     def _read(self, query: str, values: tuple[Any, ...] = ()) -> list[Any]:
         with _told(self.path):
@@ -246,6 +255,17 @@ def _told(path: Path) -> Iterator[None]:
         elif "locked" in said:
             said = f"another process has been writing for {WAIT_S:.0f} s; try again"
         raise LogError(said, path=path) from None
+
+
+@contextmanager
+def _understood(path: Path) -> Iterator[None]:
+    """Values that no calibration has, as `LogError`."""
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        raise LogError(
+            f"damaged, a row holds what no calibration has: {error}", path=path
+        ) from None
 
 
 def _moment(seconds: float) -> datetime:

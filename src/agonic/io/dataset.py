@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from agonic.errors import LogError, MissingExtraError
+from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.io.columns import Column, Identified, identified, understood
 from agonic.provenance import sha256_of
 from agonic.units import RAW, canonical, nanotesla_per
@@ -125,8 +125,9 @@ def _axes(columns: dict[str, Column]) -> tuple[str, str, str]:
 
 
 def find_dataset(
-    path: Path | str, sensor_column: str | None = None, *, unit: str | None = None
-) -> Dataset | None:
+    path: Path | str, sensor_column: str | None = None, *, unit: str | None = None,
+    files: Sequence[str] | None = None,
+) -> Dataset | None:  # fmt: skip
     """The dataset that a Parquet file or a folder of them is; None where it is none.
 
     Parameters
@@ -135,11 +136,13 @@ def find_dataset(
         are columns.
     sensor_column : the column that tells sensors apart; without, one of `SENSOR_COLUMNS`.
     unit : of the field where no column names one.
+    files : those of the folder that are its parts; without, all tables that are below.
 
-    Raises `LogError` where a column was named that is not there, or two could be meant.
+    Raises `LogError` where a column was named that is not there, `AgonicError` where two could be
+    meant.
     """
     path = Path(path)
-    readable, damaged = _readable(_parquet_files(path))
+    readable, damaged = _readable(_parquet_files(path) if files is None else sorted(files))
     if not readable:
         return None
     with connected() as db:
@@ -161,10 +164,12 @@ def without_damaged(dataset: Dataset) -> Dataset:
     with connected() as db:
         for file in dataset.files:
             try:
-                every = ", ".join(map(quoted, dataset.columns))
-                db.execute(f"select max(hash({every})) from {table([file])}").fetchall()
+                used = ", ".join(map(quoted, (dataset.sensor, *dataset.headers)))
+                db.execute(f"select max(hash({used})) from {table([file])}").fetchall()
             except database_error() as error:
-                damaged.append((file, _first_line(error)))
+                other = type(error).__name__ == "BinderException"
+                why = "it lacks columns of the others, give it by itself: " if other else ""
+                damaged.append((file, why + _first_line(error)))
     lost = {file for file, _ in damaged}
     files = tuple(file for file in dataset.files if file not in lost)
     if not files:
@@ -219,7 +224,9 @@ def _parquet_files(path: Path) -> list[str]:
     return sorted(
         str(file)
         for file in path.rglob("*")
-        if file.suffix.lower() in _SUFFIXES and not file.name.startswith((".", "_"))
+        if file.suffix.lower() in _SUFFIXES
+        and not file.name.startswith((".", "_"))
+        and file.is_file()
     )
 
 
@@ -234,7 +241,7 @@ def _readable(files: Sequence[str]) -> tuple[tuple[str, ...], tuple[tuple[str, s
     for file in files:
         try:
             rows = read_metadata(file).num_rows
-        except (ArrowException, OSError) as error:
+        except (ArrowException, OSError, UnicodeError) as error:
             damaged.append((file, _first_line(error)))
             continue
         if rows:
@@ -261,10 +268,10 @@ def _sensor_column(columns: dict[str, str], given: str | None, path: Path) -> st
     known = {_plain(name) for name in SENSOR_COLUMNS}
     found = [name for name in columns if _plain(name) in known]
     if len(found) > 1:
-        raise LogError(
-            f"{' and '.join(found)} could both tell the sensors apart; say which "
-            "(--sensor-column)", path=path,
-        )  # fmt: skip
+        raise AgonicError(
+            f"{path}: {' and '.join(found)} could both tell the sensors apart; say which "
+            "(--sensor-column)"
+        )
     return found[0] if found else None
 
 

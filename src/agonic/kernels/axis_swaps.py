@@ -82,7 +82,7 @@ def _table(parameters: Array, sd: Array, centre: Array, spread: Array) -> Array:
         for own in range(first, first + 3):
             for mirrored in (0, 1):
                 value = -parameters[:, own] if mirrored else parameters[:, own]
-                scale = np.sqrt(spread[theirs] ** 2 + np.nan_to_num(sd[:, own]) ** 2)
+                scale = np.sqrt(spread[theirs] ** 2 + np.nan_to_num(sd[:, own], posinf=np.inf) ** 2)
                 z = (value - centre[theirs]) / scale
                 log = -0.5 * (_DOF + 1) * np.log1p(z**2 / _DOF) - np.log(scale)
                 table[theirs, own, mirrored] = np.where(np.isfinite(log), log, 0.0)

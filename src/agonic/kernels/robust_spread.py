@@ -47,7 +47,7 @@ def _column(values: Array, sd: Array) -> tuple[float, float]:
     if not len(values):
         return np.nan, np.nan
     centre = float(np.median(values))
-    variance = np.nan_to_num(sd) ** 2
+    variance = np.nan_to_num(sd, posinf=np.inf) ** 2
     spread = 0.0
     some = slice(None, None, 1 + len(values) // _ENOUGH)
     for _ in range(3):

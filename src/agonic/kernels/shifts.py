@@ -21,6 +21,8 @@ Index = NDArray[np.intp]
 
 FEWEST = 8
 """With fewer values a shift cannot be told from scatter of unknown size."""
+LAST = 5
+"""From so many values on the last one is held against those before it."""
 _WINDOW = 96  # values looked through at a time; windows overlap by half
 _MOST = 20  # shifts
 _SHARES = (0.9, 0.05, 0.05)  # of the chance, for shifts that none, one or two others hide
@@ -78,7 +80,7 @@ def _next(many: Sequence[Series], found: Sequence[Shift], chance: float) -> Shif
     n = len(many[0].time) if many else 0
     last, held_back, ways = Shift(n - 1, True, 1.0, ()), [*found], len(many)
     for share in _SHARES:
-        if n - len(held_back) < FEWEST or (share != _SHARES[0] and not any(map(_jumps, many))):
+        if n - len(held_back) < LAST or (share != _SHARES[0] and not any(map(_jumps, many))):
             break
         held = [joined(series, held_back, k) for k, series in enumerate(many)]
         allowed = 0.5 * share * chance
@@ -86,6 +88,8 @@ def _next(many: Sequence[Series], found: Sequence[Shift], chance: float) -> Shif
             new = _judged(held, last, ways, allowed)
             if new:
                 return new
+        if n - len(held_back) < FEWEST:
+            break
         candidates = [s for s in _candidates(n) if not _taken(s, held_back)]
         suspect = _suspect(held, candidates)
         if suspect is None:

@@ -24,6 +24,7 @@ SCATTER = 0.02  # of the field's magnitude, of single readings
 MUCH = 0.3  # of the readings
 STUCK = 50  # repeats in a row
 OFF_MODEL = 0.15  # of the world model's magnitude
+SURE = 4.0  # standard errors of the mean gain
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,10 +66,16 @@ def guidance(
     close = coverage.heading_sd_deg <= params.target_deg
     done = close and not findings
     return Guidance(
-        say="enough: accept the result" if done else nextturn.words(turn),
+        say="enough: accept the result" if done else _words(turn),
         done=done, present=present / np.linalg.norm(present), wanted=wanted, turn=turn,
         findings=tuple(findings),
     )  # fmt: skip
+
+
+def _words(turn: Array) -> str:
+    """The turn in words; a hand that is told to hold still would not move again."""
+    small = np.abs(np.degrees(turn)).max() < nextturn.SMALLEST_DEG
+    return "go on turning" if small else nextturn.words(turn)
 
 
 def _wanted(params: LiveParams, found: Found, present: Array) -> Array:
@@ -159,14 +166,17 @@ def _off_model(params: LiveParams, calibration: Affine) -> list[Finding]:
         return []
     gain = float(np.trace(calibration.matrix)) / 3
     off = 1 / gain - 1
-    if abs(off) < OFF_MODEL:
+    assert calibration.covariance is not None
+    sd = np.sqrt(calibration.covariance[3:6, 3:6].sum()) / 3 / gain
+    if abs(off) < max(OFF_MODEL, SURE * sd * (1 + off)):
         return []
     word = "above" if off > 0 else "below"
     return [
         Finding(
             "off the model",
             "check",
-            f"the field measured is {figure(100 * abs(off))} % {word} the {params.source}",
+            f"the field measured is {figure(100 * abs(off))} % {word} the "
+            f"{params.source.removeprefix('the ')}",
             "check the place and the unit, or move away from iron",
         )
     ]

@@ -23,6 +23,10 @@ FEWEST_BOXES = 5
 FEWEST_TO_JUDGE = 100
 """Readings that a fit must have before others are held against it."""
 
+FIRM = 1e6
+"""The condition above which a fit is no judge: where little was seen it may lie at the end of a
+long bent valley, far off and sure of itself."""
+
 GROWTH = 1.1
 """The fit that readings are held against is made anew when there are so many times as many."""
 
@@ -68,6 +72,8 @@ def _rejudged(params: LiveParams, state: LiveState) -> LiveState:
     boxes, judge = state.voxels, None
     if boxes is not None and 2 * state.held <= state.n and boxes.counts.sum() >= FEWEST_TO_JUDGE:
         judge = _fit(params, state.n, boxes, state.judge)
+        if judge is not None and judge.condition > FIRM:
+            judge = None
     return replace(state, judge=judge, judged_at=state.n)
 
 

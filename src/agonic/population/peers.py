@@ -100,14 +100,14 @@ class Peers:
     @cached_property
     def quantities(self) -> Mapping[str, Quantity]:
         """What is compared, by name: bias, gain, cross, magnitude, noise, spread."""
-        matrix, errors = self._matrix, np.nan_to_num(self.population.matrix_sd[self.rows])
+        matrix, errors = self._matrix, _errors(self.population.matrix_sd[self.rows])
         gain, gain_sd = matrix[:, range(3), range(3)], errors[:, range(3), range(3)]
         usual = float(np.nanmedian(np.abs(gain))) if np.isfinite(gain).any() else 1.0
         cross, cross_sd = self.population.cross[self.rows], self.population.cross_sd[self.rows]
         readings = np.maximum(self.population["rows"][self.rows], 10)
         log_sd = 1.0 / np.sqrt(2.0 * readings)[:, None]
         bias = self.population.bias[self.rows]
-        bias_sd = np.nan_to_num(self.population.bias_sd[self.rows])
+        bias_sd = _errors(self.population.bias_sd[self.rows])
         least = MATTERS * self.field if np.isfinite(self.field) else 0.0
         return {
             "bias": _quantity(bias, bias_sd, least),
@@ -176,6 +176,11 @@ def _one_a_sensor(population: Population) -> list[int]:
         if key not in chosen or worth > chosen[key][0]:
             chosen[key] = (worth, row)
     return sorted(row for _, row in chosen.values())
+
+
+def _errors(sd: Array) -> Array:
+    """Standard errors, none where they are not known; what has no bounds stays without."""
+    return np.nan_to_num(sd, posinf=np.inf)
 
 
 def _quantity(values: Array, sd: Array, least: float) -> Quantity:

@@ -111,7 +111,7 @@ class Population:
     def cross_sd(self) -> Array:
         """(n, 3); where xy and yx have errors of their own, of their mean."""
         i, j = np.array(PAIRS).T
-        errors = np.nan_to_num(self.matrix_sd)
+        errors = np.nan_to_num(self.matrix_sd, posinf=np.inf)
         once = (self["gauge"] == "symmetric")[:, None]
         both = 0.5 * np.hypot(errors[:, i, j], errors[:, j, i])
         return np.where(once, errors[:, i, j], both)

@@ -102,7 +102,7 @@ def link(path: str) -> str:
     >>> link("reports/a b#1.html"), link("javascript:alert(1)")
     ('reports/a%20b%231.html', 'javascript%3Aalert%281%29')
     """
-    return quote(path.replace("\\", "/"), safe="/")
+    return quote(path.replace("\\", "/"), safe="/", errors="backslashreplace")
 
 
 def _lines(texts: Iterable[str]) -> bytes:

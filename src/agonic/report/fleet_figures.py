@@ -20,19 +20,20 @@ MOST_DOTS = 1500
 """Points that are drawn where the page's script does not run."""
 
 _MARGIN = 0.06
+_LEAST = 1e-3  # of a value that all share, shown to either side: labels stay short
 
 
-def reach(values: Array, label: str, beyond: float = 1.0) -> Axis:
+def reach(values: Array, label: str, beyond: float = 1.5) -> Axis:
     """An axis over the bulk of the values: a few that lie far out do not squeeze the others.
 
-    It goes no further than `beyond` times the width of the inner nine tenths past them.
+    It goes no further than `beyond` times the width of the inner eight tenths past them.
 
     >>> axis = reach(np.r_[np.linspace(0.0, 1.0, 99), 1e6], "")
     >>> bool(axis.low < 0.0), bool(1.0 < axis.high < 3.0)
     (True, True)
     """
-    low, first, last, high = np.percentile(values, (0, 5, 95, 100))
-    wide = max(last - first, 1e-9 * max(abs(first), abs(last)), 1e-12)
+    low, first, last, high = np.percentile(values, (0, 10, 90, 100))
+    wide = max(last - first, _LEAST * max(abs(first), abs(last)), 1e-12)
     low, high = max(low, first - beyond * wide), min(high, last + beyond * wide)
     margin = _MARGIN * max(high - low, wide)
     return Axis(label, float(low - margin), float(high + margin))
@@ -85,7 +86,7 @@ def scatter(
 
 def biases(group: Peers, number: int, bias: Array, noted: NDArray[np.bool_], unit: str) -> Markup:
     """Bias x against y and z against y, on axes of the same length."""
-    axes = [reach(bias[:, k], f"bias {name}, {unit}", 3.0) for k, name in enumerate("xyz")]
+    axes = [reach(bias[:, k], f"bias {name}, {unit}", 4.0) for k, name in enumerate("xyz")]
     widest = max(axis.high - axis.low for axis in axes)
     x, y, z = (_widened(axis, widest) for axis in axes)
     outside = np.zeros(len(bias), dtype=bool)

@@ -77,8 +77,9 @@ def _key_figures(drift: Drift) -> Markup:
         entries.append(("Over", _span(span), f"{min(starts):%Y-%m-%d} to {max(starts):%Y-%m-%d}"))
     if drift.trends:
         worst = max(_trends(drift, "bias") or drift.trends, key=lambda one: _sd_at(one, drift.at))
-        known = quantity(_sd_at(worst, drift.at), worst.unit, 2)
-        entries.append(("Known to", f"± {known}", f"{worst.name} on {drift.at:%Y-%m-%d}"))
+        sd = _sd_at(worst, drift.at)
+        known = f"± {rounded(sd, sd)} {worst.unit}".rstrip()
+        entries.append(("Known to", known, f"{worst.name} on {drift.at:%Y-%m-%d}"))
     steps = sum(event.kind == "step" for event in drift.events)
     entries.append(("Steps", str(steps), "told from drift and scatter"))
     return key_figures(entries)
@@ -203,9 +204,8 @@ def _drifts(drift: Drift) -> Markup:
     head = ["Parameter", f"On {drift.at:%Y-%m-%d}", "Drift a year", "Chance", "Scatter", "Walk"]
     rows = []
     for one in drift.trends:
-        value, slope, scatter = figures(one, drift.at)
-        walk = quantity(one.walk, one.unit, 2)
-        rows.append([one.name, value, slope, _chance(one.p_value), scatter, walk])
+        value, slope, *sizes = figures(one, drift.at)
+        rows.append([one.name, value, slope, _chance(one.p_value), *sizes])
     note = (
         "Chance: how often scatter and walk alone make such a drift. Scatter: what calibrations "
         "differ by beyond their standard errors. Walk: how far the parameter wanders in a year."

@@ -12,7 +12,7 @@ import numpy as np
 from agonic.history import Departure, Drift, Event, Kept, Trend
 from agonic.history.schema import UNDATED
 from agonic.population import Row
-from agonic.report.digits import counted, grouped, minused, quantity, rounded, signed, with_sd
+from agonic.report.digits import counted, grouped, minused, rounded, signed, with_sd
 from agonic.report.text import SIGNS, WIDTH
 from agonic.report.verdict import moves, sentence
 
@@ -161,20 +161,21 @@ def lines(drift: Drift) -> Iterator[str]:
         yield ""
         yield f"{'':10}{f'on {drift.at:%Y-%m-%d}':<30}{'drift a year':<30}scatter"
     for one in drift.trends:
-        value, slope, scatter = figures(one, drift.at)
+        value, slope, scatter, _ = figures(one, drift.at)
         yield f"  {one.name:<9}{value:<30}{slope:<30}{scatter}".rstrip()
     for move in moves(drift.findings)[:1]:
         yield ""
         yield f"Next      {sentence(move)}"
 
 
-def figures(one: Trend, at: datetime) -> tuple[str, str, str]:
-    """A parameter at a moment, its drift in a year, and its scatter, as people read them."""
+def figures(one: Trend, at: datetime) -> tuple[str, str, str, str]:
+    """A parameter at a moment, its drift in a year, scatter and walk, as people read them."""
     band = one.at(np.array([at.timestamp()]))
     unit = f" {one.unit}" if one.unit else ""
+    scatter, walk = (f"{rounded(size, size)}{unit}" for size in (one.scatter, one.walk))
     value = with_sd(float(band.mean[0]), float(band.sd[0])) + unit
     slope = signed(with_sd(one.slope, one.slope_sd)) + unit
-    return value, slope, quantity(one.scatter, one.unit, 2)
+    return value, slope, scatter, walk
 
 
 def _date(row: Row) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from threading import Event as Flag
@@ -98,7 +99,8 @@ class Connected:
                 yield from self._listen(stop)
             except OSError as error:
                 if not lost:
-                    reason = error.strerror or str(error)
+                    known = error.errno is not None and error.errno > 0  # not of a host's name
+                    reason = os.strerror(error.errno or 0) if known else error.strerror or error
                     yield Said(False, f"no connection to {self.name} ({reason}); trying again")
                 lost = True
                 stop.wait(RETRY_S)

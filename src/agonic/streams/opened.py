@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event as Flag
@@ -14,7 +15,7 @@ from agonic.streams.device import Device
 from agonic.streams.events import Event
 from agonic.streams.links import Link, SerialLink, TcpLink, UdpLink
 from agonic.streams.played import replayed, simulated
-from agonic.units import RAW
+from agonic.units import RAW, canonical
 
 BAUD = 115_200
 FORMS = (
@@ -56,6 +57,9 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
     >>> open_source("udp://:14550").name, open_source("sim", speed=0).name
     ('UDP port 14550', 'the simulation')
     """
+    canonical(unit or RAW)
+    if not 0 <= speed < math.inf:
+        raise AgonicError(f"a speed of {speed:g} is none: 1 is its own, 0 as fast as possible")
     scheme, _, rest = text.partition(":")
     mavlink, wire = scheme.startswith("mavlink+"), scheme.removeprefix("mavlink+")
     if wire in ("serial", "udp", "tcp") and rest:
@@ -103,6 +107,8 @@ def _settings(query: str) -> dict[str, Any]:
             given[name] = _SETTINGS[name](value)
         except ValueError:
             raise AgonicError(f"{name}={value} is no number") from None
+        if name not in ("kind", "seed") and not given[name] > 0:
+            raise AgonicError(f"{name}={value}: it must be above zero")
     if "rate" in given:
         given["rate_Hz"] = given.pop("rate")
     return given

@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
@@ -146,13 +147,14 @@ async def _tell(websocket: WebSocket, session: Session) -> None:
             if k == len(seen):
                 seen.append((shown, 0))
             before, count = seen[k]
-            if before is not shown:  # begun anew
+            if before is not shown:  # begun anew: no rows, which is to forget the others
                 count = 0
+                await websocket.send_bytes(points(k, 0, shown.at, np.empty((0, 3), np.float32)))
             total = shown.total
             rows = shown.since(max(count, total - MOST), MOST)[:MOST_POINTS]
             count = max(count, total - MOST) + len(rows) if len(rows) else count
             seen[k] = (shown, count)
-            if len(rows) or before is not shown:
+            if len(rows):
                 await websocket.send_bytes(points(k, count, shown.at, rows))
         await asyncio.sleep(max(FRAME_S - (time.monotonic() - began), 0.001))
 

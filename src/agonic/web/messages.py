@@ -147,6 +147,20 @@ def asked(text: str | bytes) -> Asked | None:
     return found
 
 
+def read_back(listed: list[Setting]) -> str:
+    """What came of writing, in words."""
+    missing = [one.name for one in listed if one.read_back is None]
+    wrong = [
+        one.name for one in listed
+        if one.read_back is not None and abs(one.read_back - one.new) > 1e-4 + 1e-5 * abs(one.new)
+    ]  # fmt: skip
+    if missing:
+        return f"written, but the device did not tell {', '.join(missing)}: do not rely on it"
+    if wrong:
+        return f"the device keeps another value of {', '.join(wrong)}: do not rely on it"
+    return "written and read back: the device has it"
+
+
 def points(sensor: int, total: int, sent_at: float, rows: NDArray[np.float32]) -> bytes:
     """Readings (n, 3) of the sensor at that position, the last of which is the `total`-th.
 

@@ -16,7 +16,7 @@ from agonic.report.folder import Written, file_stem, write_folder
 from agonic.samples import Samples
 from agonic.streams import Chunk, Said, Source
 from agonic.streams.device import Change, Device
-from agonic.web.messages import Outcome, Sensor, Setting, Status
+from agonic.web.messages import Outcome, Sensor, Setting, Status, read_back
 from agonic.web.plan import Plan
 from agonic.web.shown import Shown
 from agonic.web.unfinished import Unfinished
@@ -43,7 +43,7 @@ class Session:
         self._sensors: list[Sensor] = []
         self._version = self._accepted = 0
         self._outcomes: list[Outcome] = []
-        self._busy, self._trouble = False, ""
+        self._busy, self._trouble, self._unsaved = False, "", ""
         self._offer: tuple[str, list[Setting], str] = ("", [], "")
         self.results: list[Calibrated] = []
         self.written: dict[str, Written] = {}
@@ -66,13 +66,20 @@ class Session:
         self._save()
 
     @property
+    def parting(self) -> str:
+        """What is left of the session when it is stopped, in words."""
+        return (
+            self._trouble or self._unsaved or self._unfinished.parting(accepted=bool(self.written))
+        )
+
+    @property
     def status(self) -> Status:
         """Where the session stands."""
         with self._lock:
             return Status(
                 version=self._version, connected=self._heard.connected, ended=self._heard.ended,
                 heard=self._heard.text, sensors=self._sensors, accepted=self._accepted,
-                outcomes=self._outcomes, busy=self._busy, trouble=self._trouble,
+                outcomes=self._outcomes, busy=self._busy, trouble=self._trouble or self._unsaved,
                 device="" if self.source.device is None else self.source.device.name,
                 offered=self._offer[0], offer=self._offer[1], device_says=self._offer[2],
                 notes=list(self._notes),
@@ -117,7 +124,7 @@ class Session:
             changes = [Change(one.name, one.old, one.new) for one in listed]
             read = self._device().write(changes, self._result(sensor).fit.calibration)
             listed = [Setting(one.name, one.old, one.new, read.get(one.name)) for one in listed]
-            says = _read_back(listed)
+            says = read_back(listed)
         except (AgonicError, OSError) as error:
             says = f"not written: {error}"
         with self._lock:
@@ -165,6 +172,7 @@ class Session:
             outcomes, trouble = [], f"{type(error).__name__}: {error}"
         with self._lock:
             self._outcomes, self._trouble, self._busy = outcomes, trouble, False
+            self._unsaved = ""
             self._accepted += 1
             self._notes = []
             for result in self.results:
@@ -225,6 +233,7 @@ class Session:
     def _take(self, chunk: Chunk) -> None:
         with self._lock:
             if self.plan.sensor not in (None, chunk.sensor):
+                self._pass_over(chunk.sensor)
                 return
             watched = self._watched.get(chunk.sensor)
             if watched is None:
@@ -235,6 +244,13 @@ class Session:
                 self._watched[chunk.sensor] = watched
                 self._go_on(watched)
             watched.take(chunk)
+
+    def _pass_over(self, sensor: str) -> None:
+        """Say once that a sensor is heard that was not asked for."""
+        note = f"{sensor} is heard and left aside: only {self.plan.sensor} was asked for"
+        if note not in self._notes and len(self._notes) < MOST_SENSORS:
+            self._notes.append(note)
+            self._changed()
 
     def _go_on(self, watched: Watched) -> None:
         """Take a sensor up where it was left."""
@@ -249,10 +265,9 @@ class Session:
         with self._lock:
             stands = {n: (one.params, one.live.state) for n, one in self._watched.items()}
         trouble = self._unfinished.save(stands)
-        if trouble:
-            with self._lock:
-                self._trouble = trouble
-                self._changed()
+        with self._lock:
+            self._unsaved = trouble
+            self._changed()
 
     def _digest(self) -> None:
         while not self._stop.is_set():
@@ -270,20 +285,6 @@ class Session:
 
     def _changed(self) -> None:
         self._version += 1
-
-
-def _read_back(listed: list[Setting]) -> str:
-    """What came of writing, in words."""
-    missing = [one.name for one in listed if one.read_back is None]
-    wrong = [
-        one.name for one in listed
-        if one.read_back is not None and abs(one.read_back - one.new) > 1e-4 + 1e-5 * abs(one.new)
-    ]  # fmt: skip
-    if missing:
-        return f"written, but the device did not tell {', '.join(missing)}: do not rely on it"
-    if wrong:
-        return f"the device keeps another value of {', '.join(wrong)}: do not rely on it"
-    return "written and read back: the device has it"
 
 
 def in_background(work: Callable[[], object]) -> None:

@@ -71,6 +71,13 @@ class Unfinished:
             self._saved[name] = state.n
         return ""
 
+    def parting(self, *, accepted: bool) -> str:
+        """What is left when the program stops, in words."""
+        if self._saved:
+            total = f"{sum(self._saved.values()):,} readings"
+            return f"Stopped; {total} saved in {self._folder}: the same command goes on from there"
+        return f"Stopped; the results are in {self._folder}" if accepted else "Stopped"
+
     def finish(self, sensor: str) -> None:
         """The result of a sensor is written: there is nothing to go on with."""
         self._finished.add(sensor)

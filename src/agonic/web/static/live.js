@@ -234,7 +234,6 @@
       numbers(now.numbers);
       const device = part(".device");
       device.hidden = !status.device;
-      device.disabled = now.heading_sd_deg === null || status.busy;
       canvas.setAttribute("aria-label", `Sphere of directions: ${seen} of 80 seen. ${now.say}.`);
       dirty = true;
     }
@@ -283,6 +282,7 @@
     return {
       name, points, update, draw,
       add(bytes) { points.add(bytes); dirty = true; },
+      allow(busy) { part(".device").disabled = busy || !told || told.heading_sd_deg === null; },
       remove() { article.remove(); },
       stale() { dirty = true; strength.restyle(); course.restyle(); },
     };
@@ -292,6 +292,19 @@
 
   function ask(message) {
     if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  }
+
+  // What can be asked for: nothing while the server is away, and no second thing while one is done.
+  function allow() {
+    const away = !socket || socket.readyState !== WebSocket.OPEN;
+    const known = status && status.sensors.some((one) => one.heading_sd_deg !== null);
+    const busy = Boolean(status && status.busy);
+    find("accept").disabled = away || !known;
+    find("accept").setAttribute("aria-disabled", String(away || !known || busy)); // keeps the focus
+    find("restart").disabled = away || busy;
+    sensors.forEach((one) => one.allow(away || busy));
+    find("write").disabled = away || busy || !status || !status.offer.length
+      || status.offer.some((setting) => setting.read_back !== null);
   }
 
   function heard(words, state) {
@@ -361,7 +374,6 @@
       });
       return row;
     }));
-    find("write").disabled = now.busy || now.offer.some((s) => s.read_back !== null) || !now.offer.length;
     text(find("leave"), now.offer.some((s) => s.read_back !== null) ? "Close" : "Leave it");
     if (!dialog.open) dialog.showModal();
   }
@@ -378,15 +390,14 @@
     find("notes").hidden = !now.notes.length;
     find("waiting").hidden = sensors.length > 0;
     find("finish").hidden = sensors.length === 0;
-    const fitted = now.sensors.filter((one) => one.heading_sd_deg !== null);
     const good = now.sensors.length > 0 && now.sensors.every((one) => one.done);
-    find("accept").disabled = now.busy || fitted.length === 0;
     text(find("accept"), now.busy ? "Working …" : "Accept and write the files");
     text(find("enough"), good ? "Enough: the target is reached." : "You can go on turning: the target is not reached yet.");
     find("trouble").hidden = !now.trouble;
     text(find("trouble"), now.trouble);
     outcomes(now.outcomes);
     offer(now);
+    allow();
     speak(now);
     document.body.dataset.version = now.version;
   }
@@ -427,12 +438,23 @@
     socket.addEventListener("message", message);
     socket.addEventListener("close", () => {
       heard("the program that serves this page has stopped, or is out of reach; trying again", "");
+      allow();
+      find("confirm").close(); // nobody would hear the answer
       setTimeout(connect, 1000);
     });
   }
 
-  find("accept").addEventListener("click", () => ask({ type: "accept" }));
-  find("restart").addEventListener("click", () => ask({ type: "restart" }));
+  find("accept").addEventListener("click", () => { if (!status.busy) ask({ type: "accept" }); });
+  find("restart").addEventListener("click", () => {
+    const total = status.sensors.reduce((sum, one) => sum + one.n, 0);
+    text(find("forget-says"), `${total.toLocaleString("en")} readings would be thrown away. Files that were written stay.`);
+    find("forget").showModal();
+  });
+  find("keep").addEventListener("click", () => find("forget").close());
+  find("throw").addEventListener("click", () => {
+    find("forget").close();
+    ask({ type: "restart" });
+  });
   find("write").addEventListener("click", () => ask({ type: "write", sensor: status.offered }));
   const leave = () => ask({ type: "offer", sensor: "" });
   find("leave").addEventListener("click", leave);

@@ -1,0 +1,118 @@
+"""Names, files and journals that a fleet meets in the field."""
+
+import os
+import socket
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+from tests.fleet.boards import run_here, write_boards
+
+from agonic.errors import AgonicError
+from agonic.fleet.distributed import Dask
+from agonic.fleet.inputs import JOURNAL, find
+from agonic.fleet.journal import Journal
+from agonic.fleet.settings import FleetSettings
+
+
+def write_table(path: Path, sensors: list[str], **more: list[str]) -> None:
+    draw = np.random.default_rng(len(path.name))
+    path.parent.mkdir(exist_ok=True)
+    names = np.tile(sensors, 300)
+    way = draw.normal(size=(len(names), 3))
+    field = 50_000 * way / np.linalg.norm(way, axis=1, keepdims=True) + draw.normal(size=way.shape)
+    columns = {f"mag_{axis}_nT": field[:, i] for i, axis in enumerate("xyz")}
+    parquet.write_table(pa.table({"sensor": names, **more, **columns}), path)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names there are Unicode")
+def test_any_name_of_a_file_will_do(tmp_path: Path) -> None:
+    write_boards(tmp_path, 3)
+    names = [os.fsdecode(b"bad\xff.csv"), "a\n'b\".csv", "n" * 250 + ".csv"]
+    for k, name in enumerate(names):
+        os.rename(tmp_path / f"board{k:03}.csv", tmp_path / name)
+    settings = FleetSettings(reports=True)
+    done = run_here(tmp_path, out=tmp_path / "out", settings=settings)
+    assert set(done.population["sensor"]) == {"bad\\udcff", "a\n'b\"", "n" * 250}
+    assert all((tmp_path / "out" / row.report).is_file() for row in done.population)
+    assert run_here(tmp_path, out=tmp_path / "out", settings=settings).resumed == 3
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+@pytest.mark.parametrize("name", ["pipe.csv", "pipe.parquet"])
+def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    done = run_here(tmp_path / name, out=tmp_path / "out")
+    assert "not a file" in done.population["status"][0]
+    write_table(tmp_path / "a.parquet", ["s"])
+    assert run_here(tmp_path, out=tmp_path / "out").datasets == 1
+
+
+def test_results_are_no_part_of_a_dataset(tmp_path: Path) -> None:
+    write_table(tmp_path / "in" / "a.parquet", ["s", "t"])
+    out = tmp_path / "in" / "out"
+    first = run_here(tmp_path / "in", out=out)
+    (out / JOURNAL).unlink()
+    again = run_here(tmp_path / "in", out=out)
+    assert first.population["key"].tolist() == again.population["key"].tolist()
+
+
+def test_a_journal_that_is_damaged_later_on_is_told_in_a_line(tmp_path: Path) -> None:
+    write_boards(tmp_path / "in", 1)
+    run_here(tmp_path / "in", out=tmp_path / "out")
+    journal = tmp_path / "out" / JOURNAL
+    content = bytearray(journal.read_bytes())
+    content[4096:] = bytes(byte ^ 0x5A for byte in content[4096:])
+    journal.write_bytes(content)
+    with pytest.raises(AgonicError, match=r"journal.sqlite: .*delete it"):
+        run_here(tmp_path / "in", out=tmp_path / "out")
+
+
+def fill(path: Path) -> None:
+    with Journal(path, work="w") as journal:
+        journal._db.execute("pragma max_page_count = 9")
+        journal._db.execute("insert into rows values ('w', 0, zeroblob(100000))")
+
+
+def test_a_full_disk_is_told_in_a_line(tmp_path: Path) -> None:
+    with pytest.raises(AgonicError, match="make room"):
+        fill(tmp_path / "journal")
+
+
+def test_sensors_named_as_on_a_vehicle_are_of_logs(tmp_path: Path) -> None:
+    for name in ("a.parquet", "b.parquet"):
+        write_table(tmp_path / "in" / name, ["mag0", "MAG[1]"])
+    assert len(find([tmp_path / "in"]).logs) == 2
+    assert len(find([tmp_path / "in"], FleetSettings(sensor_column="sensor")).datasets) == 1
+    write_table(tmp_path / "in" / "b.parquet", ["mag0", "mag17"])
+    assert len(find([tmp_path / "in"]).datasets) == 1
+
+
+def test_two_columns_of_sensors_are_asked_about(tmp_path: Path) -> None:
+    write_table(tmp_path / "a.parquet", ["s"], device=["d"] * 300)
+    with pytest.raises(AgonicError, match="say which"):
+        find([tmp_path])
+
+
+def test_one_magnetometer_of_a_dataset_can_be_taken(tmp_path: Path) -> None:
+    write_table(tmp_path / "a.parquet", ["s"])
+    for asked, verdict in (("mag", "good"), ("0", "good"), ("nope", "refused")):
+        done = run_here(tmp_path / "a.parquet", out=tmp_path / "out",
+                        settings=FleetSettings(sensor=asked))  # fmt: skip
+        assert done.population["verdict"].tolist() == [verdict]
+
+
+@pytest.mark.parametrize("wrong", [{"field_nT": -5.0}, {"date": "never"}])
+def test_what_no_log_can_use_is_told_at_once(wrong: dict[str, object]) -> None:
+    with pytest.raises(AgonicError):
+        FleetSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_nobody_at_an_address_is_told_within_seconds() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    for address in (f"tcp://127.0.0.1:{port}", "nonsense", "foo://x:1"):
+        with pytest.raises(AgonicError, match="does not answer"):
+            list(Dask(scheduler=address).run(abs, [1]))
