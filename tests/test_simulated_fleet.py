@@ -159,14 +159,18 @@ def test_the_dataset_holds_the_same_readings(
 ) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     path = write_dataset(tables(fleet), tmp_path / "all.parquet")
-    table = parquet.read_table(path).to_pandas()
+    table = {
+        name: np.array(column) for name, column in parquet.read_table(path).to_pydict().items()
+    }
     sensors = set(fleet.truth["sensor"]) | set(fleet.truth["source"][fleet.truth["original"] != ""])
     assert set(table["sensor"]) == sensors
     log = int(np.flatnonzero(fleet.truth["fault"] == "")[0])
     samples = ag.read(folder / f"{fleet.truth['source'][log]}.csv")
-    own = table[table["sensor"] == fleet.truth["sensor"][log]]
-    assert np.array_equal(own[[f"mag_{a}_nT" for a in "xyz"]], samples.field)
-    assert np.allclose(own[[f"acc_{a}_m_s2" for a in "xyz"]], samples.acceleration, atol=0.001)
+    own = table["sensor"] == fleet.truth["sensor"][log]
+    field = np.column_stack([table[f"mag_{a}_nT"][own] for a in "xyz"])
+    acceleration = np.column_stack([table[f"acc_{a}_m_s2"][own] for a in "xyz"])
+    assert np.array_equal(field, samples.field)
+    assert np.allclose(acceleration, samples.acceleration, atol=0.001)
 
 
 # ---- the command ---------------------------------------------------------------------------------
