@@ -8,9 +8,6 @@ UV     := $(shell command -v uv 2>/dev/null)
 # One core per worker: small matrices lose more to threads than they gain.
 export OPENBLAS_NUM_THREADS ?= 1
 
-# One more than the processors: tests of what is live mostly wait.
-TESTERS ?= $(shell $(PYTHON) -c "import os; print(1 + (os.cpu_count() or 1))")
-
 .DEFAULT_GOAL := help
 .PHONY: help demo test check format docs bench lock clean
 
@@ -21,7 +18,7 @@ demo: $(VENV)/.core  ## set up and run the main job on a simulated log
 	$(BIN)/agonic demo -o demo
 
 test: $(VENV)/.dev  ## set up and run every test
-	$(BIN)/python -m pytest -n $(TESTERS) --dist loadgroup
+	$(BIN)/python -m pytest -n auto --dist loadgroup
 
 check: $(VENV)/.dev  ## lint, types, layers, formatting
 	$(BIN)/ruff check .
