@@ -14,7 +14,7 @@ from agonic.campaign.description import stations
 from agonic.campaign.profile import Profile
 from agonic.campaign.recording import Campaign
 from agonic.campaign.thermometers import MINUTE_S, Course, courses
-from agonic.health import Finding, figure
+from agonic.health import Finding, figure, gravest_first
 
 Array = NDArray[np.float64]
 
@@ -249,7 +249,5 @@ def _holes(time: Array | None) -> Array:
 
 def listed(findings: Iterable[Finding]) -> str:
     """Findings one under the other, gravest first; "" where there are none."""
-    order = {"refuse": 0, "check": 1, "note": 2}
     signs = {"refuse": "✗", "check": "!", "note": "·"}
-    ranked = sorted(findings, key=lambda finding: order[finding.severity])
-    return "\n".join(f"{signs[f.severity]} {f.name}: {f.sentence}" for f in ranked)
+    return "\n".join(f"{signs[f.severity]} {f.name}: {f.sentence}" for f in gravest_first(findings))

@@ -12,7 +12,7 @@ from agonic.coverage import Coverage
 from agonic.fitting.ellipsoid.assemble import accuracy, unscaled
 from agonic.fitting.ellipsoid.from_many import Fits
 from agonic.fitting.ellipsoid.solve import in_words
-from agonic.health import Finding, misscaled, undetermined
+from agonic.health import Finding, misscaled, undetermined, verdict_of
 from agonic.health.finding import sentences
 from agonic.health.readings import left_out
 from agonic.io.grouped_moments import Grouped
@@ -50,7 +50,7 @@ def columns_of(
     for k in range(len(fits)):
         found = _findings(fits, grouped, k, unit)
         columns["findings"][k] = tuple(finding.name for finding in found)
-        columns["verdict"][k] = _verdict(found)
+        columns["verdict"][k] = verdict_of(found)
         columns["status"][k] = _status(fits, k, found, unit, scaled, inclination_deg)
     return columns
 
@@ -103,11 +103,6 @@ def _findings(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
         lost, total = int(grouped.left_out[k]), int(grouped.count[k] + grouped.left_out[k])
         found += left_out({"NaN or infinite field": lost}, total)
     return [finding for finding in found if finding is not None]
-
-
-def _verdict(found: list[Finding]) -> str:
-    severities = {finding.severity for finding in found}
-    return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
 
 
 def _status(

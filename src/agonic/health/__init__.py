@@ -8,7 +8,16 @@ from agonic.health.evidence import (
     undetermined,
     wandered,
 )
-from agonic.health.finding import Finding, Judged, Severity, figure, sentences
+from agonic.health.finding import (
+    Finding,
+    Judged,
+    Severity,
+    Verdict,
+    figure,
+    gravest_first,
+    sentences,
+    verdict_of,
+)
 from agonic.health.mounting import misnamed, mounted
 from agonic.health.readings import FEWEST, describe, inspect, left_out, step, usable_rows
 from agonic.health.scale import misscaled
@@ -19,10 +28,12 @@ __all__ = [
     "Finding",
     "Judged",
     "Severity",
+    "Verdict",
     "describe",
     "examine",
     "examine_taught",
     "figure",
+    "gravest_first",
     "inspect",
     "left_out",
     "misnamed",
@@ -33,5 +44,6 @@ __all__ = [
     "strayed",
     "undetermined",
     "usable_rows",
+    "verdict_of",
     "wandered",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,6 +10,12 @@ import numpy as np
 
 Severity = Literal["note", "check", "refuse"]
 """A note needs no action, a check asks the user to look, a refusal forbids using the result."""
+
+
+_GRAVEST_FIRST: tuple[Severity, ...] = ("refuse", "check", "note")
+
+Verdict = Literal["good", "check", "refused"]
+"""What a result is worth: to be used, to be looked at, not to be used."""
 
 
 def figure(value: float, digits: int = 2) -> str:
@@ -41,6 +48,27 @@ class Finding:
         return f"{self.what}; {self.move}" if self.move else self.what
 
 
+def gravest_first(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
+    """Findings with refusals first and notes last, each kind in its order; None is left out.
+
+    >>> found = (Finding("gap", "note", ""), None, Finding("drift", "check", ""))
+    >>> [finding.name for finding in gravest_first(found)]
+    ['drift', 'gap']
+    """
+    found = (finding for finding in findings if finding is not None)
+    return tuple(sorted(found, key=lambda finding: _GRAVEST_FIRST.index(finding.severity)))
+
+
+def verdict_of(findings: Iterable[Finding]) -> Verdict:
+    """`good`, `check` or `refused`, by the gravest of the findings.
+
+    >>> verdict_of([]), verdict_of([Finding("plane", "refuse", "all readings lie in a plane")])
+    ('good', 'refused')
+    """
+    severities = {finding.severity for finding in findings}
+    return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+
+
 class Judged:
     """A result that says what it is worth: its `findings` give the verdict, its `remarks` figures.
 
@@ -57,8 +85,7 @@ class Judged:
     @property
     def verdict(self) -> str:
         """`good`, `check` or `refused`."""
-        severities = {finding.severity for finding in self.findings}
-        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+        return verdict_of(self.findings)
 
     @property
     def ok(self) -> bool:

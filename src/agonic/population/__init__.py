@@ -5,7 +5,7 @@ from agonic.population.duplicate import Duplicate, duplicates
 from agonic.population.outlier import Outlier, outliers
 from agonic.population.peers import Peers
 from agonic.population.population import Population
-from agonic.population.row import Row, Verdict
+from agonic.population.row import Row
 from agonic.population.table import read_population, write_population
 
 __all__ = [
@@ -15,7 +15,6 @@ __all__ = [
     "Peers",
     "Population",
     "Row",
-    "Verdict",
     "compare",
     "duplicates",
     "outliers",

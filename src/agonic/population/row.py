@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal
 
-Verdict = Literal["good", "check", "refused"]
+from agonic.health import Verdict
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -8,6 +8,7 @@ from agonic.fitting.inflight import InflightFit
 from agonic.fitting.tracking import Coefficients
 from agonic.report import inflight_figures as figures
 from agonic.report import inflight_tables as tables
+from agonic.report.blocks import key_figures
 from agonic.report.digits import counted, grouped, minused, quantity
 from agonic.report.documents import document, static
 from agonic.report.inflight_attitude import currents, direction
@@ -121,19 +122,7 @@ def _key_figures(flight: Flight) -> Markup:
         "Readings": (
             grouped(int(np.count_nonzero(used))), f"of {counted(len(used), 'reading')}"),
     }  # fmt: skip
-    return element(
-        "dl",
-        *(
-            element(
-                "div",
-                element("dt", name),
-                element("dd", value, class_="value"),
-                element("dd", note, class_="aside"),
-            )
-            for name, (value, note) in entries.items()
-        ),
-        class_="key-figures",
-    )
+    return key_figures((name, value, note) for name, (value, note) in entries.items())
 
 
 def _bias(flight: Flight) -> list[Markup]:

@@ -19,7 +19,7 @@ from agonic.calibration.retraining import (
 from agonic.errors import AgonicError
 from agonic.fitting import retraining
 from agonic.fitting.retraining import Judgement, Unseen
-from agonic.health import Finding, figure, sentences
+from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.io.retrainfile import load_retrainer, save_retrainer
 from agonic.kernels import cusum
 from agonic.reference import Reference
@@ -232,8 +232,7 @@ class Retrainer:
     @property
     def verdict(self) -> str:
         """`good`, `check` or `refused`."""
-        severities = {finding.severity for finding in self.findings}
-        return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+        return verdict_of(self.findings)
 
     @property
     def ok(self) -> bool:

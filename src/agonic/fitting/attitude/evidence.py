@@ -14,7 +14,16 @@ from agonic.fit import Channel, Fit, ModelTest
 from agonic.fitting.attitude import restored
 from agonic.fitting.attitude.normalised import Scale
 from agonic.fitting.attitude.settings import Settings
-from agonic.health import Evidence, Finding, examine_taught, figure, inspect, misscaled, mounted
+from agonic.health import (
+    Evidence,
+    Finding,
+    examine_taught,
+    figure,
+    gravest_first,
+    inspect,
+    misscaled,
+    mounted,
+)
 from agonic.kernels import taught
 from agonic.kernels.coverage import visits
 from agonic.kernels.tilt import heading_by_vectors_deg
@@ -235,8 +244,7 @@ def _findings(
                 "check the heading, its unit and its zero, or fit without it (levelled)",
             )
         )
-    order = ("refuse", "check", "note")
-    return tuple(sorted(found, key=lambda finding: order.index(finding.severity)))
+    return gravest_first(found)
 
 
 def _remarks(fit: Fit, tilt_sd: float | None, problem: taught.Problem) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, stdtr
 
 from agonic.calibration.deviation import Deviation, heading_name
-from agonic.health import Finding, figure
+from agonic.health import Finding, figure, gravest_first
 from agonic.kernels import deviation as kernel
 from agonic.kernels import swing
 from agonic.kernels.leastsq import correlation_length
@@ -63,8 +63,7 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     if stray is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
     others = (_folded(evidence), shape, stray, *spread, _third(evidence), _left_out(evidence))
-    order = ("refuse", "check", "note")
-    return tuple(sorted((f for f in others if f), key=lambda f: order.index(f.severity)))
+    return gravest_first(others)
 
 
 def listed(headings_deg: Array) -> str:

@@ -13,7 +13,7 @@ from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.solve import Found
-from agonic.health import Finding, figure, misscaled
+from agonic.health import Finding, figure, gravest_first, misscaled
 from agonic.kernels import gauge as gauges
 from agonic.reference import Reference
 
@@ -108,7 +108,5 @@ def unscaled(magnitude: float, unit: str) -> str:
 
 def finished(fit: Fit, more: tuple[Finding | None, ...]) -> Fit:
     """The fit with further findings, refusals first; a refused fit boasts of no accuracy."""
-    order = ("refuse", "check", "note")
-    found = [f for f in (*fit.findings, *more) if f is not None]
-    fit = replace(fit, findings=tuple(sorted(found, key=lambda f: order.index(f.severity))))
+    fit = replace(fit, findings=gravest_first((*fit.findings, *more)))
     return replace(fit, remarks=()) if fit.verdict == "refused" else fit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.fitting.inflight.causes import impossible_track, likely_cause
 from agonic.fitting.inflight.record import InflightFit
-from agonic.health import Finding, figure, inspect, misscaled
+from agonic.health import Finding, figure, gravest_first, inspect, misscaled
 from agonic.kernels.coverage import nearest_axis
 from agonic.samples import Samples
 
@@ -42,8 +42,7 @@ def examined(fit: InflightFit, task: Task, samples: Samples) -> InflightFit:
         *_strays(fit),
         *_attitude(fit),
     ]
-    order = ("refuse", "check", "note")
-    fit = replace(fit, findings=tuple(sorted(found, key=lambda f: order.index(f.severity))))
+    fit = replace(fit, findings=gravest_first(found))
     return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, task))
 
 

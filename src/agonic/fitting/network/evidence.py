@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.fitting.network.result import WORTH, NetworkFit
-from agonic.health import Finding, figure, inspect
+from agonic.health import Finding, figure, gravest_first, inspect
 from agonic.samples import Samples
 
 STRAYS_DOUBTFUL = 0.1
@@ -23,9 +23,7 @@ def examined(fit: NetworkFit, samples: Samples) -> NetworkFit:
         *_few(fit),
         *_unfinished(fit),
     ]
-    order = ("refuse", "check", "note")
-    findings = tuple(sorted(found, key=lambda f: order.index(f.severity)))
-    return replace(fit, findings=findings, remarks=_remarks(fit))
+    return replace(fit, findings=gravest_first(found), remarks=_remarks(fit))
 
 
 def _compared(fit: NetworkFit) -> list[Finding]:

@@ -19,7 +19,7 @@ from agonic.fitting.thermal.result import Anomaly, Fixture, ThermalFit
 from agonic.fitting.thermal.settings import Settings
 from agonic.fitting.thermal.solved import Solved, solved
 from agonic.fitting.thermal.spread import spread_of
-from agonic.health import Finding, figure
+from agonic.health import Finding, figure, gravest_first
 from agonic.kernels.binned import Binned
 from agonic.kernels.chamber import UNREST
 from agonic.provenance import Provenance
@@ -129,8 +129,7 @@ def fit_binned(
         *recordings.of_recordings(sums, left_out, chosen),
         *evidence.of_fit(fit, of, sums, result.turns),
     ]
-    order = ("refuse", "check", "note")
-    fit = replace(fit, findings=tuple(sorted(findings, key=lambda f: order.index(f.severity))))
+    fit = replace(fit, findings=gravest_first(findings))
     return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, reference))
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.calibration.thermal import Thermal
-from agonic.fit import ModelTest
-from agonic.health import Finding, Judged
+from agonic.fit import Estimated, ModelTest
+from agonic.health import Finding
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class Anomaly:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ThermalFit(Judged):
+class ThermalFit(Estimated):
     """A temperature calibration and what it rests on.
 
     `taught_by` is "magnitude", "turns" or "vector". `residuals` are those of the means of bins,
@@ -138,15 +138,3 @@ class ThermalFit(Judged):
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     remarks: tuple[str, ...] = ()
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance (a, a) of `calibration.parameters`."""
-        covariance = self.calibration.covariance
-        assert covariance is not None, "a fit always carries a covariance"
-        return covariance
-
-    @property
-    def sd(self) -> Array:
-        """Standard errors of the same."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
