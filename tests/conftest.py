@@ -2,12 +2,15 @@
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import settings
+
+Derivative = Callable[..., np.ndarray]
 
 # The same examples every time, and none failed for the machine being busy.
 settings.register_profile("steady", derandomize=True, deadline=None)
@@ -41,3 +44,41 @@ def chromium() -> Iterator[Any]:
         )
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def derivative() -> Derivative:
+    """The derivative of a function of a vector by central differences, last axis the vector's."""
+
+    def differences(function: Callable, at: np.ndarray, steps: np.ndarray | float) -> np.ndarray:
+        at = np.asarray(at, dtype=float)
+        sizes = np.broadcast_to(steps, at.shape)
+        columns = [
+            (function(at + size * axis) - function(at - size * axis)) / (2 * size)
+            for size, axis in zip(sizes, np.eye(len(at)), strict=True)
+        ]
+        return np.stack(columns, axis=-1)
+
+    return differences
+
+
+@pytest.fixture
+def opened(chromium: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
+    """Opens a report as a file in a page of its own, which keeps its requests and complaints."""
+    contexts = []
+
+    def open_page(text: str, **settings: Any) -> Any:
+        path = tmp_path / "report.html"
+        path.write_text(text, encoding="utf-8")
+        contexts.append(chromium.new_context(**settings))
+        page = contexts[-1].new_page()
+        page.requests, page.complaints = [], []
+        page.on("request", lambda request: page.requests.append(request.url))
+        page.on("console", lambda message: page.complaints.append(message.text))
+        page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.goto(path.as_uri())
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()

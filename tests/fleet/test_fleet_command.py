@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.fleet.boards import write_bad, write_boards
 
 from agonic.cli import run
 from agonic.fleet import work
 from agonic.history import History
 from agonic.population import read_population
+from tests.fleet.boards import write_bad, write_boards
 
 
 @pytest.fixture(scope="module")

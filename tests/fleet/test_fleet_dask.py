@@ -11,13 +11,13 @@ import pytest
 pytest.importorskip("distributed")
 
 import distributed
-from tests.fleet.boards import run_here, write_bad, write_boards
-from tests.fleet.deadly import fatal, squared
 
 from agonic.errors import AgonicError
 from agonic.fleet.distributed import Dask
 from agonic.fleet.engine import Lost
 from agonic.fleet.run import run_fleet
+from tests.fleet.boards import run_here, write_bad, write_boards
+from tests.fleet.deadly import fatal, squared
 
 
 @pytest.fixture(scope="module")

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
-from tests.fleet.boards import run_here, write_boards
 
 from agonic.errors import AgonicError
 from agonic.fleet.inputs import find, identified
 from agonic.fleet.settings import FleetSettings
 from agonic.population import Row
+from tests.fleet.boards import run_here, write_boards
 
 
 def names(*inputs: Path | str) -> list[str]:

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import psutil
 import pytest
-from tests.fleet.boards import run_here, write_boards
-from tests.fleet.deadly import deadly_once, fatal, squared
 
 from agonic.errors import AgonicError
 from agonic.fleet.engine import Lost
 from agonic.fleet.local import Processes
 from agonic.fleet.run import run_fleet
 from agonic.fleet.settings import FleetSettings
+from tests.fleet.boards import run_here, write_boards
+from tests.fleet.deadly import deadly_once, fatal, squared
 
 
 def test_each_task_has_its_result_once() -> None:

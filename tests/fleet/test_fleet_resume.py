@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.fleet.boards import run_here, write_bad, write_boards
 
 from agonic.errors import AgonicError
 from agonic.fleet import work
@@ -19,6 +18,7 @@ from agonic.fleet.inputs import JOURNAL
 from agonic.fleet.journal import Journal
 from agonic.fleet.run import FleetRun, run_fleet
 from agonic.fleet.settings import FleetSettings
+from tests.fleet.boards import run_here, write_bad, write_boards
 
 LOGS = 30
 

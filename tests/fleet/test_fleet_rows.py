@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.fleet.boards import run_here, write_bad, write_boards
 
 from agonic.calibrated import Calibrated
 from agonic.cli import run
@@ -15,6 +14,7 @@ from agonic.fleet.settings import FleetSettings
 from agonic.io.calfile import load
 from agonic.io.read import sensors
 from agonic.population import read_population
+from tests.fleet.boards import run_here, write_bad, write_boards
 
 
 @pytest.fixture(scope="module")

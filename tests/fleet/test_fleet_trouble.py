@@ -8,13 +8,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
-from tests.fleet.boards import run_here, write_boards
 
 from agonic.errors import AgonicError
 from agonic.fleet.distributed import Dask
 from agonic.fleet.inputs import JOURNAL, find
 from agonic.fleet.journal import Journal
 from agonic.fleet.settings import FleetSettings
+from tests.fleet.boards import run_here, write_boards
 
 
 def write_table(path: Path, sensors: list[str], **more: list[str]) -> None:

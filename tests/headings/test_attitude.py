@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.headings.flights import flight, off_deg, plain, setup_for, truth_of
 
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.setup import Setup
@@ -19,6 +18,7 @@ from agonic.kernels.angles import angle_deg
 from agonic.kernels.rotation import down_b
 from agonic.samples import Samples
 from agonic.simulation import simulate
+from tests.headings.flights import flight, off_deg, plain, setup_for, truth_of
 
 GRAVITY = 9.80665
 

@@ -10,7 +10,6 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.headings.flights import FIELD, flight, off_deg, plain, setup_for, truth_of
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
@@ -22,6 +21,7 @@ from agonic.headings import heading
 from agonic.headings.propagation import passed, steps_of, variances
 from agonic.reference import Reference
 from agonic.simulation import simulate
+from tests.headings.flights import FIELD, flight, off_deg, plain, setup_for, truth_of
 
 DRAWS = 200
 SD_WITHIN = 3 / np.sqrt(2 * DRAWS)

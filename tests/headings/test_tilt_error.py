@@ -8,11 +8,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.headings.flights import FIELD, off_deg, plain, setup_for, truth_of
 
 from agonic.headings import Heading, heading
 from agonic.samples import Samples
 from agonic.simulation import simulate
+from tests.headings.flights import FIELD, off_deg, plain, setup_for, truth_of
 
 SEEDS = range(6)
 LEAN = np.radians(0.5) * 9.80665

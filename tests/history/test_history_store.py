@@ -166,7 +166,7 @@ def test_what_fails_half_way_leaves_nothing(path: Path) -> None:
 KILLED = """
 import sys
 sys.path.insert(0, {tests!r})
-from test_history_store import History, row
+from tests.history.test_history_store import History, row
 with History.open({path!r}) as history:
     for batch in range(10_000):
         history.add(row(k, f"s{{batch}}") for k in range(50))
@@ -176,7 +176,7 @@ with History.open({path!r}) as history:
 
 @pytest.mark.parametrize("after", [3, 17])
 def test_what_add_returned_for_survives_a_kill(path: Path, after: int) -> None:
-    code = KILLED.format(tests=str(Path(__file__).parent), path=str(path))
+    code = KILLED.format(tests=str(Path(__file__).parents[2]), path=str(path))
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout
     done = -1
