@@ -152,11 +152,17 @@ def size_table(sensors: int, rows: int, folder: Path) -> str:
         work.start()
         told = ours.recv()
         work.join()
-        lines.append((
-            name, f"{told['all']:.1f}", f"{told['processors']:.1f}", f"{told['MB']:.0f}",
-            *(f"{told.get(stage, 0.0):.1f}" for stage in stages), f"{told['by rows']:.0f}",
-            f"{told['good']:.0f}",
-        ))  # fmt: skip
+        lines.append(
+            (
+                name,
+                f"{told['all']:.1f}",
+                f"{told['processors']:.1f}",
+                f"{told['MB']:.0f}",
+                *(f"{told.get(stage, 0.0):.1f}" for stage in stages),
+                f"{told['by rows']:.0f}",
+                f"{told['good']:.0f}",
+            )
+        )
     head = ("order of rows", "s", "processor s", "MB", *stages, "sensors by rows", "good")
     return tables.markdown(head, lines)
 
@@ -175,11 +181,17 @@ def compared(name: str, path: Path, settings: FleetSettings) -> list[str]:
     without = int(((alone["verdict"] == "good") != (rows["verdict"] == "good")).sum())
     lost = all_z[np.isfinite(all_z).all(axis=1)]
     return [
-        name, str(len(found)), str(int(kept.sum())), f"{np.sqrt(np.nanmean(z**2)):.3f}",
-        f"{np.percentile(worst, 99):.2f}", f"{worst.max():.2f}",
-        str(int((found["model"] != rows["model"])[kept].sum())), str(other), str(without),
+        name,
+        str(len(found)),
+        str(int(kept.sum())),
+        f"{np.sqrt(np.nanmean(z**2)):.3f}",
+        f"{np.percentile(worst, 99):.2f}",
+        f"{worst.max():.2f}",
+        str(int((found["model"] != rows["model"])[kept].sum())),
+        str(other),
+        str(without),
         f"{np.median(np.abs(lost).max(axis=1)):.2f}",
-    ]  # fmt: skip
+    ]
 
 
 def _over_sd(left: Population, right: Population) -> Array:
@@ -202,9 +214,17 @@ def comparison(n: int, folder: Path) -> str:
         compared("mixed", kept(folder / "mixed.parquet", mixed(n)), FleetSettings()),
     ]
     head = (
-        "fleet", "sensors", "kept", "kept: rms z", "99 % of z below", "largest z",
-        "other model", "other verdict", "without rows, other", "others by moments: median z",
-    )  # fmt: skip
+        "fleet",
+        "sensors",
+        "kept",
+        "kept: rms z",
+        "99 % of z below",
+        "largest z",
+        "other model",
+        "other verdict",
+        "without rows, other",
+        "others by moments: median z",
+    )
     return tables.markdown(head, lines)
 
 
@@ -250,9 +270,13 @@ def main() -> None:
     with TemporaryDirectory() as name:
         folder = Path(name)
         parts = [
-            introduction, size_table(sensors, ROWS, folder), COMPARISON.format(n=n, m=n),
-            comparison(n, folder), CENTRES, centre_table(),
-        ]  # fmt: skip
+            introduction,
+            size_table(sensors, ROWS, folder),
+            COMPARISON.format(n=n, m=n),
+            comparison(n, folder),
+            CENTRES,
+            centre_table(),
+        ]
     tables.publish("fleet_dataset", parts, keep=not asked.quick)
 
 

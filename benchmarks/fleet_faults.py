@@ -147,20 +147,37 @@ def page(sums: Mapping[str, Named]) -> str:
     ordered = [name for name in RIGHT if name in sums]
     lines = [
         (
-            name, str(one.planted), share(one.verdict, one), share(one.note, one),
-            share(one.population, one), share(one.alarmed, one), share(one.rightly, one),
+            name,
+            str(one.planted),
+            share(one.verdict, one),
+            share(one.note, one),
+            share(one.population, one),
+            share(one.alarmed, one),
+            share(one.rightly, one),
         )
         for name, one in ((name, sums[name]) for name in ordered)
-    ]  # fmt: skip
+    ]
     good = sums[""]
     lines.append(
-        ("**good**", str(good.planted), share(good.verdict, good), share(good.note, good),
-         share(good.population, good), share(good.alarmed, good), "")
-    )  # fmt: skip
+        (
+            "**good**",
+            str(good.planted),
+            share(good.verdict, good),
+            share(good.note, good),
+            share(good.population, good),
+            share(good.alarmed, good),
+            "",
+        )
+    )
     header = (
-        "fault", "logs", "by verdict", "by a note", "by population", "alarmed",
+        "fault",
+        "logs",
+        "by verdict",
+        "by a note",
+        "by population",
+        "alarmed",
         "for the right reason",
-    )  # fmt: skip
+    )
     return pages.markdown(header, lines)
 
 
@@ -185,8 +202,10 @@ def main() -> None:
     sensors = min(asked.draws, 400) if asked.quick else asked.draws
     fleet = simulate_fleet(sensors, **SHARES, seed=1)
     parts = []
-    for title, way in (("A folder of CSV logs, with acceleration", of_logs),
-                       ("One Parquet dataset", of_dataset)):  # fmt: skip
+    for title, way in (
+        ("A folder of CSV logs, with acceleration", of_logs),
+        ("One Parquet dataset", of_dataset),
+    ):
         pages.progress(f"{title}: running")
         begun = time.monotonic()
         try:

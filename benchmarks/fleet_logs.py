@@ -56,9 +56,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="agonic-bench-") as name:
         folder = Path(name)
         write_logs(folder / "logs", logs)
-        print(INTRODUCTION.format(
-            logs=logs, rows=ROWS, workers=WORKERS, processors=len(os.sched_getaffinity(0))
-        ))  # fmt: skip
+        print(
+            INTRODUCTION.format(
+                logs=logs, rows=ROWS, workers=WORKERS, processors=len(os.sched_getaffinity(0))
+            )
+        )
         print()
         print(tables.markdown(("run", "seconds", "logs a second", "table"), _rows(folder, logs)))
     own, below = (resource.getrusage(who).ru_maxrss / 1024 for who in (_SELF, _CHILDREN))

@@ -152,9 +152,11 @@ def _fitted(path: Path, method: str) -> Spent:
     if not (fit.converged and fit.n == n and fit.ok):
         raise SystemExit(f"{method}: {fit.status}")
     return Spent(
-        *spent, peak_MB(), float(np.abs((fit.calibration.bias - BIAS) / fit.sd[:3]).max()),
+        *spent,
+        peak_MB(),
+        float(np.abs((fit.calibration.bias - BIAS) / fit.sd[:3]).max()),
         1 if method == "adjusted" else 1 + fit.iterations,
-    )  # fmt: skip
+    )
 
 
 def peak_MB() -> float:
@@ -193,9 +195,18 @@ def measured(
 # --- what is told ------------------------------------------------------------------------------
 
 HEADER = (
-    "rows", "file", "reading", "adjusted", "over reading", "likelihood", "over reading", "passes",
-    "without numba", "checksum", "memory",
-)  # fmt: skip
+    "rows",
+    "file",
+    "reading",
+    "adjusted",
+    "over reading",
+    "likelihood",
+    "over reading",
+    "passes",
+    "without numba",
+    "checksum",
+    "memory",
+)
 
 
 def row(case: Case, spent: dict[str, Spent]) -> tuple[str, ...]:
@@ -207,11 +218,15 @@ def row(case: Case, spent: dict[str, Spent]) -> tuple[str, ...]:
     plain, check = spent.get("interpreted"), spent.get("opening")
     memory = max(spent[name].memory for name in spent if name not in ("reading", "opening"))
     return (
-        f"{case.rows:,}".replace(",", " "), case.name, f"{base:.2f} s", *told,
+        f"{case.rows:,}".replace(",", " "),
+        case.name,
+        f"{base:.2f} s",
+        *told,
         str(spent["likelihood"].passes),
         f"{plain.seconds:.2f} s ({plain.seconds / base:.2f})" if plain else "",
-        f"{check.seconds:.2f} s" if check else "", f"{memory:.0f} MB",
-    )  # fmt: skip
+        f"{check.seconds:.2f} s" if check else "",
+        f"{memory:.0f} MB",
+    )
 
 
 def extrapolated(spent: dict[int, dict[str, Spent]], name: str) -> tuple[float, float]:
@@ -294,8 +309,9 @@ def draw(
     for row, (name, (begin, slope)) in enumerate(costs.items()):
         ink = f'stroke="{COLOURS[name]}" fill="none"'
         for low, high, dash in (
-            (min(spent), max(spent), ""), (max(spent), top, ' stroke-dasharray="3 4"'),
-        ):  # fmt: skip
+            (min(spent), max(spent), ""),
+            (max(spent), top, ' stroke-dasharray="3 4"'),
+        ):
             line = [at(n, begin + slope * n) for n in np.geomspace(low, high, 40)]
             points = " ".join(f"{x},{y}" for x, y in line)
             parts.append(f'<polyline {ink} stroke-width="1.5"{dash} points="{points}"/>')

@@ -42,9 +42,11 @@ def cases(samples: Samples, calibration: Affine) -> dict[str, Callable[[], objec
     """What is timed, by name."""
     own = {"bias": calibration.bias, "matrix": calibration.matrix, "noise": 200.0}
     motors = Interference(
-        **own, sources=("current_A",), coefficients=[[50.0], [-30.0], [80.0]],
+        **own,
+        sources=("current_A",),
+        coefficients=[[50.0], [-30.0], [80.0]],
         covariance=np.diag([400.0] * 3 + [1e-6] * 6 + [4.0] * 3),
-    )  # fmt: skip
+    )
     card = Deviation(coefficients=[1.0, 3.0, 2.0, 0.5, 0.2], covariance=0.01 * np.eye(9))
     compass = Compass(calibration=calibration)
     known = {"declination_deg": 2.0, "horizontal": 25_000.0, "vertical": 43_301.0}

@@ -50,9 +50,11 @@ def score(case: Case, draws: int) -> Array:
         scores[seed, 0] = drawn.efficient / np.sqrt(np.diag(drawn.bound))
         for k, prior in enumerate(PRIORS):
             fit = ag.fit_ellipsoid(
-                drawn.samples, ag.Reference.constant(MAGNITUDE), model=case.model,
+                drawn.samples,
+                ag.Reference.constant(MAGNITUDE),
+                model=case.model,
                 soft_iron_sd=prior,
-            )  # fmt: skip
+            )
             error = _numbers(fit.calibration) - _numbers(drawn.truth)
             scores[seed, 1 + k] = error[own] / fit.sd[own]
     return scores
@@ -111,9 +113,16 @@ def run(draws: int, quick: bool = False, full: bool = False) -> None:
     grid = cases(quick, full)
     scores = over_cases("honesty", score, grid, [draws] * len(grid))
     header = (
-        "model", "directions", "n", "σ, nT", "outliers", "sd of error/σ", "in 95 %",
-        "sd, with prior", "in 95 %, with prior",
-    )  # fmt: skip
+        "model",
+        "directions",
+        "n",
+        "σ, nT",
+        "outliers",
+        "sd of error/σ",
+        "in 95 %",
+        "sd, with prior",
+        "in 95 %, with prior",
+    )
     honest = tables.markdown(header, map(row, grid, scores))
     even = [i for i, c in enumerate(grid) if c.coverage == "full sphere" and not c.outliers]
     prior = tables.markdown(

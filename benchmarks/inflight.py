@@ -109,9 +109,15 @@ def write_mission(folder: Path, files: int) -> tuple[Affine, Array]:
         tables.progress(f"mission: writing file {k + 1} of {files}")
         begun = START + timedelta(seconds=k * PER_FILE / 10)
         made = simulate_orbit(
-            n=PER_FILE, rate_Hz=10.0, noise=100.0, external=20.0, sensor=first.ground, seed=k,
-            pointing="tumble", epoch=begun,
-        )  # fmt: skip
+            n=PER_FILE,
+            rate_Hz=10.0,
+            noise=100.0,
+            external=20.0,
+            sensor=first.ground,
+            seed=k,
+            pointing="tumble",
+            epoch=begun,
+        )
         s = made.samples
         assert s.time is not None
         share = (k + np.arange(PER_FILE) / PER_FILE) / files
@@ -140,10 +146,14 @@ def out_of_core(files: int) -> tuple[list[tuple[str, ...]], dict[str, float]]:
     rows.append(("all", f"{total:.1f} s", f"{total / n * 1e6:.2f} µs"))
     thin = spent["fit of rows in memory"]
     facts = {
-        "n": n, "size": size, "passes": len(spent) - 2, "memory": memory,
+        "n": n,
+        "size": size,
+        "passes": len(spent) - 2,
+        "memory": memory,
         "minutes": ((total - thin) * 1e8 / n + thin) / 60,
-        "z": float(np.abs((bias - wanted) / sd).max()), "bias_sd": float(sd.max()),
-    }  # fmt: skip
+        "z": float(np.abs((bias - wanted) / sd).max()),
+        "bias_sd": float(sd.max()),
+    }
     return rows, facts
 
 

@@ -87,9 +87,13 @@ def ours(stopping: Any) -> Trainer:
 def scipy_of(method: Any) -> Trainer:
     def train(problem: marquardt.Problem, start: Array) -> Array:
         found = least_squares(
-            lambda w: residuals(problem, w), start, jac=lambda w: rows(problem, w),
-            method=method, max_nfev=300, ftol=1e-6,
-        )  # fmt: skip
+            lambda w: residuals(problem, w),
+            start,
+            jac=lambda w: rows(problem, w),
+            method=method,
+            max_nfev=300,
+            ftol=1e-6,
+        )
         return np.asarray(found.x)
 
     return train
@@ -105,8 +109,9 @@ def torch_of(name: str, steps: int) -> Trainer | None:
 
     def train(problem: marquardt.Problem, start: Array) -> Array:
         x, target = torch.tensor(problem.x), torch.tensor(problem.target)
-        u, v = (torch.tensor(p.copy(), requires_grad=True)
-                for p in network.split(start, problem.shape))  # fmt: skip
+        u, v = (
+            torch.tensor(p.copy(), requires_grad=True) for p in network.split(start, problem.shape)
+        )
 
         def loss() -> Any:
             active = torch.tanh(x @ u[:, :-1].T + u[:, -1])

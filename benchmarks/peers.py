@@ -25,9 +25,12 @@ GAUSS = 1e5  # nT
 def _agonic(method: Method, raw: Array, magnitude: float, noise: float) -> tuple[Array, Array]:
     """Ours, without the prior, so that nothing but the readings decides."""
     fit = ag.fit_ellipsoid(
-        ag.Samples(field=raw), ag.Reference.constant(magnitude), model="full", method=method,
+        ag.Samples(field=raw),
+        ag.Reference.constant(magnitude),
+        model="full",
+        method=method,
         soft_iron_sd=None,
-    )  # fmt: skip
+    )
     return fit.calibration.bias, fit.calibration.matrix
 
 

@@ -10,9 +10,17 @@ from benchmarks import estimators, honesty, speed, tables
 
 # scripts that print a table of their own
 ALONE = (
-    "dataflash", "field", "heading", "thermal", "tracking", "inflight", "network", "fleet_faults",
-    "fleet_logs", "fleet_recording",
-)  # fmt: skip
+    "dataflash",
+    "field",
+    "heading",
+    "thermal",
+    "tracking",
+    "inflight",
+    "network",
+    "fleet_faults",
+    "fleet_logs",
+    "fleet_recording",
+)
 
 
 def main() -> None:

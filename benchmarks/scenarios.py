@@ -58,10 +58,16 @@ def draw(case: Case, seed: int) -> Drawn:
     kind, settings = COVERAGES[case.coverage]
     truth = random_calibration(np.random.default_rng((seed, 1)), model=case.model)
     simulated = simulate(
-        kind, n=case.n, noise=case.noise, magnitude=MAGNITUDE, inclination_deg=60.0,
-        calibration=truth, defects=[with_outliers(0.05, seed=seed)] if case.outliers else [],
-        seed=seed, **settings,
-    )  # fmt: skip
+        kind,
+        n=case.n,
+        noise=case.noise,
+        magnitude=MAGNITUDE,
+        inclination_deg=60.0,
+        calibration=truth,
+        defects=[with_outliers(0.05, seed=seed)] if case.outliers else [],
+        seed=seed,
+        **settings,
+    )
     exact = simulated.field_b @ np.linalg.inv(truth.matrix).T + truth.bias
     added = simulated.samples.field - exact
     clean = np.linalg.norm(added, axis=1) < 4_000.0 + 10 * case.noise  # strays: 10 to 50 µT away

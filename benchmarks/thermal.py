@@ -42,9 +42,12 @@ temperatures, and of nine coefficients, in brackets (with so few draws a coeffic
 15 %). Changes: 50 nT within hours; drift: 1000 nT over three days; faint drift: 100 nT, which the
 readings hardly show."""
 FIELDS = {
-    "at rest": (0.0, 0.0), "changes": (50.0, 0.0), "drift": (0.0, 1000.0),
-    "changes and drift": (50.0, 1000.0), "faint drift": (0.0, 100.0),
-}  # fmt: skip
+    "at rest": (0.0, 0.0),
+    "changes": (50.0, 0.0),
+    "drift": (0.0, 1000.0),
+    "changes and drift": (50.0, 1000.0),
+    "faint drift": (0.0, 100.0),
+}
 SENSORS = ("MMC5883MA", "MPU-9255")
 BESIDE = """The largest standard deviation of a station's readings before the correction over the
 largest after, for x, y, z and |B|: a simulation of the five sensors, and in brackets the real ones
@@ -73,9 +76,13 @@ def row(kind: str, noise: float, draws: int, n: int) -> tuple[str, ...]:
     ratio = [_rms(errors[..., part]) / _rms(best[..., part]) for part in (slice(3), slice(3, 9))]
     seconds = float(np.median([one[3] for one in made]))
     return (
-        kind, f"{noise:g}", *cells, f"{ratio[0]:.3f} / {ratio[1]:.3f}", f"{_rms(errors / sds):.2f}",
+        kind,
+        f"{noise:g}",
+        *cells,
+        f"{ratio[0]:.3f} / {ratio[1]:.3f}",
+        f"{_rms(errors / sds):.2f}",
         f"{seconds:.2f}",
-    )  # fmt: skip
+    )
 
 
 def _rms(values: Array) -> float:
@@ -96,9 +103,12 @@ def scored(told: Told) -> Array:
     """Errors over standard errors at thirteen temperatures, (13, 9)."""
     changes, drift = FIELDS[told.field]
     made = simulate_campaign(
-        told.sensor, rate_Hz=told.rate_Hz, field_sd=changes, seed=told.seed,
+        told.sensor,
+        rate_Hz=told.rate_Hz,
+        field_sd=changes,
+        seed=told.seed,
         faults=Faults(drift=drift),
-    )  # fmt: skip
+    )
     samples = made.campaign.samples(told.sensor)
     assert samples.time is not None
     still = simulate_campaign(told.sensor, field_sd=0.0, seed=told.seed, faults=made.faults)
@@ -187,10 +197,14 @@ def main() -> None:
     few = 2 if asked.quick else max(draws // 2, 4)
     rates = (0.1,) if asked.quick else (1.0, 0.1)
     parts = (
-        INTRODUCTION.format(n=n, draws=draws), tables.markdown(header, rows),
-        HONESTY.format(draws=few), honesty(few, rates), BESIDE, improvements(),
+        INTRODUCTION.format(n=n, draws=draws),
+        tables.markdown(header, rows),
+        HONESTY.format(draws=few),
+        honesty(few, rates),
+        BESIDE,
+        improvements(),
         big(n=20_000 if asked.quick else 143_333),
-    )  # fmt: skip
+    )
     print(*parts, sep="\n\n")
 
 

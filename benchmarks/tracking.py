@@ -70,12 +70,14 @@ def main() -> None:
         )
         data = (time[rest], raw[rest], magnitude[rest])
         few, fewer = (tuple(part[: n // share] for part in data) for share in (10, 100))
-        rows.append((
-            name,
-            speed(partial(follow, state, params, data, True), n, asked.draws),
-            speed(partial(follow, state, params, few, False), n // 10, asked.draws),
-            speed(partial(one_by_one, state, params, fewer), n // 100, asked.draws),
-        ))  # fmt: skip
+        rows.append(
+            (
+                name,
+                speed(partial(follow, state, params, data, True), n, asked.draws),
+                speed(partial(follow, state, params, few, False), n // 10, asked.draws),
+                speed(partial(one_by_one, state, params, fewer), n // 100, asked.draws),
+            )
+        )
     print(INTRODUCTION.format(draws=asked.draws, n=n))
     print()
     header = ("thousand readings a second", "numba", "without", "without, one a call")

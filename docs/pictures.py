@@ -44,8 +44,9 @@ def live_pictures() -> None:
     command = [sys.executable, "-m", "pytest", "-q", "-k", "first_reading or vehicle_is_written"]
     subprocess.run(
         [*command, str(tests / "test_live_page.py"), str(tests / "test_live_device.py")],
-        env={**os.environ, "AGONIC_PICTURES": str(STATIC)}, check=True,
-    )  # fmt: skip
+        env={**os.environ, "AGONIC_PICTURES": str(STATIC)},
+        check=True,
+    )
 
 
 main()

@@ -62,12 +62,16 @@ print(f"\nOn top of an affine calibration: {honest.comparison.sentence}.")
 figures = {
     "training": training_chart(fit),
     "calibration-error": chart(
-        "Calibration error on the ground", "time, s", "largest component, nT",
+        "Calibration error on the ground",
+        "time, s",
+        "largest component, nT",
         [Curve("trained on the ground", ground.samples.time, before)],
         limits=[(10.0, "10 nT")],
     ),
     "error-after-the-change": chart(
-        "Error after the change at 15 s", "time, s", "largest component, nT",
+        "Error after the change at 15 s",
+        "time, s",
+        "largest component, nT",
         [
             Curve("trained on the ground", made.samples.time, np.r_[before, changed]),
             Curve("trained again", orbit.samples.time, after),
@@ -75,6 +79,6 @@ figures = {
         limits=[(10.0, "10 nT"), (30.0, "30 nT")],
     ),
     "hidden-nodes": table_chart(tables["space"]),
-}  # fmt: skip
+}
 for name, drawn in figures.items():
     Path(f"{name}.svg").write_text(drawn, encoding="utf-8")

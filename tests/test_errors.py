@@ -8,12 +8,16 @@ import agonic as ag
 @pytest.mark.parametrize(
     "error",
     [
-        ag.LogError("bad"), ag.UnitError("bad"), ag.FrameError("bad", left="m", right="b"),
-        ag.CoverageError("bad"), ag.ConvergenceError("bad"), ag.ValidityError("bad"),
+        ag.LogError("bad"),
+        ag.UnitError("bad"),
+        ag.FrameError("bad", left="m", right="b"),
+        ag.CoverageError("bad"),
+        ag.ConvergenceError("bad"),
+        ag.ValidityError("bad"),
         ag.MissingExtraError("bad", "px4"),
     ],
     ids=lambda error: type(error).__name__,
-)  # fmt: skip
+)
 def test_every_error_is_one_that_the_user_can_do_something_about(error: Exception) -> None:
     assert isinstance(error, ag.AgonicError)
     assert "bad" in str(error)

@@ -44,13 +44,18 @@ def draw(coverage: str, model: str, *, k: int, n: int, noise: float, defects=(),
     for seed in range(k):
         truth = random_calibration(np.random.default_rng(seed), model=model)
         made = simulate(
-            **COVERAGES[coverage], n=n, noise=noise, magnitude=FIELD, calibration=truth, seed=seed,
+            **COVERAGES[coverage],
+            n=n,
+            noise=noise,
+            magnitude=FIELD,
+            calibration=truth,
+            seed=seed,
             defects=[defect(seed) for defect in defects],
-        )  # fmt: skip
+        )
         fit = ag.fit_ellipsoid(made.samples, ag.Reference.constant(FIELD), model=model, **settings)
-        error = np.concatenate([
-            fit.calibration.bias - truth.bias, entries(fit.calibration.matrix - truth.matrix)
-        ])  # fmt: skip
+        error = np.concatenate(
+            [fit.calibration.bias - truth.bias, entries(fit.calibration.matrix - truth.matrix)]
+        )
         own = {"sphere": 4, "diagonal": 6}.get(model, 9)
         z.append(error[:own] / fit.sd[:own])
         if model == "full":
@@ -84,9 +89,14 @@ def test_errors_reach_the_cramer_rao_bound(coverage: str) -> None:
 @pytest.mark.parametrize("coverage", COVERAGES)
 def test_gross_outliers_cost_little(coverage: str) -> None:
     draws = draw(
-        coverage, "full", k=60, n=3000, noise=200.0, soft_iron_sd=None,
+        coverage,
+        "full",
+        k=60,
+        n=3000,
+        noise=200.0,
+        soft_iron_sd=None,
         defects=[lambda seed: with_outliers(0.05, seed=seed)],
-    )  # fmt: skip
+    )
     assert draws.bias_over_bound < 1.15 + 0.12
     assert np.std(draws.z) == pytest.approx(1.0, abs=0.05 + 0.1)
 
@@ -103,10 +113,12 @@ def test_the_prior_moves_nothing_under_full_coverage(n: int) -> None:
         known = ag.Reference.constant(FIELD)
         free = ag.fit_ellipsoid(made.samples, known, model="full", soft_iron_sd=None)
         held = ag.fit_ellipsoid(made.samples, known, model="full")
-        moved = np.concatenate([
-            held.calibration.bias - free.calibration.bias,
-            entries(held.calibration.matrix - free.calibration.matrix),
-        ])  # fmt: skip
+        moved = np.concatenate(
+            [
+                held.calibration.bias - free.calibration.bias,
+                entries(held.calibration.matrix - free.calibration.matrix),
+            ]
+        )
         assert np.abs(moved / free.sd).max() < 0.01
 
 
@@ -116,9 +128,12 @@ def test_correlated_noise_is_counted_once() -> None:
     z = []
     for seed in range(40):
         made = simulate(
-            "tumble", n=4000, noise=50.0, seed=seed,
+            "tumble",
+            n=4000,
+            noise=50.0,
+            seed=seed,
             defects=[with_correlated_noise(300.0, 1.0, seed=seed)],
-        )  # fmt: skip
+        )
         fit = ag.fit_ellipsoid(made.samples, ag.Reference.constant(FIELD), model="full")
         z.append((fit.calibration.bias - made.truth.bias) / fit.sd[:3])
     assert 0.7 < np.std(z) < 1.3  # without the correlation length it would be about 6

@@ -28,11 +28,13 @@ def test_vectors_have_magnitudes_and_a_frame() -> None:
 @pytest.mark.parametrize(
     ("make", "value"),
     [
-        (ag.Reference.constant, 0.0), (ag.Reference.constant, -1.0),
-        (ag.Reference.constant, np.nan), (ag.Reference.magnitude, [1.0, np.inf]),
+        (ag.Reference.constant, 0.0),
+        (ag.Reference.constant, -1.0),
+        (ag.Reference.constant, np.nan),
+        (ag.Reference.magnitude, [1.0, np.inf]),
         (lambda v: ag.Reference.vector(v, frame="n"), [[0.0, 0.0, 0.0]]),
     ],
-)  # fmt: skip
+)
 def test_a_field_must_be_above_zero(make, value) -> None:
     with pytest.raises(ag.UnitError, match="must be finite and above zero"):
         make(value)

@@ -9,14 +9,27 @@ from agonic.units import NANOTESLA_PER, canonical, nanotesla_per
 @pytest.mark.parametrize(
     ("spelling", "unit", "factor"),
     [
-        ("nT", "nT", 1.0), ("nanotesla", "nT", 1.0), ("gamma", "nT", 1.0),
-        ("µT", "uT", 1e3), ("μT", "uT", 1e3), (" uT ", "uT", 1e3), ("microtesla", "uT", 1e3),
-        ("mT", "mT", 1e6), ("T", "T", 1e9), ("Tesla", "T", 1e9),
-        ("G", "G", 1e5), ("Gauss", "G", 1e5), ("Ga", "G", 1e5),
-        ("mG", "mG", 1e2), ("mGauss", "mG", 1e2), ("milligauss", "mG", 1e2),
-        ("counts", "raw", 1.0), ("LSB", "raw", 1.0), ("raw", "raw", 1.0),
+        ("nT", "nT", 1.0),
+        ("nanotesla", "nT", 1.0),
+        ("gamma", "nT", 1.0),
+        ("µT", "uT", 1e3),
+        ("μT", "uT", 1e3),
+        (" uT ", "uT", 1e3),
+        ("microtesla", "uT", 1e3),
+        ("mT", "mT", 1e6),
+        ("T", "T", 1e9),
+        ("Tesla", "T", 1e9),
+        ("G", "G", 1e5),
+        ("Gauss", "G", 1e5),
+        ("Ga", "G", 1e5),
+        ("mG", "mG", 1e2),
+        ("mGauss", "mG", 1e2),
+        ("milligauss", "mG", 1e2),
+        ("counts", "raw", 1.0),
+        ("LSB", "raw", 1.0),
+        ("raw", "raw", 1.0),
     ],
-)  # fmt: skip
+)
 def test_spellings(spelling: str, unit: str, factor: float) -> None:
     assert canonical(spelling) == unit
     assert nanotesla_per(spelling) == factor

@@ -112,9 +112,10 @@ def calibrate_recording(
     fit, samples = fit_and_rows(recording, reference, **settings)
     kept = ("method", "robust", "soft_iron_sd", "gauge", "seed")
     again = partial(
-        ellipsoid_alone, **{name: settings[name] for name in kept if name in settings},
+        ellipsoid_alone,
+        **{name: settings[name] for name in kept if name in settings},
         model=fit.calibration.model,
-    )  # fmt: skip
+    )
     why = "the recording is longer than memory: it was read piece by piece"
     return _verified(Choice(samples, reference, fit, "ellipsoid", why, again))
 

@@ -20,10 +20,24 @@ FloatArray = NDArray[np.float64]
 
 VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
-    "time", "field", "temperature", "roll_deg", "pitch_deg", "heading_deg", "acceleration",
-    "rotation_rate", "current_A", "throttle", "latitude_deg", "longitude_deg", "altitude_m",
-    "second", "station", "scalar", "flagged",
-)  # fmt: skip
+    "time",
+    "field",
+    "temperature",
+    "roll_deg",
+    "pitch_deg",
+    "heading_deg",
+    "acceleration",
+    "rotation_rate",
+    "current_A",
+    "throttle",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_m",
+    "second",
+    "station",
+    "scalar",
+    "flagged",
+)
 """Every per-row column, in the order they are written."""
 
 

@@ -96,9 +96,13 @@ class Tracker:
         """What an update without usable readings finds."""
         none = np.empty(0)
         return Coefficients(
-            state=self.state, residual=none, residual_sd=none, used=none.astype(bool), jumps=(),
+            state=self.state,
+            residual=none,
+            residual_sd=none,
+            used=none.astype(bool),
+            jumps=(),
             history=np.empty((0, 7)),
-        )  # fmt: skip
+        )
 
     def _readings(self, samples: Samples) -> Array:
         """The readings, where the ground calibration knows of temperature as at its middle."""
@@ -115,9 +119,12 @@ class Tracker:
         base = self.state.base
         if not self._given:
             base = replace(
-                base, sensor=samples.name, device_id=samples.device_id, frame_in=samples.frame,
+                base,
+                sensor=samples.name,
+                device_id=samples.device_id,
+                frame_in=samples.frame,
                 frame_out=samples.frame,
-            )  # fmt: skip
+            )
         return replace(self.state, base=base, epoch=samples.epoch)
 
     @property

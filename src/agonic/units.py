@@ -24,13 +24,29 @@ NANOTESLA_PER: dict[str, float] = {
 """One of each unit, in nanotesla."""
 
 _SPELLINGS = {
-    "nt": "nT", "nanotesla": "nT", "gamma": "nT",
-    "ut": "uT", "µt": "uT", "μt": "uT", "microtesla": "uT",
-    "millitesla": "mT", "t": "T", "tesla": "T",
-    "g": "G", "gs": "G", "gauss": "G", "ga": "G",
-    "mg": "mG", "mgauss": "mG", "milligauss": "mG", "mga": "mG",
-    "raw": RAW, "counts": RAW, "count": RAW, "lsb": RAW,
-}  # fmt: skip
+    "nt": "nT",
+    "nanotesla": "nT",
+    "gamma": "nT",
+    "ut": "uT",
+    "µt": "uT",
+    "μt": "uT",
+    "microtesla": "uT",
+    "millitesla": "mT",
+    "t": "T",
+    "tesla": "T",
+    "g": "G",
+    "gs": "G",
+    "gauss": "G",
+    "ga": "G",
+    "mg": "mG",
+    "mgauss": "mG",
+    "milligauss": "mG",
+    "mga": "mG",
+    "raw": RAW,
+    "counts": RAW,
+    "count": RAW,
+    "lsb": RAW,
+}
 
 
 def canonical(unit: str) -> str:

@@ -155,11 +155,15 @@ def test_bias_matrix_and_pier_are_honest() -> None:
         found, sd = fit.solution.unknowns, fit.sd
         six = (found.matrix - made.matrix)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         z.append(
-            np.concatenate([
-                error_arcsec(fit, made) / fit.sd_arcsec, (found.bias - made.bias) / sd[9:12],
-                six[3:] / sd[15:18], (found.offset - pier) / sd[6:9],
-            ])
-        )  # fmt: skip
+            np.concatenate(
+                [
+                    error_arcsec(fit, made) / fit.sd_arcsec,
+                    (found.bias - made.bias) / sd[9:12],
+                    six[3:] / sd[15:18],
+                    (found.offset - pier) / sd[6:9],
+                ]
+            )
+        )
     z = np.array(z)
     assert z.std() == pytest.approx(1.0, abs=0.13)
     assert np.abs(z.mean(axis=0)).max() < 0.7
@@ -168,9 +172,11 @@ def test_bias_matrix_and_pier_are_honest() -> None:
 def test_noise_that_is_not_stated_is_taken_from_the_scatter() -> None:
     made = simulate_session(seed=6, readings=60)
     silent = replace(
-        made.session, noise=None, reference_noise=None,
+        made.session,
+        noise=None,
+        reference_noise=None,
         star=replace(made.session.star, covariance=None),
-    )  # fmt: skip
+    )
     stated, told = fit_alignment(made.session), fit_alignment(silent)
     np.testing.assert_allclose(told.sd_arcsec, stated.sd_arcsec, rtol=0.06)
 
@@ -318,8 +324,9 @@ def test_the_budget_has_the_sizes_of_the_textbooks() -> None:
     assert sizes["UT1 − UTC"] < 13.5
     assert 15 < sizes["annual and diurnal aberration"] < 21.2
     assert 40 < sizes["refraction of the air"] < 90
-    assert sizes["noise of the magnetometer"] == pytest.approx(0.5 / np.sqrt(20) / FIELD * 206265,
-                                                               rel=0.01)  # fmt: skip
+    assert sizes["noise of the magnetometer"] == pytest.approx(
+        0.5 / np.sqrt(20) / FIELD * 206265, rel=0.01
+    )
 
 
 @pytest.mark.parametrize("solve", [("alignment",), ("bias", "matrix")])
@@ -340,8 +347,10 @@ def test_a_plan_keeps_its_promise(solve: tuple[str, ...]) -> None:
 def test_a_plan_is_better_than_chance() -> None:
     plan = plan_alignment([18_870, 1_390, 45_750], wanted_sd_arcsec=1.5)
     count = len(plan.orientations)
-    drawn = [fit_alignment(simulate_session(orientations=count, seed=s).session).worst_sd_arcsec
-             for s in range(8)]  # fmt: skip
+    drawn = [
+        fit_alignment(simulate_session(orientations=count, seed=s).session).worst_sd_arcsec
+        for s in range(8)
+    ]
     assert plan.worst_sd_arcsec < np.median(drawn)
 
 

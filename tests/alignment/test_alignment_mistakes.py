@@ -42,10 +42,14 @@ def of_date(session: Session, matrix: Callable[..., np.ndarray]) -> Session:
 def through_earth(session: Session, origin: Callable, matrix: Callable) -> Session:
     """Attitudes carried into Earth-fixed axes rightly, and back into inertial ones wrongly."""
     tt = (session.star.time + 69.184) / 86_400
-    wrong = np.array([
-        erfa.rz(angle, celestial) for angle, celestial in
-        zip(origin(session.star.time / 86_400, tt), matrix(2_440_587.5, tt), strict=True)
-    ])  # fmt: skip
+    wrong = np.array(
+        [
+            erfa.rz(angle, celestial)
+            for angle, celestial in zip(
+                origin(session.star.time / 86_400, tt), matrix(2_440_587.5, tt), strict=True
+            )
+        ]
+    )
     right = published_earth_rotation().rot_ei(session.star.time)
     return with_attitudes(session, session.star.rot_ci @ np.swapaxes(right, 1, 2) @ wrong)
 

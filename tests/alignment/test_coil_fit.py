@@ -135,10 +135,11 @@ def test_linearity_over_several_currents() -> None:
 
 def test_linear_currents_are_hardly_ever_called_nonlinear() -> None:
     p = [
-        fit_coil(simulate_coil(levels=(1.0, 0.5), reversals=40, readings=2, seed=seed).session)
-        .p_linear
+        fit_coil(
+            simulate_coil(levels=(1.0, 0.5), reversals=40, readings=2, seed=seed).session
+        ).p_linear
         for seed in range(80)
-    ]  # fmt: skip
+    ]
     assert 0.3 < np.mean(p) < 0.7
     assert np.min(p) > 1e-4
 

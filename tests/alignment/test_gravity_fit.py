@@ -51,10 +51,11 @@ def test_the_jacobian() -> None:
         step = np.zeros(7)
         step[k] = 1e-6
         ahead, behind = (
-            kernel._residual(Rotation.from_rotvec(s[:3]).as_matrix() @ rotation, rest + s[3:],
-                             down, field)
+            kernel._residual(
+                Rotation.from_rotvec(s[:3]).as_matrix() @ rotation, rest + s[3:], down, field
+            )
             for s in (step, -step)
-        )  # fmt: skip
+        )
         np.testing.assert_allclose(jacobian[:, k], (ahead - behind) / 2e-6, atol=1e-8)
 
 

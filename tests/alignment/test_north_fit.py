@@ -39,9 +39,14 @@ def test_every_method_is_honest_and_the_sinusoid_best() -> None:
 
 def test_without_noise_north_and_alignment_are_exact() -> None:
     made = simulate_north(
-        reading_sd_arcsec=1e-7, time_sd_s=1e-9, constant_sd_arcsec=0, noise=1e-6,
-        reference_noise=1e-6, circle_sd_arcsec=1e-6, level_sd_arcsec=1e-6,
-    )  # fmt: skip
+        reading_sd_arcsec=1e-7,
+        time_sd_s=1e-9,
+        constant_sd_arcsec=0,
+        noise=1e-6,
+        reference_noise=1e-6,
+        circle_sd_arcsec=1e-6,
+        level_sd_arcsec=1e-6,
+    )
     fit = fit_north(made.session)
     assert abs(fit.north_deg - made.north_deg) * 3600 < 1e-4
     turn = Rotation.from_matrix(made.rot_mb @ fit.aligned.rot_mb.T).magnitude() / ARCSEC_RAD
@@ -145,13 +150,15 @@ def test_sheets_are_honest(inclination: float) -> None:
         made = simulate_di_flux(inclination_deg=inclination, seed=seed)
         fit = fit_di_flux(made.sheet)
         assert fit.estimate.freedom == 3
-        z.append([
-            3600 * (fit.declination_deg - made.declination_deg) / fit.declination_sd_arcsec,
-            3600 * (fit.inclination_deg - made.inclination_deg) / fit.inclination_sd_arcsec,
-            (fit.collimation_arcsec[0] - made.delta_arcsec) / fit.collimation_sd_arcsec[0],
-            (fit.collimation_arcsec[1] - made.epsilon_arcsec) / fit.collimation_sd_arcsec[1],
-            (fit.offset - made.offset) / fit.offset_sd,
-        ])  # fmt: skip
+        z.append(
+            [
+                3600 * (fit.declination_deg - made.declination_deg) / fit.declination_sd_arcsec,
+                3600 * (fit.inclination_deg - made.inclination_deg) / fit.inclination_sd_arcsec,
+                (fit.collimation_arcsec[0] - made.delta_arcsec) / fit.collimation_sd_arcsec[0],
+                (fit.collimation_arcsec[1] - made.epsilon_arcsec) / fit.collimation_sd_arcsec[1],
+                (fit.offset - made.offset) / fit.offset_sd,
+            ]
+        )
     middle = np.median(np.abs(z), axis=0)
     assert ((middle > 0.55) & (middle < 1.0)).all(), middle
 
@@ -167,10 +174,13 @@ def test_findings_of_a_sheet() -> None:
     assert [f.name for f in alone.findings] == ["no mark"]
     no_scale = made.sheet.setting < 8
     short = replace(
-        made.sheet, magnitude=None,
-        **{name: getattr(made.sheet, name)[no_scale]
-           for name in ("horizontal_deg", "zenith_deg", "reading", "setting", "time")},
-    )  # fmt: skip
+        made.sheet,
+        magnitude=None,
+        **{
+            name: getattr(made.sheet, name)[no_scale]
+            for name in ("horizontal_deg", "zenith_deg", "reading", "setting", "time")
+        },
+    )
     assert "no scale" in {f.name for f in fit_di_flux(short).findings}
     assert fit_di_flux(short, magnitude=48_800.0).ok
     with pytest.raises(CoverageError, match="level and"):

@@ -62,8 +62,10 @@ def test_what_is_written_is_read(made, folder) -> None:
     assert (read.site, read.mounting, read.noise) == (session.site, session.mounting, 0.5)
     assert (read.star.refraction, read.star.aberration) == ("present", "present")
     assert [source.name for source in read.sources] == [
-        "star.csv", "magnetometer.csv", "reference.csv",
-    ]  # fmt: skip
+        "star.csv",
+        "magnetometer.csv",
+        "reference.csv",
+    ]
     np.testing.assert_allclose(
         fit_alignment(read).rot_mc, fit_alignment(session).rot_mc, atol=1e-4 * ARCSEC_RAD
     )
@@ -162,9 +164,11 @@ def test_every_mistake_of_the_description_is_said_at_once(folder) -> None:
         read_session(edit(folder, '"star.csv"', '"stars.csv"'))
     said = str(caught.value)
     for words in (
-        "[site] has no key `latitude`", "[site] needs `latitude_deg`", "[star] needs `refraction`",
+        "[site] has no key `latitude`",
+        "[site] needs `latitude_deg`",
+        "[star] needs `refraction`",
         "[reference] noise_nT is -1; it must be above 0",
-    ):  # fmt: skip
+    ):
         assert words in said
 
 
@@ -210,7 +214,7 @@ def replaced(name: str, row: int, cell: str):
         (replaced("orientation", 0, "1.5"), "whole numbers"),
         (replaced("cov_xy_arcsec2", 1, "50"), "correlations below 1"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_a_star_table(folder, change, words: str) -> None:
     rewrite(folder / "star.csv", change)
     with pytest.raises(AgonicError) as caught:

@@ -16,9 +16,17 @@ FINE_HZ = 1000
 
 
 def late(
-    kind: str, *, seed: int, late_ms: int, rate_Hz: float = 50.0, duration_s: float = 40.0,
-    noise: float = 200.0, attitude_deg: float = 0.0, gyro_deg_s: float = 0.0, **settings,
-) -> ag.Samples:  # fmt: skip
+    kind: str,
+    *,
+    seed: int,
+    late_ms: int,
+    rate_Hz: float = 50.0,
+    duration_s: float = 40.0,
+    noise: float = 200.0,
+    attitude_deg: float = 0.0,
+    gyro_deg_s: float = 0.0,
+    **settings,
+) -> ag.Samples:
     """Readings of `late_ms` ago, picked from rows a millisecond apart: no interpolation at all.
 
     Noise is added afterwards, to readings, attitude (turns about random axes) and gyro; the gyro
@@ -36,8 +44,11 @@ def late(
     rate = rate + rng.normal(0, np.radians(gyro_deg_s), rate.shape)
     return now.with_columns(
         field=made.field[rows - late_ms] + rng.normal(0, noise, (len(rows), 3)),
-        roll_deg=roll, pitch_deg=pitch, heading_deg=heading, rotation_rate=rate,
-    )  # fmt: skip
+        roll_deg=roll,
+        pitch_deg=pitch,
+        heading_deg=heading,
+        rotation_rate=rate,
+    )
 
 
 @pytest.mark.parametrize(
@@ -48,17 +59,30 @@ def late(
         ("hand", "attitude", {"rate_Hz": 10.0, "duration_s": 80.0, "late_ms": 33}),
         ("tumble", "gyro", {"gyro_deg_s": 0.1, "late_ms": -13}),
         (
-            "flight", "attitude",
-            {"rate_Hz": 25.0, "duration_s": 100.0, "attitude_deg": 0.3, "noise": 50.0,
-             "late_ms": 47, "stray_nT_A": (0.0, 0.0, 0.0)},
+            "flight",
+            "attitude",
+            {
+                "rate_Hz": 25.0,
+                "duration_s": 100.0,
+                "attitude_deg": 0.3,
+                "noise": 50.0,
+                "late_ms": 47,
+                "stray_nT_A": (0.0, 0.0, 0.0),
+            },
         ),
         (
-            "flight", "gyro",
-            {"rate_Hz": 25.0, "duration_s": 100.0, "gyro_deg_s": 0.1, "late_ms": 47,
-             "stray_nT_A": (0.0, 0.0, 0.0)},
+            "flight",
+            "gyro",
+            {
+                "rate_Hz": 25.0,
+                "duration_s": 100.0,
+                "gyro_deg_s": 0.1,
+                "late_ms": 47,
+                "stray_nT_A": (0.0, 0.0, 0.0),
+            },
         ),
     ],
-)  # fmt: skip
+)
 def test_latency_is_unbiased_and_its_standard_error_honest(kind, method, settings) -> None:
     settings = {"late_ms": 3, **settings}
     errors, told = [], []
@@ -179,11 +203,16 @@ def test_undelayed_readings_meet_the_attitude_they_were_made_in() -> None:
 
 def test_undelayed_turns_through_north_and_over_the_top() -> None:
     samples = ag.Samples(
-        time=[0.0, 1.0, 2.0], field=np.eye(3), roll_deg=[170.0, -170.0, -170.0],
-        pitch_deg=[0.0, 0.0, 20.0], heading_deg=[350.0, 350.0, 350.0], throttle=[0.0, 1.0, 0.0],
-        station=[1.0, 2.0, 2.0], second=2 * np.eye(3),
+        time=[0.0, 1.0, 2.0],
+        field=np.eye(3),
+        roll_deg=[170.0, -170.0, -170.0],
+        pitch_deg=[0.0, 0.0, 20.0],
+        heading_deg=[350.0, 350.0, 350.0],
+        throttle=[0.0, 1.0, 0.0],
+        station=[1.0, 2.0, 2.0],
+        second=2 * np.eye(3),
         acceleration=[[0, 0, -9.0], [0, 0, -10.0], [0, 0, -9.0]],
-    )  # fmt: skip
+    )
     on_time = undelayed(samples, 0.75)
     np.testing.assert_allclose(on_time.time, [0.25, 1.25])
     np.testing.assert_allclose(on_time.roll_deg, [175.0, -170.0])

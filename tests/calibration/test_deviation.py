@@ -8,9 +8,11 @@ from agonic.calibration.deviation import Deviation, east_west, heading_name
 from agonic.errors import AgonicError
 
 CARD = Deviation(
-    coefficients=[1.0, 12.0, 8.0, 5.0, 1.5], heel=[-0.07, 0.01, 0.02, 0.0],
-    covariance=np.diag([0.01, 0.02, 0.02, 0.02, 0.02, 1e-4, 1e-4, 1e-4, 1e-4]), freedom=3.0,
-)  # fmt: skip
+    coefficients=[1.0, 12.0, 8.0, 5.0, 1.5],
+    heel=[-0.07, 0.01, 0.02, 0.0],
+    covariance=np.diag([0.01, 0.02, 0.02, 0.02, 0.02, 1e-4, 1e-4, 1e-4, 1e-4]),
+    freedom=3.0,
+)
 COMPASS = np.arange(0.0, 360.0, 5.0)
 
 
@@ -64,7 +66,10 @@ def test_coefficients_are_five_finite_numbers(wrong) -> None:
 
 def test_words() -> None:
     assert [heading_name(h) for h in (0.0, 22.5, 100.0, 315.0)] == [
-        "000° N", "022.5° NNE", "100°", "315° NW",
-    ]  # fmt: skip
+        "000° N",
+        "022.5° NNE",
+        "100°",
+        "315° NW",
+    ]
     assert [east_west(d) for d in (0.04, 0.06, -12.34)] == ["0.0°", "0.1° E", "12.3° W"]
     assert "+8.000 cos(compass)" in CARD.equation

@@ -14,9 +14,13 @@ K = np.array([[10.0, 0.1, 0.2, 0.0], [-5.0, 0.0, -0.3, 0.1], [7.0, 0.2, 0.0, 0.4
 
 def mixed(**more) -> Interference:
     return Interference(
-        bias=[100.0, -200.0, 50.0], matrix=W, gauge="free", sources=("current_A", "second"),
-        coefficients=K, **more,
-    )  # fmt: skip
+        bias=[100.0, -200.0, 50.0],
+        matrix=W,
+        gauge="free",
+        sources=("current_A", "second"),
+        coefficients=K,
+        **more,
+    )
 
 
 def test_the_correction_is_the_equation() -> None:
@@ -36,19 +40,28 @@ def test_uncertainty_is_that_of_many_draws() -> None:
     )
     covariance = root @ root.T / 24
     base = mixed(covariance=covariance)
-    raw, columns = np.array([[20_000.0, 3000.0, -4000.0]]), {
-        "current_A": np.array([6.0]), "second": np.array([[19_000.0, 3500.0, -4500.0]]),
-    }  # fmt: skip
+    raw, columns = (
+        np.array([[20_000.0, 3000.0, -4000.0]]),
+        {
+            "current_A": np.array([6.0]),
+            "second": np.array([[19_000.0, 3500.0, -4500.0]]),
+        },
+    )
     order = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)]
     fields = []
     for step in rng.multivariate_normal(np.zeros(24), covariance, 4000):
         matrix = W.copy()
         for k, at in enumerate(order):
             matrix[at] += step[3 + k]
-        fields.append(Interference(
-            bias=base.bias + step[:3], matrix=matrix, gauge="free", sources=base.sources,
-            coefficients=K + step[12:].reshape(3, 4),
-        ).correct(raw, **columns)[0])  # fmt: skip
+        fields.append(
+            Interference(
+                bias=base.bias + step[:3],
+                matrix=matrix,
+                gauge="free",
+                sources=base.sources,
+                coefficients=K + step[12:].reshape(3, 4),
+            ).correct(raw, **columns)[0]
+        )
     assert base.uncertainty(raw, **columns)[0] == pytest.approx(
         np.cov(np.array(fields).T), abs=40.0
     )

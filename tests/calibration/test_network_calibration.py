@@ -23,11 +23,20 @@ def bent(**changed) -> Network:
     shape = kernel.Shape(4, 3, 3)
     u, v = kernel.split(np.random.default_rng(1).normal(size=shape.size), shape)
     facts = {
-        "base": BASE, "inputs": ("field", "temperature"), "input_middle": [0.0, 0.0, 0.0, 20.0],
-        "input_half": [5e4, 5e4, 5e4, 30.0], "output_middle": [1.0, 2.0, 3.0],
-        "output_half": 100.0, "hidden": u, "output": v, "centres": POINTS, "reach": 1.0,
-        "bound": 1e6, "misfit": 150.0, "covariance": 1e-6 * np.eye(shape.size),
-    }  # fmt: skip
+        "base": BASE,
+        "inputs": ("field", "temperature"),
+        "input_middle": [0.0, 0.0, 0.0, 20.0],
+        "input_half": [5e4, 5e4, 5e4, 30.0],
+        "output_middle": [1.0, 2.0, 3.0],
+        "output_half": 100.0,
+        "hidden": u,
+        "output": v,
+        "centres": POINTS,
+        "reach": 1.0,
+        "bound": 1e6,
+        "misfit": 150.0,
+        "covariance": 1e-6 * np.eye(shape.size),
+    }
     return Network(**facts | changed)
 
 
@@ -125,9 +134,11 @@ def test_held_at_a_temperature_it_needs_none():
 
 def test_a_thermal_base_is_held_with_it():
     thermal = ag.Thermal(
-        bias=[[1.0, 2.0, 3.0], [50.0, 0.0, 0.0]], matrix=[np.eye(3), np.zeros((3, 3))],
-        centre_C=20.0, half_range_C=30.0,
-    )  # fmt: skip
+        bias=[[1.0, 2.0, 3.0], [50.0, 0.0, 0.0]],
+        matrix=[np.eye(3), np.zeros((3, 3))],
+        centre_C=20.0,
+        half_range_C=30.0,
+    )
     network = bent(base=thermal)
     held = network.at(35.0)
     assert held.base.kind == "affine"
@@ -135,10 +146,15 @@ def test_a_thermal_base_is_held_with_it():
     np.testing.assert_allclose(held.correct(RAW), wanted, rtol=1e-12)
 
 
-@pytest.mark.parametrize("network", [
-    bent(), bent(base=None, bound=None), bent().at(12.5),
-    bent(output=np.ones((1, 4)), output_middle=[5.0], covariance=None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "network",
+    [
+        bent(),
+        bent(base=None, bound=None),
+        bent().at(12.5),
+        bent(output=np.ones((1, 4)), output_middle=[5.0], covariance=None),
+    ],
+)
 def test_a_file_gives_it_back_float_for_float(network, tmp_path):
     path = ag.save(network, tmp_path / "bent.json")
     loaded = ag.load(path)
@@ -157,8 +173,9 @@ def test_it_is_a_step_of_a_chain():
     wanted = turn.correct(bent().correct(RAW, temperature=WARM))
     np.testing.assert_allclose(chain.correct(RAW, temperature=WARM), wanted)
     assert chain.needs == ("temperature",)
-    np.testing.assert_allclose(chain.at(20.0).correct(RAW), bent().at(20.0).correct(RAW)
-                               @ turn.rotation.as_matrix().T)  # fmt: skip
+    np.testing.assert_allclose(
+        chain.at(20.0).correct(RAW), bent().at(20.0).correct(RAW) @ turn.rotation.as_matrix().T
+    )
     with pytest.raises(AgonicError, match="a step of this chain is a network"):
         _ = chain.composed
 

@@ -88,9 +88,10 @@ def test_uncertainty_is_that_of_many_draws(gauge: str, rate) -> None:
                 matrix[:, j, i] += step[9 + 3 * k : 12 + 3 * k]
         moved = None if rate is None else np.asarray(rate) + step[-3:]
         fields.append(
-            Thermal(bias=bias, matrix=matrix, centre_C=20.0, half_range_C=30.0, rate=moved)
-            .correct(raw, **columns)[0]
-        )  # fmt: skip
+            Thermal(bias=bias, matrix=matrix, centre_C=20.0, half_range_C=30.0, rate=moved).correct(
+                raw, **columns
+            )[0]
+        )
     expected = np.cov(np.array(fields).T)
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs(base.uncertainty(raw, **columns)[0] - expected).max() < 0.1 * scale.max()
@@ -153,8 +154,18 @@ def test_every_number_comes_back_exactly_from_a_file(tmp_path: Path, rate) -> No
     for name in ("bias", "matrix", "covariance", "rate"):
         ours, theirs = getattr(before, name), getattr(back, name)
         assert (ours is None and theirs is None) or (np.asarray(ours) == theirs).all()
-    for name in ("centre_C", "half_range_C", "validity", "magnitude", "noise", "gauge", "unit_in",
-                 "sensor", "provenance", "equation"):  # fmt: skip
+    for name in (
+        "centre_C",
+        "half_range_C",
+        "validity",
+        "magnitude",
+        "noise",
+        "gauge",
+        "unit_in",
+        "sensor",
+        "provenance",
+        "equation",
+    ):
         assert getattr(back, name) == getattr(before, name)
     jsonschema.validate(json.loads(path.read_text()), schema())
     chain = Chain(steps=(back, Affine(bias=np.zeros(3), matrix=np.eye(3))))

@@ -50,9 +50,21 @@ def test_calibrate_finds_the_truth_and_writes_what_it_says(log, capsys) -> None:
 
 def test_the_surface_of_a_sensor_record_is_stable(log, capsys) -> None:
     promised = {
-        "sensor", "method", "verdict", "status", "n", "bias_nT", "bias_sd_nT", "matrix",
-        "noise_nT", "spread_before", "spread_after", "residual_rms_nT", "heading_sd_deg", "files",
-    }  # fmt: skip
+        "sensor",
+        "method",
+        "verdict",
+        "status",
+        "n",
+        "bias_nT",
+        "bias_sd_nT",
+        "matrix",
+        "noise_nT",
+        "spread_before",
+        "spread_after",
+        "residual_rms_nT",
+        "heading_sd_deg",
+        "files",
+    }
     _, calibrated = answer(capsys, "calibrate", log)
     _, fitted = answer(capsys, "fit", "ellipsoid", log)
     from agonic.report.record import FIELDS

@@ -63,8 +63,18 @@ def test_a_declination_is_written_into_the_firmware(setup_file, capsys) -> None:
 
 
 def test_a_place_gives_declination_and_field(setup_file, capsys) -> None:
-    arguments = ("export", setup_file, "--to", "c", "-o", "fw", "--at", "52,5", "--date",
-                 "2026-05-01")  # fmt: skip
+    arguments = (
+        "export",
+        setup_file,
+        "--to",
+        "c",
+        "-o",
+        "fw",
+        "--at",
+        "52,5",
+        "--date",
+        "2026-05-01",
+    )
     status, said = answer(capsys, *arguments)
     there = ag.wmm().at(52.0, 5.0, 0.0, "2026-05-01")
     assert (status, said["warnings"]) == (0, [])
@@ -72,8 +82,20 @@ def test_a_place_gives_declination_and_field(setup_file, capsys) -> None:
 
 
 def test_a_box_gives_a_table(setup_file, capsys) -> None:
-    arguments = ("export", setup_file, "--to", "c", "-o", "fw", "--box", "45,56,-3,17", "--date",
-                 "2026-05-01", "--tolerance", "0.05")  # fmt: skip
+    arguments = (
+        "export",
+        setup_file,
+        "--to",
+        "c",
+        "-o",
+        "fw",
+        "--box",
+        "45,56,-3,17",
+        "--date",
+        "2026-05-01",
+        "--tolerance",
+        "0.05",
+    )
     status, said = answer(capsys, *arguments)
     there = ag.wmm().at(51.0, 4.0, 0.0, "2026-05-01")
     assert status == 0
@@ -100,9 +122,13 @@ def test_a_calibration_alone_is_a_header_or_the_whole_chain(capsys) -> None:
 
 WARM = Thermal(
     bias=[[3000.0, -2000, 900], [800, -500, 300], [-120, 60, 40]],
-    matrix=[np.eye(3), 0.01 * np.eye(3), np.zeros((3, 3))], centre_C=20.0, half_range_C=30.0,
-    magnitude=49_000.0, sensor="MAG2", device_id=396809,
-)  # fmt: skip
+    matrix=[np.eye(3), 0.01 * np.eye(3), np.zeros((3, 3))],
+    centre_C=20.0,
+    half_range_C=30.0,
+    magnitude=49_000.0,
+    sensor="MAG2",
+    device_id=396809,
+)
 
 
 def test_a_calibration_over_temperature_goes_where_it_can(capsys) -> None:

@@ -59,9 +59,14 @@ def test_a_second_magnetometer_is_named(folder, tmp_path, capsys) -> None:
 def test_calibrate_takes_the_method_it_is_told(folder, tmp_path, capsys) -> None:
     for method in ("ellipsoid", "levelled", "vector"):
         _, found = said(
-            capsys, "calibrate", str(folder / "one.csv"), "-o", str(tmp_path / method),
-            "--method", method,
-        )  # fmt: skip
+            capsys,
+            "calibrate",
+            str(folder / "one.csv"),
+            "-o",
+            str(tmp_path / method),
+            "--method",
+            method,
+        )
         assert [sensor["method"] for sensor in found["sensors"]] == [method]
     _, found = said(capsys, "calibrate", str(folder / "one.csv"), "-o", str(tmp_path / "auto"))
     assert found["sensors"][0]["method"] == "vector"
@@ -76,9 +81,15 @@ def test_inflight_brings_a_ground_calibration_up_to_date(folder, tmp_path, capsy
     )
     capsys.readouterr()
     status, found = said(
-        capsys, "fit", "inflight", str(folder / "no-current.csv"), "--ground", str(ground),
-        "-o", str(tmp_path / "now.json"),
-    )  # fmt: skip
+        capsys,
+        "fit",
+        "inflight",
+        str(folder / "no-current.csv"),
+        "--ground",
+        str(ground),
+        "-o",
+        str(tmp_path / "now.json"),
+    )
     assert status in (0, 1)
     assert found["schema"] == "agonic/fit-inflight@1"
     assert found["solve"] == "bias"

@@ -22,7 +22,7 @@ def readings(*rows: list[float]) -> ag.Samples:
         (made(n=8).samples, {"model": "full"}, "8 readings .* the 9 unknowns of a full model"),
         (readings(*[[1.0, 2.0, 3.0]] * 50), {}, "the readings never change"),
     ],
-)  # fmt: skip
+)
 def test_nothing_to_fit_is_told_with_the_turns_to_add(samples, settings, said: str) -> None:
     with pytest.raises(ag.CoverageError, match=said) as caught:
         ag.fit_ellipsoid(samples, KNOWN, **settings)

@@ -71,10 +71,13 @@ def minimum(field: np.ndarray, fit: ag.Fit, robust: bool) -> np.ndarray:
     w = fit.calibration.matrix * size / F
     start = ellipsoid.parameters((fit.calibration.bias - centre) / size, w, "full")
     solution = leastsq.solve(
-        ellipsoid.pieces(problem, sd), start, scale=sd,
+        ellipsoid.pieces(problem, sd),
+        start,
+        scale=sd,
         loss=leastsq.tukey() if robust else leastsq.squares(),
-        prior=ellipsoid.soft_iron_prior("full", 0.1), tolerance=1e-7,
-    )  # fmt: skip
+        prior=ellipsoid.soft_iron_prior("full", 0.1),
+        tolerance=1e-7,
+    )
     return np.asarray(solution.params[:3] * size + centre)
 
 
@@ -115,9 +118,14 @@ def test_the_compiled_sums_are_those_of_the_kernels(robust, kind) -> None:
     for compiled in (False, True):
         sums = ellipsoid_sums.Sums.empty(1)
         ellipsoid_sums.add(
-            sums, 0, tuple(field.T), frame, params, ellipsoid_sums.Assumed(0.01, robust),
+            sums,
+            0,
+            tuple(field.T),
+            frame,
+            params,
+            ellipsoid_sums.Assumed(0.01, robust),
             compiled=compiled,
-        )  # fmt: skip
+        )
         both.append(sums)
     for one, other in zip(*both, strict=True):
         assert np.abs(one - other).max() < 1e-11 * np.abs(one).max()

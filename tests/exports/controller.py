@@ -9,13 +9,28 @@ from pathlib import Path
 import numpy as np
 
 STRICT = (
-    "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wdouble-promotion",
-    "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes", "-Wundef", "-Wcast-qual",
-)  # fmt: skip
+    "-std=c99",
+    "-pedantic",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Wstrict-prototypes",
+    "-Wmissing-prototypes",
+    "-Wundef",
+    "-Wcast-qual",
+)
 OUTPUTS = (
-    "magnitude", "inclination_deg", "compass_deg", "magnetic_deg", "declination_deg", "true_deg",
+    "magnitude",
+    "inclination_deg",
+    "compass_deg",
+    "magnetic_deg",
+    "declination_deg",
+    "true_deg",
     "disturbance",
-)  # fmt: skip
+)
 VECTORS = {"raw", "second"}  # a row a magnetometer
 OF_EACH = {"temperature_C", "temperature_rate_C_s"}  # a number a magnetometer
 

@@ -53,13 +53,16 @@ def trained() -> dict[str, Network | Chain]:
     hot = Thermal(
         bias=[[120.0, -80.0, 40.0], [30.0, -20.0, 10.0], [4.0, 0.0, -3.0]],
         matrix=[np.eye(3), 0.001 * np.diag([1.0, -2.0, 1.0]), np.zeros((3, 3))],
-        centre_C=15.0, half_range_C=30.0,
-    )  # fmt: skip
+        centre_C=15.0,
+        half_range_C=30.0,
+    )
     current = np.sin(np.arange(3000) / 40.0)
     aboard = Interference(
-        bias=[100.0, -50.0, 20.0], matrix=np.eye(3), sources=("current_A", "second"),
+        bias=[100.0, -50.0, 20.0],
+        matrix=np.eye(3),
+        sources=("current_A", "second"),
         coefficients=np.hstack([[[90.0], [-40.0], [10.0]], 0.01 * np.eye(3)]),
-    )  # fmt: skip
+    )
     samples = made.samples.with_columns(current_A=current, second=made.samples.field[:, [1, 2, 0]])
 
     def fit(**settings) -> Network:
@@ -84,9 +87,16 @@ def trained() -> dict[str, Network | Chain]:
 
 
 KINDS = (
-    "affine", "thermal", "thermal alone", "aboard", "magnitude", "none", "held", "chain",
+    "affine",
+    "thermal",
+    "thermal alone",
+    "aboard",
+    "magnitude",
+    "none",
+    "held",
+    "chain",
     "in a chain",
-)  # fmt: skip
+)
 
 
 class Header:
@@ -227,9 +237,11 @@ def test_firmware_of_a_setup_refuses_it_in_a_sentence(trained, tmp_path) -> None
 
 def test_steps_that_no_matrix_holds_are_refused(trained, tmp_path) -> None:
     warm = Thermal(
-        bias=[[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], matrix=[np.eye(3), np.zeros((3, 3))],
-        centre_C=20.0, half_range_C=30.0,
-    )  # fmt: skip
+        bias=[[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]],
+        matrix=[np.eye(3), np.zeros((3, 3))],
+        centre_C=20.0,
+        half_range_C=30.0,
+    )
     with pytest.raises(AgonicError, match="the base of the network"):
         write_c(Chain(steps=(warm, trained["affine"])), tmp_path / "mag.h")
     with pytest.raises(AgonicError, match="one network"):

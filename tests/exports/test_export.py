@@ -229,9 +229,12 @@ def with_source(source, seed=11, frame="m"):
     size = {"current_A": 600.0, "throttle": 15_000.0}[source]
     plain_fields = {name: getattr(plain, name) for name in ("bias", "matrix", "magnitude")}
     return Interference(
-        **plain_fields, frame_in=frame, frame_out=frame, sources=(source,),
+        **plain_fields,
+        frame_in=frame,
+        frame_out=frame,
+        sources=(source,),
         coefficients=size * np.array([[0.6], [-0.5], [0.7]]),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("name", ["ardupilot", "px4"])
@@ -256,9 +259,11 @@ def test_autopilots_take_out_what_motors_add(name, source, mounted, tmp_path):
 def test_signs_and_units_of_the_motor_terms():
     """MOT is added to the field, mG per A; COMP to the readings, gauss per kA: both undo K."""
     plain = Interference(
-        bias=np.zeros(3), matrix=2 * np.eye(3), sources=("current_A",),
+        bias=np.zeros(3),
+        matrix=2 * np.eye(3),
+        sources=("current_A",),
         coefficients=[[300.0], [0.0], [0.0]],
-    )  # fmt: skip
+    )
     arducopter, _ = ardupilot_parameters(plain, compass=2)
     assert arducopter["COMPASS_MOT2_X"] == pytest.approx(-6.0)  # 2 × 3 mG per A
     assert arducopter["COMPASS_MOTCT"] == 2
@@ -301,8 +306,10 @@ def test_a_mix_of_two_magnetometers_is_refused(name, tmp_path):
 @pytest.mark.parametrize("name", ["ardupilot", "px4"])
 def test_current_and_throttle_together_are_refused(name, tmp_path):
     both = Interference(
-        bias=np.zeros(3), matrix=np.eye(3), sources=("current_A", "throttle"),
+        bias=np.zeros(3),
+        matrix=np.eye(3),
+        sources=("current_A", "throttle"),
         coefficients=np.ones((3, 2)),
-    )  # fmt: skip
+    )
     with pytest.raises(AgonicError, match="one of current and throttle"):
         TARGETS[name](both, tmp_path / "mag")

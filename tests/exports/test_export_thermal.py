@@ -43,9 +43,12 @@ def small(size):
 WARM = Thermal(
     bias=[[20_000.0, -8000, 3000], [900, -700, 400], [-150, 60, 90], [30, 20, -40]],
     matrix=[MATRIX, small(0.01), small(0.003), small(0.001)],
-    centre_C=20.0, half_range_C=30.0, magnitude=49_000.0, sensor="MAG",
+    centre_C=20.0,
+    half_range_C=30.0,
+    magnitude=49_000.0,
+    sensor="MAG",
     validity=Validity(temperature_C=(LOW, HIGH)),
-)  # fmt: skip
+)
 STEADY = replace(WARM, matrix=[MATRIX, *np.zeros((3, 3, 3))])
 """Only the bias changes, as PX4 can hold it."""
 MOUNTING = Rotation.from_euler("ZYX", [90, 3, 178], degrees=True)
@@ -54,11 +57,16 @@ ABOARD = Chain(  # a vehicle's own iron and motors, found after the chamber
         WARM,
         Alignment(rotation=MOUNTING),
         Interference(
-            bias=[-4000.0, 2500, 1000], matrix=MATRIX, magnitude=48_000.0, frame_in="b",
-            frame_out="b", sources=("current_A",), coefficients=[[350.0], [0], [-150.0]],
+            bias=[-4000.0, 2500, 1000],
+            matrix=MATRIX,
+            magnitude=48_000.0,
+            frame_in="b",
+            frame_out="b",
+            sources=("current_A",),
+            coefficients=[[350.0], [0], [-150.0]],
         ),
     )
-)  # fmt: skip
+)
 LEVELS = np.linspace(LOW, HIGH, 64)
 
 
@@ -135,13 +143,17 @@ def px4_autopilot(text, raw_gauss, temperature, slot=0):
             thermal += of[f"{tc}X2_{i}"] * delta * delta
             thermal += of[f"{tc}X3_{i}"] * delta * delta * delta
             v[i] = raw[i] - of[f"CAL_MAG{slot}_{axis}OFF"] - thermal
-        s = {name: of[f"CAL_MAG{slot}_{name}"] for name in
-             ("XSCALE", "YSCALE", "ZSCALE", "XODIAG", "YODIAG", "ZODIAG")}  # fmt: skip
-        corrected.append([
-            s["XSCALE"] * v[0] + s["XODIAG"] * v[1] + s["YODIAG"] * v[2],
-            s["XODIAG"] * v[0] + s["YSCALE"] * v[1] + s["ZODIAG"] * v[2],
-            s["YODIAG"] * v[0] + s["ZODIAG"] * v[1] + s["ZSCALE"] * v[2],
-        ])  # fmt: skip
+        s = {
+            name: of[f"CAL_MAG{slot}_{name}"]
+            for name in ("XSCALE", "YSCALE", "ZSCALE", "XODIAG", "YODIAG", "ZODIAG")
+        }
+        corrected.append(
+            [
+                s["XSCALE"] * v[0] + s["XODIAG"] * v[1] + s["YODIAG"] * v[2],
+                s["XODIAG"] * v[0] + s["YSCALE"] * v[1] + s["ZODIAG"] * v[2],
+                s["YODIAG"] * v[0] + s["ZODIAG"] * v[1] + s["ZSCALE"] * v[2],
+            ]
+        )
     assert of["TC_M_ENABLE"] == 1
     return np.array(corrected, dtype=float)
 
@@ -176,8 +188,10 @@ def test_px4_units_signs_and_names():
     parameters, warnings = px4_parameters(STEADY, device_id=2**31 + 5, temperature_C=20.0)
     assert (parameters["TC_M_ENABLE"], parameters["TC_M0_ID"]) == (1, 5 - 2**31)
     assert (parameters["TC_M0_TREF"], parameters["TC_M0_TMIN"], parameters["TC_M0_TMAX"]) == (
-        20.0, LOW, HIGH,
-    )  # fmt: skip
+        20.0,
+        LOW,
+        HIGH,
+    )
     assert parameters["CAL_MAG0_XOFF"] == pytest.approx(0.2)  # the bias at TREF, gauss
     assert [parameters[f"TC_M0_X0_{i}"] for i in range(3)] == [0.0, 0.0, 0.0]
     assert parameters["TC_M0_X1_0"] == pytest.approx(900 / 1e5 / 30)
@@ -209,9 +223,10 @@ def test_px4_turns_the_offset_into_sensor_axes(tmp_path):
 
 def test_px4_fits_a_cubic_to_what_is_none_and_tells_the_rest():
     quintic = replace(
-        STEADY, bias=np.vstack([STEADY.bias, [[0, 0, 0], [300.0, -200, 0]]]),
+        STEADY,
+        bias=np.vstack([STEADY.bias, [[0, 0, 0], [300.0, -200, 0]]]),
         matrix=[MATRIX, *np.zeros((5, 3, 3))],
-    )  # fmt: skip
+    )
     parameters, warnings = px4_parameters(quintic, device_id=7)
     raw, temperature, truth = fields(quintic, n=3000)
     got = apply_px4(parameters, raw / 1e5, temperature_C=temperature) * 1e5
@@ -243,11 +258,13 @@ def compiled_header(folder, *, rate):
         out = np.zeros((len(raw), 3), np.float32)
         inside = [
             c.apply(
-                np.ascontiguousarray(v, np.float32).ctypes.data_as(pointer), t, r,
+                np.ascontiguousarray(v, np.float32).ctypes.data_as(pointer),
+                t,
+                r,
                 o.ctypes.data_as(pointer),
             )
             for v, t, r, o in zip(raw, temperature, rates, out, strict=True)
-        ]  # fmt: skip
+        ]
         return out.astype(float), np.array(inside)
 
     return apply, c.check
@@ -256,13 +273,20 @@ def compiled_header(folder, *, rate):
 @pytest.mark.parametrize(
     "calibration",
     [
-        WARM, replace(WARM, rate=[4000.0, -1500, 800]), replace(WARM, gauge="free"),
-        Chain(steps=(WARM, Alignment(rotation=MOUNTING), Affine(
-            bias=[5000.0, -3000, 2000], matrix=MATRIX, frame_in="b", frame_out="b"))),
+        WARM,
+        replace(WARM, rate=[4000.0, -1500, 800]),
+        replace(WARM, gauge="free"),
+        Chain(
+            steps=(
+                WARM,
+                Alignment(rotation=MOUNTING),
+                Affine(bias=[5000.0, -3000, 2000], matrix=MATRIX, frame_in="b", frame_out="b"),
+            )
+        ),
         replace(WARM, bias=WARM.bias[:1], matrix=WARM.matrix[:1]),
     ],
     ids=["thermal", "rate", "free", "chain", "constant"],
-)  # fmt: skip
+)
 def test_the_compiled_header_follows_python_over_the_range(calibration, tmp_path):
     rate = "temperature_rate" in calibration.needs
     export = write_c(calibration, tmp_path / "mag.h")

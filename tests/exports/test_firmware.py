@@ -30,36 +30,54 @@ DIP = np.radians(66.0)
 FIELD_N = 49_000 * np.array([np.cos(DIP), 0.0, np.sin(DIP)])  # magnetic north, east, down
 HARD = Compass(  # hard iron several times the field
     calibration=ag.Affine(
-        bias=[130_000.0, -90_000, 40_000], matrix=MATRIX, magnitude=49_000.0, sensor="MAG1",
-        frame_in="b", frame_out="b",
+        bias=[130_000.0, -90_000, 40_000],
+        matrix=MATRIX,
+        magnitude=49_000.0,
+        sensor="MAG1",
+        frame_in="b",
+        frame_out="b",
     ),
     deviation=Deviation(coefficients=[1.0, 12, 8, 5, 1.5], heel=[-0.07, 0.02, 0.03, -0.04]),
-)  # fmt: skip
+)
 COUNTS = Compass(  # counts, a mounting, two sources
     calibration=ag.Chain(
         steps=(
             Interference(
-                bias=[12.0, -40, 7], matrix=MATRIX * 90, unit_in="raw", magnitude=49_000.0,
-                sensor="MAG2", sources=("throttle", "second"),
+                bias=[12.0, -40, 7],
+                matrix=MATRIX * 90,
+                unit_in="raw",
+                magnitude=49_000.0,
+                sensor="MAG2",
+                sources=("throttle", "second"),
                 coefficients=np.array([[30.0, 0.2, 0, 0], [-9, 0, -0.1, 0], [55, 0, 0.05, 0.3]]),
             ),
             MOUNTED,
         )
     )
-)  # fmt: skip
+)
 MOTORS = Compass(
     calibration=Interference(
-        bias=[900.0, 0, -3000], matrix=MATRIX, magnitude=49_000.0, sensor="MAG3",
-        frame_in="b", frame_out="b", sources=("current_A",), coefficients=[[600.0], [0], [-450.0]],
+        bias=[900.0, 0, -3000],
+        matrix=MATRIX,
+        magnitude=49_000.0,
+        sensor="MAG3",
+        frame_in="b",
+        frame_out="b",
+        sources=("current_A",),
+        coefficients=[[600.0], [0], [-450.0]],
     ),
     latency_s=0.014,
-)  # fmt: skip
+)
 WARM = Thermal(  # hysteresis as well
     bias=[[20_000.0, -8000, 3000], [900, -700, 400], [-150, 60, 90], [30, 20, -40]],
     matrix=[MATRIX, 0.02 * MATRIX, 0.004 * np.eye(3), [[0, 1e-3, 0], [1e-3, 0, 0], [0, 0, 2e-3]]],
-    centre_C=20.0, half_range_C=30.0, rate=[4000.0, -1500, 800], magnitude=49_000.0, sensor="MAG4",
+    centre_C=20.0,
+    half_range_C=30.0,
+    rate=[4000.0, -1500, 800],
+    magnitude=49_000.0,
+    sensor="MAG4",
     validity=Validity(temperature_C=(-12.0, 51.0)),
-)  # fmt: skip
+)
 CHAMBER = Compass(calibration=ag.Chain(steps=(WARM, MOUNTED)), deviation=HARD.deviation)
 ABOARD = Compass(  # calibrated in a chamber, then on board, where bias and motors come after
     calibration=ag.Chain(
@@ -67,12 +85,17 @@ ABOARD = Compass(  # calibrated in a chamber, then on board, where bias and moto
             replace(WARM, rate=None, sensor="MAG5", validity=Validity(temperature_C=(0.0, 40.0))),
             MOUNTED,
             Interference(
-                bias=[-4000.0, 2500, 1000], matrix=MATRIX, magnitude=49_000.0, frame_in="b",
-                frame_out="b", sources=("current_A",), coefficients=[[350.0], [0], [-150.0]],
+                bias=[-4000.0, 2500, 1000],
+                matrix=MATRIX,
+                magnitude=49_000.0,
+                frame_in="b",
+                frame_out="b",
+                sources=("current_A",),
+                coefficients=[[350.0], [0], [-150.0]],
             ),
         )
     )
-)  # fmt: skip
+)
 GRID = declination_grid((45.0, 56.0), (-3.0, 17.0), "2026-05-01")
 DATE_LINE = declination_grid((-49.9, -30.3), (165.1, -160.7), "2026-05-01")
 SETUPS = {
@@ -140,9 +163,16 @@ def test_a_temperature_out_of_range_is_flagged_and_held_at_the_edge(tmp_path):
     """Python extrapolates with a warning; a controller must not let a cubic run away."""
     setup = Setup(compasses=(replace(ABOARD, calibration=ag.Chain(steps=(WARM, MOUNTED))),))
     write_firmware(setup, tmp_path, declination=0)
-    c = Controller(tmp_path, (
-        "raw", "roll_deg", "pitch_deg", "temperature_rate_C_s", "temperature_C",
-    ))  # fmt: skip
+    c = Controller(
+        tmp_path,
+        (
+            "raw",
+            "roll_deg",
+            "pitch_deg",
+            "temperature_rate_C_s",
+            "temperature_C",
+        ),
+    )
     levels = np.array([-12.4, 51.4, -12.6, -300.0, 51.6, 900.0, np.nan])
     raw = np.tile(np.array([30_000.0, -20_000, 25_000]), (7, 1, 1))
     still = dict.fromkeys(("roll_deg", "pitch_deg"), np.zeros(7))
@@ -197,9 +227,10 @@ def test_both_orders_of_tilt_are_their_own_rotations(tmp_path):
 
 def test_down_as_a_vector_needs_no_angles(tmp_path):
     write_firmware(
-        Setup(compasses=(replace(HARD, deviation=None),), tilt="accelerometer"), tmp_path,
+        Setup(compasses=(replace(HARD, deviation=None),), tilt="accelerometer"),
+        tmp_path,
         declination=0,
-    )  # fmt: skip
+    )
     roll, pitch, yaw = attitudes(np.random.default_rng(2), 500, largest_tilt_deg=79).T
     turn = rot_nb(roll, pitch, yaw)
     raw = np.einsum("nij,i->nj", turn, FIELD_N) @ np.linalg.inv(MATRIX).T + HARD.calibration.bias
@@ -225,8 +256,9 @@ def test_down_as_a_vector_needs_no_angles(tmp_path):
 def test_what_makes_a_heading_meaningless_is_flagged(wrong, status, tmp_path):
     setup = Setup(
         compasses=(Compass(calibration=ag.Affine(bias=np.zeros(3), matrix=np.eye(3))),),
-        horizontal=float(FIELD_N[0]), vertical=float(FIELD_N[2]),
-    )  # fmt: skip
+        horizontal=float(FIELD_N[0]),
+        vertical=float(FIELD_N[2]),
+    )
     write_firmware(setup, tmp_path, declination=0)
     dip, roll = np.radians(wrong.get("dip", 66.0)), wrong.get("roll", 10.0)
     field_n = 49_000 * wrong.get("scale", 1.0) * np.array([np.cos(dip), 0, np.sin(dip)])
@@ -243,12 +275,19 @@ def test_what_makes_a_heading_meaningless_is_flagged(wrong, status, tmp_path):
 @pytest.mark.parametrize(
     ("place", "outside"),
     [
-        ((50.0, 5.0), False), ((45.0, -3.0), False), ((56.0, 17.0), False),
-        ((44.0, 5.0), True), ((57.0, 5.0), True), ((50.0, -4.0), True), ((50.0, 18.0), True),
-        ((50.0, 190.0), True), ((50.0, 365.0), False), ((float("nan"), 5.0), True),
+        ((50.0, 5.0), False),
+        ((45.0, -3.0), False),
+        ((56.0, 17.0), False),
+        ((44.0, 5.0), True),
+        ((57.0, 5.0), True),
+        ((50.0, -4.0), True),
+        ((50.0, 18.0), True),
+        ((50.0, 190.0), True),
+        ((50.0, 365.0), False),
+        ((float("nan"), 5.0), True),
         ((50.0, float("nan")), True),
     ],
-)  # fmt: skip
+)
 def test_beyond_the_grid_the_nearest_edge_counts_and_is_flagged(place, outside, tmp_path_factory):
     folder = tmp_path_factory.getbasetemp() / "grid"
     if not folder.exists():
@@ -299,8 +338,9 @@ def test_a_box_without_area_is_refused(latitudes, longitudes):
 
 def test_of_several_compasses_the_first_undisturbed_is_used(tmp_path):
     two = (HARD.calibration, replace(HARD.calibration, sensor="MAG2"))
-    write_firmware(Setup(compasses=tuple(Compass(calibration=c) for c in two)), tmp_path,
-                   declination=0)  # fmt: skip
+    write_firmware(
+        Setup(compasses=tuple(Compass(calibration=c) for c in two)), tmp_path, declination=0
+    )
     factors = [(1, 1), (1.3, 1), (1, 1.3), (1.3, 1.2), (1.2, 1.3), (np.nan, 1), (np.nan, np.nan)]
     raw = [
         [f * FIELD_N @ np.linalg.inv(MATRIX).T + HARD.calibration.bias for f in pair]
@@ -311,8 +351,14 @@ def test_of_several_compasses_the_first_undisturbed_is_used(tmp_path):
     got = c.heading(raw=np.array(raw), **level)
     assert got["used"].tolist() == [0, 1, 0, 1, 0, 1, 0]
     assert ((got["status"].astype(int) & prediction.DISTURBED) > 0).tolist() == [
-        False, False, False, True, True, False, True,
-    ]  # fmt: skip
+        False,
+        False,
+        False,
+        True,
+        True,
+        False,
+        True,
+    ]
 
 
 def test_a_wrong_constant_fails_the_self_test(tmp_path):
@@ -407,27 +453,41 @@ def test_a_recorded_flight(recordings, tmp_path):
     samples = [s.select(r) for s, r in zip(own, rows, strict=True)]
     card = Deviation(coefficients=[0.5, 3, -2, 1, 0.4], heel=[-0.05, 0, 0.02, 0])
     motors = Interference(
-        bias=samples[1].logged.bias, matrix=samples[1].logged.matrix, sensor="MAG2",
-        frame_in="b", frame_out="b", sources=("current_A",), coefficients=[[300.0], [0], [-500.0]],
-    )  # fmt: skip
+        bias=samples[1].logged.bias,
+        matrix=samples[1].logged.matrix,
+        sensor="MAG2",
+        frame_in="b",
+        frame_out="b",
+        sources=("current_A",),
+        coefficients=[[300.0], [0], [-500.0]],
+    )
     plain = ag.Affine(
-        bias=samples[0].logged.bias, matrix=samples[0].logged.matrix, sensor="MAG",
-        frame_in="b", frame_out="b",
-    )  # fmt: skip
+        bias=samples[0].logged.bias,
+        matrix=samples[0].logged.matrix,
+        sensor="MAG",
+        frame_in="b",
+        frame_out="b",
+    )
     there = ag.igrf().at(-35.3624, 149.1651, 600.0, "2015-11-21")
     setup = Setup(
         compasses=(Compass(calibration=plain, deviation=card), Compass(calibration=motors)),
-        tilt="log", declination_deg=float(there.declination_deg),
-        horizontal=float(there.horizontal), vertical=float(there.down),
-    )  # fmt: skip
+        tilt="log",
+        declination_deg=float(there.declination_deg),
+        horizontal=float(there.horizontal),
+        vertical=float(there.down),
+    )
     for sensor, (compass, one) in enumerate(zip(setup.compasses, samples, strict=True)):
         alone = replace(setup, compasses=(compass,))
         folder = tmp_path / str(sensor)
         write_firmware(alone, folder)
         plan = Plan(setup=alone, declination=setup.declination_deg)
         c = Controller(folder, inputs_of(plan))
-        got = c.heading(raw=one.field[:, None], roll_deg=one.roll_deg, pitch_deg=one.pitch_deg,
-                        current_A=one.current_A)  # fmt: skip
+        got = c.heading(
+            raw=one.field[:, None],
+            roll_deg=one.roll_deg,
+            pitch_deg=one.pitch_deg,
+            current_A=one.current_A,
+        )
         expected = heading(one, alone)
         assert len(one) > 1400
         assert apart(got["true_deg"], expected.true_deg).max() < 0.01
@@ -446,14 +506,18 @@ def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path
     pushes = rng.normal(0, 4000, (2, n, 3))
     raw = [(field_b + p) @ np.linalg.inv(MATRIX).T + HARD.calibration.bias for p in pushes]
     setup = Setup(
-        compasses=tuple(Compass(calibration=c) for c in calibrations), tilt="log",
-        horizontal=float(FIELD_N[0]), vertical=float(FIELD_N[2]), declination_deg=-8.0,
-    )  # fmt: skip
+        compasses=tuple(Compass(calibration=c) for c in calibrations),
+        tilt="log",
+        horizontal=float(FIELD_N[0]),
+        vertical=float(FIELD_N[2]),
+        declination_deg=-8.0,
+    )
     samples = [
-        ag.Samples(field=r, time=np.arange(n), roll_deg=roll, pitch_deg=pitch, name=c.sensor,
-                   frame="b")
+        ag.Samples(
+            field=r, time=np.arange(n), roll_deg=roll, pitch_deg=pitch, name=c.sensor, frame="b"
+        )
         for r, c in zip(raw, calibrations, strict=True)
-    ]  # fmt: skip
+    ]
     expected = heading(samples, setup)
     write_firmware(setup, tmp_path)
     c = Controller(tmp_path, ("raw", "roll_deg", "pitch_deg"), compasses=2)
@@ -462,8 +526,9 @@ def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path
     assert same.mean() > 0.995
     assert {0, 1} == set(expected.used)
     assert apart(got["true_deg"], expected.true_deg)[same].max() < 0.01
-    disturbed, steep = ((got["status"].astype(int) & bit) > 0
-                        for bit in (prediction.DISTURBED, prediction.STEEP))  # fmt: skip
+    disturbed, steep = (
+        (got["status"].astype(int) & bit) > 0 for bit in (prediction.DISTURBED, prediction.STEEP)
+    )
     assert (disturbed == expected.flags["disturbed"]).mean() > 0.995
     assert (steep == expected.flags["tilted"]).mean() > 0.995
     assert all(rows.any() for rows in (disturbed, ~disturbed))

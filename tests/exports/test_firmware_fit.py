@@ -18,13 +18,21 @@ HARD_IRON = FIELD * np.array([0.6, -0.48, 0.64])  # as long as the field
 
 
 class Fit(ctypes.Structure):
-    _fields_ = [("origin", c_float * 3), ("count", c_float), ("sum", c_float * 27),
-                ("lost", c_float * 27)]  # fmt: skip
+    _fields_ = [
+        ("origin", c_float * 3),
+        ("count", c_float),
+        ("sum", c_float * 27),
+        ("lost", c_float * 27),
+    ]
 
 
 class Result(ctypes.Structure):
-    _fields_ = [("bias", c_float * 3), ("gain", c_float * 3), ("spread", c_float),
-                ("clarity", c_float)]  # fmt: skip
+    _fields_ = [
+        ("bias", c_float * 3),
+        ("gain", c_float * 3),
+        ("spread", c_float),
+        ("clarity", c_float),
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -145,8 +153,9 @@ def test_a_simulated_turn_in_the_hand(controller, seed):
     fit = ag.fit_ellipsoid(made.samples, ag.Reference.constant(FIELD), model="diagonal")
     assert status == GOOD
     assert np.abs(bias - fit.calibration.bias).max() < max(5 * fit.sd[:3].max(), 1e-3 * FIELD)
-    assert gain / gain.mean() == pytest.approx(np.diag(truth.matrix) / np.diag(truth.matrix).mean(),
-                                               abs=5e-3)  # fmt: skip
+    assert gain / gain.mean() == pytest.approx(
+        np.diag(truth.matrix) / np.diag(truth.matrix).mean(), abs=5e-3
+    )
     assert size > 0
 
 

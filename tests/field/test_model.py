@@ -169,8 +169,12 @@ def test_along_needs_places_and_moments() -> None:
 
 def test_along_keeps_to_the_years_of_the_model() -> None:
     samples = Samples(
-        field=np.ones((2, 3)), time=[0.0, 60.0], epoch=datetime(2029, 12, 31, 23, 59, 30),
-        latitude_deg=[1, 2], longitude_deg=[1, 2], altitude_m=[0, 0],
-    )  # fmt: skip
+        field=np.ones((2, 3)),
+        time=[0.0, 60.0],
+        epoch=datetime(2029, 12, 31, 23, 59, 30),
+        latitude_deg=[1, 2],
+        longitude_deg=[1, 2],
+        altitude_m=[0, 0],
+    )
     with pytest.raises(ValidityError, match="1 of 2 dates is outside"):
         wmm().along(samples)

@@ -69,12 +69,14 @@ AFFINES = st.one_of(
     affine_like(Affine, "triangular", 9),
     affine_like(Affine, "free", 12),
     affine_like(
-        Interference, "free", 24,
+        Interference,
+        "free",
+        24,
         sources=st.just(("throttle", "second")),
         coefficients=arrays(float, (3, 4), elements=FLOATS),
         second_sensor=st.none() | st.text(),
     ),
-)  # fmt: skip
+)
 ROTATIONS = st.integers(0, 2**32 - 1).map(
     lambda seed: Rotation.from_rotvec(np.random.default_rng(seed).normal(size=3))
 )
@@ -86,8 +88,10 @@ ALIGNMENTS = st.builds(
 )
 CHAINS = st.builds(
     lambda affine, turn, provenance: Chain(steps=(affine, turn), provenance=provenance),
-    AFFINES, ALIGNMENTS, PROVENANCES,
-)  # fmt: skip
+    AFFINES,
+    ALIGNMENTS,
+    PROVENANCES,
+)
 
 AFFINE = Affine(bias=[1.5, -20000.0, 0.1], matrix=np.diag([1.0, 1.1, 0.9]), magnitude=49500.0)
 CHAIN = Chain(steps=(AFFINE, Alignment(rotation=Rotation.from_euler("z", 30, degrees=True))))
@@ -215,7 +219,7 @@ def test_unknown_fields_are_passed_over(file):
         (encode(AFFINE).replace(b"1.5,", b"1e999,"), "out of range"),
         (turned(0, 0, 0, 0), "norm"),
     ],
-)  # fmt: skip
+)
 def test_a_damaged_file_says_what_is_wrong(file, content, says):
     file.write_bytes(content)
     with pytest.raises(LogError) as raised:

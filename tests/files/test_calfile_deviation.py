@@ -26,8 +26,17 @@ def test_every_number_comes_back_exactly(tmp_path: Path, card) -> None:
     back = load(path)
     for name in ("coefficients", "heel", "covariance"):
         assert (getattr(back, name) == getattr(card, name)).all()
-    for name in ("terms", "noise_deg", "freedom", "power_state", "current_A", "largest_gap_deg",
-                 "largest_heel_deg", "sensor", "provenance"):  # fmt: skip
+    for name in (
+        "terms",
+        "noise_deg",
+        "freedom",
+        "power_state",
+        "current_A",
+        "largest_gap_deg",
+        "largest_heel_deg",
+        "sensor",
+        "provenance",
+    ):
         assert getattr(back, name) == getattr(card, name)
     jsonschema.validate(json.loads(path.read_text()), schema())
 

@@ -43,10 +43,18 @@ def test_everything_that_is_written_is_read_back() -> None:
             Compass(calibration=affine("MAG[0]"), deviation=CARD, latency_s=0.014),
             Compass(calibration=affine('it\'s "2"')),
         ),
-        tilt="gyro", tilt_order="pitch-roll", tilt_sd_deg=0.7, settling_s=20.0,
-        declination_deg=-3.25, declination_sd_deg=0.4, horizontal=19_100.0, vertical=45_600.0,
-        magnitude_limit=0.2, dip_limit_deg=15.0, tilt_limit_deg=60.0,
-    )  # fmt: skip
+        tilt="gyro",
+        tilt_order="pitch-roll",
+        tilt_sd_deg=0.7,
+        settling_s=20.0,
+        declination_deg=-3.25,
+        declination_sd_deg=0.4,
+        horizontal=19_100.0,
+        vertical=45_600.0,
+        magnitude_limit=0.2,
+        dip_limit_deg=15.0,
+        tilt_limit_deg=60.0,
+    )
     again = load_setup(save_setup(setup, "boat.toml"))
     for name in (f.name for f in fields(Setup) if f.name not in ("compasses", "provenance")):
         assert getattr(again, name) == getattr(setup, name), name
@@ -163,12 +171,18 @@ def test_mistakes_of_value_are_named_beside_the_others() -> None:
         "[declination]\ndegrees = 300\n[limits]\ndip_deg = -5\ntilt_deg = 200\n"
     )
     for part in (
-        "has no key `colour`", "expected `float`, got `str` at `latency_s`", "source 'moon'",
-        "order 'yaw'", "declination_deg is 300", "dip_limit_deg is -5", "tilt_limit_deg is 200",
-    ):  # fmt: skip
+        "has no key `colour`",
+        "expected `float`, got `str` at `latency_s`",
+        "source 'moon'",
+        "order 'yaw'",
+        "declination_deg is 300",
+        "dip_limit_deg is -5",
+        "tilt_limit_deg is 200",
+    ):
         assert part in said
-    assert "declination_deg is 300" in mistakes(ONE + "[declination]\ndegrees = 300\n" + "[tilt]\n"
-                                                "settling_s = -1\n")  # fmt: skip
+    assert "declination_deg is 300" in mistakes(
+        ONE + "[declination]\ndegrees = 300\n" + "[tilt]\nsettling_s = -1\n"
+    )
 
 
 def test_a_missing_setup_says_so() -> None:

@@ -145,8 +145,11 @@ def test_moments_alone_say_what_they_can(tmp_path):
     path = write(tmp_path / "a.parquet", *(columns(s, name) for name, s in logs.items()))
     table = calibrated(path, refine="none")
     assert dict(zip(table["sensor"], table["verdict"], strict=True)) == {
-        "circle": "check", "few": "refused", "static": "refused", "wrong unit": "check",
-    }  # fmt: skip
+        "circle": "check",
+        "few": "refused",
+        "static": "refused",
+        "wrong unit": "check",
+    }
     assert table["findings"].tolist() == [("coverage",), ("coverage",), ("coverage",), ("scale",)]
     assert "3 readings cannot hold a sphere" in table["status"][1]
     assert "do not determine an ellipsoid" in table["status"][2]

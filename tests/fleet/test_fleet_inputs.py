@@ -39,8 +39,10 @@ def test_a_pattern_finds_what_it_matches_and_a_log_named_twice_counts_once(tmp_p
     write_boards(tmp_path, 3)
     assert names(tmp_path / "board00[01].csv") == ["board000.csv", "board001.csv"]
     assert names(tmp_path, tmp_path / "*.csv", tmp_path / "." / "board002.csv") == [
-        "board000.csv", "board001.csv", "board002.csv",
-    ]  # fmt: skip
+        "board000.csv",
+        "board001.csv",
+        "board002.csv",
+    ]
     assert names(str(tmp_path / "**" / "*2.csv")) == ["board002.csv"]
 
 

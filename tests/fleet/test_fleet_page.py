@@ -32,10 +32,13 @@ def boards(n: int) -> Population:
     days, celsius = rng.uniform(0, 400, n), rng.normal(22, 7, n)
     start = [datetime(2025, 3, 1, tzinfo=UTC) + timedelta(days=float(day)) for day in days]
     made = drawn(
-        n, seed=2, start=start, temperature_C=celsius,
+        n,
+        seed=2,
+        start=start,
+        temperature_C=celsius,
         report=[f"s{k:06d}/report.html" for k in range(n)],
         calibration=[f"s{k:06d}/mag #{k}.json" for k in range(n)],
-    )  # fmt: skip
+    )
     warm = made["bias_x"] + 20 * (celsius - 22)
     return changed(made, np.arange(n), bias_x=warm, bias_z=made["bias_z"] + 2000 * days / 365.25)
 
@@ -48,8 +51,11 @@ def fleet() -> Population:
     copy = [replace(row, source="copy.csv", report=None) for row in far if row.sensor == "s000003"]
     bad = [refused(f"r{k}", f"only {k} % of the sphere was seen", "coverage") for k in range(9)]
     names = [refused(EVIL, "the file is empty"), refused("javascript:alert(1)", EVIL)]
-    odd = [replace(row, verdict="check", findings=("outliers",), status="3 % are strays")
-           for row in far if row.sensor in ("s000010", "s000011")]  # fmt: skip
+    odd = [
+        replace(row, verdict="check", findings=("outliers",), status="3 % are strays")
+        for row in far
+        if row.sensor in ("s000010", "s000011")
+    ]
     rest = [row for row in far if row.sensor not in ("s000010", "s000011")]
     return joined(rest, odd, copy, bad, names)
 
@@ -140,11 +146,17 @@ def test_within_sensors_the_slope_is_far_sharper() -> None:
     """Boards differ by 300 nT, but each was seen at four temperatures."""
     rng = np.random.default_rng(4)
     rows = [
-        replace(row, source=f"{row.sensor}-{k}.csv", sha256="", report=None, temperature_C=t,
-                bias_x=row.bias_x + 5 * (t - 20) + rng.normal(0, 5))
+        replace(
+            row,
+            source=f"{row.sensor}-{k}.csv",
+            sha256="",
+            report=None,
+            temperature_C=t,
+            bias_x=row.bias_x + 5 * (t - 20) + rng.normal(0, 5),
+        )
         for row in drawn(20, seed=3)
         for k, t in enumerate((0.0, 15.0, 30.0, 45.0))
-    ]  # fmt: skip
+    ]
     text = words(fleet_page(Population.of(rows), title="four times"))
     found = re.search(r"x \+([\d.]+) ± ([\d.]+), .{5,60} per °C \(within 20 sensors", text)
     assert found

@@ -59,8 +59,18 @@ def test_figures_are_those_of_calibrate(logs: Path, tmp_path: Path, options, cap
     sd = [getattr(row, f"matrix_{name}_sd") for name in names]
     assert sd[: len(single["matrix_sd"])] == single["matrix_sd"]
     assert all(value is None for value in sd[len(single["matrix_sd"]) :])
-    for name in ("method", "model", "verdict", "status", "gauge", "magnitude", "noise",
-                 "spread_before", "spread_after", "heading_sd_deg"):  # fmt: skip
+    for name in (
+        "method",
+        "model",
+        "verdict",
+        "status",
+        "gauge",
+        "magnitude",
+        "noise",
+        "spread_before",
+        "spread_after",
+        "heading_sd_deg",
+    ):
         assert getattr(row, name) == single[name], name
     assert (row.rows, row.unit_in) == (single["n"], single["unit"])
     if row.unit_out == "nT":

@@ -99,8 +99,9 @@ def test_two_columns_of_sensors_are_asked_about(tmp_path: Path) -> None:
 def test_one_magnetometer_of_a_dataset_can_be_taken(tmp_path: Path) -> None:
     write_table(tmp_path / "a.parquet", ["s"])
     for asked, verdict in (("mag", "good"), ("0", "good"), ("nope", "refused")):
-        done = run_here(tmp_path / "a.parquet", out=tmp_path / "out",
-                        settings=FleetSettings(sensor=asked))  # fmt: skip
+        done = run_here(
+            tmp_path / "a.parquet", out=tmp_path / "out", settings=FleetSettings(sensor=asked)
+        )
         assert done.population["verdict"].tolist() == [verdict]
 
 

@@ -16,8 +16,14 @@ FIELD = 50_000.0
 
 def flight(seed: int = 1, **settings: Any) -> Simulated:
     """Banked legs in a field of 50 000 nT, dip 65°, declination 2°, without currents."""
-    chosen = {"n": 2000, "noise": 0.0, "inclination_deg": 65.0, "declination_deg": 2.0,
-              "stray_nT_A": (0.0, 0.0, 0.0), "magnitude": FIELD}  # fmt: skip
+    chosen = {
+        "n": 2000,
+        "noise": 0.0,
+        "inclination_deg": 65.0,
+        "declination_deg": 2.0,
+        "stray_nT_A": (0.0, 0.0, 0.0),
+        "magnitude": FIELD,
+    }
     return simulate("flight", seed=seed, **chosen | settings)
 
 
@@ -26,8 +32,11 @@ def setup_for(
 ) -> Setup:
     """A setup of one compass that knows declination and field of `flight`."""
     dip = np.radians(65.0)
-    known = {"declination_deg": 2.0, "horizontal": FIELD * np.cos(dip),
-             "vertical": FIELD * np.sin(dip)}  # fmt: skip
+    known = {
+        "declination_deg": 2.0,
+        "horizontal": FIELD * np.cos(dip),
+        "vertical": FIELD * np.sin(dip),
+    }
     compass = Compass(calibration=calibration, latency_s=latency_s, deviation=deviation)
     return Setup(compasses=(compass,), **known | more)
 

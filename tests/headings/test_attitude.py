@@ -39,9 +39,11 @@ def quarter_turn(axis: int) -> Samples:
     )
     rate = np.outer(np.gradient(np.radians(angle), time), np.eye(3)[axis])
     return Samples(
-        time=time, field=turn.apply([20_000.0, 0, 40_000], inverse=True), rotation_rate=rate,
+        time=time,
+        field=turn.apply([20_000.0, 0, 40_000], inverse=True),
+        rotation_rate=rate,
         acceleration=turn.apply([0.0, 0.0, -GRAVITY], inverse=True),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(
@@ -166,9 +168,12 @@ def test_headings_by_gyro_follow_the_truth() -> None:
 @pytest.mark.recordings
 @pytest.mark.parametrize(
     ("trial", "limit_deg"),
-    [("02_undisturbed_slow_rotation_B", 0.5), ("12_undisturbed_slow_translation_C", 0.5),
-     ("07_undisturbed_fast_rotation_B", 1.2)],
-)  # fmt: skip
+    [
+        ("02_undisturbed_slow_rotation_B", 0.5),
+        ("12_undisturbed_slow_translation_C", 0.5),
+        ("07_undisturbed_fast_rotation_B", 1.2),
+    ],
+)
 def test_tilt_by_gyro_agrees_with_optical_truth(recordings: Path, trial, limit_deg) -> None:
     samples = read(recordings / "vehicle" / "broad" / f"{trial}.mat")
     error = tilt_error_deg(samples, tilt="gyro")
@@ -196,9 +201,16 @@ def test_setups_that_cannot_be_are_refused() -> None:
     good = setup_for(plain())
     known = {"compasses": good.compasses, "horizontal": 2e4, "vertical": 4e4}
     for wrong in (
-        {"tilt": "sideways"}, {"tilt_order": "yaw"}, {"tilt_sd_deg": -1.0}, {"settling_s": 0.0},
-        {"declination_deg": 200.0}, {"horizontal": None}, {"compasses": ()}, {"dip_limit_deg": "x"},
-        {"tilt_sd_deg": float("nan")}, {"compasses": good.compasses * 2},
-    ):  # fmt: skip
+        {"tilt": "sideways"},
+        {"tilt_order": "yaw"},
+        {"tilt_sd_deg": -1.0},
+        {"settling_s": 0.0},
+        {"declination_deg": 200.0},
+        {"horizontal": None},
+        {"compasses": ()},
+        {"dip_limit_deg": "x"},
+        {"tilt_sd_deg": float("nan")},
+        {"compasses": good.compasses * 2},
+    ):
         with pytest.raises(AgonicError):
             Setup(**known | wrong)

@@ -48,9 +48,12 @@ def test_currents_and_a_second_sensor_are_taken_out() -> None:
     made = flight(stray_nT_A=stray)
     inverse = np.linalg.inv(made.truth.matrix)
     motors = Interference(
-        bias=made.truth.bias, matrix=made.truth.matrix, sources=("current_A",),
-        coefficients=(inverse @ stray)[:, None], noise=0.0,
-    )  # fmt: skip
+        bias=made.truth.bias,
+        matrix=made.truth.matrix,
+        sources=("current_A",),
+        coefficients=(inverse @ stray)[:, None],
+        noise=0.0,
+    )
     dirty = heading(made.samples, setup_for(made.truth))
     clean = heading(made.samples, setup_for(motors))
     assert np.abs(off_deg(dirty.true_deg, truth_of(made.samples))).max() > 5
@@ -87,9 +90,12 @@ def test_a_two_axis_compass_needs_no_vertical_axis() -> None:
     made = simulate("circle", tilt_deg=1e-9, n=300, noise=0.0, calibration=plain(), seed=2)
     flat = made.samples.with_columns(field=made.samples.field * [0.7, 0.7, 0.0])
     setup = Setup(
-        compasses=(Compass(calibration=plain()),), tilt="level", declination_deg=0.0,
-        horizontal=17_500.0, vertical=30_000.0,
-    )  # fmt: skip
+        compasses=(Compass(calibration=plain()),),
+        tilt="level",
+        declination_deg=0.0,
+        horizontal=17_500.0,
+        vertical=30_000.0,
+    )
     found = heading(flat, setup)
     assert np.abs(off_deg(found.true_deg, truth_of(flat))).max() < 1e-6
     assert found.trusted.all()
@@ -192,9 +198,11 @@ def test_steep_vertical_and_disturbed_rows_are_flagged() -> None:
     roll, pitch = np.array([0.0, 0.0, 95.0]), np.array([0.0, 85.0, 0.0])
     samples = Samples(field=turn.apply(field_n, inverse=True), roll_deg=roll, pitch_deg=pitch)
     setup = Setup(
-        compasses=(Compass(calibration=plain()),), declination_deg=0.0, horizontal=20_000.0,
+        compasses=(Compass(calibration=plain()),),
+        declination_deg=0.0,
+        horizontal=20_000.0,
         vertical=40_000.0,
-    )  # fmt: skip
+    )
     assert heading(samples, setup).flags["tilted"].tolist() == [False, True, True]
     polar = Samples(field=[[1500.0, 0, 55_000.0]], roll_deg=[0.0], pitch_deg=[0.0])
     found = heading(polar, replace(setup, horizontal=1500.0, vertical=55_000.0))
@@ -207,11 +215,15 @@ def test_steep_vertical_and_disturbed_rows_are_flagged() -> None:
 def test_declination_and_field_are_the_world_model_s_along_the_track() -> None:
     latitude, longitude = np.linspace(50.0, 54.0, 400), np.linspace(3.0, 9.0, 400)
     samples = Samples(
-        time=np.arange(400.0) * 10, field=np.tile([19_000.0, 0, 45_000.0], (400, 1)),
-        roll_deg=np.zeros(400), pitch_deg=np.zeros(400), latitude_deg=latitude,
-        longitude_deg=longitude, altitude_m=np.full(400, 2000.0),
+        time=np.arange(400.0) * 10,
+        field=np.tile([19_000.0, 0, 45_000.0], (400, 1)),
+        roll_deg=np.zeros(400),
+        pitch_deg=np.zeros(400),
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=np.full(400, 2000.0),
         epoch=datetime(2026, 3, 1, tzinfo=UTC),
-    )  # fmt: skip
+    )
     found = heading(samples, Setup(compasses=(Compass(calibration=plain()),), tilt_sd_deg=0.0))
     there = wmm().at(latitude, longitude, 2000.0, 2026.162)
     assert found.declination_deg == pytest.approx(there.declination_deg, abs=1e-3)
@@ -226,14 +238,19 @@ def test_declination_and_field_are_the_world_model_s_along_the_track() -> None:
 
 def test_declination_follows_time_and_no_jump() -> None:
     """Rows crowd before and after a pause on the way; then the log goes on somewhere else."""
-    time = np.concatenate([np.linspace(0, 10, 3000), np.linspace(2000, 3000, 200),
-                           3001 + np.linspace(0, 10, 3000)])  # fmt: skip
+    time = np.concatenate(
+        [np.linspace(0, 10, 3000), np.linspace(2000, 3000, 200), 3001 + np.linspace(0, 10, 3000)]
+    )
     latitude = np.where(time < 3000.5, 50.0 + time / 1000, 20.0)
     samples = Samples(
-        time=time, field=np.tile([19_000.0, 0, 45_000.0], (len(time), 1)),
-        roll_deg=np.zeros(len(time)), pitch_deg=np.zeros(len(time)), latitude_deg=latitude,
-        longitude_deg=np.full(len(time), 20.0), epoch=datetime(2026, 3, 1, tzinfo=UTC),
-    )  # fmt: skip
+        time=time,
+        field=np.tile([19_000.0, 0, 45_000.0], (len(time), 1)),
+        roll_deg=np.zeros(len(time)),
+        pitch_deg=np.zeros(len(time)),
+        latitude_deg=latitude,
+        longitude_deg=np.full(len(time), 20.0),
+        epoch=datetime(2026, 3, 1, tzinfo=UTC),
+    )
     found = heading(samples, Setup(compasses=(Compass(calibration=plain()),)))
     there = wmm().at(latitude, 20.0, 0.0, 2026.162)
     assert np.ptp(there.declination_deg) > 1.0
@@ -246,8 +263,9 @@ def test_magnitude_alone_still_finds_gross_disturbance() -> None:
     found = heading(made.samples, setup)
     assert not found.flags["disturbed"][:500].any()
     assert found.flags["disturbed"][500:].mean() > 0.95
-    blind = heading(made.samples, setup_for(replace(made.truth, magnitude=None),
-                                            horizontal=None, vertical=None))  # fmt: skip
+    blind = heading(
+        made.samples, setup_for(replace(made.truth, magnitude=None), horizontal=None, vertical=None)
+    )
     assert "disturbances of mag were not looked for" in " ".join(blind.notes)
 
 

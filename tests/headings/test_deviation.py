@@ -180,8 +180,9 @@ def test_the_plan_is_what_a_swing_then_gives() -> None:
     assert plan.heading_sd_deg == pytest.approx(0.4 * np.sqrt(5 / 48), rel=1e-6)
 
 
-@pytest.mark.parametrize("wrong", [{"headings": 3}, {"rounds": 0}, {"noise_deg": 0.0},
-                                   {"heel_deg": 0.1}, {"terms": "F"}])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong", [{"headings": 3}, {"rounds": 0}, {"noise_deg": 0.0}, {"heel_deg": 0.1}, {"terms": "F"}]
+)
 def test_a_plan_that_cannot_work_is_an_error(wrong) -> None:
     with pytest.raises(AgonicError):
         plan_swing(**wrong)

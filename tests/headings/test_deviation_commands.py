@@ -62,8 +62,10 @@ def test_the_handbook_from_a_file_to_a_card(capsys) -> None:
     assert said["files"] == ["card.html", "cal.json"]
     card = ag.load("cal.json")
     assert (card.power_state, card.current_A, card.sensor) == (
-        "engine on, radar on", 12.0, "steering compass"
-    )  # fmt: skip
+        "engine on, radar on",
+        12.0,
+        "steering compass",
+    )
     page = Path("card.html").read_text()
     assert "engine on, radar on, 12 A" in page
     assert "352.5°" in page

@@ -23,8 +23,11 @@ from agonic.simulation import magnet_attached, simulate
 WHERE = {"latitude_deg": 52.0, "longitude_deg": 5.0, "altitude_m": 100.0}
 WHEN = "2026-03-01"
 HERE = wmm().at(*WHERE.values(), WHEN)
-FIELD = {"magnitude": float(HERE.magnitude), "inclination_deg": float(HERE.inclination_deg),
-         "declination_deg": float(HERE.declination_deg)}  # fmt: skip
+FIELD = {
+    "magnitude": float(HERE.magnitude),
+    "inclination_deg": float(HERE.inclination_deg),
+    "declination_deg": float(HERE.declination_deg),
+}
 
 
 @pytest.fixture(autouse=True)
@@ -34,13 +37,25 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     made = simulate("tumble", n=1500, seed=1, noise=100.0, **FIELD)
     fit = fit_ellipsoid(made.samples, Reference.constant(FIELD["magnitude"]))
     save(fit.calibration, "mag.json")
-    flight = simulate("flight", n=1500, seed=2, noise=100.0, calibration=made.truth,
-                      stray_nT_A=(0.0, 0.0, 0.0), **FIELD, **WHERE)  # fmt: skip
+    flight = simulate(
+        "flight",
+        n=1500,
+        seed=2,
+        noise=100.0,
+        calibration=made.truth,
+        stray_nT_A=(0.0, 0.0, 0.0),
+        **FIELD,
+        **WHERE,
+    )
     write_csv(flight.samples, "flight.csv")
     save_setup(
-        Setup(compasses=(Compass(calibration=fit.calibration),), declination_deg=2.69,
-              declination_sd_deg=0.1), "setup.toml",
-    )  # fmt: skip
+        Setup(
+            compasses=(Compass(calibration=fit.calibration),),
+            declination_deg=2.69,
+            declination_sd_deg=0.1,
+        ),
+        "setup.toml",
+    )
     lost = dict.fromkeys(WHERE)
     write_csv(flight.samples.with_columns(**lost), "placeless.csv")
     bare = flight.samples.with_columns(roll_deg=None, pitch_deg=None, acceleration=None)
@@ -103,8 +118,14 @@ def test_the_place_may_be_given(capsys) -> None:
 
 
 def test_a_log_in_which_nothing_can_be_trusted_is_exit_status_1(capsys) -> None:
-    log = simulate("flight", n=200, seed=2, **FIELD, **WHERE,
-                   defects=[magnet_attached(0.0, [60_000.0, 60_000.0, 60_000.0])])  # fmt: skip
+    log = simulate(
+        "flight",
+        n=200,
+        seed=2,
+        **FIELD,
+        **WHERE,
+        defects=[magnet_attached(0.0, [60_000.0, 60_000.0, 60_000.0])],
+    )
     write_csv(log.samples, "magnet.csv")
     status, said = answer(capsys, "mag.json", "magnet.csv", "--date", WHEN)
     assert (status, said["trusted"], said["flagged"]["disturbed"]) == (1, 0, 200)

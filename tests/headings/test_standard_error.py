@@ -56,9 +56,11 @@ def test_on_flights_with_a_fitted_calibration() -> None:
         roll, pitch = tilt_sd * rng.standard_normal(2)
         seen = s.with_columns(roll_deg=s.roll_deg + roll, pitch_deg=s.pitch_deg + pitch)
         setup = setup_for(
-            calibration, tilt_sd_deg=tilt_sd, declination_sd_deg=declination_sd,
+            calibration,
+            tilt_sd_deg=tilt_sd,
+            declination_sd_deg=declination_sd,
             declination_deg=2.0 + declination_sd * rng.standard_normal(),
-        )  # fmt: skip
+        )
         found = heading(seen, setup)
         row = rng.integers(len(s))
         return float(off_deg(found.true_deg, truth_of(s))[row] / found.sd_deg[row])
@@ -138,9 +140,12 @@ def test_what_is_carried_back_is_the_covariance_of_the_field() -> None:
     gradient = rng.standard_normal((3, 7))
     common = {"bias": [100.0, -50, 30], "matrix": np.eye(3) + 0.1 * rng.standard_normal((3, 3))}
     motors = Interference(
-        **common, gauge="free", sources=("current_A",), coefficients=np.ones((3, 1)),
+        **common,
+        gauge="free",
+        sources=("current_A",),
+        coefficients=np.ones((3, 1)),
         covariance=covariance(15),
-    )  # fmt: skip
+    )
     for step in (
         Affine(**common, covariance=covariance(9)),
         Affine(**common, gauge="triangular", covariance=covariance(9)),
@@ -167,10 +172,13 @@ def test_steps_of_a_chain_add_up() -> None:
     for _ in range(4000):
         bent = Rotation.from_rotvec([0.01, 0.02, 0.03] * rng.standard_normal(3)) * turn
         error = np.sqrt(np.diag(first.covariance)) * rng.standard_normal(9)
-        matrix = first.matrix + np.array([
-            [error[3], error[6], error[7]], [error[6], error[4], error[8]],
-            [error[7], error[8], error[5]],
-        ])  # fmt: skip
+        matrix = first.matrix + np.array(
+            [
+                [error[3], error[6], error[7]],
+                [error[6], error[4], error[8]],
+                [error[7], error[8], error[5]],
+            ]
+        )
         field = bent.apply((raw - first.bias - error[:3]) @ matrix.T)
         draws.append(np.einsum("in,ni->n", gradient, field))
     assert lasting == pytest.approx(np.var(draws, axis=0), rel=0.1)  # 4000 draws: 2.2 % each

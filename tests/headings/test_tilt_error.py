@@ -33,9 +33,17 @@ def driven(motion: str, seed: int) -> tuple[Samples, Samples]:
     """What is true, and what a logger with such sensors makes of it."""
     kind, settings = MOTIONS[motion]
     true = simulate(
-        kind, n=4000, rate_Hz=20.0, seed=seed, noise=0.0, inclination_deg=65.0,
-        declination_deg=2.0, calibration=plain(), magnitude=FIELD, **settings,
-    ).samples  # fmt: skip
+        kind,
+        n=4000,
+        rate_Hz=20.0,
+        seed=seed,
+        noise=0.0,
+        inclination_deg=65.0,
+        declination_deg=2.0,
+        calibration=plain(),
+        magnitude=FIELD,
+        **settings,
+    ).samples
     rng = np.random.default_rng(seed + 99)
     noise = rng.standard_normal((2, len(true), 3))
     side = rng.uniform(0, 2 * np.pi)

@@ -15,12 +15,31 @@ DAY = datetime(2026, 1, 1, tzinfo=UTC)
 
 def row(sensor: str, k: int, bias: np.ndarray) -> Row:
     return Row(
-        sensor=sensor, source=f"{sensor}-{k}.csv", sha256=f"{sensor}{k}", verdict="good", status="",
-        start=DAY + timedelta(days=30 * k), rows=300, unit_in="nT", unit_out="nT", model="full",
-        gauge="symmetric", bias_x=bias[0], bias_y=bias[1], bias_z=bias[2], bias_x_sd=4.0,
-        bias_y_sd=4.0, bias_z_sd=4.0, magnitude=50_000.0, matrix_xx=1.0, matrix_yy=1.0,
-        matrix_zz=1.0, matrix_xy=0.0, matrix_xz=0.0, matrix_yz=0.0,
-    )  # fmt: skip
+        sensor=sensor,
+        source=f"{sensor}-{k}.csv",
+        sha256=f"{sensor}{k}",
+        verdict="good",
+        status="",
+        start=DAY + timedelta(days=30 * k),
+        rows=300,
+        unit_in="nT",
+        unit_out="nT",
+        model="full",
+        gauge="symmetric",
+        bias_x=bias[0],
+        bias_y=bias[1],
+        bias_z=bias[2],
+        bias_x_sd=4.0,
+        bias_y_sd=4.0,
+        bias_z_sd=4.0,
+        magnitude=50_000.0,
+        matrix_xx=1.0,
+        matrix_yy=1.0,
+        matrix_zz=1.0,
+        matrix_xy=0.0,
+        matrix_xz=0.0,
+        matrix_yz=0.0,
+    )
 
 
 @pytest.fixture

@@ -17,9 +17,15 @@ START = datetime(2024, 1, 1, tzinfo=UTC)
 
 
 def rows_of(
-    n: int = 20, seed: int = 0, *, sensor: str = "7", slope: float = 0.0, scatter: float = 20.0,
-    moved: np.ndarray | None = None, **more: object,
-) -> list[Row]:  # fmt: skip
+    n: int = 20,
+    seed: int = 0,
+    *,
+    sensor: str = "7",
+    slope: float = 0.0,
+    scatter: float = 20.0,
+    moved: np.ndarray | None = None,
+    **more: object,
+) -> list[Row]:
     """A calibration a month with a formal error of 5 nT; `slope` of bias z in nT a year."""
     rng = np.random.default_rng(seed)
     made = []
@@ -29,14 +35,39 @@ def rows_of(
         bias = np.array([100.0, -200.0, 300.0 + slope * years])
         bias += rng.normal(0, np.hypot(5.0, scatter), 3) + (0 if moved is None else moved[k])
         gain = 1.0 + rng.normal(0, 1e-3, 3)
-        made.append(Row(
-            sensor=sensor, source=f"{sensor}-{k:02d}.csv", sha256=f"{sensor}{k}", verdict="good",
-            status="", start=start, rows=300, unit_in="nT", unit_out="nT", gauge="symmetric",
-            model="diagonal", bias_x=bias[0], bias_y=bias[1], bias_z=bias[2], bias_x_sd=5.0,
-            bias_y_sd=5.0, bias_z_sd=5.0, matrix_xx=gain[0], matrix_yy=gain[1], matrix_zz=gain[2],
-            matrix_xx_sd=1e-3, matrix_yy_sd=1e-3, matrix_zz_sd=1e-3, matrix_xy=0.0, matrix_xz=0.0,
-            matrix_yz=0.0, matrix_yx=0.0, matrix_zx=0.0, matrix_zy=0.0,
-        ))  # fmt: skip
+        made.append(
+            Row(
+                sensor=sensor,
+                source=f"{sensor}-{k:02d}.csv",
+                sha256=f"{sensor}{k}",
+                verdict="good",
+                status="",
+                start=start,
+                rows=300,
+                unit_in="nT",
+                unit_out="nT",
+                gauge="symmetric",
+                model="diagonal",
+                bias_x=bias[0],
+                bias_y=bias[1],
+                bias_z=bias[2],
+                bias_x_sd=5.0,
+                bias_y_sd=5.0,
+                bias_z_sd=5.0,
+                matrix_xx=gain[0],
+                matrix_yy=gain[1],
+                matrix_zz=gain[2],
+                matrix_xx_sd=1e-3,
+                matrix_yy_sd=1e-3,
+                matrix_zz_sd=1e-3,
+                matrix_xy=0.0,
+                matrix_xz=0.0,
+                matrix_yz=0.0,
+                matrix_yx=0.0,
+                matrix_zx=0.0,
+                matrix_zy=0.0,
+            )
+        )
     return [replace(row, **more) for row in made]
 
 

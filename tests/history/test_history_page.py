@@ -20,13 +20,33 @@ def rows_of(n: int, sensor: str = "board <7>") -> list[Row]:
     for k in range(n):
         bias = rng.normal(0, 10.0, 3) + [0.0, 300.0 * (k >= 9), -20.0 * k] + 400.0 * (k == 14)
         gain = 1.0 + rng.normal(0, 1e-4, 3)
-        made.append(Row(
-            sensor=sensor, source=f"{k:03d} <log>.csv", verdict="good", status="fine", rows=300,
-            start=START + timedelta(days=30 * k), unit_in="nT", unit_out="nT", model="diagonal",
-            gauge="symmetric", bias_x=bias[0], bias_y=bias[1], bias_z=bias[2], bias_x_sd=5.0,
-            bias_y_sd=5.0, bias_z_sd=5.0, matrix_xx=gain[0], matrix_yy=gain[1], matrix_zz=gain[2],
-            matrix_xx_sd=1e-4, matrix_yy_sd=1e-4, matrix_zz_sd=1e-4, temperature_C=21.5,
-        ))  # fmt: skip
+        made.append(
+            Row(
+                sensor=sensor,
+                source=f"{k:03d} <log>.csv",
+                verdict="good",
+                status="fine",
+                rows=300,
+                start=START + timedelta(days=30 * k),
+                unit_in="nT",
+                unit_out="nT",
+                model="diagonal",
+                gauge="symmetric",
+                bias_x=bias[0],
+                bias_y=bias[1],
+                bias_z=bias[2],
+                bias_x_sd=5.0,
+                bias_y_sd=5.0,
+                bias_z_sd=5.0,
+                matrix_xx=gain[0],
+                matrix_yy=gain[1],
+                matrix_zz=gain[2],
+                matrix_xx_sd=1e-4,
+                matrix_yy_sd=1e-4,
+                matrix_zz_sd=1e-4,
+                temperature_C=21.5,
+            )
+        )
     return made
 
 
@@ -88,9 +108,14 @@ def test_few_calibrations_make_a_page_without_strips() -> None:
 
 def test_long_histories_are_cut_short_in_the_table_only() -> None:
     rows = [
-        Row(sensor="7", source=f"{k:04d}.csv", verdict="refused", status="no",
-            start=START + timedelta(days=k))
+        Row(
+            sensor="7",
+            source=f"{k:04d}.csv",
+            verdict="refused",
+            status="no",
+            start=START + timedelta(days=k),
+        )
         for k in range(230)
-    ]  # fmt: skip
+    ]
     page = history_page(drift(Population.of(rows), START + timedelta(days=700)))
     assert "30 earlier ones left out." in page

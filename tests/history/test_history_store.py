@@ -25,15 +25,34 @@ DAY = datetime(2026, 3, 1, 12, 30, 0, 250, tzinfo=UTC)
 def row(k: int, sensor: str = "7", **more: object) -> Row:
     return replace(
         Row(
-            sensor=sensor, source=f"{k}.csv", sha256=f"{k:x}", key=f"key-{sensor}-{k}",
-            start=DAY + timedelta(days=k), verdict="good", status="fine", rows=300,
-            findings=("gap", "stuck"), device_id=197388, unit_in="nT", unit_out="nT",
-            gauge="symmetric", model="full", bias_x=1.5 + k, bias_y=-2.0, bias_z=3.0,
-            bias_x_sd=0.1, bias_y_sd=0.1, bias_z_sd=0.2, matrix_xx=1.0, matrix_yy=1.1,
-            matrix_zz=0.9, matrix_xy=0.01, matrix_yx=0.01,
+            sensor=sensor,
+            source=f"{k}.csv",
+            sha256=f"{k:x}",
+            key=f"key-{sensor}-{k}",
+            start=DAY + timedelta(days=k),
+            verdict="good",
+            status="fine",
+            rows=300,
+            findings=("gap", "stuck"),
+            device_id=197388,
+            unit_in="nT",
+            unit_out="nT",
+            gauge="symmetric",
+            model="full",
+            bias_x=1.5 + k,
+            bias_y=-2.0,
+            bias_z=3.0,
+            bias_x_sd=0.1,
+            bias_y_sd=0.1,
+            bias_z_sd=0.2,
+            matrix_xx=1.0,
+            matrix_yy=1.1,
+            matrix_zz=0.9,
+            matrix_xy=0.01,
+            matrix_yx=0.01,
         ),
         **more,
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture
@@ -93,8 +112,14 @@ def test_a_log_without_a_date_has_that_of_its_first_adding(path: Path) -> None:
 def test_latest_is_the_last_good_one_of_each_sensor(path: Path) -> None:
     with History.open(path) as history:
         history.add([row(k, sensor) for k in range(3) for sensor in "ab"])
-        history.add([row(4, "a", verdict="check"), row(5, "a", verdict="refused"),
-                     row(4, "c", verdict="check"), row(5, "d", verdict="refused")])  # fmt: skip
+        history.add(
+            [
+                row(4, "a", verdict="check"),
+                row(5, "a", verdict="refused"),
+                row(4, "c", verdict="check"),
+                row(5, "d", verdict="refused"),
+            ]
+        )
         assert history.latest()["sensor"].tolist() == ["a", "b", "c"]
         assert history.latest()["source"].tolist() == ["2.csv", "2.csv", "4.csv"]
         assert history.latest(before=1)["source"].tolist() == ["1.csv", "1.csv"]

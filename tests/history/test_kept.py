@@ -21,9 +21,13 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two magnetometers, oppositely disturbed, 100 ms late, and two flights of them."""
     there = tmp_path_factory.mktemp("flown")
     settings = {
-        "n": 2500, "rate_Hz": 25.0, "latency_s": LATE_S, "placing": "opposite",
-        "attitude_sd_deg": 0.05, "heading_sd_deg": 0.05,
-    }  # fmt: skip
+        "n": 2500,
+        "rate_Hz": 25.0,
+        "latency_s": LATE_S,
+        "placing": "opposite",
+        "attitude_sd_deg": 0.05,
+        "heading_sd_deg": 0.05,
+    }
     made = ag.simulate_vehicle(seed=4, **settings)
     ag.write_sensors(made.samples, there / "both.csv")
     other = ag.simulate_vehicle(seed=5, calibrations=made.truths, **settings)

@@ -18,9 +18,14 @@ Array = NDArray[np.float64]
 ARCSEC = np.degrees(1.0) * 3600.0
 SCALAR_SD, VECTOR_SD, STAR_ARCSEC = 0.1, 0.3, 4.0
 PRECISE = {
-    "noise": VECTOR_SD, "scalar_sd": SCALAR_SD, "attitude_sd_deg": STAR_ARCSEC / 3600,
-    "mounting_deg": 30.0, "thermal": 30.0, "external": 0.0, "pointing": "nadir",
-}  # fmt: skip
+    "noise": VECTOR_SD,
+    "scalar_sd": SCALAR_SD,
+    "attitude_sd_deg": STAR_ARCSEC / 3600,
+    "mounting_deg": 30.0,
+    "thermal": 30.0,
+    "external": 0.0,
+    "pointing": "nadir",
+}
 
 
 def precise(seed: int, n: int, days: float) -> tuple[SimulatedOrbit, ag.InflightFit]:

@@ -30,9 +30,14 @@ def track(n: int, step_s: float) -> ag.Samples:
     longitude = np.degrees(np.arctan2(np.cos(np.radians(80.0)) * np.sin(along), np.cos(along)))
     longitude = (longitude - time * 360.0 / 86164.0 + 180.0) % 360.0 - 180.0
     return ag.Samples(
-        time=time, epoch=START, field=np.ones((n, 3)), latitude_deg=latitude,
-        longitude_deg=longitude, altitude_m=np.full(n, 500e3), name="sat",
-    )  # fmt: skip
+        time=time,
+        epoch=START,
+        field=np.ones((n, 3)),
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=np.full(n, 500e3),
+        name="sat",
+    )
 
 
 @cache
@@ -100,9 +105,14 @@ def test_a_ring_current_of_two_hours_leaves_the_errors_honest(pointing: str) -> 
     z = []
     for seed in range(14):
         made = ag.simulate_orbit(
-            n=8640, rate_Hz=0.1, thermal=0.0, external=60.0, moved=500.0, pointing=pointing,
+            n=8640,
+            rate_Hz=0.1,
+            thermal=0.0,
+            external=60.0,
+            moved=500.0,
+            pointing=pointing,
             seed=seed,
-        )  # fmt: skip
+        )
         held = made.ground.at(20.0)
         ground = Affine(
             bias=held.bias, matrix=held.matrix, covariance=np.diag([100.0] * 3 + [1e-8] * 6)

@@ -97,9 +97,9 @@ def test_changes_in_sigmas_are_honest() -> None:
         both = []
         for factor in (1.0, 0.25):
             by = rng.multivariate_normal(np.zeros(9), factor * spread)
-            matrix = np.eye(3) + np.array([
-                [by[3], by[6], by[7]], [by[6], by[4], by[8]], [by[7], by[8], by[5]]
-            ])  # fmt: skip
+            matrix = np.eye(3) + np.array(
+                [[by[3], by[6], by[7]], [by[6], by[4], by[8]], [by[7], by[8], by[5]]]
+            )
             both.append(Affine(bias=by[:3], matrix=matrix, covariance=factor * spread))
         sigmas += [q.sigmas for group in compared(*both) for q in group.rows]
     assert np.mean(sigmas) == pytest.approx(0.0, abs=0.06)
@@ -119,8 +119,9 @@ def test_a_step_in_the_shadow_is_measured(fit, samples, made) -> None:
     said = re.search(r"mean is ([^ ]+) ± ([\d.]+) nT from", words(inflight_page(stepped, samples)))
     step, sd = number(said[1]), float(said[2])
     assert step == pytest.approx(40.0, abs=4 * sd)
-    assert sd == pytest.approx(100.0 * np.sqrt(1 / made.eclipse.sum() + 1 / (~made.eclipse).sum()),
-                               rel=0.2)  # fmt: skip
+    assert sd == pytest.approx(
+        100.0 * np.sqrt(1 / made.eclipse.sum() + 1 / (~made.eclipse).sum()), rel=0.2
+    )
 
 
 @pytest.mark.parametrize("what", ["time", "latitude", "temperature", "shadow"])
@@ -158,10 +159,12 @@ def test_the_map_has_each_residual_at_its_place(fit, samples) -> None:
 
 def test_the_band_of_the_bias_is_two_standard_errors(page, fit) -> None:
     svg = page[page.index("Bias along x over time") :]
-    band = np.array(re.findall(r"([\d.]+) (\d+)", re.search(r'd="([^"]+)" class="band"', svg)[1]),
-                    dtype=float)  # fmt: skip
-    middle = np.array(re.findall(r"([\d.]+) (\d+)", re.search(r'd="([^"]+)" class="bias"', svg)[1]),
-                      dtype=float)  # fmt: skip
+    band = np.array(
+        re.findall(r"([\d.]+) (\d+)", re.search(r'd="([^"]+)" class="band"', svg)[1]), dtype=float
+    )
+    middle = np.array(
+        re.findall(r"([\d.]+) (\d+)", re.search(r'd="([^"]+)" class="bias"', svg)[1]), dtype=float
+    )
     half = np.ptp(band[:, 1]) / 2
     bias, sd = fit.bias_at(fit.drift.start)
     assert middle[0, 1] == pytest.approx(500, abs=2)
@@ -260,9 +263,14 @@ def test_a_long_mission_makes_a_small_page(fit, samples) -> None:
     residuals = rng.normal(0, 100.0, n)
     residuals[123_456] = 90_000.0
     told = replace(
-        fit, time=time, residuals=residuals, weights=np.ones(n), eclipse=None,
-        latitude_deg=long.latitude_deg, temperature=long.temperature,
-    )  # fmt: skip
+        fit,
+        time=time,
+        residuals=residuals,
+        weights=np.ones(n),
+        eclipse=None,
+        latitude_deg=long.latitude_deg,
+        temperature=long.temperature,
+    )
     drawn = inflight_page(told, long)
     assert len(drawn) < 300_000
     assert "1 reading lies beyond the edges (arrows), the farthest at 90 000 nT" in words(drawn)

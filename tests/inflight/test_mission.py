@@ -29,9 +29,15 @@ class Pieces:
 @pytest.fixture(scope="module")
 def made() -> ag.SimulatedOrbit:
     return ag.simulate_orbit(
-        n=30_000, rate_Hz=0.3, thermal=0.0, external=30.0, torquer=3000.0, moved=800.0,
-        pointing="tumble", seed=1,
-    )  # fmt: skip
+        n=30_000,
+        rate_Hz=0.3,
+        thermal=0.0,
+        external=30.0,
+        torquer=3000.0,
+        moved=800.0,
+        pointing="tumble",
+        seed=1,
+    )
 
 
 def ground_of(made: ag.SimulatedOrbit) -> ag.Affine:
@@ -44,9 +50,12 @@ def test_out_of_core_gives_what_memory_gives(made, monkeypatch) -> None:
     whole = ag.fit_inflight(made.samples, ground=ground, drift_knots=0, latitude_deg=(-80, 80))
     recording = Pieces(made.samples, 7000)
     fit = fit_mission(
-        recording, ground=ground, drift_knots=0, latitude_deg=(-80, 80),
+        recording,
+        ground=ground,
+        drift_knots=0,
+        latitude_deg=(-80, 80),
         progress=lambda what, rows: told.append((what, rows)),
-    )  # fmt: skip
+    )
     assert fit.n == whole.n
     assert np.abs((fit.change.bias - whole.change.bias) / whole.sd[:3]).max() < 0.5
     assert fit.sd[:3] == pytest.approx(whole.sd[:3], rel=0.35)
@@ -65,9 +74,15 @@ def test_out_of_core_gives_what_memory_gives(made, monkeypatch) -> None:
 def test_a_spline_and_temperature_terms_go_over_pieces(monkeypatch) -> None:
     monkeypatch.setattr(scan, "MOST", 5000)
     made = ag.simulate_orbit(
-        n=20_000, rate_Hz=0.2, noise=50.0, thermal=800.0, external=0.0, drift=600.0,
-        pointing="tumble", seed=3,
-    )  # fmt: skip
+        n=20_000,
+        rate_Hz=0.2,
+        noise=50.0,
+        thermal=800.0,
+        external=0.0,
+        drift=600.0,
+        pointing="tumble",
+        seed=3,
+    )
     recording = Pieces(made.samples, 6000)
     fit = fit_mission(recording, drift_knots=2, temperature_degree=3)
     assert fit.verdict == "good", fit.status

@@ -23,9 +23,11 @@ def test_the_files_hold_the_readings_and_what_undoes_them(capsys) -> None:
     said = json.loads(capsys.readouterr().out)
     assert (said["schema"], said["kind"], said["n"]) == ("agonic/simulate@1", "orbit", 900)
     assert said["files"] == ["day.csv", "day.ground.json", "day.truth.json", "day.truth.csv"]
-    samples, ground, truth = ag.read("day.csv"), ag.load("day.ground.json"), ag.load(
-        "day.truth.json"
-    )  # fmt: skip
+    samples, ground, truth = (
+        ag.read("day.csv"),
+        ag.load("day.ground.json"),
+        ag.load("day.truth.json"),
+    )
     assert {"temperature", "latitude_deg", "scalar", "flagged"} <= set(samples.columns())
     assert np.linalg.norm(truth.bias[0] - ground.bias[0]) == pytest.approx(2000.0)
     rows = np.genfromtxt("day.truth.csv", delimiter=",", names=True)

@@ -22,9 +22,19 @@ nT = 1.0
 def day() -> SimulatedOrbit:
     """A day with everything that disturbs, but for noise."""
     return simulate_orbit(
-        n=8640, rate_Hz=0.1, noise=0.0, moved=2000.0, drift=200.0, jump=300.0, jump_at=0.25,
-        walk_nT_h=5.0, torquer=3000.0, scalar_sd=0.1, mounting_deg=2.0, seed=4,
-    )  # fmt: skip
+        n=8640,
+        rate_Hz=0.1,
+        noise=0.0,
+        moved=2000.0,
+        drift=200.0,
+        jump=300.0,
+        jump_at=0.25,
+        walk_nT_h=5.0,
+        torquer=3000.0,
+        scalar_sd=0.1,
+        mounting_deg=2.0,
+        seed=4,
+    )
 
 
 def corrected(made: SimulatedOrbit) -> np.ndarray:
@@ -139,9 +149,20 @@ def test_against_sgp4_for_a_day() -> None:
     satellite = api.Satrec()
     orbit = Orbit(altitude_m=600e3, inclination_deg=75.0, node_deg=30.0, eccentricity=0.001)
     satellite.sgp4init(
-        api.WGS72, "i", 99999, 27_000.0, 0.0, 0.0, 0.0, orbit.eccentricity, 0.0,
-        np.radians(75.0), 0.0, orbit.motion_rad_s * 60, np.radians(30.0),
-    )  # fmt: skip
+        api.WGS72,
+        "i",
+        99999,
+        27_000.0,
+        0.0,
+        0.0,
+        0.0,
+        orbit.eccentricity,
+        0.0,
+        np.radians(75.0),
+        0.0,
+        orbit.motion_rad_s * 60,
+        np.radians(30.0),
+    )
     days = satellite.jdsatepochF + np.array([0.0, 1.0])
     _, theirs, speeds = satellite.sgp4_array(np.full(2, satellite.jdsatepoch), days)
     ours = state_i(orbit, np.array([0.0, 86_400.0]))

@@ -96,16 +96,33 @@ def test_an_orbit_is_followed_from_the_ground_calibration(capsys) -> None:
 def test_a_thermal_ground_calibration_flagged_rows_and_a_resumed_state(capsys) -> None:
     """Two pieces are the whole, with the shape in temperature kept and torquers passed over."""
     made = simulate_orbit(
-        n=9000, moved=2000.0, thermal=1500.0, external=0.0, pointing="tumble", torquer=5000.0,
-        torquer_share=0.1, seed=6,
-    )  # fmt: skip
+        n=9000,
+        moved=2000.0,
+        thermal=1500.0,
+        external=0.0,
+        pointing="tumble",
+        torquer=5000.0,
+        torquer_share=0.1,
+        seed=6,
+    )
     s = made.samples
     ag.write_csv(s, "whole.csv")
     ag.write_csv(s.select(s.time < 4000), "first.csv")
     ag.write_csv(s.select(s.time >= 4000), "second.csv")
     ag.save(made.ground, "ground.json")
-    options = ["--ground", "ground.json", "--solve", "bias", "--noise", "100", "--walk", "0.1",
-               "--external", "0", "--json"]  # fmt: skip
+    options = [
+        "--ground",
+        "ground.json",
+        "--solve",
+        "bias",
+        "--noise",
+        "100",
+        "--walk",
+        "0.1",
+        "--external",
+        "0",
+        "--json",
+    ]
     assert run(["track", "whole.csv", "--state", "whole.json", *options]) == 0
     whole = said(capsys)
     assert whole["n"] == (s.flagged == 0).sum()

@@ -22,9 +22,15 @@ PARAMS = TrackerParams(noise=NOISE)
 
 
 def orbiting(
-    seed: int = 0, *, n: int = 3000, walk: float = 0.0, external: float = 0.0,
-    jump: np.ndarray | None = None, at: int = 1500, strays: float = 0.0,
-):  # fmt: skip
+    seed: int = 0,
+    *,
+    n: int = 3000,
+    walk: float = 0.0,
+    external: float = 0.0,
+    jump: np.ndarray | None = None,
+    at: int = 1500,
+    strays: float = 0.0,
+):
     """A slowly tumbling sensor in a field that changes, 1 Hz: samples, reference, bias, truth."""
     rng = np.random.default_rng(seed)
     truth = random_calibration(rng, soft_iron=0.02, cross=0.01, bias=3000.0)
@@ -93,9 +99,11 @@ def test_error_over_sd_is_standard_normal(kind: str) -> None:
         symmetric[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]] = off[3:]
         symmetric = symmetric + np.triu(symmetric, 1).T
         ground = replace(
-            truth, matrix=truth.matrix + symmetric, covariance=np.diag(sd**2),
+            truth,
+            matrix=truth.matrix + symmetric,
+            covariance=np.diag(sd**2),
             bias=truth.bias + off[:3] + 2000 * rng.standard_normal(3),
-        )  # fmt: skip
+        )
         tracker = Tracker(ground, params)
         tracker.update(samples, reference)
         now = tracker.calibration
@@ -187,8 +195,9 @@ def test_flagged_rows_are_passed_over() -> None:
 def test_one_reading_at_a_time_is_the_same() -> None:
     samples, reference, _, _ = orbiting(3, n=700)
     params = replace(PARAMS, walk=1.0)
-    whole, expected = update(start(None, params), params, samples.time, samples.field,
-                             reference.values)  # fmt: skip
+    whole, expected = update(
+        start(None, params), params, samples.time, samples.field, reference.values
+    )
     state = start(None, params)
     for time, raw, magnitude in zip(samples.time, samples.field, reference.values, strict=True):
         state, found = update(state, params, time, raw, magnitude)

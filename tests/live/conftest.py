@@ -26,8 +26,9 @@ def started(source, *options):
     """`agonic live` on a source: the process, and the address of its page."""
     process = subprocess.Popen(
         [sys.executable, "-m", "agonic", "live", source, "--port", "0", *options],
-        stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     return process, re.search(r"http://\S+", process.stdout.readline())[0]
 
 
@@ -155,9 +156,12 @@ def page(chromium):
         one.on("pageerror", lambda error: one.complaints.append(str(error)))
         one.on(
             "request",
-            lambda r: None if "127.0.0.1" in r.url or r.url.startswith("data:")
-            else one.foreign.append(r.url),
-        )  # fmt: skip
+            lambda r: (
+                None
+                if "127.0.0.1" in r.url or r.url.startswith("data:")
+                else one.foreign.append(r.url)
+            ),
+        )
         one.goto(address)
         return one
 

@@ -12,11 +12,20 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 PARAMETERS = {
-    "COMPASS_OFS_X": -120.0, "COMPASS_OFS_Y": 80.0, "COMPASS_OFS_Z": 33.5,
-    "COMPASS_DIA_X": 1.05, "COMPASS_DIA_Y": 0.97, "COMPASS_DIA_Z": 1.01,
-    "COMPASS_ODI_X": 0.02, "COMPASS_ODI_Y": -0.01, "COMPASS_ODI_Z": 0.03,
-    "COMPASS_SCALE": 1.1, "COMPASS_DEV_ID": 97539.0, "COMPASS_MOTCT": 0.0, "COMPASS_LEARN": 3.0,
-}  # fmt: skip
+    "COMPASS_OFS_X": -120.0,
+    "COMPASS_OFS_Y": 80.0,
+    "COMPASS_OFS_Z": 33.5,
+    "COMPASS_DIA_X": 1.05,
+    "COMPASS_DIA_Y": 0.97,
+    "COMPASS_DIA_Z": 1.01,
+    "COMPASS_ODI_X": 0.02,
+    "COMPASS_ODI_Y": -0.01,
+    "COMPASS_ODI_Z": 0.03,
+    "COMPASS_SCALE": 1.1,
+    "COMPASS_DEV_ID": 97539.0,
+    "COMPASS_MOTCT": 0.0,
+    "COMPASS_LEARN": 3.0,
+}
 RAW_BIAS = np.array([250.0, -100.0, 60.0])  # mG
 FIELD = 500.0  # mG
 

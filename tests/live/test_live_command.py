@@ -30,9 +30,7 @@ def test_one_object_for_programs(tmp_path, capsys):
     made = ag.simulate("tumble", n=1500, rate_Hz=50.0, seed=4)
     log = ag.write_csv(made.samples, tmp_path / "log.csv")
     out = tmp_path / "out"
-    status = run(
-        ["live", str(log), "--speed", "0", "--field", "50000", "--json", "-o", str(out)]
-    )  # fmt: skip
+    status = run(["live", str(log), "--speed", "0", "--field", "50000", "--json", "-o", str(out)])
     told = json.loads(capsys.readouterr().out)
     assert status == 0
     assert told["schema"] == "agonic/live@1"

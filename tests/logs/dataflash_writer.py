@@ -49,8 +49,12 @@ def format_message(known: dict[str, tuple[int, str, str]], name: str) -> bytes:
     kind, letters, columns = known[name]
     length = message_dtype(letters, columns).itemsize
     description = {
-        "Type": kind, "Length": length, "Name": name, "Format": letters, "Columns": columns
-    }  # fmt: skip
+        "Type": kind,
+        "Length": length,
+        "Name": name,
+        "Format": letters,
+        "Columns": columns,
+    }
     return messages(FORMATS["FMT"], description).tobytes()
 
 

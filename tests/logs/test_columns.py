@@ -55,9 +55,25 @@ NAMES = {
     "torquers on": ("flagged", "", "", None),
 }
 OTHERS = (
-    "index", "Hz", "max", "min", "m", "B_total", "accuracy", "mag_norm", "mag_heading", "cpu_temp",
-    "T", "azimuth", "mag_cal_x", "temperature_foo", "acc_x_furlongs", "", "µ", "x" * 10_000,
-)  # fmt: skip
+    "index",
+    "Hz",
+    "max",
+    "min",
+    "m",
+    "B_total",
+    "accuracy",
+    "mag_norm",
+    "mag_heading",
+    "cpu_temp",
+    "T",
+    "azimuth",
+    "mag_cal_x",
+    "temperature_foo",
+    "acc_x_furlongs",
+    "",
+    "µ",
+    "x" * 10_000,
+)
 
 
 @pytest.mark.parametrize(("header", "meaning"), NAMES.items())
@@ -72,8 +88,16 @@ def test_other_names_are_not_mistaken(header):
 
 
 def test_canonical_names_are_understood_as_what_they_are():
-    for column in ("time", "temperature", "heading_deg", "current_A", "throttle", "station",
-                   "scalar", "flagged"):  # fmt: skip
+    for column in (
+        "time",
+        "temperature",
+        "heading_deg",
+        "current_A",
+        "throttle",
+        "station",
+        "scalar",
+        "flagged",
+    ):
         found = understood(canonical_header(column))
         assert (found.quantity.column, found.rank) == (column, CANONICAL)
     assert understood(canonical_header("field", "y", "nT")).rank == CANONICAL

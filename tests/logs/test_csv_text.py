@@ -136,8 +136,28 @@ def test_units_of_the_other_columns(table):
         "gyr_z_deg_s,temp_F,roll_deg,pitch_rad,yaw (°),current_mA,throttle_percent,lat_e7,lon,"
         "alt_ft,station"
     )
-    row = [20, 200, 10, 430, 0, 0.6, -0.8, 180, 0, -90, 212, 3, np.pi / 6, 271, 1500, 25, 4.75e8,
-           -107.5, 100, 2]  # fmt: skip
+    row = [
+        20,
+        200,
+        10,
+        430,
+        0,
+        0.6,
+        -0.8,
+        180,
+        0,
+        -90,
+        212,
+        3,
+        np.pi / 6,
+        271,
+        1500,
+        25,
+        4.75e8,
+        -107.5,
+        100,
+        2,
+    ]
     samples = read(table(text(header, [row])))
     assert samples.time.tolist() == [0.02]
     np.testing.assert_allclose(samples.field, [[20000, 1000, 43000]])
@@ -353,8 +373,9 @@ def test_recorded_space_station(recordings):
     assert len(samples) == 1306
     assert samples.epoch == datetime(2021, 4, 16, 22, 46, 30, tzinfo=UTC)
     assert np.median(np.diff(samples.time)) == pytest.approx(7.9, abs=0.1)
-    np.testing.assert_allclose(samples.field[0], [178.826957941055, -2260.56790351868, 11203.2423],
-                               rtol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(
+        samples.field[0], [178.826957941055, -2260.56790351868, 11203.2423], rtol=1e-6
+    )
     assert samples.latitude_deg[0] == pytest.approx(28 + 48 / 60 + 17.8 / 3600)
     assert samples.longitude_deg[0] == pytest.approx(-(107 + 7 / 60 + 22.5 / 3600))
     assert samples.latitude_deg[73] == pytest.approx(-(21 / 60 + 57.8 / 3600))

@@ -88,8 +88,9 @@ def test_attitude_of_one_right_angle():
     roll, pitch, heading = broad.attitude_deg(np.array([[1, 0, 0, 0], [quarter, 0, 0, quarter]]))
     np.testing.assert_allclose(np.abs(roll), 180, atol=1e-9)
     np.testing.assert_allclose(pitch, 0, atol=1e-9)
-    np.testing.assert_allclose([np.cos(np.radians(heading)), np.sin(np.radians(heading))],
-                               [[0, 1], [1, 0]], atol=1e-9)  # fmt: skip
+    np.testing.assert_allclose(
+        [np.cos(np.radians(heading)), np.sin(np.radians(heading))], [[0, 1], [1, 0]], atol=1e-9
+    )
 
 
 def test_attitude_is_held_at_rest_and_interpolated_over_short_gaps():

@@ -7,9 +7,15 @@ import struct
 import numpy as np
 
 TYPES = {
-    "u8": "uint64_t", "u4": "uint32_t", "u1": "uint8_t", "i4": "int32_t", "i8": "int64_t",
-    "f4": "float", "f8": "double", "b1": "bool",
-}  # fmt: skip
+    "u8": "uint64_t",
+    "u4": "uint32_t",
+    "u1": "uint8_t",
+    "i4": "int32_t",
+    "i8": "int64_t",
+    "f4": "float",
+    "f8": "double",
+    "b1": "bool",
+}
 
 Topic = dict[str, np.ndarray]
 

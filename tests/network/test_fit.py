@@ -134,9 +134,11 @@ def half_seen():
     made = bent(4)
     seen = made.field[:, 0] > 0
     fit = fit_network(
-        made.samples.select(seen), ag.Reference.vector(made.field[seen], frame="m"), hidden=8,
+        made.samples.select(seen),
+        ag.Reference.vector(made.field[seen], frame="m"),
+        hidden=8,
         compared=False,
-    )  # fmt: skip
+    )
     return made, seen, fit.calibration
 
 
@@ -299,9 +301,13 @@ def test_a_given_base_is_kept():
     made = bent(0)
     base = fit_network(made.samples, made.reference, compared=False).base
     thermal = ag.Thermal(
-        bias=[base.bias, [10.0, 0.0, 0.0]], matrix=[base.matrix, np.zeros((3, 3))],
-        centre_C=15.0, half_range_C=30.0, covariance=None, gauge="free",
-    )  # fmt: skip
+        bias=[base.bias, [10.0, 0.0, 0.0]],
+        matrix=[base.matrix, np.zeros((3, 3))],
+        centre_C=15.0,
+        half_range_C=30.0,
+        covariance=None,
+        gauge="free",
+    )
     fit = fit_network(
         made.samples, made.reference, hidden=8, base=thermal, inputs=WARM[:2], compared=False
     )

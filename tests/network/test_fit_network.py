@@ -28,10 +28,21 @@ def folder(tmp_path, monkeypatch, capsys):
 
 def test_a_network_is_trained_written_and_applied(folder, capsys):
     status, out, _ = run(
-        "fit", "network", "bent.csv", "--reference", "bent.reference.csv", "--hidden", 8,
-        "--inputs", "field,temperature,temperature_rate", "-o", "net.json", "--figure", "t.svg",
+        "fit",
+        "network",
+        "bent.csv",
+        "--reference",
+        "bent.reference.csv",
+        "--hidden",
+        8,
+        "--inputs",
+        "field,temperature,temperature_rate",
+        "-o",
+        "net.json",
+        "--figure",
+        "t.svg",
         capsys=capsys,
-    )  # fmt: skip
+    )
     assert status == 0
     assert "the network wins" in out
     assert (folder / "t.svg").read_text().startswith("<svg")
@@ -43,9 +54,16 @@ def test_a_network_is_trained_written_and_applied(folder, capsys):
 
 def test_on_an_affine_sensor_the_base_is_written(folder, capsys):
     status, out, _ = run(
-        "fit", "network", "paper.csv", "--reference", "paper.reference.csv", "-o", "cal.json",
-        "--json", capsys=capsys,
-    )  # fmt: skip
+        "fit",
+        "network",
+        "paper.csv",
+        "--reference",
+        "paper.reference.csv",
+        "-o",
+        "cal.json",
+        "--json",
+        capsys=capsys,
+    )
     found = json.loads(out)
     assert status == 0
     assert found["schema"] == "agonic/fit-network@1"
@@ -55,9 +73,21 @@ def test_on_an_affine_sensor_the_base_is_written(folder, capsys):
 
 def test_the_table_of_nodes(folder, capsys):
     status, out, _ = run(
-        "fit", "network", "paper.csv", "--reference", "paper.reference.csv", "--base", "none",
-        "--stopping", "plain", "--select", "--figure", "table.svg", "--json", capsys=capsys,
-    )  # fmt: skip
+        "fit",
+        "network",
+        "paper.csv",
+        "--reference",
+        "paper.reference.csv",
+        "--base",
+        "none",
+        "--stopping",
+        "plain",
+        "--select",
+        "--figure",
+        "table.svg",
+        "--json",
+        capsys=capsys,
+    )
     table = json.loads(out)["table"]
     assert status == 0
     assert [row["hidden"] for row in table] == [7, 6, 5, 4, 3, 2]

@@ -27,8 +27,10 @@ def points(drawn: str) -> list[np.ndarray]:
     """The points of each curve, pixels."""
     root = ElementTree.fromstring(drawn)
     paths = [p.get("d", "") for p in root.iter(f"{SVG}path") if p.get("class") == "curve"]
-    return [np.array([[float(n) for n in pair.split()] for pair in path[1:].split("L")])
-            for path in paths]  # fmt: skip
+    return [
+        np.array([[float(n) for n in pair.split()] for pair in path[1:].split("L")])
+        for path in paths
+    ]
 
 
 def test_points_stand_where_their_values_are():
@@ -43,9 +45,9 @@ def test_the_largest_of_very_many_points_is_kept():
     values = np.zeros(20_000)
     values[12_345] = 7.0
     (curve,) = points(chart("a", "x", "y", [Curve("c", np.arange(20_000), values)]))
-    assert curve[:, 1].min() == pytest.approx(points(
-        chart("a", "x", "y", [Curve("c", [0, 1], [0.0, 7.0])])
-    )[0][1, 1])  # fmt: skip
+    assert curve[:, 1].min() == pytest.approx(
+        points(chart("a", "x", "y", [Curve("c", [0, 1], [0.0, 7.0])]))[0][1, 1]
+    )
 
 
 def test_text_is_escaped():

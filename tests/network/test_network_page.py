@@ -97,9 +97,7 @@ def test_guard_counts_readings_far_from_the_training(made, fit) -> None:
     )
     with pytest.warns(ag.AgonicWarning):
         checked = verify(turned, samples, None)
-    page = network_file_page(
-        turned, network_of(turned), samples=samples, verification=checked
-    )  # fmt: skip
+    page = network_file_page(turned, network_of(turned), samples=samples, verification=checked)
     assert f"{100 * share:.2g} % of 3 000 readings lie so far" in words(page)
     assert 'class="guarded"' in page
 

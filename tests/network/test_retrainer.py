@@ -88,14 +88,22 @@ def test_pieces_of_any_size_make_the_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("word", "settings"),
     [
-        ("outliers", {"raw": lambda r: r + 3000.0 * np.random.default_rng(0).choice(
-            [-1.0, 0.0, 0.0, 0.0, 1.0], (len(r), 1))}),
+        (
+            "outliers",
+            {
+                "raw": lambda r: (
+                    r
+                    + 3000.0
+                    * np.random.default_rng(0).choice([-1.0, 0.0, 0.0, 0.0, 1.0], (len(r), 1))
+                )
+            },
+        ),
         ("wrong reference", {"field": lambda f: np.roll(f, 400, axis=0)}),
         ("wrong reference", {"field": lambda f: f * 1000.0}),
         ("wrong reference", {"field": lambda f: f[:, [1, 0, 2]] * [1.0, 1.0, -1.0]}),
         ("stuck", {"raw": lambda r: np.broadcast_to(r[0], r.shape)}),
     ],
-)  # fmt: skip
+)
 def test_poisoned_stretch_is_rejected_with_its_reason(word: str, settings: dict) -> None:
     # a tumbling sensor for a minute, of which ten seconds from the thirtieth on are spoilt
     made = simulate_nonaffine(n=6000, rate_Hz=100.0, hysteresis=0.0, seed=2)
@@ -174,9 +182,13 @@ def test_field_in_north_east_down_is_turned_by_the_attitude() -> None:
     body = np.einsum("nji,j->ni", rot_nb(roll, pitch, heading), north)
     offset = np.array([250.0, -100.0, 75.0])
     samples = ag.Samples(
-        time=np.arange(n) / 10.0, field=body + offset + rng.normal(0, 20, (n, 3)),
-        roll_deg=roll, pitch_deg=pitch, heading_deg=heading, frame="b",
-    )  # fmt: skip
+        time=np.arange(n) / 10.0,
+        field=body + offset + rng.normal(0, 20, (n, 3)),
+        roll_deg=roll,
+        pitch_deg=pitch,
+        heading_deg=heading,
+        frame="b",
+    )
     retrainer = Retrainer(None, RetrainerParams(window_n=1000))
     retrainer.update(samples, ag.Reference.vector(north, frame="n"))
     assert retrainer.calibration.frame_out == "b"

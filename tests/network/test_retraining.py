@@ -270,10 +270,16 @@ class TestSchedule:
 @pytest.mark.parametrize(
     "settings",
     [
-        {"window_s": 0.0}, {"every_n": -1}, {"alarm": -1.0}, {"fewest": 3}, {"target": "turn"},
-        {"base": None, "target": "magnitude"}, {"inputs": ("warmth",)}, {"misfit": float("nan")},
+        {"window_s": 0.0},
+        {"every_n": -1},
+        {"alarm": -1.0},
+        {"fewest": 3},
+        {"target": "turn"},
+        {"base": None, "target": "magnitude"},
+        {"inputs": ("warmth",)},
+        {"misfit": float("nan")},
     ],
-)  # fmt: skip
+)
 def test_params_that_make_no_sense_are_refused(settings: dict) -> None:
     with pytest.raises(AgonicError):
         RetrainerParams(**settings)

@@ -41,20 +41,28 @@ def drawn(
     for (i, j), values in zip(((0, 1), (0, 2), (1, 2)), cross.T, strict=True):
         matrix[:, i, j] = matrix[:, j, i] = values
     made: dict[str, object] = {
-        "sensor": [f"s{k:06d}" for k in range(n)], "channel": ["mag"] * n,
+        "sensor": [f"s{k:06d}" for k in range(n)],
+        "channel": ["mag"] * n,
         "source": [f"logs/s{k:06d}.csv" for k in range(n)],
-        "sha256": [f"{k:064x}" for k in range(n)], "verdict": ["good"] * n,
-        "status": ["fine"] * n, "model": ["full"] * n, "gauge": ["symmetric"] * n,
-        "unit_in": ["nT"] * n, "unit_out": ["nT"] * n, "findings": [()] * n,
-        "rows": rng.integers(250, 350, n), "magnitude": np.full(n, 50_000.0),
+        "sha256": [f"{k:064x}" for k in range(n)],
+        "verdict": ["good"] * n,
+        "status": ["fine"] * n,
+        "model": ["full"] * n,
+        "gauge": ["symmetric"] * n,
+        "unit_in": ["nT"] * n,
+        "unit_out": ["nT"] * n,
+        "findings": [()] * n,
+        "rows": rng.integers(250, 350, n),
+        "magnitude": np.full(n, 50_000.0),
         "noise": 40 * np.exp(0.15 * draw(rng, (n, 1))[:, 0]),
         "spread_after": 2e-3 * np.exp(0.2 * draw(rng, (n, 1))[:, 0]),
-        "spread_before": rng.uniform(0.05, 0.2, n), "heading_sd_deg": rng.uniform(0.2, 0.9, n),
+        "spread_before": rng.uniform(0.05, 0.2, n),
+        "heading_sd_deg": rng.uniform(0.2, 0.9, n),
         **{f"bias_{i}": bias[:, k] for k, i in enumerate("xyz")},
         **{f"bias_{i}_sd": bias_sd[:, 0] for i in "xyz"},
         **{f"matrix_{e}": matrix.reshape(n, 9)[:, k] for k, e in enumerate(ENTRIES)},
         **{f"matrix_{e}_sd": gain_sd[:, 0] for e in ("xx", "yy", "zz", "xy", "xz", "yz")},
-    }  # fmt: skip
+    }
     return Population({name: _column(name, (made | columns).get(name), n) for name in COLUMNS})
 
 
@@ -79,8 +87,9 @@ def turned(population: Population, rows: np.ndarray, turns: np.ndarray) -> Popul
 
 
 def refused(name: str, status: str, *findings: str) -> Row:
-    return Row(sensor=name, source=f"{name}.csv", verdict="refused", status=status,
-               findings=findings)  # fmt: skip
+    return Row(
+        sensor=name, source=f"{name}.csv", verdict="refused", status=status, findings=findings
+    )
 
 
 def joined(*parts: Population | list[Row]) -> Population:
@@ -94,6 +103,9 @@ def _column(name: str, values: object, n: int) -> np.ndarray:
         empty = 0 if kind is np.int64 else np.nan
         return np.array(np.full(n, empty) if values is None else values, dtype=kind)
     column = np.empty(n, dtype=object)
-    column[:] = ([""] * n if name in ("key", "settings", "version", "method") else [None] * n) \
-        if values is None else values  # fmt: skip
+    column[:] = (
+        ([""] * n if name in ("key", "settings", "version", "method") else [None] * n)
+        if values is None
+        else values
+    )
     return column

@@ -8,9 +8,15 @@ from agonic.population import Population, Row, compare
 def board(k: int, **more: object) -> Row:
     bias = 40.0 * (-1) ** k + 3.0 * k
     given: dict[str, object] = {
-        "sensor": f"s{k:02d}", "source": f"{k:02d}.csv", "sha256": f"{k:064x}", "unit_in": "nT",
-        "bias_x": bias, "bias_y": 0.1 * bias, "bias_z": -50.0 - bias, "noise": 100.0 + k,
-    }  # fmt: skip
+        "sensor": f"s{k:02d}",
+        "source": f"{k:02d}.csv",
+        "sha256": f"{k:064x}",
+        "unit_in": "nT",
+        "bias_x": bias,
+        "bias_y": 0.1 * bias,
+        "bias_z": -50.0 - bias,
+        "noise": 100.0 + k,
+    }
     return Row(verdict="good", status="", **{**given, **more})
 
 

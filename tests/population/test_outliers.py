@@ -133,13 +133,24 @@ def test_swapped_axes_are_named_with_the_swap_itself(turn: int) -> None:
 def test_without_a_common_pattern_no_swap_is_claimed() -> None:
     population = drawn(300, seed=1, pattern=np.zeros(3))
     even = changed(
-        population, np.arange(300),
-        **{f"matrix_{e}": population[f"matrix_{e}"] - np.diag([0.97, 1.0, 1.06])[i, i] + 1.0
-           for i, e in enumerate(("xx", "yy", "zz"))},
-        **{f"matrix_{e}": population[f"matrix_{e}"] - value
-           for e, value in (("xy", 0.03), ("yx", 0.03), ("xz", -0.015), ("zx", -0.015),
-                            ("yz", 0.01), ("zy", 0.01))},
-    )  # fmt: skip
+        population,
+        np.arange(300),
+        **{
+            f"matrix_{e}": population[f"matrix_{e}"] - np.diag([0.97, 1.0, 1.06])[i, i] + 1.0
+            for i, e in enumerate(("xx", "yy", "zz"))
+        },
+        **{
+            f"matrix_{e}": population[f"matrix_{e}"] - value
+            for e, value in (
+                ("xy", 0.03),
+                ("yx", 0.03),
+                ("xz", -0.015),
+                ("zx", -0.015),
+                ("yz", 0.01),
+                ("zy", 0.01),
+            )
+        },
+    )
     swaps = signed_swaps()[1 + np.arange(30)]
     assert not outliers(turned(even, np.arange(30), swaps))
     far = with_bias(even, np.array([5]), np.array([[0.0, 9000.0, 0.0]]))
@@ -156,9 +167,15 @@ def test_an_error_of_its_own_excuses_a_sensor() -> None:
 
 def test_equal_sensors_have_no_outlier_by_what_does_not_matter() -> None:
     population = changed(
-        drawn(50), np.arange(50), bias_x=100.0, bias_y=0.0, bias_z=0.0,
-        bias_x_sd=0.0, bias_y_sd=0.0, bias_z_sd=0.0,
-    )  # fmt: skip
+        drawn(50),
+        np.arange(50),
+        bias_x=100.0,
+        bias_y=0.0,
+        bias_z=0.0,
+        bias_x_sd=0.0,
+        bias_y_sd=0.0,
+        bias_z_sd=0.0,
+    )
     assert not outliers(changed(population, np.array([3]), bias_x=150.0))  # 0.1 % of the field
     assert named(outliers(changed(population, np.array([3]), bias_x=3000.0))) == {3: {"bias"}}
 
@@ -175,20 +192,30 @@ def test_units_and_channels_make_groups_of_their_own() -> None:
     """Raw readings beside nT, and a second magnetometer beside strong iron."""
     n = 40
     raw = changed(drawn(n, seed=1), np.arange(n), unit_in="raw")
-    raw = changed(raw, np.arange(n), **{f"bias_{i}": raw[f"bias_{i}"] / 8 for i in "xyz"},
-                  **{f"matrix_{e}": 8 * raw[f"matrix_{e}"] for e in ("xx", "yy", "zz")},
-                  noise=raw["noise"] / 8)  # fmt: skip
+    raw = changed(
+        raw,
+        np.arange(n),
+        **{f"bias_{i}": raw[f"bias_{i}"] / 8 for i in "xyz"},
+        **{f"matrix_{e}": 8 * raw[f"matrix_{e}"] for e in ("xx", "yy", "zz")},
+        noise=raw["noise"] / 8,
+    )
     inner = drawn(n, seed=2, pattern=np.array([3e4, 0.0, 0.0]), channel=["mag1"] * n)
     rows = [
-        replace(row, sensor=f"{name}{row.sensor}", source=f"{name}{row.source}",
-                sha256=f"{name}{row.sha256}")
+        replace(
+            row,
+            sensor=f"{name}{row.sensor}",
+            source=f"{name}{row.source}",
+            sha256=f"{name}{row.sha256}",
+        )
         for name, part in (("a", drawn(n)), ("b", raw), ("c", inner))
         for row in part
-    ]  # fmt: skip
+    ]
     groups = peers(Population.of(rows))
     assert sorted((len(g), g.name) for g in groups) == [
-        (n, "mag, readings in nT"), (n, "mag1, readings in nT"), (n, "readings in raw units"),
-    ]  # fmt: skip
+        (n, "mag, readings in nT"),
+        (n, "mag1, readings in nT"),
+        (n, "readings in raw units"),
+    ]
     assert not outliers(Population.of(rows))
 
 
@@ -198,10 +225,15 @@ def test_a_sensor_counts_once_by_its_latest_good_calibration() -> None:
     first, *others = list(population)
     at = datetime(2026, 1, 1, tzinfo=UTC)
     many = [
-        replace(first, source=f"many{k:03d}.csv", sha256=f"many{k}", bias_x=4e4,
-                start=at.replace(day=1 + k % 28, month=1 + k // 28))
+        replace(
+            first,
+            source=f"many{k:03d}.csv",
+            sha256=f"many{k}",
+            bias_x=4e4,
+            start=at.replace(day=1 + k % 28, month=1 + k // 28),
+        )
         for k in range(100)
-    ]  # fmt: skip
+    ]
     latest = replace(many[0], source="last.csv", verdict="check", start=at.replace(year=2027))
     found = outliers(Population.of([*many, latest, *others]))
     assert [(one.sensor, one.quantity) for one in found] == [(first.sensor, "bias")]

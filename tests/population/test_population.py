@@ -16,13 +16,25 @@ from agonic.population import Population, Row, read_population, write_population
 def row(name: str, **more: object) -> Row:
     return replace(
         Row(
-            sensor=name, source=f"{name}.csv", verdict="good", status="fine", rows=300,
-            findings=("gap", "stuck"), start=datetime(2026, 5, 1, 12, 0, 0, 250, tzinfo=UTC),
-            bias_x=1.5, bias_y=-2.0, bias_z=3.0, bias_x_sd=0.1, matrix_xx=1.0, matrix_yy=1.1,
-            matrix_zz=0.9, matrix_xy=0.01, device_id=197388,
+            sensor=name,
+            source=f"{name}.csv",
+            verdict="good",
+            status="fine",
+            rows=300,
+            findings=("gap", "stuck"),
+            start=datetime(2026, 5, 1, 12, 0, 0, 250, tzinfo=UTC),
+            bias_x=1.5,
+            bias_y=-2.0,
+            bias_z=3.0,
+            bias_x_sd=0.1,
+            matrix_xx=1.0,
+            matrix_yy=1.1,
+            matrix_zz=0.9,
+            matrix_xy=0.01,
+            device_id=197388,
         ),
         **more,
-    )  # fmt: skip
+    )
 
 
 def failed(name: str) -> Row:

@@ -45,10 +45,18 @@ def refused() -> Calibrated:
         result.fit,
         calibration=replace(result.fit.calibration, covariance=1e6 * result.fit.covariance),
         findings=(
-            Finding("coverage", "refuse", "only one side of the sphere was seen",
-                    "turn it upside down and once about every axis"),
+            Finding(
+                "coverage",
+                "refuse",
+                "only one side of the sphere was seen",
+                "turn it upside down and once about every axis",
+            ),
         ),
-        coverage=replace(result.fit.coverage, heading_sd_deg=np.inf, field_sd_max=np.inf,
-                         turns="nose down, then roll right 90°"),
-    )  # fmt: skip
+        coverage=replace(
+            result.fit.coverage,
+            heading_sd_deg=np.inf,
+            field_sd_max=np.inf,
+            turns="nose down, then roll right 90°",
+        ),
+    )
     return replace(result, fit=fit, verdict=fit.verdict, status=fit.status)

@@ -39,9 +39,12 @@ def samples_of(directions: NDArray[np.float64], seed: int = 2, **facts: Any) -> 
     rng = np.random.default_rng(seed)
     raw = FIELD * directions @ np.linalg.inv(MATRIX).T + BIAS
     return Samples(
-        field=raw + rng.normal(0, NOISE, raw.shape), time=100.0 + 0.02 * np.arange(len(raw)),
-        name="MAG0", source=Input(name="flight.ulg", sha256="ab" * 32, count=len(raw)), **facts,
-    )  # fmt: skip
+        field=raw + rng.normal(0, NOISE, raw.shape),
+        time=100.0 + 0.02 * np.arange(len(raw)),
+        name="MAG0",
+        source=Input(name="flight.ulg", sha256="ab" * 32, count=len(raw)),
+        **facts,
+    )
 
 
 def fit_of(samples: Samples, **changed: Any) -> Fit:
@@ -50,26 +53,41 @@ def fit_of(samples: Samples, **changed: Any) -> Fit:
     reduced = jacobian @ affine.model_basis("full")
     covariance = NOISE**2 * np.linalg.inv(reduced.T @ reduced)
     calibration = Affine(
-        bias=BIAS, matrix=MATRIX, covariance=covariance, magnitude=FIELD, noise=NOISE,
+        bias=BIAS,
+        matrix=MATRIX,
+        covariance=covariance,
+        magnitude=FIELD,
+        noise=NOISE,
         sensor=samples.name,
         provenance=Provenance(
             settings={"prior_sd": 0.1, "loss": "huber"},
             method=("li-griffiths-2004", "huber-1981"),
             created="2026-01-02T03:04:05+00:00",
         ),
-    )  # fmt: skip
+    )
     seen = visits(calibration.correct(samples.field))
     facts: dict[str, Any] = {
-        "calibration": calibration, "n": len(samples), "residuals": residuals,
+        "calibration": calibration,
+        "n": len(samples),
+        "residuals": residuals,
         "weights": np.minimum(1.0, 2 * NOISE / np.maximum(np.abs(residuals), 1e-9)),
-        "noise": NOISE, "correlation": 1.0, "condition": 12.0, "iterations": 5, "converged": True,
+        "noise": NOISE,
+        "correlation": 1.0,
+        "condition": 12.0,
+        "iterations": 5,
+        "converged": True,
         "coverage": cover(seen, FIELD, BIAS, MATRIX, covariance, inclination_deg=INCLINATION),
         "tests": (
-            ModelTest(smaller="diagonal", larger="full", statistic=913.2, p_value=1e-9,
-                      sentence="soft iron is present (p < 1e-6)"),
+            ModelTest(
+                smaller="diagonal",
+                larger="full",
+                statistic=913.2,
+                p_value=1e-9,
+                sentence="soft iron is present (p < 1e-6)",
+            ),
         ),
         "remarks": ("all directions were seen and the residual is as small as the noise",),
-    }  # fmt: skip
+    }
     return Fit(**(facts | changed))
 
 
@@ -81,24 +99,49 @@ def verification_of(samples: Samples, fit: Fit) -> Verification:
     spread = float(after[held_out].std() / after[held_out].mean())
     return Verification(
         checks=(
-            Check(name="spread", value=100 * spread, limit=2.0, unit="%", passed=spread < 0.02,
-                  meaning="the magnitude is as constant as the noise lets it be"),
-            Check(name="heading", value=fit.coverage.heading_sd_deg, limit=2.0, unit="°",
-                  passed=fit.coverage.heading_sd_deg < 2.0,
-                  meaning="standard error of a level heading"),
-            Check(name="magnitude against the world model", value=-120.0, limit=None, unit="nT",
-                  passed=None, meaning="iron near the site changes it; nothing to do"),
+            Check(
+                name="spread",
+                value=100 * spread,
+                limit=2.0,
+                unit="%",
+                passed=spread < 0.02,
+                meaning="the magnitude is as constant as the noise lets it be",
+            ),
+            Check(
+                name="heading",
+                value=fit.coverage.heading_sd_deg,
+                limit=2.0,
+                unit="°",
+                passed=fit.coverage.heading_sd_deg < 2.0,
+                meaning="standard error of a level heading",
+            ),
+            Check(
+                name="magnitude against the world model",
+                value=-120.0,
+                limit=None,
+                unit="nT",
+                passed=None,
+                meaning="iron near the site changes it; nothing to do",
+            ),
         ),
         spread_before=float(before[held_out].std() / before[held_out].mean()),
-        spread_after=spread, residual_rms=float(np.std(fit.residuals[held_out])),
-        held_out=held_out, magnitude_before=before, magnitude_after=after,
-    )  # fmt: skip
+        spread_after=spread,
+        residual_rms=float(np.std(fit.residuals[held_out])),
+        held_out=held_out,
+        magnitude_before=before,
+        magnitude_after=after,
+    )
 
 
 def calibrated(samples: Samples, **changed: Any) -> Calibrated:
     """The whole result for one sensor; `changed` are facts of the fit."""
     fit = fit_of(samples, **changed)
     return Calibrated(
-        samples=samples, fit=fit, verification=verification_of(samples, fit), method="ellipsoid",
-        reason="the log holds no attitude", verdict=fit.verdict, status=fit.status,
-    )  # fmt: skip
+        samples=samples,
+        fit=fit,
+        verification=verification_of(samples, fit),
+        method="ellipsoid",
+        reason="the log holds no attitude",
+        verdict=fit.verdict,
+        status=fit.status,
+    )

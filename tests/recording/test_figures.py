@@ -108,8 +108,10 @@ def test_a_sensor_that_says_always_the_same_can_be_drawn(good):
     )
     residuals = residuals_of(result)
     strips = (
-        residual_strip(result, residuals), residual_histogram(residuals), magnitude_strip(result)
-    )  # fmt: skip
+        residual_strip(result, residuals),
+        residual_histogram(residuals),
+        magnitude_strip(result),
+    )
     assert "nan" not in "".join(strips)
 
 

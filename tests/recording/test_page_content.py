@@ -41,10 +41,12 @@ def test_every_number_stands_in_the_table_with_its_standard_error(report, logged
         r'<th scope="row">(\w+)</th><td>(.*?)</td><td>(.*?)</td><td>(.*?)</td>', article
     )
     plain = [
-        [float(c.replace(THIN, "").replace(MINUS, "-").replace("\N{NO-BREAK SPACE}", ""))
-         for c in (*new.split("±"), old, change)]
+        [
+            float(c.replace(THIN, "").replace(MINUS, "-").replace("\N{NO-BREAK SPACE}", ""))
+            for c in (*new.split("±"), old, change)
+        ]
         for _, new, old, change in rows
-    ]  # fmt: skip
+    ]
     calibration, before = logged.fit.calibration, logged.samples.logged
     order = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
     value = np.concatenate([calibration.bias, calibration.matrix[order]])
@@ -61,8 +63,10 @@ def test_every_number_stands_in_the_table_with_its_standard_error(report, logged
 
 def test_the_summary_leads_to_each_sensor(report):
     assert re.findall(r'<a href="#(sensor-\d)">(\w+)</a>', report) == [
-        ("sensor-1", "MAG0"), ("sensor-2", "MAG1"), ("sensor-3", "MAG2"),
-    ]  # fmt: skip
+        ("sensor-1", "MAG0"),
+        ("sensor-2", "MAG1"),
+        ("sensor-3", "MAG2"),
+    ]
     for number in "123":
         assert report.count(f'id="sensor-{number}"') == 1
 

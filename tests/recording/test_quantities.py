@@ -55,5 +55,8 @@ def test_readings_without_a_unit_say_so(good):
     calibration = replace(good.fit.calibration, unit_in="raw")
     result = replace(good, fit=replace(good.fit, calibration=calibration))
     assert [group.unit for group in [*quantities(result), *views(result)]] == [
-        "raw units", "nT per raw unit", "raw units per nT", "°",
-    ]  # fmt: skip
+        "raw units",
+        "nT per raw unit",
+        "raw units per nT",
+        "°",
+    ]

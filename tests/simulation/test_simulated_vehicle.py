@@ -91,9 +91,13 @@ def test_readings_are_late_by_the_latency_and_it_is_found() -> None:
         return float(np.sqrt(np.mean(angle_deg(turned.apply(seen), earth[None]) ** 2)))
 
     level = simulate_vehicle(
-        noise=0.0, latency_s=0.037, attitude_sd_deg=0.0, heading_sd_deg=0.0, seed=4,
+        noise=0.0,
+        latency_s=0.037,
+        attitude_sd_deg=0.0,
+        heading_sd_deg=0.0,
+        seed=4,
         calibrations=late.truths,
-    ).samples[0]  # fmt: skip
+    ).samples[0]
     assert off(undelayed(level, 0.037)) < 0.1 * off(level)
 
 
@@ -175,9 +179,14 @@ def test_the_command_writes_two_sensors_and_their_truths(tmp_path: Path, capsys)
 
 @pytest.mark.parametrize(
     ("kind", "option"),
-    [("vehicle", "--tilt=5"), ("vehicle", "--field=5e4"), ("hand", "--bank=5"),
-     ("hand", "--latency=5"), ("hand", "--opposite")],
-)  # fmt: skip
+    [
+        ("vehicle", "--tilt=5"),
+        ("vehicle", "--field=5e4"),
+        ("hand", "--bank=5"),
+        ("hand", "--latency=5"),
+        ("hand", "--opposite"),
+    ],
+)
 def test_options_of_other_kinds_are_refused(tmp_path: Path, kind, option, capsys) -> None:
     assert run(["simulate", kind, "-o", str(tmp_path / "x.csv"), option]) == 2
     assert "not an option of the kind" in capsys.readouterr().err

@@ -28,9 +28,15 @@ class Made(NamedTuple):
 
 
 def campaign(
-    seed: int = 0, *, n: int = 300, noise: float = 20.0, fixture_deg: float = 0.0,
-    azimuth_deg: float = 20.0, per_rate: float = 0.0, mount: Rotation | None = None,
-) -> Made:  # fmt: skip
+    seed: int = 0,
+    *,
+    n: int = 300,
+    noise: float = 20.0,
+    fixture_deg: float = 0.0,
+    azimuth_deg: float = 20.0,
+    per_rate: float = 0.0,
+    mount: Rotation | None = None,
+) -> Made:
     """Twelve stations, n readings cooling and n heating each; −10…50 °C; 48 µT at 65° dip."""
     rng = np.random.default_rng(seed)
     truth = random_drifting(rng, per_rate=per_rate)

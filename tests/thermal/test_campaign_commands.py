@@ -89,9 +89,22 @@ def test_plans_that_cannot_be_are_one_line(capsys, arguments, says) -> None:
 
 def test_a_simulated_campaign_with_its_truth(capsys) -> None:
     status, said = answer(
-        capsys, "simulate", "campaign", "-o", "made", "--rate", "0.02", "--fault", "missing=3",
-        "--fault", "truncated=5", "--format", "csv", "--seed", "4",
-    )  # fmt: skip
+        capsys,
+        "simulate",
+        "campaign",
+        "-o",
+        "made",
+        "--rate",
+        "0.02",
+        "--fault",
+        "missing=3",
+        "--fault",
+        "truncated=5",
+        "--format",
+        "csv",
+        "--seed",
+        "4",
+    )
     assert status == 0
     assert said["schema"] == "agonic/simulate-campaign@1"
     assert said["stations"] == 11
@@ -153,8 +166,21 @@ def test_a_campaign_is_fitted(recorded, capsys) -> None:
 
 def test_a_campaign_in_words(recorded, capsys) -> None:
     capsys.readouterr()
-    assert run(["fit", "thermal", recorded, "--stations", "unknown", "--degree", "auto",
-                "--no-held-out"]) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "fit",
+                "thermal",
+                recorded,
+                "--stations",
+                "unknown",
+                "--degree",
+                "auto",
+                "--no-held-out",
+            ]
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "2 sensors, stations 1–12, 34 560 readings" in said.replace("\u202f", " ")
     assert "✓ MMC5883MA-2: good" in said
@@ -163,8 +189,22 @@ def test_a_campaign_in_words(recorded, capsys) -> None:
 
 
 def test_a_spoilt_campaign_leaves_with_1(capsys) -> None:
-    run(["simulate", "campaign", "-o", "bad", "--rate", "0.05", "--fault", "swapped=4,9",
-         "--sensors", "MMC5883MA,MPU-9255", "--fault", "missing=11"])  # fmt: skip
+    run(
+        [
+            "simulate",
+            "campaign",
+            "-o",
+            "bad",
+            "--rate",
+            "0.05",
+            "--fault",
+            "swapped=4,9",
+            "--sensors",
+            "MMC5883MA,MPU-9255",
+            "--fault",
+            "missing=11",
+        ]
+    )
     status, said = answer(capsys, "fit", "thermal", "bad", "-s", "MPU-9255", "--no-held-out")
     assert status == 1
     names = {finding["name"] for finding in said["findings"]}

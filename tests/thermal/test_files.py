@@ -213,10 +213,16 @@ speed = 3
     with pytest.raises(LogError) as error:
         read_description(path)
     for said in (
-        "no key `colour`, `chamber`", "`noise_nT` expected", "temperature_of 'z'",
-        "sensor 'b' is described twice", "no file first.csv", "[[station]] 1: roll_deg",
-        "[[station]] 2 needs `number`", "no key `speed`", "`highest_C` expected `float`",
-    ):  # fmt: skip
+        "no key `colour`, `chamber`",
+        "`noise_nT` expected",
+        "temperature_of 'z'",
+        "sensor 'b' is described twice",
+        "no file first.csv",
+        "[[station]] 1: roll_deg",
+        "[[station]] 2 needs `number`",
+        "no key `speed`",
+        "`highest_C` expected `float`",
+    ):
         assert said in str(error.value)
     path.write_text('files = "station-{number}.csv"\nunit = "furlong"\nrate_Hz = -1\n')
     with pytest.raises(LogError) as error:

@@ -28,8 +28,10 @@ def draws() -> dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
     300 readings a leg at 20 nT tell as much as 5400 at 85 nT.
     """
     made: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {
-        "unknown": [], "known": [], "off by 1°": [],
-    }  # fmt: skip
+        "unknown": [],
+        "known": [],
+        "off by 1°": [],
+    }
     for seed in range(16):
         for kind, found in made.items():
             drawn = campaign(seed, fixture_deg=1.0 if kind == "off by 1°" else 0.0)
@@ -406,10 +408,12 @@ def test_a_coil_s_standard_errors_are_honest_at_every_temperature() -> None:
     for seed in range(30):
         made = simulate_thermal_coil(800, seed=seed)
         found = fit_thermal(made.samples, made.reference, degree=2).calibration
-        error = np.hstack([
-            found.bias_at(COIL_AT) - made.truth.bias_at(COIL_AT),
-            (found.matrix_at(COIL_AT) - made.truth.matrix_at(COIL_AT)).reshape(-1, 9),
-        ])  # fmt: skip
+        error = np.hstack(
+            [
+                found.bias_at(COIL_AT) - made.truth.bias_at(COIL_AT),
+                (found.matrix_at(COIL_AT) - made.truth.matrix_at(COIL_AT)).reshape(-1, 9),
+            ]
+        )
         sd = found.sd_at(COIL_AT)
         order = [0, 1, 2, 3, 7, 11, 4, 5, 8, 6, 9, 10]  # xx yy zz xy xz yz yx zx zy
         z.append(error[:, order] / sd)

@@ -63,9 +63,13 @@ def test_the_text_says_everything(plan) -> None:
     text = plan_text(plan)
     assert text.splitlines()[0] == "12 stations, 5 sensors, -10 to +50 °C: 53 h 20 min in all"
     for said in (
-        "cool to -10 °C in 120 min (0.5 °C/min)", "tip it 90° away from you", "8 640 000",
-        "2 × MMC5883MA", "257 MB as CSV", "turns known to 1°",
-    ):  # fmt: skip
+        "cool to -10 °C in 120 min (0.5 °C/min)",
+        "tip it 90° away from you",
+        "8 640 000",
+        "2 × MMC5883MA",
+        "257 MB as CSV",
+        "turns known to 1°",
+    ):
         assert said in text
     assert max(map(len, text.splitlines())) <= 100
 

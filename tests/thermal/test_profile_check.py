@@ -137,9 +137,10 @@ def test_gaps(clean) -> None:
 def test_a_box_that_stood_askew(clean) -> None:
     askew = [
         replace(s, rot_nb=s.rot_nb * type(s.rot_nb).from_rotvec([0.0, 0.25, 0.0]))
-        if s.number == 7 else s
+        if s.number == 7
+        else s
         for s in clean.description.stations
-    ]  # fmt: skip
+    ]
     told = replace(clean.description, stations=tuple(askew))
     _, findings = check_campaign(replace(clean, description=told))
     said = next(f for f in findings if f.name == "fixture")

@@ -12,9 +12,14 @@ from agonic.simulation.thermal import random_drifting
 from agonic.simulation.thermal_coil import simulate_thermal_coil
 
 QUIET = {
-    "noise": 0.0, "field_sd": 0.0, "fixture_sd_deg": 0.0, "anomalies": 0.0, "hysteresis": 0.0,
-    "quantised": False, "temperature_noise_C": 0.0,
-}  # fmt: skip
+    "noise": 0.0,
+    "field_sd": 0.0,
+    "fixture_sd_deg": 0.0,
+    "anomalies": 0.0,
+    "hysteresis": 0.0,
+    "quantised": False,
+    "temperature_noise_C": 0.0,
+}
 
 
 def test_without_disturbances_the_truth_gives_the_field_of_the_station() -> None:
@@ -34,8 +39,12 @@ def test_without_disturbances_the_truth_gives_the_field_of_the_station() -> None
 def test_the_sensors_are_those_of_the_published_campaign() -> None:
     made = simulate_campaign(rate_Hz=0.05)
     assert list(made.truth) == [
-        "MMC5883MA-1", "MMC5883MA-2", "MPU-9255-1", "MPU-9255-2", "MPU-9255-3"
-    ]  # fmt: skip
+        "MMC5883MA-1",
+        "MMC5883MA-2",
+        "MPU-9255-1",
+        "MPU-9255-2",
+        "MPU-9255-3",
+    ]
     by = made.station(1)
     for name, step in (("MMC5883MA-1", 25.0), ("MPU-9255-2", 150.0)):
         steps = by[name].field / step
@@ -52,9 +61,15 @@ def test_the_sensors_are_those_of_the_published_campaign() -> None:
 
 def test_noise_fixture_and_field_have_the_size_that_is_asked_for() -> None:
     made = simulate_campaign(
-        "MPU-9255", rate_Hz=0.1, seed=1, noise=300.0, quantised=False, anomalies=0.0,
-        fixture_sd_deg=2.0, field_sd=70.0,
-    )  # fmt: skip
+        "MPU-9255",
+        rate_Hz=0.1,
+        seed=1,
+        noise=300.0,
+        quantised=False,
+        anomalies=0.0,
+        fixture_sd_deg=2.0,
+        field_sd=70.0,
+    )
     samples = made.campaign.recordings["MPU-9255"]
     jumps = np.concatenate([np.diff(s.field, n=3, axis=0) for s in samples.values()])
     assert jumps.std() / np.sqrt(20) == pytest.approx(300.0, rel=0.02)

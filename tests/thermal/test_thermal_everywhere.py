@@ -30,24 +30,35 @@ WHERE = {"latitude_deg": 52.0, "longitude_deg": 5.0, "altitude_m": 100.0}
 WHEN = ("--date", "2026-03-01")
 HERE = wmm().at(*WHERE.values(), WHEN[1])
 SEEN = simulate(
-    "flight", n=1200, seed=2, noise=0.0, calibration=Affine(bias=[0, 0, 0], matrix=np.eye(3)),
-    stray_nT_A=(0.0, 0.0, 0.0), magnitude=float(HERE.magnitude),
-    inclination_deg=float(HERE.inclination_deg), declination_deg=float(HERE.declination_deg),
+    "flight",
+    n=1200,
+    seed=2,
+    noise=0.0,
+    calibration=Affine(bias=[0, 0, 0], matrix=np.eye(3)),
+    stray_nT_A=(0.0, 0.0, 0.0),
+    magnitude=float(HERE.magnitude),
+    inclination_deg=float(HERE.inclination_deg),
+    declination_deg=float(HERE.declination_deg),
     **WHERE,
-).samples  # fmt: skip
+).samples
 
 
 def thermal() -> Thermal:
     """A sensor of which bias and matrix are known to 20 nT and 0.0005."""
     made = random_drifting(np.random.default_rng(5), per_rate=2_000.0, sensor="MAG1")
-    sd = np.array([
-        1e3 if name.startswith("rate") else 20.0 if name.startswith("bias") else 5e-4
-        for name in made.parameters
-    ])  # fmt: skip
+    sd = np.array(
+        [
+            1e3 if name.startswith("rate") else 20.0 if name.startswith("bias") else 5e-4
+            for name in made.parameters
+        ]
+    )
     return replace(
-        made, covariance=np.diag(sd**2), noise=NOISE, magnitude=float(HERE.magnitude),
+        made,
+        covariance=np.diag(sd**2),
+        noise=NOISE,
+        magnitude=float(HERE.magnitude),
         provenance=Provenance(method=("nikolaev-2023",)),
-    )  # fmt: skip
+    )
 
 
 def flown(truth: Thermal, low_C: float, high_C: float) -> Samples:
@@ -173,10 +184,16 @@ def test_the_rate_is_part_of_the_standard_error() -> None:
     sure[-3:, -3:] = 0.0
     samples = flown(truth, -5.0, 45.0)
     sds = [
-        heading(samples, Setup(compasses=(Compass(calibration=replace(truth, covariance=c)),),
-                               declination_deg=2.7, tilt_sd_deg=0.0)).sd_deg
+        heading(
+            samples,
+            Setup(
+                compasses=(Compass(calibration=replace(truth, covariance=c)),),
+                declination_deg=2.7,
+                tilt_sd_deg=0.0,
+            ),
+        ).sd_deg
         for c in (np.asarray(truth.covariance), sure)
-    ]  # fmt: skip
+    ]
     rate = np.mean(np.gradient(samples.temperature, samples.time))
     assert np.all(sds[0] > sds[1])
     more = np.sqrt(sds[0] ** 2 - sds[1] ** 2)

@@ -85,11 +85,17 @@ def test_what_the_polynomial_leaves_is_bin_less_curve(result) -> None:
 def test_the_curve_and_band_are_the_calibrations(result) -> None:
     calibration = result.sensors[0].fit.calibration
     for k, curve in enumerate(figures.curves(calibration)):
-        nine = np.array([
-            np.concatenate([calibration.at(t).bias, calibration.at(t).matrix[
-                [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
-            for t in curve.temperature[[0, 30, 60]]
-        ])  # fmt: skip
+        nine = np.array(
+            [
+                np.concatenate(
+                    [
+                        calibration.at(t).bias,
+                        calibration.at(t).matrix[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+                    ]
+                )
+                for t in curve.temperature[[0, 30, 60]]
+            ]
+        )
         assert curve.value[[0, 30, 60]] == pytest.approx(nine[:, k])
         assert curve.sd == pytest.approx(calibration.sd_at(curve.temperature)[:, k])
 
@@ -147,9 +153,13 @@ def test_nothing_is_fetched_and_nothing_runs(page) -> None:
 
 def test_a_calibration_without_covariance_or_range_is_drawn_too() -> None:
     bare = Thermal(
-        bias=[[1, 2, 3], [40, 50, 60]], matrix=[np.eye(3)] * 2, centre_C=0.0, half_range_C=10.0,
-        unit_in="raw", gauge="free",
-    )  # fmt: skip
+        bias=[[1, 2, 3], [40, 50, 60]],
+        matrix=[np.eye(3)] * 2,
+        centre_C=0.0,
+        half_range_C=10.0,
+        unit_in="raw",
+        gauge="free",
+    )
     page = thermal_page(bare, bare)
     assert page.count('class="plot small"') == 12
     assert "key band" not in page

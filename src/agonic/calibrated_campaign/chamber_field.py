@@ -103,9 +103,9 @@ def chamber_field(
         return None
     station = keys // WINDOWS
     rows = [np.searchsorted(windows.key, keys) for windows in made]
-    series = np.array([
-        _centred(windows.mean[at], station) for windows, at in zip(made, rows, strict=True)
-    ])  # fmt: skip
+    series = np.array(
+        [_centred(windows.mean[at], station) for windows, at in zip(made, rows, strict=True)]
+    )
     found = common_part(series)
     noise = [windows.variance[at].mean() for windows, at in zip(made, rows, strict=True)]
     start = np.array([begun[int(number)] for number in station]) - min(begun.values())

@@ -75,8 +75,12 @@ def held_out(
     fitted, or is refused, are not judged; `None` where that is so of all.
     """
     numbers = sorted(set(fit.station.tolist()))
-    told = {**settings, "degree": fit.calibration.degree, "drift": fit.drift is not None,
-            "rate": fit.calibration.rate is not None}  # fmt: skip
+    told = {
+        **settings,
+        "degree": fit.calibration.degree,
+        "drift": fit.drift is not None,
+        "rate": fit.calibration.rate is not None,
+    }
     cells = sums.cells()
     coarser = max(1, (int(np.ptp(cells.bin)) + 1) // FEWEST_BINS)
     judged: list[tuple[Cells, Thermal]] = []
@@ -111,9 +115,12 @@ def held_out(
 
 
 def _fitted(
-    sums: Binned, facts: Facts, reference: Reference | None,
-    stations: Mapping[int, Rotation] | Literal["unknown"], settings: Mapping[str, Any],
-) -> Thermal | None:  # fmt: skip
+    sums: Binned,
+    facts: Facts,
+    reference: Reference | None,
+    stations: Mapping[int, Rotation] | Literal["unknown"],
+    settings: Mapping[str, Any],
+) -> Thermal | None:
     """A calibration from some stations; `None` where they are too few."""
     if not isinstance(stations, str):
         stations = {number: stations[number] for number in sums.stations if number in stations}
@@ -132,7 +139,9 @@ def _off(cells: Cells, calibration: Thermal) -> Array:
         cells.mean, temperature=cells.temperature, temperature_rate=cells.rate
     )
     away = np.linalg.norm(field, axis=1) - calibration.magnitude
-    return np.array([
-        np.sqrt(np.average(away[rows] ** 2, weights=cells.n[rows]))
-        for rows in (cells.number == number for number in np.unique(cells.number))
-    ])  # fmt: skip
+    return np.array(
+        [
+            np.sqrt(np.average(away[rows] ** 2, weights=cells.n[rows]))
+            for rows in (cells.number == number for number in np.unique(cells.number))
+        ]
+    )

@@ -17,9 +17,16 @@ Array = NDArray[np.float64]
 Model = Literal["sphere", "diagonal", "full"]
 
 PARAMETERS = (
-    "bias_x", "bias_y", "bias_z",
-    "matrix_xx", "matrix_yy", "matrix_zz", "matrix_xy", "matrix_xz", "matrix_yz",
-)  # fmt: skip
+    "bias_x",
+    "bias_y",
+    "bias_z",
+    "matrix_xx",
+    "matrix_yy",
+    "matrix_zz",
+    "matrix_xy",
+    "matrix_xz",
+    "matrix_yz",
+)
 """The order of `covariance`: nT (or raw units) for the bias, nT per raw unit for the matrix."""
 
 FREE_PARAMETERS = (*PARAMETERS, "matrix_yx", "matrix_zx", "matrix_zy")

@@ -127,8 +127,9 @@ def stacked(sources: tuple[str, ...], columns: Mapping[str, ArrayLike]) -> Array
     if missing:
         raise AgonicError(f"this calibration needs {', '.join(missing)} beside the readings")
     values = [np.asarray(columns[name], dtype=np.float64) for name in sources]
-    parts = [v if SOURCES[name] == 3 else v[..., None]
-             for name, v in zip(sources, values, strict=True)]  # fmt: skip
+    parts = [
+        v if SOURCES[name] == 3 else v[..., None] for name, v in zip(sources, values, strict=True)
+    ]
     return np.concatenate(parts, axis=-1)
 
 

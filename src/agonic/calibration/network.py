@@ -110,10 +110,13 @@ class Network:
         if o not in (1, 3) or (o == 1 and self.base is None):
             raise AgonicError(f"{o} outputs: a network gives three, or one along a base's field")
         shapes = {
-            "input_middle": (i,), "input_half": (i,), "output_middle": (o,),
-            "hidden": (h, i + 1), "output": (o, h + 1),
+            "input_middle": (i,),
+            "input_half": (i,),
+            "output_middle": (o,),
+            "hidden": (h, i + 1),
+            "output": (o, h + 1),
             "centres": (len(np.asarray(self.centres)), i),
-        }  # fmt: skip
+        }
         if self.covariance is not None:
             m = h * (i + 1) + o * (h + 1)
             shapes["covariance"] = (m, m)

@@ -81,8 +81,17 @@ class RetrainerParams:
             raise AgonicError(f"inputs must be some of {', '.join(WIDTH)}")
         if self.base is None and self.target == "magnitude":
             raise AgonicError('target="magnitude" teaches a length only, so it needs a base')
-        for name in ("window_s", "every_n", "every_s", "hidden", "bias_sd", "matrix_sd",
-                     "shift_sd", "misfit", "furthest"):  # fmt: skip
+        for name in (
+            "window_s",
+            "every_n",
+            "every_s",
+            "hidden",
+            "bias_sd",
+            "matrix_sd",
+            "shift_sd",
+            "misfit",
+            "furthest",
+        ):
             value = getattr(self, name)
             if value is not None and not (value > 0 and isfinite(value)):
                 raise AgonicError(f"{name} is {value}; it must be above zero")
@@ -113,9 +122,11 @@ class Window:
     def select(self, rows: slice | Array | NDArray[np.bool_]) -> Window:
         """Some of the rows."""
         return Window(
-            time=self.time[rows], raw=self.raw[rows], wanted=self.wanted[rows],
+            time=self.time[rows],
+            raw=self.raw[rows],
+            wanted=self.wanted[rows],
             columns={name: values[rows] for name, values in self.columns.items()},
-        )  # fmt: skip
+        )
 
     def with_rows(self, more: Window) -> Window:
         """These rows and then those."""

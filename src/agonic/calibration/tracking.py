@@ -79,9 +79,15 @@ class TrackerParams:
     def model(self, noise: float) -> Model:
         """What the kernel takes."""
         return Model(
-            noise, self.external_sd, self.external_time_s, self.walk, self.matrix_walk,
-            self.gate, self.jump_level, self.jump_sd,
-        )  # fmt: skip
+            noise,
+            self.external_sd,
+            self.external_time_s,
+            self.walk,
+            self.matrix_walk,
+            self.gate,
+            self.jump_level,
+            self.jump_sd,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -194,13 +200,20 @@ class TrackerState:
         else:
             matrix = symmetric
         return replace(
-            self.base, bias=bias, matrix=matrix, covariance=covariance, noise=self.noise,
-            model="full", magnitude=self.magnitude, unit_out="nT",
+            self.base,
+            bias=bias,
+            matrix=matrix,
+            covariance=covariance,
+            noise=self.noise,
+            model="full",
+            magnitude=self.magnitude,
+            unit_out="nT",
             provenance=Provenance(
                 settings={"fit": "track", "readings": self.n, "refused": self.refused},
-                method=("bierman-1977",), parents=self.base.provenance.parents,
+                method=("bierman-1977",),
+                parents=self.base.provenance.parents,
             ),
-        )  # fmt: skip
+        )
 
     def at_middle(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Readings (n, 3) as they would be at the middle temperature of the ground calibration.
@@ -228,7 +241,10 @@ class TrackerState:
             covariance[constants] = covariance[:, constants] = 0.0
             covariance[np.ix_(constants, constants)] = now.covariance
         return replace(
-            ground, bias=np.stack([now.bias, *ground.bias[1:]]),
+            ground,
+            bias=np.stack([now.bias, *ground.bias[1:]]),
             matrix=np.stack([now.matrix, *ground.matrix[1:]]),
-            covariance=covariance, noise=now.noise, provenance=now.provenance,
-        )  # fmt: skip
+            covariance=covariance,
+            noise=now.noise,
+            provenance=now.provenance,
+        )

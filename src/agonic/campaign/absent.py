@@ -20,14 +20,19 @@ def missing(campaign: Campaign) -> list[Finding]:
     left = len(campaign.stations)
     what = f"{stations(left_out)} of {len(expected)} {'are' if len(left_out) > 1 else 'is'} missing"
     if left < 9:
-        return [Finding(
-            "missing stations", "refuse", f"{what}: the {left} left do not determine nine numbers",
-            "record them",
-        )]  # fmt: skip
+        return [
+            Finding(
+                "missing stations",
+                "refuse",
+                f"{what}: the {left} left do not determine nine numbers",
+                "record them",
+            )
+        ]
     move = (
         "record them, or give the turns of the fixture: the magnitude alone is then hardly checked"
-        if left < 11 else "record it for the full accuracy"
-    )  # fmt: skip
+        if left < 11
+        else "record it for the full accuracy"
+    )
     return [Finding("missing stations", "check", what, move)]
 
 
@@ -48,19 +53,24 @@ def unread(campaign: Campaign) -> list[Finding]:
     }
     found = [
         Finding(
-            "no temperature", "check",
+            "no temperature",
+            "check",
             f"{name} has no temperature at {stations(at)}: left out there",
             "add a column temperature_C, or temperature_of = another sensor in campaign.toml",
         )
         for name, at in cold.items()
-    ]  # fmt: skip
+    ]
     found += [
         Finding(
-            "no clock", "check", f"{name} has no times at {stations(at)}: its programme cannot be "
-            "checked there, nor cooling be told from heating", "record a column time_s",
+            "no clock",
+            "check",
+            f"{name} has no times at {stations(at)}: its programme cannot be "
+            "checked there, nor cooling be told from heating",
+            "record a column time_s",
         )
-        for name, at in timeless.items() if at
-    ]  # fmt: skip
+        for name, at in timeless.items()
+        if at
+    ]
     return found
 
 
@@ -70,10 +80,14 @@ def stuck(still: Mapping[str, Mapping[int, tuple[int, int]]], campaign: Campaign
         rest = set(campaign.recordings[name]) - set(by)
         where = stations(by) if rest else "all stations"
         first, last = max(by.values(), key=lambda span: span[1] - span[0])
-        found.append(Finding(
-            "stuck temperature", "check" if rest else "refuse",
-            f"the thermometer of {name} stands still for {last - first} min at {where} while the "
-            "chamber's temperature moves: left out there",
-            "take another sensor's with temperature_of in campaign.toml if one is near",
-        ))  # fmt: skip
+        found.append(
+            Finding(
+                "stuck temperature",
+                "check" if rest else "refuse",
+                f"the thermometer of {name} stands still for {last - first} min at {where} "
+                f"while the "
+                "chamber's temperature moves: left out there",
+                "take another sensor's with temperature_of in campaign.toml if one is near",
+            )
+        )
     return found

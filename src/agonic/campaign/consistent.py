@@ -126,18 +126,20 @@ def _misfit(means: list[Array], rot_nb: Array, order: list[int], misfit: float) 
     (i, j), left = exchanged(means, rot_nb)
     if left < _BETTER * misfit:
         return Finding(
-            "swapped stations", "check",
+            "swapped stations",
+            "check",
             f"{stations([order[i], order[j]])} look swapped in the description: exchanged, the "
             f"readings fit the turns to {100 * left:.2g} % of the field, and as described only to "
             f"{100 * misfit:.2g} %",
             "exchange them in campaign.toml; until then only the magnitude is used",
-        )  # fmt: skip
+        )
     return Finding(
-        "turns", "check",
+        "turns",
+        "check",
         f"the readings do not fit the described turns of the stations: {100 * misfit:.2g} % of the "
         "field is left",
         "check how the box stood at each station; until then only the magnitude is used",
-    )  # fmt: skip
+    )
 
 
 def _common(explained: Mapping[str, Turned], levels: Mapping[str, Levels], count: int) -> Array:
@@ -157,9 +159,12 @@ def _direction(explained: Mapping[str, Turned]) -> Array:
 
 
 def _drift(
-    explained: Mapping[str, Turned], levels: Mapping[str, Levels], changes: Array,
-    order: list[int], magnitude: float | None,
-) -> list[Finding]:  # fmt: skip
+    explained: Mapping[str, Turned],
+    levels: Mapping[str, Levels],
+    changes: Array,
+    order: list[int],
+    magnitude: float | None,
+) -> list[Finding]:
     """A field that changed steadily from the first station to the last.
 
     Two estimates are weighed together: from station to station, where errors of the fixture look
@@ -183,13 +188,17 @@ def _drift(
     size = float(np.linalg.norm(slope))
     if size < _DRIFT or float(np.sum(slope**2 * weight)) < _UNLIKELY:
         return []
-    return [Finding(
-        "field drifted", "check",
-        f"from {stations(order[:1])} to {stations(order[-1:])} the field changed steadily, by some "
-        f"{_amount(size, magnitude)}",
-        "keep iron, vehicles and currents away from the chamber: such a change is taken for an "
-        "error of the sensors",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "field drifted",
+            "check",
+            f"from {stations(order[:1])} to {stations(order[-1:])} the field changed steadily, "
+            f"by some "
+            f"{_amount(size, magnitude)}",
+            "keep iron, vehicles and currents away from the chamber: such a change is taken for an "
+            "error of the sensors",
+        )
+    ]
 
 
 def _known_mean(values: Array, axis: int) -> Array:
@@ -223,11 +232,16 @@ def _fixture(
         return []
     least = max(_TURNED_DEG, 0.8 * float(away.max()))  # one askew draws the others along
     odd = [number for number, angle in zip(order, away, strict=True) if angle >= least]
-    return [Finding(
-        "fixture", "check",
-        f"{stations(odd)} stood {away.max():.0f}° or more from where described, or the field there "
-        "had another direction", "seat the box against the stops of the fixture",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "fixture",
+            "check",
+            f"{stations(odd)} stood {away.max():.0f}° or more from where described, or the "
+            f"field there "
+            "had another direction",
+            "seat the box against the stops of the fixture",
+        )
+    ]
 
 
 def _changes(explained: Mapping[str, Turned], levels: Mapping[str, Levels], rot_nb: Array) -> Array:
@@ -255,12 +269,16 @@ def _passes(changes: Array, sensors: int, magnitude: float | None) -> list[Findi
     if sensors < 2 or known.sum() < FEWEST:
         return []
     size = float(np.sqrt(np.mean(changes[known] ** 2) * 1.5))
-    return [Finding(
-        "field changes", "check" if size > _DRIFT else "note",
-        f"between cooling and heating the chamber's field changed by {_amount(size, magnitude)} "
-        f"(one standard deviation, alike for {sensors} sensors)",
-        "this, not the sensors, limits the accuracy" if size > _DRIFT else "",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "field changes",
+            "check" if size > _DRIFT else "note",
+            f"between cooling and heating the chamber's field changed by "
+            f"{_amount(size, magnitude)} "
+            f"(one standard deviation, alike for {sensors} sensors)",
+            "this, not the sensors, limits the accuracy" if size > _DRIFT else "",
+        )
+    ]
 
 
 def _amount(share: float, magnitude: float | None) -> str:

@@ -112,9 +112,14 @@ def _cross(field: Array) -> Array:
 
 
 def _covariance(
-    local: Array, nuisance: Array, basis: Array, readings: Array, noise: float,
-    nuisance_sd: float | None, prior: Array | None = None,
-) -> Array:  # fmt: skip
+    local: Array,
+    nuisance: Array,
+    basis: Array,
+    readings: Array,
+    noise: float,
+    nuisance_sd: float | None,
+    prior: Array | None = None,
+) -> Array:
     """Covariance of the coefficients (p fastest), with constant nuisance parameters.
 
     local (k, r, a) and nuisance (k, r, q) are Jacobians of the r residuals of a station.
@@ -124,8 +129,10 @@ def _covariance(
     elif nuisance_sd is not None:
         nuisance = nuisance * nuisance_sd
     weight = readings / noise**2
-    grams = [np.einsum("kra,krb->ab", left, right) for left, right in (
-        (local, local), (local, nuisance), (nuisance, nuisance))]  # fmt: skip
+    grams = [
+        np.einsum("kra,krb->ab", left, right)
+        for left, right in ((local, local), (local, nuisance), (nuisance, nuisance))
+    ]
     second = np.einsum("m,mi,mj->ij", weight, basis, basis)
     first = weight @ basis
     top = np.kron(grams[0], second)

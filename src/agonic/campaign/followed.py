@@ -79,13 +79,14 @@ def _cut_findings(cut: set[int], made: Mapping[int, Course]) -> list[Finding]:
     usual = max((course.length_s for course in made.values()), default=0.0)
     return [
         Finding(
-            "ends early", "check",
+            "ends early",
+            "check",
             f"station {number} ends after {_hours(made[number].length_s)} of "
             f"{_hours(usual)}, at {made[number].level_C[-1]:.1f} °C: the recording was cut",
             "what is there is used; record the station again for the whole range",
         )
         for number in sorted(cut)
-    ]  # fmt: skip
+    ]
 
 
 def _hours(seconds: float) -> str:
@@ -118,10 +119,11 @@ def _range(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     parts = [
         f"{stations(numbers)} reached only {worst(numbers.values()):.1f} of {wanted:+g} °C"
         for numbers, worst, wanted in (
-            (warm, max, profile.lowest_C), (cool, min, profile.highest_C)
+            (warm, max, profile.lowest_C),
+            (cool, min, profile.highest_C),
         )
         if numbers
-    ]  # fmt: skip
+    ]
     if not parts:
         return []
     move = "a calibration holds only where it was measured: record again, or expect less range"
@@ -137,12 +139,15 @@ def _holds(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     for found, where in ((cold, "in the cold"), (warm, "at the end")):
         if found:
             shortest = min(found.values)
-            findings.append(Finding(
-                "holds", "check",
-                f"the temperature was held {where} for {shortest:.0f} min at "
-                f"{stations(found.numbers)} instead of {profile.hold_min:g} min",
-                "hold longer: inside the box the temperature follows late",
-            ))  # fmt: skip
+            findings.append(
+                Finding(
+                    "holds",
+                    "check",
+                    f"the temperature was held {where} for {shortest:.0f} min at "
+                    f"{stations(found.numbers)} instead of {profile.hold_min:g} min",
+                    "hold longer: inside the box the temperature follows late",
+                )
+            )
     return findings
 
 
@@ -166,13 +171,16 @@ def _cooling(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     found = _gather(made, lambda c: _above(_fastest(c.level_C), limit))
     if found is None:
         return []
-    return [Finding(
-        "cooling", "check",
-        f"{stations(found.numbers)} cooled at up to {found.worst:.1f} °C/min, faster than "
-        f"{limit:g}",
-        "cool more slowly: the sensor is no longer as warm as its thermometer, and damp air "
-        "condenses",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "cooling",
+            "check",
+            f"{stations(found.numbers)} cooled at up to {found.worst:.1f} °C/min, faster than "
+            f"{limit:g}",
+            "cool more slowly: the sensor is no longer as warm as its thermometer, and damp air "
+            "condenses",
+        )
+    ]
 
 
 def _above(value: float, limit: float) -> float | None:
@@ -195,11 +203,16 @@ def _steps(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     found = _gather(made, lambda c: _fewer(_plateaus(c, profile), wanted))
     if found is None:
         return []
-    return [Finding(
-        "steps", "note",
-        f"the heating stopped {min(found.values):.0f} times at {stations(found.numbers)} instead "
-        f"of {wanted}", "",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "steps",
+            "note",
+            f"the heating stopped {min(found.values):.0f} times at {stations(found.numbers)} "
+            f"instead "
+            f"of {wanted}",
+            "",
+        )
+    ]
 
 
 def _fewer(count: int, wanted: int) -> float | None:
@@ -232,12 +245,15 @@ def _gaps(campaign: Campaign) -> list[Finding]:
     if not worst:
         return []
     longest = max(worst, key=lambda number: worst[number])
-    return [Finding(
-        "recording gaps", "check" if worst[longest] > 10 * MINUTE_S else "note",
-        f"{total} gap{'s' if total > 1 else ''} in the recordings of {stations(worst)}, the "
-        f"longest {figure(worst[longest], 3)} s at station {longest}",
-        "look at the logger" if worst[longest] > 10 * MINUTE_S else "",
-    )]  # fmt: skip
+    return [
+        Finding(
+            "recording gaps",
+            "check" if worst[longest] > 10 * MINUTE_S else "note",
+            f"{total} gap{'s' if total > 1 else ''} in the recordings of {stations(worst)}, the "
+            f"longest {figure(worst[longest], 3)} s at station {longest}",
+            "look at the logger" if worst[longest] > 10 * MINUTE_S else "",
+        )
+    ]
 
 
 def _holes(time: Array | None) -> Array:

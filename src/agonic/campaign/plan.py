@@ -127,10 +127,13 @@ class ThermalPlan:
             magnitude.append(magnitude_errors(fields, *given, self.chamber_sd))
             known.append(
                 vector_errors(
-                    rot_nb, field_n, *given,
-                    fixture_sd_deg=self.fixture_sd_deg, chamber_sd=self.chamber_sd,
+                    rot_nb,
+                    field_n,
+                    *given,
+                    fixture_sd_deg=self.fixture_sd_deg,
+                    chamber_sd=self.chamber_sd,
                 )
-            )  # fmt: skip
+            )
         both = {"magnitude": magnitude, "known": known}
         return {kind: max(found, key=lambda e: e.bias) for kind, found in both.items()}
 

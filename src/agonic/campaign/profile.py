@@ -110,11 +110,14 @@ class Profile:
         duration = max(high - low, 1.0) / self.heating_C_per_min * 60
         return (
             Segment(
-                action="heat", start_C=self.room_C, end_C=self.highest_C, duration_s=duration,
+                action="heat",
+                start_C=self.room_C,
+                end_C=self.highest_C,
+                duration_s=duration,
                 recorded=False,
             ),
             self._hold(self.highest_C, recorded=False),
-        )  # fmt: skip
+        )
 
     @property
     def recording(self) -> tuple[Segment, ...]:

@@ -15,9 +15,25 @@ if TYPE_CHECKING:
     from typer import Typer
 
 COMMANDS = (
-    "calibrate", "fleet", "history", "live", "info", "fit", "apply", "verify", "heading", "export",
-    "report", "field", "plan", "simulate", "track", "retrain", "cite", "demo",
-)  # fmt: skip
+    "calibrate",
+    "fleet",
+    "history",
+    "live",
+    "info",
+    "fit",
+    "apply",
+    "verify",
+    "heading",
+    "export",
+    "report",
+    "field",
+    "plan",
+    "simulate",
+    "track",
+    "retrain",
+    "cite",
+    "demo",
+)
 """In the order in which `agonic --help` lists them; each is a file here."""
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2

@@ -34,9 +34,13 @@ def apply(
     if as_json:
         print_json(
             "agonic/apply@1",
-            {"sensor": corrected.name, "n": len(corrected), "unit": corrected.unit,
-             "files": [str(out)]},
-        )  # fmt: skip
+            {
+                "sensor": corrected.name,
+                "n": len(corrected),
+                "unit": corrected.unit,
+                "files": [str(out)],
+            },
+        )
     else:
         say(f"{len(corrected)} readings of {corrected.name} corrected: {out}")
     return 0

@@ -18,7 +18,7 @@ from agonic.cli.options import (
     Sensor,
     Unit,
     log_and_sensors,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from agonic.calibrated import Calibrated
@@ -53,12 +53,13 @@ def calibrate(
     name: Annotated[
         str | None,
         typer.Option(
-            "--as", metavar="NAME",
+            "--as",
+            metavar="NAME",
             help="Who the sensor is in the history; default: its device number, or the log's name.",
         ),
     ] = None,
     as_json: Json = False,
-) -> int:  # fmt: skip
+) -> int:
     """Calibrate every magnetometer in a log, verify it on held-out parts, and report.
 
     Writes report.html, a calibration file for each sensor that can be used, and exports for the

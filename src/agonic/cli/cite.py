@@ -23,10 +23,16 @@ def cite(cal: CalibrationPath, as_json: Json = False) -> int:
     if as_json:
         print_json(
             "agonic/cite@1",
-            {"software": provenance.software, "created": provenance.created, "sources": sources,
-             "inputs": [{"name": i.name, "sha256": i.sha256, "count": i.count}
-                        for i in provenance.inputs]},
-        )  # fmt: skip
+            {
+                "software": provenance.software,
+                "created": provenance.created,
+                "sources": sources,
+                "inputs": [
+                    {"name": i.name, "sha256": i.sha256, "count": i.count}
+                    for i in provenance.inputs
+                ],
+            },
+        )
         return 0
     say(f"{provenance.software}, {provenance.created}")
     for text in sources.values():

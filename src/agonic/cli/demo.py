@@ -46,10 +46,13 @@ def demo(
     fit, truth = result.fit, [*made.truth.bias, *entries(made.truth.matrix)]
     found = [*fit.calibration.bias, *entries(fit.calibration.matrix)]
     if as_json:
-        print_json("agonic/demo@1", {
-            "truth": dict(zip(PARAMETERS, truth, strict=True)),
-            "sensors": [record(result, *written[result.samples.name])],
-        })  # fmt: skip
+        print_json(
+            "agonic/demo@1",
+            {
+                "truth": dict(zip(PARAMETERS, truth, strict=True)),
+                "sensors": [record(result, *written[result.samples.name])],
+            },
+        )
     else:
         say(summary([result]))
         say(f"\n  {'':<12}{'truth':>12}{'found':>12}{'sd':>10}{'error/sd':>10}")

@@ -80,11 +80,19 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
     here = chosen.at(latitude, longitude, altitude, when)
     elements, change = here.elements(), here.elements_per_year()
     if as_json:
-        print_json("agonic/field@1", {
-            "model": here.model, "latitude_deg": latitude, "longitude_deg": longitude,
-            "altitude_m": altitude, "date": when, "elements": elements, "per_year": change,
-            "declination_sd_deg": here.declination_sd_deg,
-        })  # fmt: skip
+        print_json(
+            "agonic/field@1",
+            {
+                "model": here.model,
+                "latitude_deg": latitude,
+                "longitude_deg": longitude,
+                "altitude_m": altitude,
+                "date": when,
+                "elements": elements,
+                "per_year": change,
+                "declination_sd_deg": here.declination_sd_deg,
+            },
+        )
         return 0
     say(f"{here.model} at {latitude:g}°, {longitude:g}°, {altitude:g} m on {when}")
     for name, value in elements.items():
@@ -105,11 +113,19 @@ def _table(path: Path, date: str | None, model: str | None, out: Path | None, as
     files = [str(write_points(points, models, answers, out))] if out else []
     if as_json:
         columns = {header_of(name): values for name, values in answers.items()}
-        print_json("agonic/field-points@1", {
-            "n": len(points), "files": files, "latitude_deg": points.latitude_deg,
-            "longitude_deg": points.longitude_deg, "altitude_m": points.altitude_m,
-            "date": points.dates, "model": models, **columns,
-        })  # fmt: skip
+        print_json(
+            "agonic/field-points@1",
+            {
+                "n": len(points),
+                "files": files,
+                "latitude_deg": points.latitude_deg,
+                "longitude_deg": points.longitude_deg,
+                "altitude_m": points.altitude_m,
+                "date": points.dates,
+                "model": models,
+                **columns,
+            },
+        )
     elif out:
         say(f"{len(points)} points: {out}")
     else:

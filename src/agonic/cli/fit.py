@@ -28,7 +28,7 @@ from agonic.cli.options import (
     Sensor,
     Unit,
     log_and_sensors,
-)  # fmt: skip
+)
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:

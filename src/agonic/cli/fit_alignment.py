@@ -119,8 +119,12 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
         "chi2": fit.solution.chi2,
         "freedom": fit.solution.freedom,
         "orientations": [
-            {"orientation": number, "residual_nT": fit.residuals[k],
-             "sd_nT": fit.residuals_sd[k], "residual_arcsec": fit.residuals_arcsec[k]}
+            {
+                "orientation": number,
+                "residual_nT": fit.residuals[k],
+                "sd_nT": fit.residuals_sd[k],
+                "residual_arcsec": fit.residuals_arcsec[k],
+            }
             for k, number in enumerate(fit.observed.orientation.tolist())
         ],
-    }  # fmt: skip
+    }

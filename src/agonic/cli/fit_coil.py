@@ -49,17 +49,27 @@ def record(fit: CoilFit) -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
-        "coil": fit.session.coil, "verdict": fit.verdict, "status": fit.status, "n": fit.n,
-        "reversals": fit.reversals, "constant_nT_A": fit.constant,
+        "coil": fit.session.coil,
+        "verdict": fit.verdict,
+        "status": fit.status,
+        "n": fit.n,
+        "reversals": fit.reversals,
+        "constant_nT_A": fit.constant,
         "constant_sd_nT_A": fit.constant_sd,
         "axes": {
-            letter: {"axis": direction.axis, "sd_arcsec": direction.sd_arcsec,
-                     "covariance": direction.covariance}
+            letter: {
+                "axis": direction.axis,
+                "sd_arcsec": direction.sd_arcsec,
+                "covariance": direction.covariance,
+            }
             for letter, direction in fit.directions.items()
         },
-        "unix_s": fit.time, "geometric_deg": fit.geometric_deg,
+        "unix_s": fit.time,
+        "geometric_deg": fit.geometric_deg,
         "geometric_sd_arcsec": fit.geometric_sd_arcsec,
-        "levels": [asdict(level) for level in fit.levels], "p_linear": fit.p_linear,
-        "even_nT_A2": fit.estimate.even, "noise_nT": fit.estimate.noise,
+        "levels": [asdict(level) for level in fit.levels],
+        "p_linear": fit.p_linear,
+        "even_nT_A2": fit.estimate.even,
+        "noise_nT": fit.estimate.noise,
         "findings": [asdict(finding) for finding in fit.findings],
-    }  # fmt: skip
+    }

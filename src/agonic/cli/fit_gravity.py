@@ -48,9 +48,9 @@ def gravity(
     usable = fit.verdict != "refused"
     files = [str(save(fit.calibration, out))] if out is not None and usable else []
     if as_json:
-        print_json("agonic/fit-gravity@1", {
-            "sensor": sensors[0].name, **record(fit), "files": files
-        })  # fmt: skip
+        print_json(
+            "agonic/fit-gravity@1", {"sensor": sensors[0].name, **record(fit), "files": files}
+        )
     else:
         say(gravity_text(fit, sensors[0].name))
         say(f"\nWritten   {', '.join(files)}" if files else "\nNothing was written.")
@@ -62,13 +62,19 @@ def record(fit: GravityFit) -> dict[str, Any]:
     from dataclasses import asdict
 
     said: dict[str, Any] = {
-        "verdict": fit.verdict, "status": fit.status, "n": fit.n,
+        "verdict": fit.verdict,
+        "status": fit.status,
+        "n": fit.n,
         "findings": [asdict(finding) for finding in fit.findings],
-    }  # fmt: skip
+    }
     if fit.verdict == "refused":
         return said
     return said | {
-        "matrix_bm": fit.rot_bm, "turn_deg": fit.angle_deg, "sd_deg": fit.sd_deg,
-        "worst_sd_deg": fit.worst_sd_deg, "inclination_deg": fit.inclination_deg,
-        "bias": fit.estimate.bias, "residuals": fit.estimate.residuals,
-    }  # fmt: skip
+        "matrix_bm": fit.rot_bm,
+        "turn_deg": fit.angle_deg,
+        "sd_deg": fit.sd_deg,
+        "worst_sd_deg": fit.worst_sd_deg,
+        "inclination_deg": fit.inclination_deg,
+        "bias": fit.estimate.bias,
+        "residuals": fit.estimate.residuals,
+    }

@@ -163,9 +163,13 @@ def _moment(date: str) -> Any:
 
 
 def _mission(
-    logs: list[Path], sensor: str | None, unit: str | None, date: str | None,
-    scalar: bool | None, settings: dict[str, Any],
-) -> InflightFit:  # fmt: skip
+    logs: list[Path],
+    sensor: str | None,
+    unit: str | None,
+    date: str | None,
+    scalar: bool | None,
+    settings: dict[str, Any],
+) -> InflightFit:
     """The fit of a record that is read piece by piece."""
     from agonic.cli.progress import counting
     from agonic.fitting.inflight import fit_mission

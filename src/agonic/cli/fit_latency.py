@@ -36,19 +36,28 @@ def latency(
         for samples in sensors
     }
     if as_json:
-        print_json("agonic/fit-latency@1", {
-            "log": str(log),
-            "sensors": [
-                {
-                    "sensor": name, "latency_ms": 1000 * fit.latency_s,
-                    "latency_sd_ms": 1000 * fit.sd_s, "significant": fit.significant,
-                    "known": fit.known, "method": fit.method, "n": fit.n, "unit": fit.unit,
-                    "residual_before": fit.residual_before, "residual_after": fit.residual_after,
-                    "status": fit.status,
-                }
-                for name, fit in fits.items()
-            ],
-        })  # fmt: skip
+        print_json(
+            "agonic/fit-latency@1",
+            {
+                "log": str(log),
+                "sensors": [
+                    {
+                        "sensor": name,
+                        "latency_ms": 1000 * fit.latency_s,
+                        "latency_sd_ms": 1000 * fit.sd_s,
+                        "significant": fit.significant,
+                        "known": fit.known,
+                        "method": fit.method,
+                        "n": fit.n,
+                        "unit": fit.unit,
+                        "residual_before": fit.residual_before,
+                        "residual_after": fit.residual_after,
+                        "status": fit.status,
+                    }
+                    for name, fit in fits.items()
+                ],
+            },
+        )
     else:
         for name, fit in fits.items():
             say(f"{name}: {fit.status}")

@@ -109,29 +109,40 @@ def north_record(fit: NorthFit) -> dict[str, Any]:
     from dataclasses import asdict
 
     said: dict[str, Any] = {
-        "method": fit.method, "verdict": fit.verdict, "status": fit.status,
+        "method": fit.method,
+        "verdict": fit.verdict,
+        "status": fit.status,
         "findings": [asdict(finding) for finding in fit.findings],
-    }  # fmt: skip
+    }
     if fit.verdict == "refused":
         return said
     said |= {
-        "north_deg": fit.north_deg, "north_sd_arcsec": fit.sd_arcsec,
+        "north_deg": fit.north_deg,
+        "north_sd_arcsec": fit.sd_arcsec,
         "by": {
-            name: {"gyro_north_deg": found.reading_deg, "sd_arcsec": 3600 * found.sd_deg,
-                   "freedom": found.freedom}
+            name: {
+                "gyro_north_deg": found.reading_deg,
+                "sd_arcsec": 3600 * found.sd_deg,
+                "freedom": found.freedom,
+            }
             for name, found in fit.by.items()
         },
-        "transit_constant": fit.constant, "transit_constant_sd": fit.constant_sd,
+        "transit_constant": fit.constant,
+        "transit_constant_sd": fit.constant_sd,
         "period_s": fit.period_s,
         "azimuths": [asdict(azimuth) for azimuth in fit.azimuths],
-    }  # fmt: skip
+    }
     found = fit.aligned
     if found is not None:
         said |= {
-            "n": len(found.orientation), "matrix_mb": found.rot_mb, "sd_arcsec": found.sd_arcsec,
-            "worst_sd_arcsec": found.worst_sd_arcsec, "residuals_nT": found.residuals,
-            "chi2": found.chi2, "freedom": found.freedom,
-        }  # fmt: skip
+            "n": len(found.orientation),
+            "matrix_mb": found.rot_mb,
+            "sd_arcsec": found.sd_arcsec,
+            "worst_sd_arcsec": found.worst_sd_arcsec,
+            "residuals_nT": found.residuals,
+            "chi2": found.chi2,
+            "freedom": found.freedom,
+        }
     return said
 
 
@@ -142,21 +153,29 @@ def di_flux_record(fit: DiFluxFit) -> dict[str, Any]:
     delta, epsilon = fit.collimation_arcsec
     delta_sd, epsilon_sd = fit.collimation_sd_arcsec
     return {
-        "verdict": fit.verdict, "status": fit.status, "n": fit.n,
+        "verdict": fit.verdict,
+        "status": fit.status,
+        "n": fit.n,
         "freedom": fit.estimate.freedom,
         "declination_deg": fit.declination_deg,
         "declination_sd_arcsec": fit.declination_sd_arcsec,
         "inclination_deg": fit.inclination_deg,
         "inclination_sd_arcsec": fit.inclination_sd_arcsec,
-        "meridian_deg": fit.meridian_deg, "meridian_sd_arcsec": fit.meridian_sd_arcsec,
-        "mark_deg": fit.mark.reading_deg, "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
+        "meridian_deg": fit.meridian_deg,
+        "meridian_sd_arcsec": fit.meridian_sd_arcsec,
+        "mark_deg": fit.mark.reading_deg,
+        "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
         "telescope_collimation_arcsec": 3600 * fit.mark.collimation_deg,
-        "delta_arcsec": delta, "delta_sd_arcsec": delta_sd,
-        "epsilon_arcsec": epsilon, "epsilon_sd_arcsec": epsilon_sd,
-        "offset_arcsec": fit.offset_arcsec[0], "offset_sd_arcsec": fit.offset_arcsec[1],
+        "delta_arcsec": delta,
+        "delta_sd_arcsec": delta_sd,
+        "epsilon_arcsec": epsilon,
+        "epsilon_sd_arcsec": epsilon_sd,
+        "offset_arcsec": fit.offset_arcsec[0],
+        "offset_sd_arcsec": fit.offset_arcsec[1],
         "offset": fit.offset if fit.scaled else None,
         "offset_sd": fit.offset_sd if fit.scaled else None,
         "scale": fit.scale if fit.scaled else None,
-        "magnitude_nT": fit.sheet.magnitude, "noise_arcsec": fit.noise_arcsec,
+        "magnitude_nT": fit.sheet.magnitude,
+        "noise_arcsec": fit.noise_arcsec,
         "findings": [asdict(finding) for finding in fit.findings],
-    }  # fmt: skip
+    }

@@ -74,10 +74,16 @@ def thermal(
     with _bar("Reading") as bar:
         read = read_campaign(campaign, progress=bar)
     result = calibrate_campaign(
-        read, turns=stations, magnitude=field, only=sensor or (), degree=chosen,  # type: ignore[arg-type]
-        bin_width_C=bin_width, held_out=held_out, workers=workers or _workers(read.rows),
+        read,
+        turns=stations,  # type: ignore[arg-type]
+        magnitude=field,
+        only=sensor or (),
+        degree=chosen,
+        bin_width_C=bin_width,
+        held_out=held_out,
+        workers=workers or _workers(read.rows),
         progress=lambda names: progress(names, "Fitting"),
-    )  # fmt: skip
+    )
     files = {} if out is None else _written(result, out)
     title = campaign.resolve().name if campaign.is_dir() else campaign.stem
     reports = [] if out is None else [_reported(result, out, title, files)]

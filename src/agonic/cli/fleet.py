@@ -38,7 +38,9 @@ def fleet(
     out: Annotated[
         Path,
         typer.Option(
-            "-o", "--out", metavar="DIR",
+            "-o",
+            "--out",
+            metavar="DIR",
             help="Folder to write to; a run that was cut off goes on there.",
         ),
     ],
@@ -83,12 +85,14 @@ def fleet(
     fail_above: Annotated[
         float,
         typer.Option(
-            min=0.0, max=1.0, metavar="SHARE",
+            min=0.0,
+            max=1.0,
+            metavar="SHARE",
             help="Exit status 1 where more than this share has no calibration.",
         ),
     ] = FAIL_ABOVE,
     as_json: Json = False,
-) -> int:  # fmt: skip
+) -> int:
     """Calibrate every magnetometer of many logs into one table, without anyone watching.
 
     Writes fleet.parquet, a row for each sensor and log, and report.html. A bad log is a row with
@@ -100,9 +104,17 @@ def fleet(
     from agonic.fleet.settings import FleetSettings
 
     settings = FleetSettings(
-        unit=unit, at=position(at) if at else None, date=date, field_nT=field, method=method,
-        sensor=sensor, name=name, sensor_column=sensor_column, files=files, reports=reports,
-    )  # fmt: skip
+        unit=unit,
+        at=position(at) if at else None,
+        date=date,
+        field_nT=field,
+        method=method,
+        sensor=sensor,
+        name=name,
+        sensor_column=sensor_column,
+        files=files,
+        reports=reports,
+    )
     chosen = _engine(engine, scheduler, workers)
     with _telling() as progress:
         run = run_fleet(

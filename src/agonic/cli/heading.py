@@ -17,9 +17,17 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 COLUMNS = (
-    "time_s", "elapsed_s", "compass_deg", "magnetic_deg", "true_deg", "sd_deg", "tilt_sd_deg",
-    "disagreement_deg", "sensor", "flags",
-)  # fmt: skip
+    "time_s",
+    "elapsed_s",
+    "compass_deg",
+    "magnetic_deg",
+    "true_deg",
+    "sd_deg",
+    "tilt_sd_deg",
+    "disagreement_deg",
+    "sensor",
+    "flags",
+)
 """Of the table that is written."""
 
 
@@ -167,11 +175,15 @@ def table(found: Heading) -> str:
     columns = (
         [""] * len(found) if found.time is None else [repr(t) for t in found.time.tolist()],
         written(None if found.time is None else found.time - found.time[0], 6),
-        angles(found.compass_deg), angles(found.magnetic_deg), angles(found.true_deg),
-        written(found.sd_deg, 3), written(found.tilt_sd_deg, 3),
+        angles(found.compass_deg),
+        angles(found.magnetic_deg),
+        angles(found.true_deg),
+        written(found.sd_deg, 3),
+        written(found.tilt_sd_deg, 3),
         written(found.disagreement_deg, 3),
-        [found.sensors[k] for k in found.used.tolist()], found.flag_names(),
-    )  # fmt: skip
+        [found.sensors[k] for k in found.used.tolist()],
+        found.flag_names(),
+    )
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)

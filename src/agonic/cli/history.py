@@ -30,7 +30,10 @@ def history(
     store: Annotated[
         Path | None,
         typer.Option(
-            "--store", metavar="STORE", envvar="AGONIC_STORE", show_envvar=True,
+            "--store",
+            metavar="STORE",
+            envvar="AGONIC_STORE",
+            show_envvar=True,
             help="The history that agonic calibrate --store and agonic fleet --store write.",
         ),
     ] = None,
@@ -41,7 +44,7 @@ def history(
         Path | None, typer.Option("-o", "--out", metavar="HTML", help="Page to write of a sensor.")
     ] = None,
     as_json: Json = False,
-) -> int:  # fmt: skip
+) -> int:
     """Show how calibrations drift, when a sensor stepped, and which ones left the others.
 
     Exit status 1 where the last calibration of a sensor left the band that the earlier ones
@@ -110,9 +113,13 @@ def _moment(date: str | None) -> datetime | None:
 
 
 def keep(
-    store: Path, results: Sequence[Calibrated], log: Log, asked: FleetSettings,
-    between: str | None, name: str | None,
-) -> int:  # fmt: skip
+    store: Path,
+    results: Sequence[Calibrated],
+    log: Log,
+    asked: FleetSettings,
+    between: str | None,
+    name: str | None,
+) -> int:
     """Add what came of a log to a history; returns how many calibrations were new to it.
 
     Parameters: `asked` and `between`, what the figures depend on, its date being that of a log that
@@ -130,10 +137,14 @@ def keep(
     rows = []
     for result in results:
         row = row_of(
-            result, sensor="", source=str(log.path), sha256=log.source.sha256,
-            key=digest(log.source.sha256, result.samples.name, settings), settings=settings,
+            result,
+            sensor="",
+            source=str(log.path),
+            sha256=log.source.sha256,
+            key=digest(log.source.sha256, result.samples.name, settings),
+            settings=settings,
             version=__version__,
-        )  # fmt: skip
+        )
         rows.append(replace(row, start=row.start or _moment(asked.date)))
     if name is None:
         rows = identified(str(log.path), rows, None)

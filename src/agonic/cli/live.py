@@ -82,9 +82,14 @@ def live(
     _require_writable(out)
     reference, settings = _expected(opened, at, date, field)
     plan = Plan(
-        folder=out, reference=reference, settings=settings, target_deg=target, sensor=sensor,
-        before=_before(before or []), fresh=fresh,
-    )  # fmt: skip
+        folder=out,
+        reference=reference,
+        settings=settings,
+        target_deg=target,
+        sensor=sensor,
+        before=_before(before or []),
+        fresh=fresh,
+    )
     session = Session(opened, plan)
     if text or as_json:
         return _in_terminal(session, as_json)

@@ -60,6 +60,8 @@ def log_of(mission: Mission, results: list[Calibrated]) -> Log:
     from agonic.io.log import Log
 
     return Log(
-        path=mission.files[0], format="Parquet table", source=mission.inputs[0],
+        path=mission.files[0],
+        format="Parquet table",
+        source=mission.inputs[0],
         sensors=tuple(result.samples for result in results),
-    )  # fmt: skip
+    )

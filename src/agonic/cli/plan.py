@@ -48,11 +48,18 @@ def swing(
     files = [str(write_form(plan.compass_deg, out, roll_deg=tilts))] if out else []
     sd = {n: s for n, s in zip(PARAMETERS, plan.sd.tolist(), strict=True) if s > 0.0}
     if as_json:
-        print_json("agonic/plan-swing@1", {
-            "compass_deg": plan.compass_deg, "roll_deg": tilts, "terms": plan.terms,
-            "noise_deg": plan.noise_deg, "sd": sd, "heading_sd_deg": plan.heading_sd_deg,
-            "files": files,
-        })  # fmt: skip
+        print_json(
+            "agonic/plan-swing@1",
+            {
+                "compass_deg": plan.compass_deg,
+                "roll_deg": tilts,
+                "terms": plan.terms,
+                "noise_deg": plan.noise_deg,
+                "sd": sd,
+                "heading_sd_deg": plan.heading_sd_deg,
+                "files": files,
+            },
+        )
         return 0
     say(f"Steer in this order, hold each until the compass is at rest ({noise_deg:g}° a reading):")
     for k, (compass, roll) in enumerate(zip(plan.compass_deg, plan.roll_deg, strict=True), start=1):

@@ -57,22 +57,36 @@ def alignment(
     from agonic.report.alignment import plan_text
 
     plan = plan_alignment(
-        _field(at, date), wanted_sd_arcsec=wanted, readings=readings, noise=noise,
+        _field(at, date),
+        wanted_sd_arcsec=wanted,
+        readings=readings,
+        noise=noise,
         solve=tuple(name.strip() for name in solve.split(",") if name.strip()),
-        reference_noise=reference_noise, across_sd_arcsec=across, about_sd_arcsec=about,
-        pier_sd=pier_sd, reference_sd_arcsec=axes_sd, lowest_elevation_deg=lowest,
-    )  # fmt: skip
+        reference_noise=reference_noise,
+        across_sd_arcsec=across,
+        about_sd_arcsec=about,
+        pier_sd=pier_sd,
+        reference_sd_arcsec=axes_sd,
+        lowest_elevation_deg=lowest,
+    )
     files = _written(plan, out)
     if as_json:
-        print_json("agonic/plan-alignment@1", {
-            "orientations": [
-                {"azimuth_deg": a, "elevation_deg": e, "roll_deg": r}
-                for a, e, r in plan.orientations
-            ],
-            "readings": plan.readings, "solve": plan.solve, "field_n_nT": plan.field_n,
-            "sd_arcsec": plan.sd_arcsec, "worst_sd_arcsec": plan.worst_sd_arcsec,
-            "sd": plan.sd, "files": files,
-        })  # fmt: skip
+        print_json(
+            "agonic/plan-alignment@1",
+            {
+                "orientations": [
+                    {"azimuth_deg": a, "elevation_deg": e, "roll_deg": r}
+                    for a, e, r in plan.orientations
+                ],
+                "readings": plan.readings,
+                "solve": plan.solve,
+                "field_n_nT": plan.field_n,
+                "sd_arcsec": plan.sd_arcsec,
+                "worst_sd_arcsec": plan.worst_sd_arcsec,
+                "sd": plan.sd,
+                "files": files,
+            },
+        )
         return 0
     say(plan_text(plan))
     if files:

@@ -62,14 +62,25 @@ def thermal(
 
     lowest, highest = _ends(range_)
     profile = Profile(
-        lowest_C=lowest, highest_C=highest, hold_min=hold, cooling_C_per_min=cooling,
-        heating_C_per_min=heating, step_C=step,
-    )  # fmt: skip
+        lowest_C=lowest,
+        highest_C=highest,
+        hold_min=hold,
+        cooling_C_per_min=cooling,
+        heating_C_per_min=heating,
+        step_C=step,
+    )
     plan = plan_thermal(
-        sensors, profile=profile, rate_Hz=rate, noise=noise, magnitude=field,
-        inclination_deg=dip, degree=degree, fixture_sd_deg=fixture_sd, chamber_sd=field_sd,
+        sensors,
+        profile=profile,
+        rate_Hz=rate,
+        noise=noise,
+        magnitude=field,
+        inclination_deg=dip,
+        degree=degree,
+        fixture_sd_deg=fixture_sd,
+        chamber_sd=field_sd,
         name=name,
-    )  # fmt: skip
+    )
     files = [*_written(plan, out), *_template(plan, folder)]
     if as_json:
         print_json("agonic/plan-thermal@1", {**record(plan), "files": files})
@@ -123,11 +134,17 @@ def record(plan: ThermalPlan) -> dict[str, Any]:
     for station, turn in zip(plan.stations, plan.turns, strict=True):
         assert station.rot_nb is not None
         roll, pitch, heading = (float(a) + 0.0 for a in angles_deg(station.rot_nb.as_matrix()))
-        stations.append({
-            "number": station.number, "pose": station.pose, "turn": turn,
-            "roll_deg": roll, "pitch_deg": pitch, "heading_deg": heading,
-            "matrix_nb": station.rot_nb.as_matrix(),
-        })  # fmt: skip
+        stations.append(
+            {
+                "number": station.number,
+                "pose": station.pose,
+                "turn": turn,
+                "roll_deg": roll,
+                "pitch_deg": pitch,
+                "heading_deg": heading,
+                "matrix_nb": station.rot_nb.as_matrix(),
+            }
+        )
     segments = [*plan.profile.before, *plan.profile.recording]
     return {
         "sensors": [

@@ -73,10 +73,18 @@ def report(
 
 
 def _thermal(
-    calibration: Calibration, thermal: Thermal, cal: Path, log: Path | None, out: Path | None,
-    sensor: str | None, unit: str | None, at: str | None, date: str | None, field: float | None,
+    calibration: Calibration,
+    thermal: Thermal,
+    cal: Path,
+    log: Path | None,
+    out: Path | None,
+    sensor: str | None,
+    unit: str | None,
+    at: str | None,
+    date: str | None,
+    field: float | None,
     as_json: bool,
-) -> int:  # fmt: skip
+) -> int:
     """The page of a calibration over temperature; with a log also what it does to it."""
     from dataclasses import asdict
 
@@ -101,22 +109,36 @@ def _thermal(
     good = verification is None or verification.passed
     if as_json:
         checks = [] if verification is None else [asdict(c) for c in verification.checks]
-        print_json("agonic/report@1", {
-            "sensor": calibration.sensor, "method": "thermal",
-            "verdict": "good" if good else "check", "checks": checks,
-            "range_C": thermal.validity.temperature_C, "degree": thermal.degree,
-            "files": [str(path)],
-        })  # fmt: skip
+        print_json(
+            "agonic/report@1",
+            {
+                "sensor": calibration.sensor,
+                "method": "thermal",
+                "verdict": "good" if good else "check",
+                "checks": checks,
+                "range_C": thermal.validity.temperature_C,
+                "degree": thermal.degree,
+                "files": [str(path)],
+            },
+        )
     else:
         say(f"Report    {path}")
     return 0 if good else 1
 
 
 def _network(
-    calibration: Calibration, network: Network, cal: Path, log: Path | None, out: Path | None,
-    sensor: str | None, unit: str | None, at: str | None, date: str | None, field: float | None,
+    calibration: Calibration,
+    network: Network,
+    cal: Path,
+    log: Path | None,
+    out: Path | None,
+    sensor: str | None,
+    unit: str | None,
+    at: str | None,
+    date: str | None,
+    field: float | None,
     as_json: bool,
-) -> int:  # fmt: skip
+) -> int:
     """The page of a network; with a log also what it does to it, and where it is guarded."""
     from dataclasses import asdict
 
@@ -140,11 +162,18 @@ def _network(
     good = verification is None or verification.passed
     if as_json:
         checks = [] if verification is None else [asdict(c) for c in verification.checks]
-        print_json("agonic/report@1", {
-            "sensor": calibration.sensor, "method": "network",
-            "verdict": "good" if good else "check", "checks": checks,
-            "hidden": network.shape.hidden, "target": network.target, "files": [str(path)],
-        })  # fmt: skip
+        print_json(
+            "agonic/report@1",
+            {
+                "sensor": calibration.sensor,
+                "method": "network",
+                "verdict": "good" if good else "check",
+                "checks": checks,
+                "hidden": network.shape.hidden,
+                "target": network.target,
+                "files": [str(path)],
+            },
+        )
     else:
         say(f"Report    {path}")
     return 0 if good else 1

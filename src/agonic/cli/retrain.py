@@ -88,9 +88,14 @@ def retrain(
     from agonic.retrainer import Retrainer
 
     given = {
-        "window": window, "every": every, "ground": ground, "hidden": hidden, "inputs": inputs,
-        "target": target, "alarm": alarm,
-    }  # fmt: skip
+        "window": window,
+        "every": every,
+        "ground": ground,
+        "hidden": hidden,
+        "inputs": inputs,
+        "target": target,
+        "alarm": alarm,
+    }
     spans = {name: span(text) for name, text in (("window", window), ("every", every)) if text}
     if state is not None and state.exists():
         _require_nothing(given, state)
@@ -231,11 +236,19 @@ def record(retrainer: Retrainer, seen: Corrected | None, rows: int) -> dict[str,
 
 def _of(one: Retraining) -> dict[str, Any]:
     return {
-        "time_s": one.time, "n": one.n, "why": one.why, "accepted": one.accepted,
-        "reason": one.reason, "poisoned": one.poisoned, "candidate": one.what, "rows": one.rows,
-        "running_rms_nT": one.running_rms, "candidate_rms_nT": one.candidate_rms,
-        "onset_s": one.onset, "epochs": one.epochs,
-    }  # fmt: skip
+        "time_s": one.time,
+        "n": one.n,
+        "why": one.why,
+        "accepted": one.accepted,
+        "reason": one.reason,
+        "poisoned": one.poisoned,
+        "candidate": one.what,
+        "rows": one.rows,
+        "running_rms_nT": one.running_rms,
+        "candidate_rms_nT": one.candidate_rms,
+        "onset_s": one.onset,
+        "epochs": one.epochs,
+    }
 
 
 def sentences(said: dict[str, Any]) -> list[str]:

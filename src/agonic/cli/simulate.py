@@ -147,15 +147,28 @@ def simulate(
         return simulate_alignment.alignment(out, as_json=as_json, seed=seed, **settings)
     _refuse(kind, {"--orientations": orientations})
     of_fleet: dict[str, Any] = {
-        "logs": logs, "rows": rows, "broken": broken, "swapped": swapped,
-        "duplicated": duplicated, "damaged": damaged,
-    }  # fmt: skip
+        "logs": logs,
+        "rows": rows,
+        "broken": broken,
+        "swapped": swapped,
+        "duplicated": duplicated,
+        "damaged": damaged,
+    }
     if kind == "fleet":
-        _refuse(kind, {
-            "--outliers": outliers or None, "--step": step or None, "--clip": clip or None,
-            "--tilt": tilt, "--bank": bank, "--latency": latency, "--truth": truth,
-            "--opposite": opposite or None, "--fault": fault,
-        })  # fmt: skip
+        _refuse(
+            kind,
+            {
+                "--outliers": outliers or None,
+                "--step": step or None,
+                "--clip": clip or None,
+                "--tilt": tilt,
+                "--bank": bank,
+                "--latency": latency,
+                "--truth": truth,
+                "--opposite": opposite or None,
+                "--fault": fault,
+            },
+        )
         of_fleet |= {"noise": noise if _stated(context, "noise") else None, "magnitude": field}
         asked = {name: value for name, value in of_fleet.items() if value is not None}
         many = sensors if _stated(context, "sensors") else "1000"
@@ -169,22 +182,42 @@ def simulate(
     if kind == "campaign":
         own_noise = noise if _stated(context, "noise") else None
         return simulate_campaign.campaign(
-            out, sensors=sensors, rate=rate, noise=own_noise, field=field or 48_000.0,
-            fault=fault or [], format=format, seed=seed, as_json=as_json,
-        )  # fmt: skip
+            out,
+            sensors=sensors,
+            rate=rate,
+            noise=own_noise,
+            field=field or 48_000.0,
+            fault=fault or [],
+            format=format,
+            seed=seed,
+            as_json=as_json,
+        )
     if kind in simulate_network.KINDS:
         own_noise = noise if _stated(context, "noise") else None
         return simulate_network.network(kind, out, as_json, n=n, noise=own_noise, seed=seed)
     aloft = {
-        "drift": drift, "moved": moved, "jump": jump, "external": external, "torquer": torquer,
-        "scalar_sd": scalar, "pointing": pointing,
-    }  # fmt: skip
+        "drift": drift,
+        "moved": moved,
+        "jump": jump,
+        "external": external,
+        "torquer": torquer,
+        "scalar_sd": scalar,
+        "pointing": pointing,
+    }
     if kind == "orbit":
-        _refuse(kind, {
-            "--field": field, "--tilt": tilt, "--truth": truth, "--bank": bank,
-            "--latency": latency, "--opposite": opposite or None,
-            "--outliers": outliers or None, "--clip": clip or None,
-        })  # fmt: skip
+        _refuse(
+            kind,
+            {
+                "--field": field,
+                "--tilt": tilt,
+                "--truth": truth,
+                "--bank": bank,
+                "--latency": latency,
+                "--opposite": opposite or None,
+                "--outliers": outliers or None,
+                "--clip": clip or None,
+            },
+        )
         aloft |= {
             "n": n if _stated(context, "n") else None,
             "rate_Hz": rate if _stated(context, "rate") else None,
@@ -201,19 +234,31 @@ def simulate(
     if kind == "vehicle":
         whose = [_truth(path) for path in truth or ()]
         return simulate_vehicle.vehicle(
-            out, defects, whose, as_json, n=n, noise=noise, seed=seed,
+            out,
+            defects,
+            whose,
+            as_json,
+            n=n,
+            noise=noise,
+            seed=seed,
             placing="opposite" if opposite else "apart",
             **({} if bank is None else {"bank_deg": bank}),
             **({} if latency is None else {"latency_s": latency / 1000}),
-        )  # fmt: skip
+        )
     if truth is not None and len(truth) > 1:
         raise AgonicError(f"the kind {kind!r} has one sensor; give --truth once")
     return _sensor(
-        kind, out, truth[0] if truth else None, as_json,
-        n=n, noise=noise, seed=seed, defects=defects,
+        kind,
+        out,
+        truth[0] if truth else None,
+        as_json,
+        n=n,
+        noise=noise,
+        seed=seed,
+        defects=defects,
         **({} if field is None else {"magnitude": field}),
         **({} if tilt is None else {"tilt_deg": tilt}),
-    )  # fmt: skip
+    )
 
 
 def _refuse(kind: str, misfits: Mapping[str, Any]) -> None:
@@ -244,10 +289,16 @@ def _sensor(kind: str, out: Path, sensor: Path | None, as_json: bool, **settings
     write_csv(made.samples, out)
     truth = save(made.truth, out.with_suffix(".truth.json"))
     if as_json:
-        print_json("agonic/simulate@1", {
-            "kind": kind, "n": len(made.samples), "files": [str(out), str(truth)],
-            "bias_nT": made.truth.bias, "matrix": made.truth.matrix,
-        })  # fmt: skip
+        print_json(
+            "agonic/simulate@1",
+            {
+                "kind": kind,
+                "n": len(made.samples),
+                "files": [str(out), str(truth)],
+                "bias_nT": made.truth.bias,
+                "matrix": made.truth.matrix,
+            },
+        )
     else:
         say(f"{len(made.samples)} readings: {out}\nThe truth: {truth}")
     return 0
@@ -258,9 +309,15 @@ def _check_kind(kind: str) -> None:
     from agonic.simulation import kinds
 
     known = (
-        *kinds(), "vehicle", "orbit", *simulate_network.KINDS, "campaign", "fleet", "alignment",
+        *kinds(),
+        "vehicle",
+        "orbit",
+        *simulate_network.KINDS,
+        "campaign",
+        "fleet",
+        "alignment",
         *simulate_north.KINDS,
-    )  # fmt: skip
+    )
     if kind not in known:
         raise AgonicError(f"no kind {kind!r} to simulate; choose from {', '.join(known)}")
 

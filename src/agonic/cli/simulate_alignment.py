@@ -19,11 +19,16 @@ def alignment(out: Path, *, as_json: bool, **settings: Any) -> int:
     files = write_session(made.session, out)
     truth = write_truth(made, out / "truth")
     if as_json:
-        print_json("agonic/simulate-alignment@1", {
-            "orientations": len(made.session.orientations), "n": len(made.session.magnetometer),
-            "files": [str(file) for file in (*files, truth)],
-            "angles_323_deg": _angles(made), "matrix_mc": made.rot_mc,
-        })  # fmt: skip
+        print_json(
+            "agonic/simulate-alignment@1",
+            {
+                "orientations": len(made.session.orientations),
+                "n": len(made.session.magnetometer),
+                "files": [str(file) for file in (*files, truth)],
+                "angles_323_deg": _angles(made),
+                "matrix_mc": made.rot_mc,
+            },
+        )
         return 0
     say(
         f"{len(made.session.orientations)} orientations, {len(made.session.magnetometer)} "

@@ -13,9 +13,17 @@ FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
 
 
 def campaign(
-    out: Path, *, sensors: str, rate: float, noise: float | None, field: float, fault: list[str],
-    format: str, seed: int, as_json: bool,
-) -> int:  # fmt: skip
+    out: Path,
+    *,
+    sensors: str,
+    rate: float,
+    noise: float | None,
+    field: float,
+    fault: list[str],
+    format: str,
+    seed: int,
+    as_json: bool,
+) -> int:
     """Write the recordings, their campaign.toml, and the truth in a folder of its own."""
     from agonic.cli.output import print_json, say
     from agonic.io.write_campaign import write_campaign
@@ -29,10 +37,15 @@ def campaign(
         _cut(files, made)
     truth = write_truth(made, out / "truth")
     if as_json:
-        print_json("agonic/simulate-campaign@1", {
-            "sensors": list(made.truth), "stations": len(files) - 1,
-            "files": [str(file) for file in (*files, *truth)], "facts": made.facts,
-        })  # fmt: skip
+        print_json(
+            "agonic/simulate-campaign@1",
+            {
+                "sensors": list(made.truth),
+                "stations": len(files) - 1,
+                "files": [str(file) for file in (*files, *truth)],
+                "facts": made.facts,
+            },
+        )
     else:
         say(f"{len(files) - 1} stations, {len(made.truth)} sensors: {out}\nThe truth: {truth[0]}")
     return 0
@@ -100,15 +113,18 @@ def write_truth(made: SimulatedCampaign, folder: Path) -> list[Path]:
         "schema": "agonic/campaign-truth@1",
         "sensors": {
             name: {
-                "bias": truth.bias, "matrix": truth.matrix, "rate": truth.rate,
-                "centre_C": truth.centre_C, "half_range_C": truth.half_range_C,
+                "bias": truth.bias,
+                "matrix": truth.matrix,
+                "rate": truth.rate,
+                "centre_C": truth.centre_C,
+                "half_range_C": truth.half_range_C,
             }
             for name, truth in made.truth.items()
         },
         "matrix_nb": {number: turned.as_matrix() for number, turned in made.rotations.items()},
         "field": {"time_s": made.knots, "field_n_nT": made.field_knots},
         "facts": made.facts,
-    }  # fmt: skip
+    }
     home = make_folder(folder)
     text = json.dumps(plain(facts), indent=1, ensure_ascii=False)
     return [write_atomically(home / "truth.json", text + "\n")]

@@ -29,10 +29,16 @@ def fleet(
     there = sorted(set(faults[groups != ""]))
     planted = {str(fault): int((faults == fault).sum()) for fault in there}
     if as_json:
-        print_json("agonic/simulate-fleet@1", {
-            "sensors": made.facts["n"], "logs": len(made), "files": [str(where), str(truth)],
-            "faults": planted, "facts": made.facts,
-        })  # fmt: skip
+        print_json(
+            "agonic/simulate-fleet@1",
+            {
+                "sensors": made.facts["n"],
+                "logs": len(made),
+                "files": [str(where), str(truth)],
+                "faults": planted,
+                "facts": made.facts,
+            },
+        )
     else:
         what = f"{len(made)} logs of {made.facts['n']} sensors"
         say(f"{what}: {where}\nThe truth, with {sum(planted.values())} faults: {truth}")

@@ -16,9 +16,10 @@ def session(kind: str, out: Path, *, as_json: bool, seed: int, noise: float | No
     files, truth = (_north if kind == "north" else _coil)(out, settings)
     written = _truth(out, kind, truth)
     if as_json:
-        print_json(f"agonic/simulate-{kind}@1", {
-            "files": [str(file) for file in (*files, written)], **truth
-        })  # fmt: skip
+        print_json(
+            f"agonic/simulate-{kind}@1",
+            {"files": [str(file) for file in (*files, written)], **truth},
+        )
     else:
         say(f"A session: {out}\nThe truth: {written}")
     return 0
@@ -30,9 +31,10 @@ def _north(out: Path, settings: dict[str, Any]) -> tuple[list[Path], dict[str, A
 
     made = simulate_north(**settings)
     return write_north(made.session, out), {
-        "north_deg": made.north_deg, "mark_azimuth_deg": made.mark_azimuth_deg,
+        "north_deg": made.north_deg,
+        "mark_azimuth_deg": made.mark_azimuth_deg,
         "matrix_mb": made.rot_mb,
-    }  # fmt: skip
+    }
 
 
 def _coil(out: Path, settings: dict[str, Any]) -> tuple[list[Path], dict[str, Any]]:

@@ -22,11 +22,16 @@ def orbit(out: Path, as_json: bool, **settings: Any) -> int:
     truth = save(made.truth, out.with_suffix(".truth.json"))
     rows = write_truth(made, out.with_suffix(".truth.csv"))
     if as_json:
-        print_json("agonic/simulate@1", {
-            "kind": "orbit", "n": len(made.samples),
-            "files": [str(file) for file in (out, ground, truth, rows)],
-            "bias_nT": made.bias.mean(axis=0), "eclipse": float(made.eclipse.mean()),
-        })  # fmt: skip
+        print_json(
+            "agonic/simulate@1",
+            {
+                "kind": "orbit",
+                "n": len(made.samples),
+                "files": [str(file) for file in (out, ground, truth, rows)],
+                "bias_nT": made.bias.mean(axis=0),
+                "eclipse": float(made.eclipse.mean()),
+            },
+        )
     else:
         say(f"{len(made.samples)} readings: {out}\nThe calibration from the ground: {ground}")
         say(f"The truth: {truth}, and row by row: {rows}")

@@ -28,13 +28,18 @@ def vehicle(
     write_sensors(sensors, out)
     truths = [save(t, out.with_suffix(f".{t.sensor}.truth.json")) for t in made.truths]
     if as_json:
-        print_json("agonic/simulate@1", {
-            "kind": "vehicle", "n": len(made.heading_deg),
-            "files": [str(out), *map(str, truths)],
-            "bias_nT": [t.bias for t in made.truths], "matrix": [t.matrix for t in made.truths],
-            "stray_nT_A": [t.matrix @ t.coefficients[:, 0] for t in made.truths],
-            "latency_ms": 1000 * made.latency_s,
-        })  # fmt: skip
+        print_json(
+            "agonic/simulate@1",
+            {
+                "kind": "vehicle",
+                "n": len(made.heading_deg),
+                "files": [str(out), *map(str, truths)],
+                "bias_nT": [t.bias for t in made.truths],
+                "matrix": [t.matrix for t in made.truths],
+                "stray_nT_A": [t.matrix @ t.coefficients[:, 0] for t in made.truths],
+                "latency_ms": 1000 * made.latency_s,
+            },
+        )
     else:
         count = "one sensor" if len(made.samples) == 1 else "two sensors"
         say(f"{len(made.heading_deg)} readings of {count}: {out}")

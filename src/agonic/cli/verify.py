@@ -15,7 +15,7 @@ from agonic.cli.options import (
     Magnitude,
     Sensor,
     Unit,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from agonic.verification import Check
@@ -53,14 +53,17 @@ def verify(
         given.sha256 == samples.source.sha256 for given in calibration.provenance.inputs
     )
     if as_json:
-        print_json("agonic/verify@1", {
-            "sensor": samples.name,
-            "verdict": "good" if verification.passed else "check",
-            "own_data": own,
-            "spread_before": verification.spread_before,
-            "spread_after": verification.spread_after,
-            "checks": [asdict(check) for check in verification.checks],
-        })  # fmt: skip
+        print_json(
+            "agonic/verify@1",
+            {
+                "sensor": samples.name,
+                "verdict": "good" if verification.passed else "check",
+                "own_data": own,
+                "spread_before": verification.spread_before,
+                "spread_after": verification.spread_after,
+                "checks": [asdict(check) for check in verification.checks],
+            },
+        )
     else:
         say("\n".join(_line(c) for c in verification.checks))
         if own:

@@ -10,8 +10,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ELEMENTS = (
-    "declination_deg", "inclination_deg", "horizontal", "north", "east", "down", "magnitude",
-)  # fmt: skip
+    "declination_deg",
+    "inclination_deg",
+    "horizontal",
+    "north",
+    "east",
+    "down",
+    "magnitude",
+)
 """The seven elements D, I, H, X, Y, Z, F, in the order that the official calculators print."""
 
 

@@ -23,9 +23,14 @@ Task = tuple[tuple[int, str, Table], ...]
 
 
 def refined(
-    task: Task, *, dataset: Dataset, channel: Channel, source: Input, settings: FleetSettings,
+    task: Task,
+    *,
+    dataset: Dataset,
+    channel: Channel,
+    source: Input,
+    settings: FleetSettings,
     known: Mapping[str, Any],
-) -> tuple[Row, ...]:  # fmt: skip
+) -> tuple[Row, ...]:
     """The row of each of these sensors, calibrated by its rows as a log is."""
     rows = []
     with warnings.catch_warnings():
@@ -33,9 +38,12 @@ def refined(
         for _, name, table in task:
             try:
                 log = log_of_table(
-                    table, path=dataset.path, source=source, format="Parquet table",
+                    table,
+                    path=dataset.path,
+                    source=source,
+                    format="Parquet table",
                     unit=dataset.unit,
-                )  # fmt: skip
+                )
                 samples = log.sensor(channel.name)
             except LogError as error:
                 why = sentence(error, str(dataset.path))

@@ -93,11 +93,15 @@ def _findings(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
         found.append(
             undetermined(
                 Coverage(
-                    cells=nothing.astype(np.int64), filled=0.0, field_sd=nothing, field_sd_max=0.0,
-                    heading_sd_deg=float(fits.heading_sd_deg[k]), inclination_deg=0.0,
+                    cells=nothing.astype(np.int64),
+                    filled=0.0,
+                    field_sd=nothing,
+                    field_sd_max=0.0,
+                    heading_sd_deg=float(fits.heading_sd_deg[k]),
+                    inclination_deg=0.0,
                 )
             )
-        )  # fmt: skip
+        )
     found.append(misscaled(float(np.trace(fits.matrix[k])) / 3, unit))
     if grouped.left_out[k]:
         lost, total = int(grouped.left_out[k]), int(grouped.count[k] + grouped.left_out[k])

@@ -31,7 +31,7 @@ from agonic.io.dataset import (
     database_error,
     find_dataset,
     without_damaged,
-)  # fmt: skip
+)
 from agonic.io.grouped_moments import Grouped, summed
 from agonic.io.grouped_residuals import residual_sums
 from agonic.io.sensor_rows import Table, tables_of
@@ -110,9 +110,13 @@ def calibrate_dataset(
 
 
 def _worked(
-    dataset: Dataset, *, settings: FleetSettings, refine: Refine, engine: Engine | None,
+    dataset: Dataset,
+    *,
+    settings: FleetSettings,
+    refine: Refine,
+    engine: Engine | None,
     tell: Progress,
-) -> Population:  # fmt: skip
+) -> Population:
     """The rows of all channels, and of what cannot be calibrated at all."""
     tell("hashing", 0, len(dataset.files))
     source, content = str(dataset.path), dataset.sha256
@@ -182,9 +186,13 @@ class _Job:
         )
         found = doubts(fits, grouped, residuals, unit=unit)
         columns = columns_of(
-            fits, grouped, unit=unit, scaled=reference is not None,
-            inclination_deg=of_place.get("inclination_deg", 60.0), **self.known,
-        )  # fmt: skip
+            fits,
+            grouped,
+            unit=unit,
+            scaled=reference is not None,
+            inclination_deg=of_place.get("inclination_deg", 60.0),
+            **self.known,
+        )
         return columns, np.any(list(found.values()), axis=0)
 
     def _refine(self, columns: Columns, ids: NDArray[np.intp], engine: Engine | None) -> None:
@@ -194,9 +202,13 @@ class _Job:
         engine = engine or (Here() if len(ids) <= _FEW else Processes())
         source = Input(name=self.known["source"], sha256=self.known["sha256"], count=0)
         function = partial(
-            refined, dataset=self.dataset, channel=self.channel, source=source,
-            settings=self.settings, known=self.known,
-        )  # fmt: skip
+            refined,
+            dataset=self.dataset,
+            channel=self.channel,
+            source=source,
+            settings=self.settings,
+            known=self.known,
+        )
         done = 0
         for task, rows in engine.run(function, self._tasks(columns["sensor"], ids)):
             if isinstance(rows, Lost):
@@ -224,10 +236,13 @@ class _Job:
         """The rows of sensors without a finite reading, and of rows that name no sensor."""
         assert self.grouped is not None
         rows = [
-            refused(f"none of its {count} rows holds three finite readings", sensor=name,
-                    **{**self.known, "key": digest(self.known["key"], name)})
+            refused(
+                f"none of its {count} rows holds three finite readings",
+                sensor=name,
+                **{**self.known, "key": digest(self.known["key"], name)},
+            )
             for name, count in self.grouped.empty
-        ]  # fmt: skip
+        ]
         if self.grouped.nameless:
             what = f"{self.grouped.nameless} rows name no sensor and were left out"
             rows.append(refused(what, sensor="", **self.known))

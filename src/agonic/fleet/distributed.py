@@ -117,10 +117,12 @@ def _own_cluster(distributed: Any, workers: int) -> Iterator[Any]:
     with (
         dask.config.set(_OWN),
         distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0",
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,
-    ):  # fmt: skip
+    ):
         yield cluster
 
 

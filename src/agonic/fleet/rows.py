@@ -15,10 +15,17 @@ from agonic.samples import Samples
 
 
 def row_of(
-    calibrated: Calibrated, *, sensor: str, source: str, sha256: str = "", key: str = "",
-    calibration: str | None = None, report: str | None = None, settings: str = "",
+    calibrated: Calibrated,
+    *,
+    sensor: str,
+    source: str,
+    sha256: str = "",
+    key: str = "",
+    calibration: str | None = None,
+    report: str | None = None,
+    settings: str = "",
     version: str = "",
-) -> Row:  # fmt: skip
+) -> Row:
     """The row of one calibrated sensor; its figures are those of `agonic calibrate --json`.
 
     Parameters: as the fields of `Row`. A refused fit has its figures too: they show why.
@@ -74,9 +81,7 @@ def refused(
     'refused'
     """
     facts = {} if samples is None else of_samples(samples)
-    return Row(
-        sensor=sensor, source=source, verdict="refused", status=status, **facts, **known
-    )  # fmt: skip
+    return Row(sensor=sensor, source=source, verdict="refused", status=status, **facts, **known)
 
 
 def of_samples(samples: Samples) -> Mapping[str, Any]:

@@ -88,9 +88,15 @@ def attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitu
         sd = np.full(1, _stated(setup))
         tilt = kernel.of_angles(roll, pitch)
         return Attitude(
-            tilt=tilt, roll_deg=roll, pitch_deg=pitch, order=setup.tilt_order, source=source,
-            roll_sd=sd, pitch_sd=sd, notes=why,
-        )  # fmt: skip
+            tilt=tilt,
+            roll_deg=roll,
+            pitch_deg=pitch,
+            order=setup.tilt_order,
+            source=source,
+            roll_sd=sd,
+            pitch_sd=sd,
+            notes=why,
+        )
     force = _needed(samples, "acceleration", source) @ turn.T
     if source == "gyro":
         time = _needed(samples, "time", source)
@@ -125,9 +131,16 @@ def _felt(
     missing = np.asarray(~np.isfinite(found.down).all(axis=1))
     roll, pitch = kernel.roll_pitch_deg(tilt)
     return Attitude(
-        tilt=tilt, roll_deg=roll, pitch_deg=pitch, order="roll-pitch", source=source,
-        roll_sd=roll_sd, pitch_sd=pitch_sd, missing=missing, notes=notes,
-    )  # fmt: skip
+        tilt=tilt,
+        roll_deg=roll,
+        pitch_deg=pitch,
+        order="roll-pitch",
+        source=source,
+        roll_sd=roll_sd,
+        pitch_sd=pitch_sd,
+        missing=missing,
+        notes=notes,
+    )
 
 
 def _speed(samples: Samples, force: Array, rate: Array) -> Speed:
@@ -175,9 +188,15 @@ def _level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
         notes = (said,)
     level = kernel.of_angles(zero, zero)
     return Attitude(
-        tilt=level, roll_deg=zero, pitch_deg=zero, order="roll-pitch", source=LEVEL,
-        roll_sd=roll_sd, pitch_sd=pitch_sd, notes=notes,
-    )  # fmt: skip
+        tilt=level,
+        roll_deg=zero,
+        pitch_deg=zero,
+        order="roll-pitch",
+        source=LEVEL,
+        roll_sd=roll_sd,
+        pitch_sd=pitch_sd,
+        notes=notes,
+    )
 
 
 def _recorded(samples: Samples, turn: Array) -> tuple[Array, Array] | None:

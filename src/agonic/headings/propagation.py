@@ -111,9 +111,13 @@ def _carried_back(
 
 
 def _row(
-    step: Affine | Thermal | Alignment, given: Array, made: Array, columns: Mapping[str, Array],
-    gradient: Array, before: Array,
-) -> Array:  # fmt: skip
+    step: Affine | Thermal | Alignment,
+    given: Array,
+    made: Array,
+    columns: Mapping[str, Array],
+    gradient: Array,
+    before: Array,
+) -> Array:
     """∂(g · field)/∂parameters of a step, (p, n)."""
     if isinstance(step, Alignment):
         return _turn_row(made, gradient)

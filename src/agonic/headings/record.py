@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
-FLAGS: Mapping[str, str] = MappingProxyType({
-    "no reading": "no magnetometer was read at that time",
-    "no attitude": "roll and pitch are not known",
-    "tilted": "the vehicle is tilted too far for its nose to have a heading",
-    "vertical field": "next to nothing of the field is horizontal: near a magnetic pole",
-    "disturbed": "the field is not the one that is expected there",
-    "unsure tilt": "the vehicle accelerates, turns or rocks: its tilt is not known to 5°",
-    "disagreement": "two sensors differ by more than their errors, and neither is seen disturbed",
-})  # fmt: skip
+FLAGS: Mapping[str, str] = MappingProxyType(
+    {
+        "no reading": "no magnetometer was read at that time",
+        "no attitude": "roll and pitch are not known",
+        "tilted": "the vehicle is tilted too far for its nose to have a heading",
+        "vertical field": "next to nothing of the field is horizontal: near a magnetic pole",
+        "disturbed": "the field is not the one that is expected there",
+        "unsure tilt": "the vehicle accelerates, turns or rocks: its tilt is not known to 5°",
+        "disagreement": "two sensors differ by more than their errors, and neither is seen "
+        "disturbed",
+    }
+)
 """Why a heading may mean nothing, in the order of `Heading.flags`."""
 
 
@@ -75,9 +78,18 @@ class Heading:
     def columns(self) -> dict[str, Array]:
         """The columns of numbers that are there, by name, in writing order."""
         names = (
-            "time", "compass_deg", "magnetic_deg", "true_deg", "sd_deg", "random_sd_deg",
-            "disagreement_deg", "roll_deg", "pitch_deg", "tilt_sd_deg", "declination_deg",
-        )  # fmt: skip
+            "time",
+            "compass_deg",
+            "magnetic_deg",
+            "true_deg",
+            "sd_deg",
+            "random_sd_deg",
+            "disagreement_deg",
+            "roll_deg",
+            "pitch_deg",
+            "tilt_sd_deg",
+            "declination_deg",
+        )
         return {name: c for name in names if (c := getattr(self, name)) is not None}
 
     def flag_names(self) -> list[str]:

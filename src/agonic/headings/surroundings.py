@@ -98,9 +98,11 @@ def along(samples: Samples) -> World | None:
     )
     where = np.arange(n) if samples.time is None else time
     nodes = (
-        np.unwrap(there.declination_deg, period=360.0), there.declination_sd_deg,
-        there.horizontal, there.down,
-    )  # fmt: skip
+        np.unwrap(there.declination_deg, period=360.0),
+        there.declination_sd_deg,
+        there.horizontal,
+        there.down,
+    )
     return World(*(np.interp(where, where[rows], values) for values in nodes))
 
 

@@ -84,12 +84,14 @@ def beside(drift: Drift, departed: Iterable[Departure]) -> Drift:
     """How a sensor moved, with what it looks like among the others added to its findings."""
     found = tuple(
         Finding(
-            "left its population", "check", one.sentence,
+            "left its population",
+            "check",
+            one.sentence,
             "look at the board, at how it was turned, and at what is near it",
         )
         for one in departed
         if one.sensor == drift.sensor
-    )  # fmt: skip
+    )
     return replace(drift, findings=(*drift.findings, *found))
 
 

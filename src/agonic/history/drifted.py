@@ -139,9 +139,10 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
 def _followed(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[Event, ...]]:
     """The trends of all parameters that are known throughout and move at all, and what happened."""
     known = [
-        k for k in range(len(NAMES))
+        k
+        for k in range(len(NAMES))
         if np.isfinite(of.values[:, k]).all() and np.ptp(of.values[:, k]) > 0
-    ]  # fmt: skip
+    ]
     many = [series_of(time, of.values[:, k], of.sd[:, k]) for k in known]
     found = shifts(many, CHANCE)
     trends = []
@@ -157,9 +158,13 @@ def _followed(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[Eve
 
 
 def _event(
-    time: Array, many: list[Series], found: list[Shift], shift: Shift, names: list[str],
+    time: Array,
+    many: list[Series],
+    found: list[Shift],
+    shift: Shift,
+    names: list[str],
     units: list[str],
-) -> Event:  # fmt: skip
+) -> Event:
     others = [s for s in found if s is not shift]
     moved = []
     for k in shift.where:
@@ -172,28 +177,40 @@ def _event(
 
 
 def _findings(
-    population: Population, compared: NDArray[np.intp], trends: tuple[Trend, ...],
+    population: Population,
+    compared: NDArray[np.intp],
+    trends: tuple[Trend, ...],
     events: tuple[Event, ...],
-) -> list[Finding]:  # fmt: skip
+) -> list[Finding]:
     found = []
     if population["verdict"][-1] == "refused":
-        found.append(Finding(
-            "last one refused", "check",
-            f"the last calibration, of {population['source'][-1]}, was refused",
-            "see its status, and calibrate again",
-        ))  # fmt: skip
+        found.append(
+            Finding(
+                "last one refused",
+                "check",
+                f"the last calibration, of {population['source'][-1]}, was refused",
+                "see its status, and calibrate again",
+            )
+        )
     for event in events:
         found.append(_happened(event, len(compared)))
     if len(compared) < FEWEST:
-        found.append(Finding(
-            "few calibrations", "note",
-            f"{len(compared)} can be compared; from {FEWEST} on a drift can be told",
-        ))  # fmt: skip
+        found.append(
+            Finding(
+                "few calibrations",
+                "note",
+                f"{len(compared)} can be compared; from {FEWEST} on a drift can be told",
+            )
+        )
     left_out = int(population.fitted.sum()) - len(compared)
     if left_out:
-        found.append(Finding(
-            "not compared", "note", f"{left_out} earlier ones are of another channel or unit",
-        ))  # fmt: skip
+        found.append(
+            Finding(
+                "not compared",
+                "note",
+                f"{left_out} earlier ones are of another channel or unit",
+            )
+        )
     undated = sum(UNDATED.name in names for names in population["findings"])
     if undated:
         found.append(UNDATED)
@@ -210,22 +227,26 @@ def _happened(event: Event, n: int) -> Finding:
     )
     if event.kind == "last":
         return Finding(
-            "left its band", "check",
+            "left its band",
+            "check",
             f"the last calibration, of {event.before:%Y-%m-%d}, lies off what the earlier ones "
-            f"predict: {moved}", "calibrate once more: a step stays, a stray does not",
-        )  # fmt: skip
+            f"predict: {moved}",
+            "calibrate once more: a step stays, a stray does not",
+        )
     if event.kind == "stray":
         return Finding(
-            "stray calibration", "note",
+            "stray calibration",
+            "note",
             f"that of {event.before:%Y-%m-%d} lies off those before and after it: {moved}; it is "
             "left out of the drift",
-        )  # fmt: skip
+        )
     fresh = n - event.place < _SETTLED
     return Finding(
-        "step", "check" if fresh else "note",
+        "step",
+        "check" if fresh else "note",
         f"between {event.after:%Y-%m-%d} and {event.before:%Y-%m-%d} it stepped: {moved}",
         "see what was changed on the board or near it in that time" if fresh else "",
-    )  # fmt: skip
+    )
 
 
 def _remarks(trends: tuple[Trend, ...], at: datetime) -> tuple[str, ...]:

@@ -18,9 +18,17 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _COLUMNS = (
-    "sensor", "channel", "unit_in", "time", "bias_x", "bias_y", "bias_z", "bias_x_sd", "bias_y_sd",
+    "sensor",
+    "channel",
+    "unit_in",
+    "time",
+    "bias_x",
+    "bias_y",
+    "bias_z",
+    "bias_x_sd",
+    "bias_y_sd",
     "bias_z_sd",
-)  # fmt: skip
+)
 _SCREEN = 0.05
 _AT_ONCE = 100
 

@@ -95,9 +95,9 @@ def entry_of(row: Row, now: datetime) -> list[Any]:
 def population_of(values: Sequence[Sequence[Any]]) -> Population:
     """The population of rows as they are stored, in their order."""
     columns = list(zip(*values, strict=True)) or [()] * len(COLUMNS)
-    return Population({
-        name: _column(name, column) for name, column in zip(COLUMNS, columns, strict=True)
-    })  # fmt: skip
+    return Population(
+        {name: _column(name, column) for name, column in zip(COLUMNS, columns, strict=True)}
+    )
 
 
 def _column(name: str, values: Sequence[Any]) -> NDArray[Any]:

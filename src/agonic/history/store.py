@@ -88,9 +88,11 @@ class History:
         mode = "rwc" if new else "rw"
         try:
             database = sqlite3.connect(
-                f"{path.absolute().as_uri()}?mode={mode}", uri=True, timeout=WAIT_S,
+                f"{path.absolute().as_uri()}?mode={mode}",
+                uri=True,
+                timeout=WAIT_S,
                 isolation_level=None,
-            )  # fmt: skip
+            )
         except sqlite3.Error as error:
             raise LogError(f"cannot be opened as a history: {error}", path=path) from None
         history = cls(database, path)
@@ -238,8 +240,9 @@ class History:
         if version > schema.VERSION:
             raise LogError(
                 f"made by a later agonic (tables {version}, this one reads {schema.VERSION}): "
-                "upgrade agonic", path=self.path,
-            )  # fmt: skip
+                "upgrade agonic",
+                path=self.path,
+            )
         return True
 
 

@@ -88,9 +88,15 @@ def series_of(time: Array, value: Array, sd: Array) -> Series:
 
 
 def trend(
-    name: str, unit: str, time: Array, value: Array, sd: Array, held: Series, belief: Belief,
+    name: str,
+    unit: str,
+    time: Array,
+    value: Array,
+    sd: Array,
+    held: Series,
+    belief: Belief,
     shifts: tuple[Shift, ...],
-) -> Trend:  # fmt: skip
+) -> Trend:
     """The trend of a series, with what is believed of it and the shifts in its design."""
     years = float(time[-1] - time[0]) / YEAR_S
     figures: dict[str, Any] = {
@@ -101,6 +107,13 @@ def trend(
         "walk": float(belief.size("walk")) / np.sqrt(years),
     }
     return Trend(
-        name=name, unit=unit, time=time, value=value, sd=sd, series=held, belief=belief,
-        shifts=shifts, **figures,
-    )  # fmt: skip
+        name=name,
+        unit=unit,
+        time=time,
+        value=value,
+        sd=sd,
+        series=held,
+        belief=belief,
+        shifts=shifts,
+        **figures,
+    )

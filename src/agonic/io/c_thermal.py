@@ -34,25 +34,28 @@ def thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple[str,
         f"beyond {found.clamp_C[0]:g} to {found.clamp_C[1]:g} C that of the nearest edge"
     )
     warnings = left_out(middle)
-    text = filled("thermal.h.in", {
-        "name": name,
-        "GUARD": name.upper(),
-        "about": comment(banner(calibration, formula, warnings)),
-        "unit_in": calibration.unit_in,
-        "unit_out": calibration.unit_out,
-        "frame_in": calibration.frame_in,
-        "powers": str(len(table)),
-        "highest": str(len(table) - 1),
-        "numbers": str(table.shape[1]),
-        "table": braced(table),
-        "scale": braced([found.centre_C, found.half_range_C]),
-        "range": braced(found.clamp_C),
-        "tests": str(len(known)),
-        "columns": str(known.shape[1]),
-        "known": braced(known, "    "),
-        "tolerance": float32_text(tolerance),
-        **_of_rate(calibration, rate),
-    })  # fmt: skip
+    text = filled(
+        "thermal.h.in",
+        {
+            "name": name,
+            "GUARD": name.upper(),
+            "about": comment(banner(calibration, formula, warnings)),
+            "unit_in": calibration.unit_in,
+            "unit_out": calibration.unit_out,
+            "frame_in": calibration.frame_in,
+            "powers": str(len(table)),
+            "highest": str(len(table) - 1),
+            "numbers": str(table.shape[1]),
+            "table": braced(table),
+            "scale": braced([found.centre_C, found.half_range_C]),
+            "range": braced(found.clamp_C),
+            "tests": str(len(known)),
+            "columns": str(known.shape[1]),
+            "known": braced(known, "    "),
+            "tolerance": float32_text(tolerance),
+            **_of_rate(calibration, rate),
+        },
+    )
     return text, warnings
 
 
@@ -97,8 +100,9 @@ def _known(calibration: Calibration, found: Polynomials, table: Array) -> tuple[
     raw = np.linalg.solve(matrix, size * directions[:, :, None])[:, :, 0] + bias
     raw = raw.astype(np.float32).astype(np.float64)
     rates = FASTEST_C_S * rng.uniform(-1, 1, TESTS).astype(np.float32).astype(np.float64)
-    columns = {name: np.zeros((TESTS, 3) if name == "second" else TESTS)
-               for name in calibration.needs}  # fmt: skip
+    columns = {
+        name: np.zeros((TESTS, 3) if name == "second" else TESTS) for name in calibration.needs
+    }
     columns |= {"temperature": levels} | ({RATE: rates} if RATE in found.signals else {})
     field = calibration.correct(raw, **columns)
     reach = np.abs(raw) + sizes[:, :3]

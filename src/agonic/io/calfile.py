@@ -40,7 +40,7 @@ from agonic.io.calrecords import (
     NetworkRecord,
     ProvenanceRecord,
     ThermalRecord,
-)  # fmt: skip
+)
 from agonic.io.contents import read_bytes
 from agonic.provenance import Provenance
 

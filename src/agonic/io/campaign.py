@@ -170,9 +170,10 @@ class _Gathered:
         if not self.recordings:
             said = "; ".join(self.damaged[:3]) or (
                 f"the station of {', '.join(self.unnumbered[:3])} is not known: number the files, "
-                "or give them a column station" if self.unnumbered else
-                "no sensor of the description is in the files"
-            )  # fmt: skip
+                "or give them a column station"
+                if self.unnumbered
+                else "no sensor of the description is in the files"
+            )
             raise LogError(said, path=path)
         return Campaign(
             recordings={name: dict(sorted(by.items())) for name, by in self.recordings.items()},
@@ -195,29 +196,42 @@ class _Gathered:
             for text in self.damaged
         ]
         if self.kelvin:
-            found.append(Finding(
-                "kelvin", "check",
-                f"temperatures of {_who(self.kelvin)} are in kelvin although nothing says so: "
-                "273.15 was taken off",
-                "name the column temperature_K",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    "kelvin",
+                    "check",
+                    f"temperatures of {_who(self.kelvin)} are in kelvin although nothing says so: "
+                    "273.15 was taken off",
+                    "name the column temperature_K",
+                )
+            )
         if self.absent:
-            found.append(Finding(
-                "absent sensor", "check", f"there are no readings of {_who(self.absent)}",
-                f"compare the names in {FILE_NAME} with the files (agonic info FILE)",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    "absent sensor",
+                    "check",
+                    f"there are no readings of {_who(self.absent)}",
+                    f"compare the names in {FILE_NAME} with the files (agonic info FILE)",
+                )
+            )
         if self.unnumbered:
-            found.append(Finding(
-                "unknown station", "check",
-                f"{', '.join(self.unnumbered)}: which station it is cannot be told; left out",
-                "number the files, or give them a column station",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    "unknown station",
+                    "check",
+                    f"{', '.join(self.unnumbered)}: which station it is cannot be told; left out",
+                    "number the files, or give them a column station",
+                )
+            )
         if self.surplus:
-            found.append(Finding(
-                "unknown station", "check",
-                f"{stations(self.surplus)} in the files is not described; left out",
-                f"describe it in {FILE_NAME}",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    "unknown station",
+                    "check",
+                    f"{stations(self.surplus)} in the files is not described; left out",
+                    f"describe it in {FILE_NAME}",
+                )
+            )
         return [*found, *(Finding("reader's note", "note", note) for note in self.notes)]
 
 

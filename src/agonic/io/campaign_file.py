@@ -244,8 +244,10 @@ def _station(section: StationSection) -> Station:
     if section.roll_deg is None:
         given = standard or Station(number=section.number)
         return Station(
-            number=section.number, pose=section.pose or given.pose, rot_nb=given.rot_nb,
+            number=section.number,
+            pose=section.pose or given.pose,
+            rot_nb=given.rot_nb,
             file=section.file,
-        )  # fmt: skip
+        )
     turned = yaw_pitch_roll(section.heading_deg or 0.0, section.pitch_deg or 0.0, section.roll_deg)
     return Station(number=section.number, pose=section.pose, rot_nb=turned, file=section.file)

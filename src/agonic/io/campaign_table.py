@@ -196,9 +196,14 @@ def _by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...
         while True:
             try:
                 rows = np.loadtxt(
-                    stream, dtype=kinds, delimiter=",", usecols=list(wanted), comments=None,
-                    ndmin=1, max_rows=_PIECE,
-                )  # fmt: skip
+                    stream,
+                    dtype=kinds,
+                    delimiter=",",
+                    usecols=list(wanted),
+                    comments=None,
+                    ndmin=1,
+                    max_rows=_PIECE,
+                )
             except (ValueError, UnicodeDecodeError):
                 return None
             for (at, kind), name in zip(kinds, wanted.values(), strict=True):

@@ -168,9 +168,10 @@ def _site(part: SiteSection | None) -> Site | None:
     if part is None:
         return None
     return Site(
-        latitude_deg=part.latitude_deg, longitude_deg=part.longitude_deg,
+        latitude_deg=part.latitude_deg,
+        longitude_deg=part.longitude_deg,
         coordinates=part.coordinates,
-    )  # fmt: skip
+    )
 
 
 def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | None:
@@ -193,8 +194,9 @@ def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | Non
     star = rot_ci(part.ra_deg or 0.0, part.dec_deg or 0.0, part.rot_deg or 0.0)
     return Attitude(
         rot_pn=star @ rot_ei.T @ rot_en(site.latitude_deg, site.longitude_deg),
-        covariance=np.diag(sd**2) * ARCSEC_RAD**2, frame="c",
-    )  # fmt: skip
+        covariance=np.diag(sd**2) * ARCSEC_RAD**2,
+        frame="c",
+    )
 
 
 def _alignment(

@@ -22,11 +22,13 @@ Bytes = NDArray[np.uint8]
 Index = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
+# fmt: off
 DTYPES = {
     "a": "S64", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4",
     "q": "<i8", "Q": "<u8", "g": "<f2", "f": "<f4", "d": "<f8", "n": "S4", "N": "S16", "Z": "S64",
     "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4", "M": "u1",
-}  # fmt: skip
+}
+# fmt: on
 TEXTS = "anNZ"
 INTEGERS = "bBhHiIqQM"
 PER_UNIT = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}

@@ -18,9 +18,21 @@ from agonic.provenance import sha256_of
 from agonic.units import RAW, canonical, nanotesla_per
 
 SENSOR_COLUMNS = (
-    "sensor", "sensor_id", "sensor_name", "device", "device_id", "device_name", "board", "board_id",
-    "serial", "serial_number", "serial_no", "unit_id", "node", "node_id",
-)  # fmt: skip
+    "sensor",
+    "sensor_id",
+    "sensor_name",
+    "device",
+    "device_id",
+    "device_name",
+    "board",
+    "board_id",
+    "serial",
+    "serial_number",
+    "serial_no",
+    "unit_id",
+    "node",
+    "node_id",
+)
 """Names of the column that tells sensors apart, where none is given; case, blanks and punctuation
 do not count."""
 
@@ -81,8 +93,9 @@ class Dataset:
         if not made:
             raise LogError(
                 "no magnetometer columns found beside the sensor's; name them mag_x_uT, mag_y_uT, "
-                "mag_z_uT or the like", path=self.path,
-            )  # fmt: skip
+                "mag_z_uT or the like",
+                path=self.path,
+            )
         return made
 
     @property
@@ -125,9 +138,12 @@ def _axes(columns: dict[str, Column]) -> tuple[str, str, str]:
 
 
 def find_dataset(
-    path: Path | str, sensor_column: str | None = None, *, unit: str | None = None,
+    path: Path | str,
+    sensor_column: str | None = None,
+    *,
+    unit: str | None = None,
     files: Sequence[str] | None = None,
-) -> Dataset | None:  # fmt: skip
+) -> Dataset | None:
     """The dataset that a Parquet file or a folder of them is; None where it is none.
 
     Parameters

@@ -146,10 +146,12 @@ def _second_pass(db: Any, dataset: Dataset, channel: Channel, n: int) -> Array:
     ends = " or ".join(f"r.{a} = low_{a} or r.{a} = high_{a}" for a in "xyz")
     products = ", ".join(f"sum({_product(e)}) as m{k}" for k, e in enumerate(EXPONENTS) if k)
     return per_sensor(
-        db, n, "count(*) as m0, " + products + ", count_if(at_end) as m35",
+        db,
+        n,
+        "count(*) as m0, " + products + ", count_if(at_end) as m35",
         f"select *, {pairs} from (select id, {about}, {ends} as at_end "
         f"from {readings(dataset, channel)} r join sensors using (sensor) where scale > 0)",
-    )  # fmt: skip
+    )
 
 
 def _product(exponents: tuple[int, ...]) -> str:

@@ -63,20 +63,26 @@ def residual_sums(
     db.execute("create or replace temp table fits as select * from given join sensors using (id)")
     db.unregister("given")
     sums = per_sensor(
-        db, n * BLOCKS,
+        db,
+        n * BLOCKS,
         "count(*) as n, sum(r * r) as q, sum(r * r * r * r) as f, max(abs(r)) as m, "
         "sum(r * u) as pu, sum(r * v) as pv, sum(r * w) as pw, "
         "sum(calm) as c, sum(calm * up) as cu, sum(calm * up * up) as cuu",
-        _residuals(db, dataset, channel), f"id * {BLOCKS} + block",
-    ).reshape(n, BLOCKS, 10)  # fmt: skip
+        _residuals(db, dataset, channel),
+        f"id * {BLOCKS} + block",
+    ).reshape(n, BLOCKS, 10)
     count, squares, fourths, largest = np.moveaxis(sums[..., :4], -1, 0)
     weight, first, second = np.moveaxis(sums[..., 7:].sum(axis=1), -1, 0)
     with np.errstate(invalid="ignore", divide="ignore"):
         vertical = np.sqrt(np.maximum(second / weight - (first / weight) ** 2, 0.0))
     return GroupedResiduals(
-        count=count, squares=squares, fourths=fourths, largest=largest, pull=sums[..., 4:7],
+        count=count,
+        squares=squares,
+        fourths=fourths,
+        largest=largest,
+        pull=sums[..., 4:7],
         vertical=vertical,
-    )  # fmt: skip
+    )
 
 
 def _residuals(db: Any, dataset: Dataset, channel: Channel) -> str:

@@ -95,8 +95,11 @@ def read_north(path: Path | str) -> NorthSession:
     home = file.parent
     head, parts, sightings = _described(read_toml(file), file)
     sources: list[Input] = []
-    tables = {name: _table(home / parts[name].file, names, sources)
-              for name, names in TABLES.items() if parts[name] is not None}  # fmt: skip
+    tables = {
+        name: _table(home / parts[name].file, names, sources)
+        for name, names in TABLES.items()
+        if parts[name] is not None
+    }
     gyro = parts["gyro"] or GyroSection()
     magnetometer, reference = parts["magnetometer"], parts["reference"]
     return NorthSession(
@@ -113,14 +116,15 @@ def read_north(path: Path | str) -> NorthSession:
         sightings=sightings,
         platform=_platform(tables, parts["platform"]),
         magnetometer=None if magnetometer is None else samples_of(magnetometer, home, sources),
-        reference=None if reference is None
+        reference=None
+        if reference is None
         else north_east_down(samples_of(reference, home, sources), reference.axes),
         pier=pier_of(parts["pier"]),
         calibration=None if magnetometer is None else calibration_of(magnetometer, home),
         noise=None if magnetometer is None else magnetometer.noise_nT,
         reference_noise=None if reference is None else reference.noise_nT,
         sources=tuple(sources),
-    )  # fmt: skip
+    )
 
 
 def _described(
@@ -190,10 +194,13 @@ def _platform(tables: Mapping[str, Columns], part: PlatformSection | None) -> Pl
     columns = tables["platform"]
     return Platform(
         orientation=columns["orientation"].astype(np.int64),
-        reading_deg=columns["reading_deg"], roll_deg=columns["roll_deg"],
-        pitch_deg=columns["pitch_deg"], circle_sd_arcsec=part.circle_sd_arcsec,
-        level_sd_arcsec=part.level_sd_arcsec, mirror=part.mirror,
-    )  # fmt: skip
+        reading_deg=columns["reading_deg"],
+        roll_deg=columns["roll_deg"],
+        pitch_deg=columns["pitch_deg"],
+        circle_sd_arcsec=part.circle_sd_arcsec,
+        level_sd_arcsec=part.level_sd_arcsec,
+        mirror=part.mirror,
+    )
 
 
 def _table(path: Path, names: tuple[str, ...], sources: list[Input]) -> Columns:

@@ -141,9 +141,13 @@ class Mission:
 
 
 def open_mission(
-    paths: Iterable[Path | str], *, sensor: str | int | None = None, unit: str | None = None,
-    date: str | None = None, piece: int = ROWS,
-) -> Mission:  # fmt: skip
+    paths: Iterable[Path | str],
+    *,
+    sensor: str | int | None = None,
+    unit: str | None = None,
+    date: str | None = None,
+    piece: int = ROWS,
+) -> Mission:
     """A record in several files, to be read piece by piece; Parquet is never read whole.
 
     Parameters
@@ -181,9 +185,14 @@ def open_mission(
     )
     epoch = None if date is None else _moment(date)
     return Mission(
-        files=files, inputs=inputs, rows=sum(counts), sensor=sensor, unit=unit, epoch=epoch,
+        files=files,
+        inputs=inputs,
+        rows=sum(counts),
+        sensor=sensor,
+        unit=unit,
+        epoch=epoch,
         piece=piece,
-    )  # fmt: skip
+    )
 
 
 def _out_of_order(path: Path) -> LogError:

@@ -23,27 +23,29 @@ _RATE: dict[str, Linear] = {
     }.items()
     for spelling in spellings
 }
+# fmt: off
 _ACCELERATION: dict[str, Linear] = {
     "ms2": (1, 0), "mss": (1, 0), "mpers2": (1, 0), "mps2": (1, 0),
     "g": (STANDARD_GRAVITY_M_S2, 0), "mg": (1e-3 * STANDARD_GRAVITY_M_S2, 0),
-}  # fmt: skip
+}
 TIMES: dict[str, Linear] = {
     "s": (1, 0), "sec": (1, 0), "secs": (1, 0), "seconds": (1, 0), "min": (60, 0),
     "ms": (1e-3, 0), "msec": (1e-3, 0), "millis": (1e-3, 0), "milliseconds": (1e-3, 0),
     "us": (1e-6, 0), "usec": (1e-6, 0), "micros": (1e-6, 0), "microseconds": (1e-6, 0),
     "ns": (1e-9, 0), "nsec": (1e-9, 0), "nanoseconds": (1e-9, 0),
-}  # fmt: skip
+}
 _TEMPERATURE: dict[str, Linear] = {
     "c": (1, 0), "degc": (1, 0), "celsius": (1, 0), "k": (1, -273.15),
     "f": (1 / 1.8, -32 / 1.8), "degf": (1 / 1.8, -32 / 1.8),
-}  # fmt: skip
+}
 _POSITION: dict[str, Linear] = {**_ANGLE, "e7": (1e-7, 0), "dege7": (1e-7, 0)}
 _HEIGHT: dict[str, Linear] = {"m": (1, 0), "mm": (1e-3, 0), "km": (1e3, 0), "ft": (0.3048, 0)}
 _CURRENT: dict[str, Linear] = {"a": (1, 0), "ma": (1e-3, 0), "amps": (1, 0)}
 FIELD_UNITS = (
     "nt", "nanotesla", "gamma", "ut", "microtesla", "mt", "millitesla", "t", "tesla", "g", "gs",
     "gauss", "ga", "mg", "mgauss", "milligauss", "mga", "raw", "counts", "count", "lsb",
-)  # fmt: skip
+)
+# fmt: on
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +64,7 @@ class Quantity:
     vector: bool = False
 
 
+# fmt: off
 QUANTITIES: tuple[Quantity, ...] = (
     Quantity(
         column="time", name="time", unit="s", units=TIMES,
@@ -131,7 +134,8 @@ QUANTITIES: tuple[Quantity, ...] = (
     ),
     Quantity(column="sensor", name="sensor", aliases="sensorid sensorname magid"),
     Quantity(column="frame", name="frame"),
-)  # fmt: skip
+)
+# fmt: on
 
 BY_COLUMN = {quantity.column: quantity for quantity in QUANTITIES}
 

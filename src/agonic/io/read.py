@@ -15,9 +15,17 @@ from agonic.samples import Samples
 from agonic.units import canonical
 
 MARKED = (
-    "read_tlog", "read_dataflash", "read_ulog", "read_mat", "read_npz", "read_parquet", "read_cdf",
-    "read_netcdf", "read_iaga2002", "read_vires",
-)  # fmt: skip
+    "read_tlog",
+    "read_dataflash",
+    "read_ulog",
+    "read_mat",
+    "read_npz",
+    "read_parquet",
+    "read_cdf",
+    "read_netcdf",
+    "read_iaga2002",
+    "read_vires",
+)
 """Readers of files that begin with a mark."""
 UNMARKED = "read_csv"
 UNIT_FIXED = ("read_tlog", "read_dataflash", "read_ulog")

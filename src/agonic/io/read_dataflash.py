@@ -30,8 +30,18 @@ Tables = Mapping[str, Table]
 
 MAGNETOMETERS = ("MAG", "MAG2", "MAG3")
 WANTED = (
-    *MAGNETOMETERS, "PARM", "VER", "MSG", "ATT", "IMU", "GPS", "POS", "BAT", "CURR", "CTUN",
-)  # fmt: skip
+    *MAGNETOMETERS,
+    "PARM",
+    "VER",
+    "MSG",
+    "ATT",
+    "IMU",
+    "GPS",
+    "POS",
+    "BAT",
+    "CURR",
+    "CTUN",
+)
 
 SCHEMA = ("FMT", "FMTU", "UNIT", "MULT")
 """Messages that describe messages."""

@@ -60,9 +60,13 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     )
     first = log.sensors[0].with_columns(name=station)
     return Log(
-        path=path, format=log.format, source=source, sensors=(first,), streams=log.streams,
+        path=path,
+        format=log.format,
+        source=source,
+        sensors=(first,),
+        streams=log.streams,
         notes=log.notes,
-    )  # fmt: skip
+    )
 
 
 def _parts(text: str) -> tuple[dict[str, str], list[str]]:
@@ -148,9 +152,10 @@ def _table(
         notes += said
     table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
     places = (
-        ("GEODETIC LATITUDE", "latitude_deg"), ("GEODETIC LONGITUDE", "longitude_deg"),
+        ("GEODETIC LATITUDE", "latitude_deg"),
+        ("GEODETIC LONGITUDE", "longitude_deg"),
         ("ELEVATION", "altitude_m"),
-    )  # fmt: skip
+    )
     for label, column in places:
         value = _number(header.get(label, "").encode("latin-1", "replace"))
         if abs(value) < MISSING:

@@ -25,10 +25,25 @@ Rows = tuple[Row, ...]
 SCHEMA = "agonic/retrain-state@1"
 
 _AS_THEY_ARE = (
-    "wait", "noise", "correlation", "n", "epoch", "onset", "settling", "early", "since_n",
-    "accepted", "rejected",
-    "sensor", "unit", "frame_in", "frame_out", "device_id", "reference_sd", "source",
-)  # fmt: skip
+    "wait",
+    "noise",
+    "correlation",
+    "n",
+    "epoch",
+    "onset",
+    "settling",
+    "early",
+    "since_n",
+    "accepted",
+    "rejected",
+    "sensor",
+    "unit",
+    "frame_in",
+    "frame_out",
+    "device_id",
+    "reference_sd",
+    "source",
+)
 
 
 class WindowRecord(Struct, frozen=True):

@@ -142,9 +142,10 @@ def _attitudes(table: dict[str, list[str]], turns: Turns, path: Path) -> Array:
     if abs(dec[high]) > 90:
         raise LogError(
             f"dec_deg is {dec[high]:g}: a declination lies between −90 and 90, and "
-            "is no polar distance", path=path,
+            "is no polar distance",
+            path=path,
             row=high + 2,
-        )  # fmt: skip
+        )
     return rot_ci(ra, dec, rot)
 
 
@@ -177,8 +178,9 @@ def text_of_stars(star: StarReadings) -> str:
         "rot_deg": [f"{value % 360:.14g}" for value in gamma],
     }
     if star.covariance is not None:
-        parts = np.array([star.covariance[:, i, j] for i, j in
-                          ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])  # fmt: skip
+        parts = np.array(
+            [star.covariance[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        )
         cells = [[f"{v:.12g}" for v in part / ARCSEC_RAD**2] for part in parts]
         columns |= dict(zip(COVARIANCE, cells, strict=True))
     stream = StringIO()

@@ -101,9 +101,13 @@ def layout(table: Mapping[str, Column], head: Samples, unit: str | None) -> Layo
     if abs(scale / exact - 1) > 1e-6:
         return None
     return Layout(
-        axes=headers, factor=factor, time=column.header, first=numbers[0], scale=exact,
+        axes=headers,
+        factor=factor,
+        time=column.header,
+        first=numbers[0],
+        scale=exact,
         begun=float(seconds[0]),
-    )  # fmt: skip
+    )
 
 
 def _numbers(stored: Column) -> Column:

@@ -27,10 +27,12 @@ FRESH_DAYS = 7.0
 _DAY_S = 86_400.0
 _UNIX_JULIAN_DATE = 2_440_587.5
 _ERRORS = {
-    1: "the eccentricity leaves 0…1", 2: "the mean motion is below zero",
-    3: "the eccentricity leaves 0…1", 4: "the semilatus rectum is below zero",
+    1: "the eccentricity leaves 0…1",
+    2: "the mean motion is below zero",
+    3: "the eccentricity leaves 0…1",
+    4: "the semilatus rectum is below zero",
     6: "the satellite has decayed",
-}  # fmt: skip
+}
 
 
 def positions_from_tle(

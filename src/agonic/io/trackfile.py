@@ -30,9 +30,18 @@ Rows = tuple[Row, ...]
 SCHEMA = "agonic/track-state@1"
 
 _BASE = (
-    "bias", "matrix", "covariance", "unit_in", "gauge", "model", "noise", "sensor", "device_id",
-    "frame_in", "frame_out",
-)  # fmt: skip
+    "bias",
+    "matrix",
+    "covariance",
+    "unit_in",
+    "gauge",
+    "model",
+    "noise",
+    "sensor",
+    "device_id",
+    "frame_in",
+    "frame_out",
+)
 
 
 _THERMAL = ("bias", "matrix", "centre_C", "half_range_C", "rate", "covariance")
@@ -156,8 +165,12 @@ def save_track(
                 "n": state.n,
                 "refused": state.refused,
                 "jumps": [
-                    {"time": j.time, "seen": j.seen, "shift": _plain(j.shift),
-                     "shift_sd": _plain(j.shift_sd)}
+                    {
+                        "time": j.time,
+                        "seen": j.seen,
+                        "shift": _plain(j.shift),
+                        "shift_sd": _plain(j.shift_sd),
+                    }
                     for j in state.jumps
                 ],
                 "epoch": state.epoch,
@@ -166,7 +179,7 @@ def save_track(
             "history": _plain(history),
         },
         TrackFile,
-    )  # fmt: skip
+    )
     return write_atomically(path, msgspec.json.encode(record) + b"\n")
 
 

@@ -25,10 +25,21 @@ FILL = 1e30
 """Floating numbers of at least this size stand for missing ones in CDF (−1e31) and netCDF."""
 
 _SPELLINGS = {
-    "degrees_north": "deg", "degrees_east": "deg", "degree_north": "deg", "degree_east": "deg",
-    "degree": "deg", "degrees": "deg", "kelvin": "K", "degree_celsius": "C", "ampere": "A",
-    "meter": "m", "metre": "m", "meters": "m", "metres": "m", "kilometer": "km",
-}  # fmt: skip
+    "degrees_north": "deg",
+    "degrees_east": "deg",
+    "degree_north": "deg",
+    "degree_east": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "kelvin": "K",
+    "degree_celsius": "C",
+    "ampere": "A",
+    "meter": "m",
+    "metre": "m",
+    "meters": "m",
+    "metres": "m",
+    "kilometer": "km",
+}
 """CF spellings of units, as column names spell them."""
 _LENGTHS_M = {"m": 1.0, "km": 1e3}
 

@@ -131,18 +131,34 @@ def write_description(description: Description, path: Path | str) -> Path:
         fixture_sd_deg=description.fixture_sd_deg,
     )
     for sensor in description.sensors:
-        lines += ["", "[[sensor]]", *_pairs(
-            name=sensor.name, column=sensor.column, model=sensor.model, unit=sensor.unit,
-            noise_nT=sensor.noise, board=sensor.board, temperature_of=sensor.temperature_of,
-        )]  # fmt: skip
+        lines += [
+            "",
+            "[[sensor]]",
+            *_pairs(
+                name=sensor.name,
+                column=sensor.column,
+                model=sensor.model,
+                unit=sensor.unit,
+                noise_nT=sensor.noise,
+                board=sensor.board,
+                temperature_of=sensor.temperature_of,
+            ),
+        ]
     for station in description.stations:
         angles = {}
         if station.rot_nb is not None:
             made = (round(float(a), 4) + 0.0 for a in angles_deg(station.rot_nb.as_matrix()))
             angles = dict(zip(("roll_deg", "pitch_deg", "heading_deg"), made, strict=True))
-        lines += ["", "[[station]]", *_pairs(
-            number=station.number, file=station.file, pose=station.pose, **angles,
-        )]  # fmt: skip
+        lines += [
+            "",
+            "[[station]]",
+            *_pairs(
+                number=station.number,
+                file=station.file,
+                pose=station.pose,
+                **angles,
+            ),
+        ]
     if description.profile is not None:
         lines += ["", "[profile]", *_pairs(**vars(description.profile))]
     field = _pairs(magnitude_nT=description.magnitude, inclination_deg=description.inclination_deg)

@@ -47,8 +47,10 @@ def _text(session: CoilSession) -> str:
     axis = session.geometric_axis
     sections: dict[str, dict[str, Any] | None] = {
         "coil": {
-            "name": session.coil, "axis": None if axis is None else axis.tolist(),
-            "frame": session.geometric_frame, "settle_s": session.settle_s,
+            "name": session.coil,
+            "axis": None if axis is None else axis.tolist(),
+            "frame": session.geometric_frame,
+            "settle_s": session.settle_s,
             "current_sd": session.current_sd,
         },
         "magnetometer": {
@@ -58,10 +60,13 @@ def _text(session: CoilSession) -> str:
         "reference": None if session.reference is None else {"file": "reference.csv"},
         "alignment": None if session.alignment is None else {"file": "alignment.json"},
         "attitude": None if session.attitude is None else _written(session.attitude),
-        "site": None if session.site is None else {
-            "latitude_deg": session.site.latitude_deg, "longitude_deg": session.site.longitude_deg
+        "site": None
+        if session.site is None
+        else {
+            "latitude_deg": session.site.latitude_deg,
+            "longitude_deg": session.site.longitude_deg,
         },
-    }  # fmt: skip
+    }
     lines = [f"name = {json.dumps(session.name)}"]
     for name, keys in sections.items():
         lines += [] if keys is None else section_text(name, keys)
@@ -76,7 +81,9 @@ def _written(attitude: Attitude) -> dict[str, float]:
     about = float(down @ attitude.covariance @ down)
     level = (float(np.trace(attitude.covariance)) - about) / 2
     return {
-        "roll_deg": roll, "pitch_deg": pitch, "heading_deg": heading,
+        "roll_deg": roll,
+        "pitch_deg": pitch,
+        "heading_deg": heading,
         "level_sd_arcsec": float(np.sqrt(max(level, 0.0))) / ARCSEC_RAD,
         "heading_sd_arcsec": float(np.sqrt(about)) / ARCSEC_RAD,
-    }  # fmt: skip
+    }

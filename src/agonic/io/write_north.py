@@ -64,46 +64,59 @@ def text_of_table(columns: Mapping[str, ArrayLike]) -> str:
 
 def _text(session: NorthSession) -> str:
     """north.toml."""
-    gyro = {
-        name: getattr(session, name)
-        for name in GyroSection.__struct_fields__
-    }  # fmt: skip
+    gyro = {name: getattr(session, name) for name in GyroSection.__struct_fields__}
     lines = [f"name = {json.dumps(session.name)}", *section_text("gyro", gyro)]
-    given = {
-        "reversal": session.turning_deg, "transit": session.transits, "swing": session.swing
-    }  # fmt: skip
+    given = {"reversal": session.turning_deg, "transit": session.transits, "swing": session.swing}
     for name, part in given.items():
         if part is not None:
             lines += section_text(name, {"file": f"{name}.csv"})
     for sighting in session.sightings:
-        lines += section_text("[sighting]", {
-            "name": sighting.name, "readings_deg": sighting.reading_deg.tolist(),
-            "mirror": sighting.mirror,
-        })  # fmt: skip
+        lines += section_text(
+            "[sighting]",
+            {
+                "name": sighting.name,
+                "readings_deg": sighting.reading_deg.tolist(),
+                "mirror": sighting.mirror,
+            },
+        )
     platform = session.platform
     if platform is not None:
-        lines += section_text("platform", {
-            "file": "platform.csv", "circle_sd_arcsec": platform.circle_sd_arcsec,
-            "level_sd_arcsec": platform.level_sd_arcsec, "mirror": platform.mirror,
-        })  # fmt: skip
+        lines += section_text(
+            "platform",
+            {
+                "file": "platform.csv",
+                "circle_sd_arcsec": platform.circle_sd_arcsec,
+                "level_sd_arcsec": platform.level_sd_arcsec,
+                "mirror": platform.mirror,
+            },
+        )
     if session.magnetometer is not None:
-        lines += section_text("magnetometer", {
-            "file": "magnetometer.csv", "noise_nT": session.noise,
-            "calibration": None if session.calibration is None else "calibration.json",
-        })  # fmt: skip
-        lines += section_text("reference", {
-            "file": "reference.csv", "axes": "NED", "noise_nT": session.reference_noise
-        })  # fmt: skip
-        lines += section_text("pier", {
-            "difference_nT": session.pier.difference.tolist(), "sd_nT": session.pier.sd
-        })  # fmt: skip
+        lines += section_text(
+            "magnetometer",
+            {
+                "file": "magnetometer.csv",
+                "noise_nT": session.noise,
+                "calibration": None if session.calibration is None else "calibration.json",
+            },
+        )
+        lines += section_text(
+            "reference",
+            {"file": "reference.csv", "axes": "NED", "noise_nT": session.reference_noise},
+        )
+        lines += section_text(
+            "pier", {"difference_nT": session.pier.difference.tolist(), "sd_nT": session.pier.sd}
+        )
     return "\n".join(lines) + "\n"
 
 
 def section_text(name: str, keys: Mapping[str, Any]) -> list[str]:
     """A section of TOML; what is not known is left out."""
     return [
-        "", f"[{name}]",
-        *(f"{key} = {json.dumps(value, ensure_ascii=False)}"
-          for key, value in keys.items() if value is not None),
-    ]  # fmt: skip
+        "",
+        f"[{name}]",
+        *(
+            f"{key} = {json.dumps(value, ensure_ascii=False)}"
+            for key, value in keys.items()
+            if value is not None
+        ),
+    ]

@@ -86,9 +86,13 @@ def write_px4(
     0.03
     """
     parameters, warnings = px4_parameters(
-        calibration, slot=slot, device_id=device_id, rotation=rotation, rotation_bm=rotation_bm,
+        calibration,
+        slot=slot,
+        device_id=device_id,
+        rotation=rotation,
+        rotation_bm=rotation_bm,
         temperature_C=temperature_C,
-    )  # fmt: skip
+    )
     power = " + P COMP" if POWER in parameters else ""
     warmth = " - TC(T)" if THERMAL in parameters else ""
     formula = (

@@ -157,9 +157,14 @@ def _corrected(raw: Array, bias: Array, matrix: Array) -> tuple[Array, Array]:
 
 
 def _distance(
-    d: Array, matrix: Array, g: Array, e: Array, bent: Callable[[Array], Array],
-    trace: Callable[[], Array], noise_sd: float,
-) -> tuple[Array, Array]:  # fmt: skip
+    d: Array,
+    matrix: Array,
+    g: Array,
+    e: Array,
+    bent: Callable[[Array], Array],
+    trace: Callable[[], Array],
+    noise_sd: float,
+) -> tuple[Array, Array]:
     """A condition g(u) = 0 on the field as a distance in raw space, and its Jacobian (n, 12).
 
     e = ∂g/∂u (3, n), `bent` multiplies by the second derivative G = ∂²g/∂u², and `trace` gives

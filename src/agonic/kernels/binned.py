@@ -84,11 +84,14 @@ class Seen(NamedTuple):
     def with_(self, other: Seen) -> Seen:
         """Both together."""
         return Seen(
-            self.rows + other.rows, self.dropped + other.dropped,
-            min(self.coldest, other.coldest), max(self.warmest, other.warmest),
+            self.rows + other.rows,
+            self.dropped + other.dropped,
+            min(self.coldest, other.coldest),
+            max(self.warmest, other.warmest),
             max(self.largest, other.largest),
-            max(self.standing, other.standing), self.heating + other.heating,
-        )  # fmt: skip
+            max(self.standing, other.standing),
+            self.heating + other.heating,
+        )
 
 
 class Binned:
@@ -112,9 +115,15 @@ class Binned:
         self._sums: list[Array] = []
 
     def add(
-        self, station: int, field: Array, temperature: Array, time: Array | None = None, *,
-        heating: Mask | bool | None = None, keep_anomalies: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        station: int,
+        field: Array,
+        temperature: Array,
+        time: Array | None = None,
+        *,
+        heating: Mask | bool | None = None,
+        keep_anomalies: bool = False,
+    ) -> None:
         """Add readings of one station, in the order they were taken.
 
         Parameters
@@ -132,10 +141,14 @@ class Binned:
         rate = np.zeros(len(field)) if time is None else series.rates(time, temperature)
         clock = np.full(len(field), np.nan) if time is None else time
         seen = Seen(
-            int((~stray).sum()), int(stray.sum()), float(temperature.min()),
-            float(temperature.max()), float(np.abs(field[~stray]).max(initial=0.0)),
-            _standing(temperature), int(rising.sum()),
-        )  # fmt: skip
+            int((~stray).sum()),
+            int(stray.sum()),
+            float(temperature.min()),
+            float(temperature.max()),
+            float(np.abs(field[~stray]).max(initial=0.0)),
+            _standing(temperature),
+            int(rising.sum()),
+        )
         self.stations[station] = (
             self.stations[station].with_(seen) if station in self.stations else seen
         )
@@ -148,9 +161,14 @@ class Binned:
         self._put(station, field, temperature, rising, rate, clock)
 
     def _put(
-        self, station: int, field: Array, temperature: Array, rising: Mask, rate: Array,
+        self,
+        station: int,
+        field: Array,
+        temperature: Array,
+        rising: Mask,
+        rate: Array,
         clock: Array,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Add rows to their cells."""
         bins = np.floor(temperature / self.width_C).astype(np.int64)
         low = int(bins.min())
@@ -158,9 +176,23 @@ class Binned:
         t = temperature - (bins + 0.5) * self.width_C  # about the middle of the bin
         x, y, z = np.ascontiguousarray(field.T)
         columns: Iterable[Array] = (
-            t, t * t, rate, clock, x, y, z, t * x, t * y, t * z,
-            x * x, y * y, z * z, x * y, x * z, y * z,
-        )  # fmt: skip
+            t,
+            t * t,
+            rate,
+            clock,
+            x,
+            y,
+            z,
+            t * x,
+            t * y,
+            t * z,
+            x * x,
+            y * y,
+            z * z,
+            x * y,
+            x * z,
+            y * z,
+        )
         count = np.bincount(cell)
         there = np.flatnonzero(count)
         sums = np.empty((len(there), _SUMS))

@@ -89,23 +89,34 @@ def by_turns(problem: Problem, start: Array, slow: wander.Wander | None = None) 
 
 
 def _settled(
-    problem: Problem, start: Array, poses: Poses | None,
+    problem: Problem,
+    start: Array,
+    poses: Poses | None,
     kinds: tuple[wander.Kind, ...] = wander.KINDS,
-) -> Estimate:  # fmt: skip
+) -> Estimate:
     """Solve, renew weights, directions, slow changes, excess and beliefs, until nothing changes."""
     axes = 1 if poses is None else 3
     none = np.zeros((len(problem.points), axes))
     state = State(
-        start, np.zeros(problem.clock.shape[1] * axes), poses, _FIRST_EXCESS, problem.fixture_sd,
-        wander.Wander(), none,
-    )  # fmt: skip
+        start,
+        np.zeros(problem.clock.shape[1] * axes),
+        poses,
+        _FIRST_EXCESS,
+        problem.fixture_sd,
+        wander.Wander(),
+        none,
+    )
     loss, correlation, iterations, taken = leastsq.squares(), 1.0, 0, 0.0
     for turn in range(_ROUNDS):
         solution = leastsq.solve(
-            pieces(problem, state), parameters(state, len(start)), scale=1.0, loss=loss,
-            prior=beliefs(problem, state), correlation=correlation,
+            pieces(problem, state),
+            parameters(state, len(start)),
+            scale=1.0,
+            loss=loss,
+            prior=beliefs(problem, state),
+            correlation=correlation,
             tolerance=1e-3 if turn > 2 else 1e-1,
-        )  # fmt: skip
+        )
         iterations += solution.iterations
         before, state = state, _renewed(problem, state, solution)
         first = problem.course is not None and turn < _FREE  # slow changes take what is theirs
@@ -224,9 +235,13 @@ def _believed(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> 
 
 
 def _estimate(
-    problem: Problem, state: State, solution: leastsq.Solution, loss: leastsq.Loss,
-    correlation: float, iterations: int,
-) -> Estimate:  # fmt: skip
+    problem: Problem,
+    state: State,
+    solution: leastsq.Solution,
+    loss: leastsq.Loss,
+    correlation: float,
+    iterations: int,
+) -> Estimate:
     a, drift = problem.layout.shape[1], len(state.drift)
     found, covariance = solution.params, solution.covariance
     if drift and not problem.drifting:

@@ -79,16 +79,24 @@ def estimate(problem: Problem, *, robust: bool = True) -> Estimate:
     """The most probable coefficients, and the noise, taken from the residuals."""
     params = start(problem)
     first = leastsq.solve(
-        pieces(problem), params, scale=1.0, loss=leastsq.squares(), tolerance=1e-6,
+        pieces(problem),
+        params,
+        scale=1.0,
+        loss=leastsq.squares(),
+        tolerance=1e-6,
         max_iterations=5,
-    )  # fmt: skip
+    )
     params, residuals = first.params, first.residuals
     for _ in range(10):
         noise = _noise(residuals, robust, len(params))
         solution = leastsq.solve(
-            pieces(problem), params, scale=noise.sd, loss=noise.loss,
-            correlation=noise.correlation, tolerance=1e-2,
-        )  # fmt: skip
+            pieces(problem),
+            params,
+            scale=noise.sd,
+            loss=noise.loss,
+            correlation=noise.correlation,
+            tolerance=1e-2,
+        )
         params, residuals = solution.params, solution.residuals
         if _noise(residuals, robust, len(params)).settled(noise):
             break

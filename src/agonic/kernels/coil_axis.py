@@ -97,9 +97,12 @@ def fitted(seen: Stretch, columns: Array, drift: int) -> Fitted:
     freedom = len(left) - int(np.linalg.matrix_rank(design, tol=1e-8))
     c = columns.shape[1]
     return Fitted(
-        solution[:c], (inverse @ inverse.T)[:c, :c], (left**2).sum(axis=0) / max(freedom, 1), left,
+        solution[:c],
+        (inverse @ inverse.T)[:c, :c],
+        (left**2).sum(axis=0) / max(freedom, 1),
+        left,
         freedom,
-    )  # fmt: skip
+    )
 
 
 def estimate(seen: Stretch, drift: int, *, even: bool) -> Estimate:
@@ -107,9 +110,9 @@ def estimate(seen: Stretch, drift: int, *, even: bool) -> Estimate:
     scale = float(np.abs(seen.current).max())
     unit = seen.current / scale
     found = fitted(seen, np.stack([unit, unit**2] if even else [unit], axis=1), drift)
-    correlation = np.array([
-        leastsq.correlation_length(left, np.ones(len(left))) for left in found.residuals.T
-    ])  # fmt: skip
+    correlation = np.array(
+        [leastsq.correlation_length(left, np.ones(len(left))) for left in found.residuals.T]
+    )
     covariance = np.zeros((3, 2, 2))
     c = 1 + int(even)
     per = np.array([scale, scale**2])[:c]
@@ -117,10 +120,14 @@ def estimate(seen: Stretch, drift: int, *, even: bool) -> Estimate:
     covariance[:, :c, :c] = noise * found.spread / np.outer(per, per)
     return Estimate(
         found.coefficients[0] / scale,
-        found.coefficients[1] / scale**2 if even else np.zeros(3), covariance,
-        np.sqrt(found.variance * seen.counts.mean()), correlation, found.residuals, drift,
+        found.coefficients[1] / scale**2 if even else np.zeros(3),
+        covariance,
+        np.sqrt(found.variance * seen.counts.mean()),
+        correlation,
+        found.residuals,
+        drift,
         found.freedom,
-    )  # fmt: skip
+    )
 
 
 def by_level(seen: Stretch, drift: int, level: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -18,15 +18,16 @@ def icosphere() -> tuple[Array, Array]:
     """Centres (80, 3) and triangles (80, 3, 3) of an icosahedron with each face cut in four."""
     golden = (1 + np.sqrt(5)) / 2
     corners = np.array(
-        [p for a in (-1, 1) for b in (-golden, golden)
-         for p in ((0, a, b), (a, b, 0), (b, 0, a))]
-    ) / np.hypot(1, golden)  # fmt: skip
+        [p for a in (-1, 1) for b in (-golden, golden) for p in ((0, a, b), (a, b, 0), (b, 0, a))]
+    ) / np.hypot(1, golden)
     close = corners @ corners.T > 0.4
     faces = [
         (i, j, k)
-        for i in range(12) for j in range(i + 1, 12) for k in range(j + 1, 12)
+        for i in range(12)
+        for j in range(i + 1, 12)
+        for k in range(j + 1, 12)
         if close[i, j] and close[j, k] and close[i, k]
-    ]  # fmt: skip
+    ]
     triangles = []
     for a, b, c in corners[np.array(faces)]:
         ab, bc, ca = (_unit(p + q) for p, q in ((a, b), (b, c), (c, a)))

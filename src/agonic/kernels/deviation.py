@@ -117,13 +117,15 @@ def classical(deviation_deg: Array) -> Array:
     [1.0, 12.0, 8.0, 5.0, 1.5]
     """
     n, ne, e, se, s, sw, w, nw = deviation_deg
-    return np.array([
-        deviation_deg.mean(),
-        (e - w) / 2,
-        (n - s) / 2,
-        ((ne + sw) - (se + nw)) / 4,
-        ((n + s) - (e + w)) / 4,
-    ])  # fmt: skip
+    return np.array(
+        [
+            deviation_deg.mean(),
+            (e - w) / 2,
+            (n - s) / 2,
+            ((ne + sw) - (se + nw)) / 4,
+            ((n + s) - (e + w)) / 4,
+        ]
+    )
 
 
 class Solved(NamedTuple):
@@ -173,9 +175,14 @@ def solve(
     for _ in range(8):
         assumed = noise
         solution = leastsq.solve(
-            pieces, params, scale=assumed.sd, loss=assumed.loss, correlation=assumed.correlation,
-            prior=prior, tolerance=1e-6,
-        )  # fmt: skip
+            pieces,
+            params,
+            scale=assumed.sd,
+            loss=assumed.loss,
+            correlation=assumed.correlation,
+            prior=prior,
+            tolerance=1e-6,
+        )
         params = solution.params
         noise = noise_of(solution.residuals, robust, len(params))
         if noise.settled(assumed):
@@ -192,9 +199,14 @@ def _stated(solution: leastsq.Solution, noise: Noise, noise_deg: float | None) -
     weights = noise.loss.weight((solution.residuals / noise.sd) ** 2)
     covariance = covariance * _slow(len(weights), len(solution.params), noise.correlation)
     return Solved(
-        solution.params, covariance, -solution.residuals, weights, noise.sd, noise.correlation,
+        solution.params,
+        covariance,
+        -solution.residuals,
+        weights,
+        noise.sd,
+        noise.correlation,
         solution.condition,
-    )  # fmt: skip
+    )
 
 
 def _slow(n: int, k: int, correlation: float) -> float:

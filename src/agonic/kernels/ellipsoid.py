@@ -161,10 +161,12 @@ def corroborated(
         return np.ones(len(weights), dtype=bool)
     bias, matrix = split(model_basis(problem.model) @ solution.params)
     cells = cells_of((problem.points - bias) @ matrix.T)
-    leverage = np.concatenate([
-        np.einsum("ij,jk,ik->i", jacobian, solution.covariance / sd**2, jacobian)
-        for _, jacobian in pieces(problem)(solution.params)
-    ])  # fmt: skip
+    leverage = np.concatenate(
+        [
+            np.einsum("ij,jk,ik->i", jacobian, solution.covariance / sd**2, jacobian)
+            for _, jacobian in pieces(problem)(solution.params)
+        ]
+    )
     unusual = 25 * float(np.median(leverage[~stray]))
     if stray.mean() < _CROWD:  # more are no strays but another population
         cells[leverage > unusual] = 80
@@ -184,9 +186,14 @@ def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     for _ in range(8):
         part = problem if believed.all() else problem.subset(np.flatnonzero(believed))
         solution = leastsq.solve(
-            pieces(part, noise.sd), params, scale=noise.sd, loss=noise.loss, prior=prior,
-            correlation=noise.correlation, tolerance=1e-2,
-        )  # fmt: skip
+            pieces(part, noise.sd),
+            params,
+            scale=noise.sd,
+            loss=noise.loss,
+            prior=prior,
+            correlation=noise.correlation,
+            tolerance=1e-2,
+        )
         params, assumed = solution.params, noise
         residuals = solution.residuals if part is problem else _residuals(problem, params)
         weights = assumed.loss.weight((residuals / assumed.sd) ** 2)
@@ -249,7 +256,12 @@ def _relax(few: Problem, bias: Array, matrix: Array, first_sd: float, robust: bo
     for sd in (*steps, few.soft_iron_sd, few.soft_iron_sd):
         scale = max(leastsq.robust_scale(_residuals(few, params), len(params)), 1e-9)
         params = leastsq.solve(
-            pieces(few), params, scale=scale, loss=loss,
-            prior=soft_iron_prior(few.model, sd), tolerance=0.1, max_iterations=25,
-        ).params  # fmt: skip
+            pieces(few),
+            params,
+            scale=scale,
+            loss=loss,
+            prior=soft_iron_prior(few.model, sd),
+            tolerance=0.1,
+            max_iterations=25,
+        ).params
     return params

@@ -70,9 +70,15 @@ class Sums(NamedTuple):
         cost, weight, curvature, scatter, _, total, _, _ = self.facts.tolist()
         information = reduction.T @ self.curved @ reduction * (weight / curvature / sd**2)
         return leastsq.Normal(
-            cost, self.score.sum(axis=0) @ reduction / sd, information, weight, curvature, scatter,
-            np.empty(0), round(total),
-        )  # fmt: skip
+            cost,
+            self.score.sum(axis=0) @ reduction / sd,
+            information,
+            weight,
+            curvature,
+            scatter,
+            np.empty(0),
+            round(total),
+        )
 
 
 def reduction(model: str) -> Array:
@@ -85,9 +91,15 @@ def reduction(model: str) -> Array:
 
 
 def add(
-    sums: Sums, stretch: int, columns: Columns, frame: Frame, params: Array, noise: Assumed,
-    *, compiled: bool = True,
-) -> None:  # fmt: skip
+    sums: Sums,
+    stretch: int,
+    columns: Columns,
+    frame: Frame,
+    params: Array,
+    noise: Assumed,
+    *,
+    compiled: bool = True,
+) -> None:
     """Add readings that belong to one stretch.
 
     Parameters: columns x, y, z (n,) of readings; params (9,) of the full model, and noise, both of
@@ -95,15 +107,33 @@ def add(
     """
     sweep = (_compiled() if compiled else None) or _by_blocks
     sweep(
-        *columns, frame.factor, frame.centre, frame.size, params, noise.sd,
-        TUKEY if noise.robust else 0.0, sums.facts, sums.curved, sums.score[stretch],
-    )  # fmt: skip
+        *columns,
+        frame.factor,
+        frame.centre,
+        frame.size,
+        params,
+        noise.sd,
+        TUKEY if noise.robust else 0.0,
+        sums.facts,
+        sums.curved,
+        sums.score[stretch],
+    )
 
 
 def _by_blocks(
-    x: Array, y: Array, z: Array, factor: float, centre: Array, size: float, params: Array,
-    sd: float, reach: float, facts: Array, curved: Array, score: Array,
-) -> None:  # fmt: skip
+    x: Array,
+    y: Array,
+    z: Array,
+    factor: float,
+    centre: Array,
+    size: float,
+    params: Array,
+    sd: float,
+    reach: float,
+    facts: Array,
+    curved: Array,
+    score: Array,
+) -> None:
     bias, matrix = split(_BASIS @ params)
     loss = leastsq.tukey(reach) if reach else leastsq.squares()
 
@@ -123,15 +153,29 @@ def _by_blocks(
 
     normal = leastsq.accumulate(pieces, params, loss, sd, keep=False)  # type: ignore[arg-type]
     facts[[0, 1, 2, 3, 5]] += (
-        normal.cost, normal.weight, normal.curvature, normal.scatter, normal.total,
-    )  # fmt: skip
+        normal.cost,
+        normal.weight,
+        normal.curvature,
+        normal.scatter,
+        normal.total,
+    )
     score += normal.gradient * sd
 
 
 def _sweep(
-    x: Array, y: Array, z: Array, factor: float, centre: Array, size: float, params: Array,
-    sd: float, reach: float, facts: Array, curved: Array, score: Array,
-) -> None:  # fmt: skip
+    x: Array,
+    y: Array,
+    z: Array,
+    factor: float,
+    centre: Array,
+    size: float,
+    params: Array,
+    sd: float,
+    reach: float,
+    facts: Array,
+    curved: Array,
+    score: Array,
+) -> None:
     """`magnitude_residual`, its weights and the sums, tile by tile, for the compiler.
 
     The names are those of `magnitude_residual`; the matrix is symmetric.

@@ -29,7 +29,7 @@ from agonic.kernels.affine import (
     model_basis,
     split,
     with_covariates,
-)  # fmt: skip
+)
 
 Array = NDArray[np.float64]
 
@@ -159,8 +159,9 @@ def residual(
     each = _matrices(rows, params, layout, matrix) if layout.matrix_terms else None
     if kind != "magnitude":
         spread = np.square(sd * rows.wanted)
-        r, by_local = _sideways(raw - bias, matrix if each is None else each,
-                                _across(rows, kind), spread)  # fmt: skip
+        r, by_local = _sideways(
+            raw - bias, matrix if each is None else each, _across(rows, kind), spread
+        )
     elif each is None:
         r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
     else:

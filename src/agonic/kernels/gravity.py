@@ -93,8 +93,10 @@ def estimate(down: Array, field: Array, *, bias: bool = False) -> Estimate:
     """
     free = 7 if bias else 4
     size = float(np.linalg.norm(field, axis=1).mean())
-    best = min((_from(start, down, field / size, free) for start in right_angles()),
-               key=lambda found: float(found[2] @ found[2]))  # fmt: skip
+    best = min(
+        (_from(start, down, field / size, free) for start in right_angles()),
+        key=lambda found: float(found[2] @ found[2]),
+    )
     rotation, rest, residuals = best
     jacobian = _jacobian(rotation, rest, down, field / size)[:, :free]
     freedom = len(down) - free

@@ -47,24 +47,34 @@ class Sums(NamedTuple):
     def empty(cls, stretches: int, parameters: int, widths: Sequence[int]) -> Sums:
         """Nothing summed up yet."""
         return cls(
-            np.zeros(stretches), np.zeros(stretches), np.zeros(stretches),
+            np.zeros(stretches),
+            np.zeros(stretches),
+            np.zeros(stretches),
             np.zeros((stretches, parameters)),
             tuple(np.zeros((stretches, width)) for width in widths),
-        )  # fmt: skip
+        )
 
     def add(
-        self, stretch: NDArray[np.intp], weights: Array, residuals: Array, jacobian: Array,
+        self,
+        stretch: NDArray[np.intp],
+        weights: Array,
+        residuals: Array,
+        jacobian: Array,
         directions: Sequence[Array],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Add readings; `stretch` (n,) in order of time says where each belongs."""
         starts = np.flatnonzero(np.diff(stretch, prepend=-1))
         here = stretch[starts]
         for into, values in (
-            (self.weight, weights), (self.square, weights**2), (self.residual, weights * residuals),
+            (self.weight, weights),
+            (self.square, weights**2),
+            (self.residual, weights * residuals),
             (self.jacobian, weights[:, None] * jacobian),
-            *((into, weights[:, None] * d)
-              for into, d in zip(self.directions, directions, strict=True)),
-        ):  # fmt: skip
+            *(
+                (into, weights[:, None] * d)
+                for into, d in zip(self.directions, directions, strict=True)
+            ),
+        ):
             into[here] += np.add.reduceat(values, starts, axis=0)
 
 

@@ -188,9 +188,15 @@ def accumulate(
         if keep:
             kept.append(residuals)
     return Normal(
-        cost, gradient / scale, information / scale**2, weight, curvature, scatter,
-        np.concatenate(kept), count,
-    )  # fmt: skip
+        cost,
+        gradient / scale,
+        information / scale**2,
+        weight,
+        curvature,
+        scatter,
+        np.concatenate(kept),
+        count,
+    )
 
 
 def solve(
@@ -249,9 +255,15 @@ def solve_together(
             converged = damping > 1e10
     covariance, data = _sandwich(channels, sums)
     return Solution(
-        params, covariance, np.concatenate([normal.residuals for normal in sums.normals]),
-        sums.cost, data, float(condition(data)), iterations, converged,
-    )  # fmt: skip
+        params,
+        covariance,
+        np.concatenate([normal.residuals for normal in sums.normals]),
+        sums.cost,
+        data,
+        float(condition(data)),
+        iterations,
+        converged,
+    )
 
 
 class _Sums(NamedTuple):

@@ -15,9 +15,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MONOMIALS = (
-    (2, 0, 0), (0, 2, 0), (0, 0, 2), (0, 1, 1), (1, 0, 1), (1, 1, 0),
-    (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0),
-)  # fmt: skip
+    (2, 0, 0),
+    (0, 2, 0),
+    (0, 0, 2),
+    (0, 1, 1),
+    (1, 0, 1),
+    (1, 1, 0),
+    (1, 0, 0),
+    (0, 1, 0),
+    (0, 0, 1),
+    (0, 0, 0),
+)
 """x² y² z² yz xz xy x y z 1, the order of Li & Griffiths (2004)."""
 
 EXPONENTS = tuple(

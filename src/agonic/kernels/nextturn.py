@@ -49,9 +49,14 @@ def ways(present: Array, targets: Array, steps: int = 12) -> tuple[Array, Array]
 
 
 def gains(
-    along: Array, bias: Array, matrix: Array, covariance: Array, noise: float,
-    inclination_deg: float, readings: Array,
-) -> Array:  # fmt: skip
+    along: Array,
+    bias: Array,
+    matrix: Array,
+    covariance: Array,
+    noise: float,
+    inclination_deg: float,
+    readings: Array,
+) -> Array:
     """By how much readings along the directions of ways (n, t, 3) lessen the heading's variance.
 
     Δ = tr(G CJᵀ(σ²/k + JCJᵀ)⁻¹JC), (n,), the fall of trace(CG) when at each direction k residuals,

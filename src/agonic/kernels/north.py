@@ -78,9 +78,11 @@ def reversal(turning: Array, reading_sd: float | None = None) -> North:
     onto = np.stack([np.convolve(row, _SCHULER, mode="valid") for row in np.eye(n)], axis=1)
     weight = onto.mean(axis=0)
     centred = onto - weight
-    variance = reading_sd**2 if reading_sd else (
-        float(((means - means.mean()) ** 2).sum() / (centred**2).sum()) if m > 1 else np.nan
-    )  # fmt: skip
+    variance = (
+        reading_sd**2
+        if reading_sd
+        else (float(((means - means.mean()) ** 2).sum() / (centred**2).sum()) if m > 1 else np.nan)
+    )
     sd = float(np.sqrt(variance * (weight @ weight)))
     return North(float(means.mean()), sd, m - 1)
 
@@ -100,9 +102,12 @@ def transit_constant(setting_deg: Array, product: Array) -> float:
 
 
 def transit(
-    setting_deg: Array, product: Array, product_sd: Array,
-    constant: float | None = None, constant_sd: float = 0.0,
-) -> tuple[North, float, float]:  # fmt: skip
+    setting_deg: Array,
+    product: Array,
+    product_sd: Array,
+    constant: float | None = None,
+    constant_sd: float = 0.0,
+) -> tuple[North, float, float]:
     """North N = N′ + c a Δt of n transits, with c and its standard error.
 
     Where c is not given it comes from the settings: a Δt = (N − N′)/c is a straight line in N′,
@@ -228,9 +233,9 @@ def pointing(reading_deg: Array, reading_sd: float | None = None) -> Pointing:
     found, *_ = np.linalg.lstsq(design, off, rcond=None)
     freedom = len(off) - design.shape[1]
     left = off - design @ found
-    variance = reading_sd**2 if reading_sd else (
-        float(left @ left) / freedom if freedom > 0 else np.nan
-    )  # fmt: skip
+    variance = (
+        reading_sd**2 if reading_sd else (float(left @ left) / freedom if freedom > 0 else np.nan)
+    )
     sd = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
     collimation = float(found[1]) if second.any() else float("nan")
     return Pointing(float((reading_deg[0] + found[0]) % 360.0), sd, collimation, freedom)

@@ -16,10 +16,14 @@ from agonic.kernels.gauge import entries
 
 Array = NDArray[np.float64]
 
-_GENERATORS = np.array([
-    [[0, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, 0, 1], [0, 0, 0], [-1, 0, 0]],
-    [[0, -1, 0], [1, 0, 0], [0, 0, 0]],
-], dtype=np.float64)  # fmt: skip
+_GENERATORS = np.array(
+    [
+        [[0, 0, 0], [0, 0, -1], [0, 1, 0]],
+        [[0, 0, 1], [0, 0, 0], [-1, 0, 0]],
+        [[0, -1, 0], [1, 0, 0], [0, 0, 0]],
+    ],
+    dtype=np.float64,
+)
 
 
 class Turned(NamedTuple):

@@ -104,10 +104,12 @@ def variances(x: Array, values: Array, sd: Array, largest: int) -> Array:
     Parameters: values and sd (n, c), a column a coefficient. Orders that leave nothing to judge by
     are NaN.
     """
-    return np.array([
-        [fitted(x, v, s, order).variance for order in range(largest + 1)]
-        for v, s in zip(values.T, sd.T, strict=True)
-    ])  # fmt: skip
+    return np.array(
+        [
+            [fitted(x, v, s, order).variance for order in range(largest + 1)]
+            for v, s in zip(values.T, sd.T, strict=True)
+        ]
+    )
 
 
 def order_of(curves: Array, n: int) -> int:
@@ -125,8 +127,11 @@ def order_of(curves: Array, n: int) -> int:
     """
     orders = int(curves.shape[1])
     for low in range(orders - 1):
-        falls = [_falls(curve, low, high, n, len(curves)) for curve in curves
-                 for high in range(low + 1, orders)]  # fmt: skip
+        falls = [
+            _falls(curve, low, high, n, len(curves))
+            for curve in curves
+            for high in range(low + 1, orders)
+        ]
         if not any(falls):
             return low
     return orders - 1

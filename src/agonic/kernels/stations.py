@@ -29,14 +29,28 @@ TURNS = {
 """Quarter turns: axis of the chamber (back, right, down), degrees, and words."""
 
 SEQUENCE = (
-    "turn", "right", "turn", "right", "turn", "left", "turn", "away", "turn", "away", "turn",
-)  # fmt: skip
+    "turn",
+    "right",
+    "turn",
+    "right",
+    "turn",
+    "left",
+    "turn",
+    "away",
+    "turn",
+    "away",
+    "turn",
+)
 """The turns between the standard stations, by name, in the order of least handling."""
 
 FACES = {
-    (1, 0, 0): "front", (-1, 0, 0): "rear", (0, 1, 0): "right side", (0, -1, 0): "left side",
-    (0, 0, 1): "bottom", (0, 0, -1): "top",
-}  # fmt: skip
+    (1, 0, 0): "front",
+    (-1, 0, 0): "rear",
+    (0, 1, 0): "right side",
+    (0, -1, 0): "left side",
+    (0, 0, 1): "bottom",
+    (0, 0, -1): "top",
+}
 """The faces of the box by their direction in its axes."""
 
 

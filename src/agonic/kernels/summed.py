@@ -38,10 +38,16 @@ FINEST = 1e-6
 """Less noise than this, over the radius, is not believed."""
 
 _BASIS = np.array(
-    [[[1, 0, 0], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
-     [[0, 0, 0], [0, 0, 0], [0, 0, 1]], [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
-     [[0, 0, 1], [0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]], dtype=np.float64
-)  # fmt: skip
+    [
+        [[1, 0, 0], [0, 0, 0], [0, 0, 0]],
+        [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
+        [[0, 0, 0], [0, 0, 0], [0, 0, 1]],
+        [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
+        [[0, 0, 1], [0, 0, 0], [1, 0, 0]],
+        [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
+    ],
+    dtype=np.float64,
+)
 """The matrices of xx yy zz xy xz yz."""
 
 
@@ -160,9 +166,13 @@ def _believed(residuals: Array, sd: float) -> Array:
 
 
 def _assembled(
-    sums: Array, weights: Array, residuals: Array, sd: float, solution: leastsq.Solution,
+    sums: Array,
+    weights: Array,
+    residuals: Array,
+    sd: float,
+    solution: leastsq.Solution,
     prior: leastsq.Prior | None,
-) -> Summed:  # fmt: skip
+) -> Summed:
     """The result; boxes that scatter more than their readings do widen the covariance."""
     held = weights * sums[:, 0]
     freedom = int((weights > 0).sum()) - 9
@@ -172,7 +182,13 @@ def _assembled(
         jacobian = prior(solution.params)[1]
         information = information + jacobian.T @ jacobian
     return Summed(
-        solution.params[:3], _matrix(solution.params),
-        leastsq.inverse(information) * max(scatter, 1.0), sd / float(solution.params[3:6].mean()),
-        residuals, weights, solution.condition, solution.iterations, solution.converged,
-    )  # fmt: skip
+        solution.params[:3],
+        _matrix(solution.params),
+        leastsq.inverse(information) * max(scatter, 1.0),
+        sd / float(solution.params[3:6].mean()),
+        residuals,
+        weights,
+        solution.condition,
+        solution.iterations,
+        solution.converged,
+    )

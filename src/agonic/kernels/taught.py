@@ -26,7 +26,7 @@ from agonic.kernels.affine import (
     model_basis,
     split,
     with_covariates,
-)  # fmt: skip
+)
 from agonic.kernels.consensus import least_median_sphere
 from agonic.kernels.noise import Noise, like_gaussian, noise_of
 

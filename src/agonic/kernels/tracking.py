@@ -156,9 +156,11 @@ def advance(
         seen, room = np.zeros((n, 7)), np.zeros((3, 10))
         done, jump = run(np.ascontiguousarray(rows), *after, tuple(model), about, held, seen, room)
     table = np.array(seen[:done]).reshape(-1, 7)
-    return after, Seen(
-        table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3:6], table[:, 6]
-    ), bool(jump)  # fmt: skip
+    return (
+        after,
+        Seen(table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3:6], table[:, 6]),
+        bool(jump),
+    )
 
 
 def worth_compiling(rows: int) -> bool:
@@ -185,6 +187,8 @@ def onset(seen: Seen) -> int:
 
 def _lists(belief: Belief) -> tuple[Any, Any, Any, Any]:
     return (
-        belief.state.tolist(), belief.columns.tolist(),
-        belief.diagonal.tolist(), belief.watch.tolist(),
-    )  # fmt: skip
+        belief.state.tolist(),
+        belief.columns.tolist(),
+        belief.diagonal.tolist(),
+        belief.watch.tolist(),
+    )

@@ -24,9 +24,17 @@ _SCALE_ROWS = 1000.0  # readings over which the size of innovations is averaged
 
 
 def run(
-    rows: Any, x: Any, columns: Any, diagonal: Any, watch: Any,
-    model: tuple[float, ...], about: Any, held: bool, seen: Any, room: Any,
-) -> tuple[int, bool]:  # fmt: skip
+    rows: Any,
+    x: Any,
+    columns: Any,
+    diagonal: Any,
+    watch: Any,
+    model: tuple[float, ...],
+    about: Any,
+    held: bool,
+    seen: Any,
+    room: Any,
+) -> tuple[int, bool]:
     """`advance` in place, on lists or arrays; gives the rows done and whether a jump was seen.
 
     `seen` takes a line a row; `room` is three lines of ten numbers to work in.

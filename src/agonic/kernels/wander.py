@@ -206,9 +206,9 @@ def followed(
     seen = axis @ (share * (axis.T @ of.within(z)))
     blocks = covariance(of.course, by.kind)
     s = blocks.shape[1]
-    pulled = np.array([
-        (r.T @ seen[at]).reshape(many, s) for at, r in zip(of.parts, of.triangles, strict=True)
-    ])  # fmt: skip
+    pulled = np.array(
+        [(r.T @ seen[at]).reshape(many, s) for at, r in zip(of.parts, of.triangles, strict=True)]
+    )
     coefficients = -(by.sd**2) * np.einsum("kilj,laj->kai", blocks, pulled)
     for cells, c in zip(of.cells, coefficients, strict=True):
         changes[cells] = of.course.functions[cells] @ c.T
@@ -216,9 +216,12 @@ def followed(
 
 
 def estimated(
-    of: Spaces, z: Array, jacobian: Array, prior: tuple[Array, Array],
+    of: Spaces,
+    z: Array,
+    jacobian: Array,
+    prior: tuple[Array, Array],
     kinds: tuple[Kind, ...] = KINDS,
-) -> tuple[Wander, tuple[Array, Array]]:  # fmt: skip
+) -> tuple[Wander, tuple[Array, Array]]:
     """The changes that residuals (n,) call for, with their Jacobian (n, p) and beliefs of unit sd.
 
     With C the covariance of the residuals, and A = JᵀC⁻¹J, b = JᵀC⁻¹z (beliefs among them), twice
@@ -244,9 +247,11 @@ def estimated(
         tried.append((min(costs) + unlikely, int(np.argmin(costs)), kind, turned))
     _, k, kind, turned = min(tried, key=lambda each: each[0])
     found = minimize_scalar(
-        lambda at: _cost(rest, *turned[:3], float(np.exp(at))), method="bounded",
-        bounds=(_GRID[max(k - 1, 0)], _GRID[min(k + 1, len(_GRID) - 1)]), options={"xatol": 0.01},
-    )  # fmt: skip
+        lambda at: _cost(rest, *turned[:3], float(np.exp(at))),
+        method="bounded",
+        bounds=(_GRID[max(k - 1, 0)], _GRID[min(k + 1, len(_GRID) - 1)]),
+        options={"xatol": 0.01},
+    )
     gain = none - float(found.fun) - (UNLIKELY if kind[1] > LONG else 0.0)
     by = Wander(float(np.exp(found.x)), kind, gain) if gain > CHANCE else Wander(kind=kind)
     return by, (turned[0], turned[3])

@@ -121,9 +121,12 @@ class LiveFit:
         kept = np.concatenate([self.state.kept, self.state.waiting])
         kept = kept[np.argsort(kept[:, 0], kind="stable")]
         return Samples(
-            time=kept[:, 0], field=kept[:, 1:], unit=self.unit, name=self.params.name,
+            time=kept[:, 0],
+            field=kept[:, 1:],
+            unit=self.unit,
+            name=self.params.name,
             device_id=self.params.device_id,
-        )  # fmt: skip
+        )
 
     def save(self, path: Path | str, *, origin: str = "") -> Path:
         """Write all that `resume` needs to go on, in one step; `origin` says where readings are
@@ -167,21 +170,30 @@ class LiveFit:
         assert boxes is not None
         known = None if reference is None else float(reference.magnitudes(1)[0])
         solved = Solved(
-            "full", found.bias, found.matrix, found.covariance, found.noise,
+            "full",
+            found.bias,
+            found.matrix,
+            found.covariance,
+            found.noise,
             condition=found.condition,
-        )  # fmt: skip
+        )
         scale = Scale(found.centre, found.size, known, self.params.magnitude_sd)
         largest = float(np.abs(boxes.middles).max())
         made = replace(
             calibration(solved, scale, self.unit, "symmetric"),
-            sensor=self.params.name, device_id=self.params.device_id,
+            sensor=self.params.name,
+            device_id=self.params.device_id,
             validity=Validity(largest_reading=largest),
-        )  # fmt: skip
+        )
         assert made.magnitude is not None
         assert made.covariance is not None
         where = cells.cells_of(made.correct(boxes.middles))
         counts = np.bincount(where, weights=boxes.counts, minlength=80).astype(np.int64)
         return made, cover(
-            counts, made.magnitude, made.bias, made.matrix, made.covariance,
+            counts,
+            made.magnitude,
+            made.bias,
+            made.matrix,
+            made.covariance,
             inclination_deg=self.params.inclination_deg,
-        )  # fmt: skip
+        )

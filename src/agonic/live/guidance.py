@@ -67,9 +67,12 @@ def guidance(
     done = close and not findings
     return Guidance(
         say="enough: accept the result" if done else _words(turn),
-        done=done, present=present / np.linalg.norm(present), wanted=wanted, turn=turn,
+        done=done,
+        present=present / np.linalg.norm(present),
+        wanted=wanted,
+        turn=turn,
         findings=tuple(findings),
-    )  # fmt: skip
+    )
 
 
 def _words(turn: Array) -> str:
@@ -83,9 +86,14 @@ def _wanted(params: LiveParams, found: Found, present: Array) -> Array:
     centres = cells.icosphere()[0]
     along, length = nextturn.ways(present, centres)
     gains = nextturn.gains(
-        along, found.bias, found.matrix, found.covariance, found.noise, params.inclination_deg,
+        along,
+        found.bias,
+        found.matrix,
+        found.covariance,
+        found.noise,
+        params.inclination_deg,
         READINGS_PER_RAD * length / along.shape[1],
-    )  # fmt: skip
+    )
     return np.asarray(centres[np.argmax(gains / (SHORT + length))])
 
 

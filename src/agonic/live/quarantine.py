@@ -74,8 +74,9 @@ def passed(judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size
     begins, ends = blocks[:, 0, 0].tolist(), blocks[:, -1, 0].tolist()
     queue, let_in, held = deque(range(old)), list[int](), 0
     for k in range(old, len(blocks)):
-        while queue and (abs(begins[k] - begins[queue[0]]) > WAIT_S
-                         or len(queue) * size >= MOST_WAITING):  # fmt: skip
+        while queue and (
+            abs(begins[k] - begins[queue[0]]) > WAIT_S or len(queue) * size >= MOST_WAITING
+        ):
             let_in.append(queue.popleft())
         if off[k - old]:
             held += 1 + len(queue)

@@ -138,5 +138,6 @@ def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) 
     made = summed.estimate(sums, params.soft_iron_sd, start)
     if made is None:
         return None
-    return Found(n, centre, size, made.bias, made.matrix, made.covariance, made.noise,
-                 made.condition)  # fmt: skip
+    return Found(
+        n, centre, size, made.bias, made.matrix, made.covariance, made.noise, made.condition
+    )

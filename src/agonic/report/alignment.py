@@ -60,9 +60,12 @@ def wrapped(text: str) -> list[str]:
 def _entry(name: str, text: str) -> list[str]:
     """A name and what stands behind it, on as many lines as that takes."""
     return textwrap.wrap(
-        text, WIDTH, initial_indent=f"  {name:<10}", subsequent_indent=" " * 12,
+        text,
+        WIDTH,
+        initial_indent=f"  {name:<10}",
+        subsequent_indent=" " * 12,
         break_long_words=False,
-    )  # fmt: skip
+    )
 
 
 def others(fit: AlignmentFit) -> dict[str, str]:
@@ -91,9 +94,17 @@ def _three(values: np.ndarray, sds: np.ndarray, unit: str) -> str:
 
 
 RESIDUAL_HEAD = (
-    "Orientation", "Time, UTC", "Azimuth", "Elevation", "Readings", "x, nT", "y, nT", "z, nT",
-    "Expected sd, nT", "Direction, ″",
-)  # fmt: skip
+    "Orientation",
+    "Time, UTC",
+    "Azimuth",
+    "Elevation",
+    "Readings",
+    "x, nT",
+    "y, nT",
+    "z, nT",
+    "Expected sd, nT",
+    "Direction, ″",
+)
 
 
 def residual_rows(fit: AlignmentFit) -> list[list[str]]:
@@ -177,8 +188,10 @@ def expected(plan: AlignmentPlan) -> dict[str, str]:
     for group in plan.solve:
         sd = plan.sd[GROUPS[group]] / (ARCSEC_RAD if units[group] == "″" else 1.0)
         small = group == "matrix"
-        cells = [minused(f"{value:.1e}") if small else _with_unit(float(value), units[group])
-                 for value in sd]  # fmt: skip
+        cells = [
+            minused(f"{value:.1e}") if small else _with_unit(float(value), units[group])
+            for value in sd
+        ]
         said[group] = "  ".join(cells)
     return said
 

@@ -31,10 +31,14 @@ def dome(boresight_n: Array, numbers: NDArray[np.int64], residual_arcsec: Array)
     x, y = SIZE / 2 + away * east / level, SIZE / 2 - away * north / level
     rings = [_ring(RADIUS * share) for share in (1.0, 2 / 3, 1 / 3)]
     texts = _rim(("N", "E", "S", "W"))
-    texts += [_text(SIZE / 2 + 4, SIZE / 2 - RADIUS * s - 3, f"{90 - 90 * s:.0f}°", "ring-name")
-              for s in (1 / 3, 2 / 3)]  # fmt: skip
-    return _chart([*rings, *texts, *_dots(x, y, numbers, residual_arcsec)],
-                  "Where the star sensor looked over the site")  # fmt: skip
+    texts += [
+        _text(SIZE / 2 + 4, SIZE / 2 - RADIUS * s - 3, f"{90 - 90 * s:.0f}°", "ring-name")
+        for s in (1 / 3, 2 / 3)
+    ]
+    return _chart(
+        [*rings, *texts, *_dots(x, y, numbers, residual_arcsec)],
+        "Where the star sensor looked over the site",
+    )
 
 
 def sky(boresight_i: Array, numbers: NDArray[np.int64], residual_arcsec: Array) -> Markup:
@@ -52,17 +56,25 @@ def sky(boresight_i: Array, numbers: NDArray[np.int64], residual_arcsec: Array) 
     rings = [_ring(RADIUS * share) for share in (1.0, 5 / 6, 1 / 2, 1 / 6)]
     sign = -1 if south else 1
     texts = _rim(("0 h", "6 h", "12 h", "18 h") if south else ("0 h", "18 h", "12 h", "6 h"))
-    texts += [_text(SIZE / 2 + 4, SIZE / 2 - RADIUS * s - 3, f"{sign * (90 - 180 * s):.0f}°",
-                    "ring-name") for s in (1 / 6, 1 / 2, 5 / 6)]  # fmt: skip
-    return _chart([*rings, *texts, *_dots(x, y, numbers, residual_arcsec)],
-                  "Where the star sensor looked among the stars")  # fmt: skip
+    texts += [
+        _text(SIZE / 2 + 4, SIZE / 2 - RADIUS * s - 3, f"{sign * (90 - 180 * s):.0f}°", "ring-name")
+        for s in (1 / 6, 1 / 2, 5 / 6)
+    ]
+    return _chart(
+        [*rings, *texts, *_dots(x, y, numbers, residual_arcsec)],
+        "Where the star sensor looked among the stars",
+    )
 
 
 def _chart(parts: list[Markup], label: str) -> Markup:
     return element(
-        "svg", *parts, class_="dome", viewBox=f"0 0 {SIZE:g} {SIZE:g}", role="img",
+        "svg",
+        *parts,
+        class_="dome",
+        viewBox=f"0 0 {SIZE:g} {SIZE:g}",
+        role="img",
         aria_label=label,
-    )  # fmt: skip
+    )
 
 
 def _ring(radius: float) -> Markup:
@@ -74,8 +86,12 @@ def _ring(radius: float) -> Markup:
 def _rim(names: tuple[str, str, str, str]) -> list[Markup]:
     """Names at the top, right, bottom and left of the rim."""
     middle, far = SIZE / 2, RADIUS + 14
-    places = ((middle, middle - far), (middle + far, middle), (middle, middle + far),
-              (middle - far, middle))  # fmt: skip
+    places = (
+        (middle, middle - far),
+        (middle + far, middle),
+        (middle, middle + far),
+        (middle - far, middle),
+    )
     return [_text(x, y + 4, name, "rim-name") for name, (x, y) in zip(names, places, strict=True)]
 
 
@@ -91,9 +107,15 @@ def _dots(x: Array, y: Array, numbers: NDArray[np.int64], residual: Array) -> li
     for k in np.argsort(-radius):
         said = element("title", f"orientation {numbers[k]}: {residual[k]:.2f}″")
         dots.append(
-            element("circle", said, cx=f"{x[k]:.1f}", cy=f"{y[k]:.1f}", r=f"{radius[k]:.1f}",
-                    class_="dot")
-        )  # fmt: skip
+            element(
+                "circle",
+                said,
+                cx=f"{x[k]:.1f}",
+                cy=f"{y[k]:.1f}",
+                r=f"{radius[k]:.1f}",
+                class_="dot",
+            )
+        )
     return dots + _names(x, y, numbers)
 
 
@@ -124,20 +146,33 @@ def bars(values: Array, sd: Array, numbers: NDArray[np.int64]) -> Markup:
         at = left + step * k
         band = np.sqrt((sd[k] ** 2).mean()) * 2
         parts.append(
-            element("rect", x=f"{at + 0.08 * step:.1f}", y=f"{place(band):.1f}",
-                    width=f"{0.84 * step:.1f}", height=f"{place(-band) - place(band):.1f}",
-                    class_="band")
-        )  # fmt: skip
+            element(
+                "rect",
+                x=f"{at + 0.08 * step:.1f}",
+                y=f"{place(band):.1f}",
+                width=f"{0.84 * step:.1f}",
+                height=f"{place(-band) - place(band):.1f}",
+                class_="band",
+            )
+        )
         for axis in range(3):
             top = place(max(values[k, axis], 0.0))
             parts.append(
-                element("rect", x=f"{at + (0.16 + 0.24 * axis) * step:.1f}", y=f"{top:.1f}",
-                        width=f"{0.2 * step:.1f}",
-                        height=f"{max(abs(place(values[k, axis]) - place(0)), 0.5):.1f}",
-                        class_=f"bar-{'xyz'[axis]}")
-            )  # fmt: skip
+                element(
+                    "rect",
+                    x=f"{at + (0.16 + 0.24 * axis) * step:.1f}",
+                    y=f"{top:.1f}",
+                    width=f"{0.2 * step:.1f}",
+                    height=f"{max(abs(place(values[k, axis]) - place(0)), 0.5):.1f}",
+                    class_=f"bar-{'xyz'[axis]}",
+                )
+            )
         parts.append(_text(at + step / 2, high - 4, str(numbers[k]), "tick middle"))
     return element(
-        "svg", *parts, class_="bars", viewBox=f"0 0 {wide:g} {high:g}", role="img",
+        "svg",
+        *parts,
+        class_="bars",
+        viewBox=f"0 0 {wide:g} {high:g}",
+        role="img",
         aria_label="Residuals of each orientation in nT",
-    )  # fmt: skip
+    )

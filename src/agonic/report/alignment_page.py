@@ -41,8 +41,9 @@ def alignment_page(fit: AlignmentFit, *, title: str = "") -> str:
         part("Findings", findings(fit.findings)),
         part("Provenance", provenance(fit.calibration, None)),
     ]
-    body = markup(_header("Alignment with a star sensor", name, _about(fit)),
-                  element("main", *parts))  # fmt: skip
+    body = markup(
+        _header("Alignment with a star sensor", name, _about(fit)), element("main", *parts)
+    )
     return document(name, body, style=static("report.css") + static("alignment.css"))
 
 
@@ -57,11 +58,18 @@ def plan_page(plan: AlignmentPlan, *, title: str = "") -> str:
     attitude = rot_cn(*np.array(plan.orientations).T)
     numbers = np.arange(1, len(attitude) + 1)
     rows = [
-        [str(k), f"{a:g}°", f"{e:g}°", f"{r:g}°",
-         f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined", ""]
+        [
+            str(k),
+            f"{a:g}°",
+            f"{e:g}°",
+            f"{r:g}°",
+            f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined",
+            "",
+        ]
         for k, ((a, e, r), sd) in enumerate(
-            zip(plan.orientations, plan.sd_arcsec, strict=True), start=1)
-    ]  # fmt: skip
+            zip(plan.orientations, plan.sd_arcsec, strict=True), start=1
+        )
+    ]
     head = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
     body = markup(
         _header("Plan of a session", name, words.plan_text(plan).splitlines()[0]),
@@ -69,15 +77,20 @@ def plan_page(plan: AlignmentPlan, *, title: str = "") -> str:
             "main",
             part(
                 "Orientations",
-                element("div", table(head, rows, class_="orientations"),
-                        element("figure", drawings.dome(
-                            attitude[:, 2], numbers, np.ones(len(numbers))),
-                            element("figcaption", f"North is up, east to the right. {words.ROLL}")),
-                        class_="pair plan"),
+                element(
+                    "div",
+                    table(head, rows, class_="orientations"),
+                    element(
+                        "figure",
+                        drawings.dome(attitude[:, 2], numbers, np.ones(len(numbers))),
+                        element("figcaption", f"North is up, east to the right. {words.ROLL}"),
+                    ),
+                    class_="pair plan",
+                ),
             ),
             part("Standard errors to expect", definitions(words.expected(plan))),
         ),
-    )  # fmt: skip
+    )
     return document(name, body, style=static("report.css") + static("alignment.css"))
 
 
@@ -105,13 +118,18 @@ def _key_figures(fit: AlignmentFit) -> Markup:
     cost = worst / 206_265 * magnitude
     direction = float(np.sqrt((fit.residuals_arcsec**2).mean()))
     ratio = fit.solution.chi2 / max(fit.solution.freedom, 1)
-    return key_figures([
-        ("Alignment, worst axis", f"{significant(worst, 2)}″", f"{significant(cost, 2)} nT"),
-        ("Residual", quantity(fit.residual_rms, "nT", 2), f"{significant(direction, 2)}″"),
-        ("χ² a degree of freedom", significant(ratio, 3), f"{fit.solution.freedom} degrees"),
-        ("Condition", significant(fit.condition, 2),
-         f"rank {fit.rank} of {int(fit.solution.free.sum())}"),
-    ])  # fmt: skip
+    return key_figures(
+        [
+            ("Alignment, worst axis", f"{significant(worst, 2)}″", f"{significant(cost, 2)} nT"),
+            ("Residual", quantity(fit.residual_rms, "nT", 2), f"{significant(direction, 2)}″"),
+            ("χ² a degree of freedom", significant(ratio, 3), f"{fit.solution.freedom} degrees"),
+            (
+                "Condition",
+                significant(fit.condition, 2),
+                f"rank {fit.rank} of {int(fit.solution.free.sum())}",
+            ),
+        ]
+    )
 
 
 def _alignment(fit: AlignmentFit) -> list[Markup]:
@@ -126,10 +144,15 @@ def _alignment(fit: AlignmentFit) -> list[Markup]:
     ]
     sd = fit.matrix_sd_arcsec
     rows = [
-        [axis, *(f"{grouped(float(v), 8)} ± {significant(float(s), 2)}″" for v, s in
-                 zip(fit.rot_mc[k], sd[k], strict=True))]
+        [
+            axis,
+            *(
+                f"{grouped(float(v), 8)} ± {significant(float(s), 2)}″"
+                for v, s in zip(fit.rot_mc[k], sd[k], strict=True)
+            ),
+        ]
         for k, axis in enumerate(("x", "y", "z"))
-    ]  # fmt: skip
+    ]
     about = ", ".join(
         f"{axis} {significant(float(s), 2)}″" for axis, s in zip("xyz", fit.sd_arcsec, strict=True)
     )
@@ -140,27 +163,35 @@ def _alignment(fit: AlignmentFit) -> list[Markup]:
             table(("Quaternion", "Value", "Standard error"), quaternion, class_="numbers"),
             class_="pair tables",
         ),
-        element("p", "Components in the star sensor’s axes become those in the magnetometer’s by "
-                "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
-                f"Standard errors about the magnetometer’s axes: {about}.", class_="aside"),
+        element(
+            "p",
+            "Components in the star sensor’s axes become those in the magnetometer’s by "
+            "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
+            f"Standard errors about the magnetometer’s axes: {about}.",
+            class_="aside",
+        ),
         _scroll(table(("Magnetometer", "star sensor x", "y", "z"), rows, class_="numbers")),
-    ]  # fmt: skip
+    ]
     more = words.others(fit)
     return [*said, definitions(more)] if more else said
 
 
 def _residuals(fit: AlignmentFit) -> list[Markup]:
     legend = element(
-        "p", *(element("span", element("span", class_=f"key bar-{a}"), a) for a in "xyz"),
+        "p",
+        *(element("span", element("span", class_=f"key bar-{a}"), a) for a in "xyz"),
         element("span", element("span", class_="key band"), "twice what the noise explains"),
         class_="legend",
-    )  # fmt: skip
+    )
     return [
-        element("figure", legend,
-                drawings.bars(fit.residuals, fit.residuals_sd, fit.observed.orientation),
-                element("figcaption", "Residuals by orientation, nT, magnetometer axes")),
+        element(
+            "figure",
+            legend,
+            drawings.bars(fit.residuals, fit.residuals_sd, fit.observed.orientation),
+            element("figcaption", "Residuals by orientation, nT, magnetometer axes"),
+        ),
         _scroll(table(words.RESIDUAL_HEAD, words.residual_rows(fit), class_="numbers small")),
-    ]  # fmt: skip
+    ]
 
 
 def _skies(fit: AlignmentFit) -> list[Markup]:
@@ -168,17 +199,25 @@ def _skies(fit: AlignmentFit) -> list[Markup]:
     return [
         element(
             "div",
-            element("figure", drawings.dome(seen.boresight_n, seen.orientation,
-                                            fit.residuals_arcsec),
-                    element("figcaption", "Over the site: north up, east right, the horizon at "
-                            "the rim")),
-            element("figure", drawings.sky(seen.boresight_i, seen.orientation,
-                                           fit.residuals_arcsec),
-                    element("figcaption", "Among the stars: right ascension round the celestial "
-                            "pole, J2000. The larger the dot, the larger the residual")),
+            element(
+                "figure",
+                drawings.dome(seen.boresight_n, seen.orientation, fit.residuals_arcsec),
+                element(
+                    "figcaption", "Over the site: north up, east right, the horizon at the rim"
+                ),
+            ),
+            element(
+                "figure",
+                drawings.sky(seen.boresight_i, seen.orientation, fit.residuals_arcsec),
+                element(
+                    "figcaption",
+                    "Among the stars: right ascension round the celestial "
+                    "pole, J2000. The larger the dot, the larger the residual",
+                ),
+            ),
             class_="pair",
         )
-    ]  # fmt: skip
+    ]
 
 
 def _budget(fit: AlignmentFit) -> list[Markup]:

@@ -12,9 +12,7 @@ from agonic.report.verdict import MEANINGS, sentence
 
 def header(kicker: str, name: str, *more: str) -> Markup:
     """What kind of page it is, and what it is about."""
-    return element(
-        "header", element("p", kicker, class_="kicker"), element("h1", name), *more
-    )  # fmt: skip
+    return element("header", element("p", kicker, class_="kicker"), element("h1", name), *more)
 
 
 def part(title: str, *content: str, level: str = "h2") -> Markup:

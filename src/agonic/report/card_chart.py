@@ -38,14 +38,26 @@ class Layout:
 
 
 WIDE = Layout(
-    "wide", WIDTH, LEFT, RIGHT,
-    ("Before: deviation of the compass",
-     "After: what the card leaves, with the 95 % band of the curve"), 1500, 45,
-)  # fmt: skip
+    "wide",
+    WIDTH,
+    LEFT,
+    RIGHT,
+    (
+        "Before: deviation of the compass",
+        "After: what the card leaves, with the 95 % band of the curve",
+    ),
+    1500,
+    45,
+)
 NARROW = Layout(
-    "narrow", 400.0, 54.0, 20.0,
-    ("Before: deviation of the compass", "After: what is left, and its 95 % band"), 500, 90,
-)  # fmt: skip
+    "narrow",
+    400.0,
+    54.0,
+    20.0,
+    ("Before: deviation of the compass", "After: what is left, and its 95 % band"),
+    500,
+    90,
+)
 
 
 class Panel:
@@ -89,9 +101,14 @@ def chart(result: Deviation | DeviationFit, layout: Layout = WIDE, **attributes:
         *_rose(after),
     ]
     return element(
-        "svg", *parts, class_=f"card-chart {layout.name}",
-        viewBox=f"0 0 {layout.width:g} 548", role="img", aria_label=judgement(card), **attributes,
-    )  # fmt: skip
+        "svg",
+        *parts,
+        class_=f"card-chart {layout.name}",
+        viewBox=f"0 0 {layout.width:g} 548",
+        role="img",
+        aria_label=judgement(card),
+        **attributes,
+    )
 
 
 def picture(result: Deviation | DeviationFit) -> str:
@@ -142,11 +159,17 @@ def _frame(panel: Panel, title: str) -> list[Markup]:
         element("path", d="".join([*across, *along]), class_="grid"),
         element("path", d=f"M{panel.left:g} {zero:.1f}H{panel.end:g}", class_="zero"),
         *(
-            element("text", _side(float(tick)), class_="tick", x=panel.left - 8,
-                    y=round(float(y) + 4, 1), text_anchor="end")
+            element(
+                "text",
+                _side(float(tick)),
+                class_="tick",
+                x=panel.left - 8,
+                y=round(float(y) + 4, 1),
+                text_anchor="end",
+            )
             for tick, y in zip(ticks, places, strict=True)
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _side(deviation_deg: float) -> str:
@@ -180,11 +203,14 @@ def _limit_names(panel: Panel) -> list[Markup]:
         shift = (9.0 if k == 0 and close else 4.0) if beside else (14.0 if k == 0 else -5.0)
         parts.append(
             element(
-                "text", f"{limit:g}° {name}", class_="limit " + name.replace(" ", "-"),
-                x=panel.end + 6 if beside else panel.end - 4, y=round(at + shift, 1),
+                "text",
+                f"{limit:g}° {name}",
+                class_="limit " + name.replace(" ", "-"),
+                x=panel.end + 6 if beside else panel.end - 4,
+                y=round(at + shift, 1),
                 text_anchor=None if beside else "end",
             )
-        )  # fmt: skip
+        )
     return parts
 
 
@@ -192,9 +218,15 @@ def _rose(panel: Panel) -> list[Markup]:
     """Headings along the foot."""
     foot = panel.top + panel.height
     parts = [
-        element("text", "what the compass reads", class_="tick", x=panel.end, y=foot + 50,
-                text_anchor="end")
-    ]  # fmt: skip
+        element(
+            "text",
+            "what the compass reads",
+            class_="tick",
+            x=panel.end,
+            y=foot + 50,
+            text_anchor="end",
+        )
+    ]
     for heading in range(0, 361, panel.layout.step_deg):
         x = round(float(panel.right(np.array(float(heading)))), 1)
         degrees, point = f"{heading % 360:03d}°", POINTS[heading % 360 * 2 // 45]
@@ -207,8 +239,10 @@ def _line(panel: Panel, values: Array, name: str) -> Markup:
     """A curve round the circle, broken where it wraps."""
     x, y = panel.right(_CIRCLE_DEG), panel.down(values)
     jumps = np.append(False, np.abs(np.diff(values)) > 180.0)
-    steps = (f"{'M' if j or k == 0 else 'L'}{a:.1f} {b:.1f}" for k, (a, b, j) in
-             enumerate(zip(x, y, jumps, strict=True)))  # fmt: skip
+    steps = (
+        f"{'M' if j or k == 0 else 'L'}{a:.1f} {b:.1f}"
+        for k, (a, b, j) in enumerate(zip(x, y, jumps, strict=True))
+    )
     return element("path", d="".join(steps), class_=name)
 
 
@@ -233,6 +267,8 @@ def _points(panel: Panel, heading: Array, values: Array) -> Markup:
         f"{heading_name(float(h))} {v:+.1f}°" for h, v in zip(heading, values, strict=True)
     )
     return element(
-        "path", element("title", said) if name == "dots few" else "",
-        d="".join(f"M{x:.1f} {y:.1f}h0" for x, y in places), class_=name,
-    )  # fmt: skip
+        "path",
+        element("title", said) if name == "dots few" else "",
+        d="".join(f"M{x:.1f} {y:.1f}h0" for x, y in places),
+        class_=name,
+    )

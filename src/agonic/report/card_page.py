@@ -97,11 +97,15 @@ def _tables(card: Deviation, step_deg: float) -> Markup:
     reads = table(
         ["Compass reads", "Deviation", "± 95 %", "Magnetic"],
         [
-            [heading_name(r.heading), east_west(r.deviation),
-             "" if r.band is None else f"{r.band:.1f}°", degrees3(r.magnetic)]
+            [
+                heading_name(r.heading),
+                east_west(r.deviation),
+                "" if r.band is None else f"{r.band:.1f}°",
+                degrees3(r.magnetic),
+            ]
             for r in made
         ],
-    )  # fmt: skip
+    )
     steer = table(
         ["To make good (magnetic)", "steer (compass)"],
         [[heading_name(r.heading), degrees3(r.steer)] for r in made],

@@ -25,10 +25,15 @@ def coil_page(fit: CoilFit, *, title: str = "") -> str:
     parts = [part("What was found", definitions(words.coil_entries(fit)))]
     if fit.levels:
         rows = [
-            [grouped(level.current_A, 5), grouped(level.constant, 3), significant(level.sd, 2),
-             significant(level.departure, 2), significant(1e6 * level.departure / fit.constant, 2)]
+            [
+                grouped(level.current_A, 5),
+                grouped(level.constant, 3),
+                significant(level.sd, 2),
+                significant(level.departure, 2),
+                significant(1e6 * level.departure / fit.constant, 2),
+            ]
             for level in fit.levels
-        ]  # fmt: skip
+        ]
         parts.append(part("Linearity", table(LEVEL_HEAD, rows, class_="numbers small")))
     about = f"Magnetic axis of a coil, {fit.reversals} current reversals"
     return page(fit, about, title or fit.session.name or fit.session.coil, parts)

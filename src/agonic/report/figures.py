@@ -27,8 +27,12 @@ from agonic.report.strips import (
 
 Array = NDArray[np.float64]
 
-_TIME_UNITS = ((172_800.0, 86_400.0, "days"), (7200.0, 3600.0, "h"), (300.0, 60.0, "min"),
-               (0.0, 1.0, "s"))  # fmt: skip
+_TIME_UNITS = (
+    (172_800.0, 86_400.0, "days"),
+    (7200.0, 3600.0, "h"),
+    (300.0, 60.0, "min"),
+    (0.0, 1.0, "s"),
+)
 
 
 def time_axis(result: Calibrated) -> tuple[Axis, Array]:

@@ -24,9 +24,11 @@ _LARGEST = 1e38  # that float32 holds, rounded up
 
 
 def embedded(
-    population: Population, groups: NDArray[np.int8], notes: Mapping[int, str],
+    population: Population,
+    groups: NDArray[np.int8],
+    notes: Mapping[int, str],
     noted: NDArray[np.uint8],
-) -> Markup:  # fmt: skip
+) -> Markup:
     """The rows as a script element.
 
     `groups` (n,) is the group of each row or −1; `notes` what is said of rows that stand out,
@@ -61,9 +63,18 @@ def number(population: Population, name: str) -> Array:
 
 
 NUMBERS = (
-    "bias_x", "bias_y", "bias_z", "gain_x", "gain_y", "gain_z", "noise", "spread_after",
-    "heading_sd_deg", "temperature_C", "rows",
-)  # fmt: skip
+    "bias_x",
+    "bias_y",
+    "bias_z",
+    "gain_x",
+    "gain_y",
+    "gain_z",
+    "noise",
+    "spread_after",
+    "heading_sd_deg",
+    "temperature_C",
+    "rows",
+)
 
 
 def _texts(population: Population, notes: Mapping[int, str]) -> dict[str, Iterable[str]]:

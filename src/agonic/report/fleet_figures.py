@@ -40,9 +40,13 @@ def reach(values: Array, label: str, beyond: float = 1.5) -> Axis:
 
 
 def histogram(
-    values: Array, label: str, column: str, group: int, usual: tuple[float, float] | None,
+    values: Array,
+    label: str,
+    column: str,
+    group: int,
+    usual: tuple[float, float] | None,
     size: float = 1.0,
-) -> Markup:  # fmt: skip
+) -> Markup:
     """How often each value occurs; what lies beyond the axis is in its outermost bars.
 
     Values are `size` times those of the column. `usual` are centre and spread of the population:
@@ -63,9 +67,14 @@ def histogram(
 
 
 def scatter(
-    x: Axis, y: Axis, across: Array, along: Array, noted: NDArray[np.bool_],
-    lines: Sequence[tuple[Line, float, float]] = (), kind: str = "short",
-) -> Markup:  # fmt: skip
+    x: Axis,
+    y: Axis,
+    across: Array,
+    along: Array,
+    noted: NDArray[np.bool_],
+    lines: Sequence[tuple[Line, float, float]] = (),
+    kind: str = "short",
+) -> Markup:
     """Points, those that stand out over the others; lines through them from x to x."""
     plain = np.flatnonzero(~noted)
     plain = plain[:: 1 + len(plain) // MOST_DOTS]
@@ -97,12 +106,18 @@ def biases(group: Peers, number: int, bias: Array, noted: NDArray[np.bool_], uni
     drawn = element(
         "div",
         *(
-            _live(scatter(one, y, bias[:, k], bias[:, 1], noted, kind="tall"), "scatter", number,
-                  (f"bias_{'xyz'[k]}", "bias_y"), (one, y), f"bias {'xyz'[k]} against y")
+            _live(
+                scatter(one, y, bias[:, k], bias[:, 1], noted, kind="tall"),
+                "scatter",
+                number,
+                (f"bias_{'xyz'[k]}", "bias_y"),
+                (one, y),
+                f"bias {'xyz'[k]} against y",
+            )
             for k, one in ((0, x), (2, z))
         ),
         class_="pair",
-    )  # fmt: skip
+    )
     return markup(drawn, element("p", said, class_="aside"))
 
 
@@ -116,8 +131,15 @@ def verdicts(counts: dict[str, int]) -> Markup:
             parts.append(path(d, f"share {name}"))
             at += wide
     words = ", ".join(f"{n} {name}" for name, n in counts.items())
-    return element("svg", *parts, class_="shares", viewBox="0 0 1000 1000",
-                   preserveAspectRatio="none", role="img", aria_label=words)  # fmt: skip
+    return element(
+        "svg",
+        *parts,
+        class_="shares",
+        viewBox="0 0 1000 1000",
+        preserveAspectRatio="none",
+        role="img",
+        aria_label=words,
+    )
 
 
 def usual_words(usual: tuple[float, float] | None, unit: str) -> str:
@@ -139,14 +161,28 @@ def _dots(across: Array, below: Array) -> str:
 
 
 def _live(
-    drawn: Markup, kind: str, group: int, columns: tuple[str, ...], axes: tuple[Axis, Axis],
-    name: str, size: float = 1.0,
-) -> Markup:  # fmt: skip
+    drawn: Markup,
+    kind: str,
+    group: int,
+    columns: tuple[str, ...],
+    axes: tuple[Axis, Axis],
+    name: str,
+    size: float = 1.0,
+) -> Markup:
     """A figure that the page's script can select from: its columns and the ranges of its axes."""
     x, y = axes
     said = element("p", class_="picked aside", aria_live="polite")
     return element(
-        "div", drawn, said, class_=f"live {kind}", data_kind=kind, data_group=group,
-        data_columns=" ".join(columns), data_bins=BINS, data_name=name, data_size=size,
-        data_x=f"{x.low!r} {x.high!r}", data_y=f"{y.low!r} {y.high!r}",
-    )  # fmt: skip
+        "div",
+        drawn,
+        said,
+        class_=f"live {kind}",
+        data_kind=kind,
+        data_group=group,
+        data_columns=" ".join(columns),
+        data_bins=BINS,
+        data_name=name,
+        data_size=size,
+        data_x=f"{x.low!r} {x.high!r}",
+        data_y=f"{y.low!r} {y.high!r}",
+    )

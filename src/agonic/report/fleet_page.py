@@ -129,9 +129,12 @@ def _others(groups: Sequence[Peers]) -> list[Markup]:
 
 
 def _group(
-    population: Population, group: Peers, k: int, belongs: NDArray[np.int8],
+    population: Population,
+    group: Peers,
+    k: int,
+    belongs: NDArray[np.int8],
     noted: NDArray[np.bool_],
-) -> Markup:  # fmt: skip
+) -> Markup:
     rows = np.flatnonzero(belongs == k)
     if not len(rows):
         return Markup("")
@@ -169,9 +172,15 @@ def _histograms(population: Population, group: Peers, k: int, rows: Index) -> li
 
 
 def _histogram(
-    population: Population, group: Peers, k: int, rows: Index, column: str, name: str, unit: str,
+    population: Population,
+    group: Peers,
+    k: int,
+    rows: Index,
+    column: str,
+    name: str,
+    unit: str,
     key: tuple[str, int] | None,
-) -> Markup:  # fmt: skip
+) -> Markup:
     values = number(population, column)[rows]
     values = values[np.isfinite(values)]
     if not len(values):

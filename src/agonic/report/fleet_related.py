@@ -67,10 +67,16 @@ def drawn(
     x = reach(relation.along, label)
     ends = float(relation.along.min()), float(relation.along.max())
     figures = [
-        scatter(x, reach(b, f"bias {axis}, {unit}"), relation.along, b, noted[relation.rows],
-                [(line, *ends)])
+        scatter(
+            x,
+            reach(b, f"bias {axis}, {unit}"),
+            relation.along,
+            b,
+            noted[relation.rows],
+            [(line, *ends)],
+        )
         for axis, b, line in zip(AXES, relation.bias.T, relation.lines, strict=True)
-    ]  # fmt: skip
+    ]
     return markup(_slopes(relation, unit, per), element("div", *figures, class_="trio"))
 
 

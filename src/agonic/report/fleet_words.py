@@ -34,15 +34,26 @@ def headline(population: Population, found: Sequence[Outlier], same: Sequence[Du
     """Sensors, logs, verdicts and what stands out, the numbers to look at first."""
     number, n = counts(population), max(len(population), 1)
     standing = len({one.sensor for one in found})
-    return key_figures([
-        ("Sensors", grouped(len(set(population["sensor"].tolist()))), "by their names"),
-        ("Logs", grouped(len(set(population["source"].tolist()))),
-         counted(len(population), "calibration")),
-        *((MEANINGS[name][0], grouped(number[name]),
-           f"{percent(number[name] / n)}, {MEANINGS[name][1]}") for name in VERDICTS),
-        ("Stand out", grouped(standing), "sensors unlike the others"),
-        ("Duplicates", grouped(len(same)), "logs that are there more than once"),
-    ])  # fmt: skip
+    return key_figures(
+        [
+            ("Sensors", grouped(len(set(population["sensor"].tolist()))), "by their names"),
+            (
+                "Logs",
+                grouped(len(set(population["source"].tolist()))),
+                counted(len(population), "calibration"),
+            ),
+            *(
+                (
+                    MEANINGS[name][0],
+                    grouped(number[name]),
+                    f"{percent(number[name] / n)}, {MEANINGS[name][1]}",
+                )
+                for name in VERDICTS
+            ),
+            ("Stand out", grouped(standing), "sensors unlike the others"),
+            ("Duplicates", grouped(len(same)), "logs that are there more than once"),
+        ]
+    )
 
 
 # ---- sensors that stand out ----------------------------------------------------------------------
@@ -67,19 +78,26 @@ def standing_out(
     rows = sorted(said, key=lambda row: (rank[row], row))
     few = [group for group in groups if not group.told]
     lines = [
-        element("p", f"{counted(len(group), 'sensor')} ({group.name}) cannot tell what is usual "
-                f"among them: at least {LEAST} are needed.", class_="aside")
+        element(
+            "p",
+            f"{counted(len(group), 'sensor')} ({group.name}) cannot tell what is usual "
+            f"among them: at least {LEAST} are needed.",
+            class_="aside",
+        )
         for group in few
-    ]  # fmt: skip
+    ]
     if not rows:
         told = any(group.told for group in groups)
         none = element("p", "No sensor stands out from the others.") if told else ""
         return markup(none, *lines)
     body = [
-        (named(population, row), element("span", population["source"][row], class_="source"),
-         minused(said[row]))
+        (
+            named(population, row),
+            element("span", population["source"][row], class_="source"),
+            minused(said[row]),
+        )
         for row in rows[:MOST_NAMED]
-    ]  # fmt: skip
+    ]
     more = len(rows) - len(body)
     if more > 0:
         words = f"{counted(more, 'more sensor')} of this kind: in the table, choose “stands out”."

@@ -240,8 +240,13 @@ def _calibrations(drift: Drift) -> list[Markup]:
     rows = list(drift.population)
     shown = rows[-MOST:]
     unit = unit_label(rows[-1].unit_in) if rows[-1].unit_in else ""
-    head = ["Date", "Verdict", *(f"Bias {i}{', ' + unit if unit else ''}" for i in "xyz"),
-            "Temperature", "Log"]  # fmt: skip
+    head = [
+        "Date",
+        "Verdict",
+        *(f"Bias {i}{', ' + unit if unit else ''}" for i in "xyz"),
+        "Temperature",
+        "Log",
+    ]
     made = [table(head, map(_row, shown[::-1]), class_="calibrations")]
     if any(UNDATED.name in row.findings for row in shown):
         made.append(element("p", "* the moment of adding: the log knows no date", class_="aside"))

@@ -103,11 +103,16 @@ def listing(
             for one in kept
         ],
         "departures": [
-            {"sensor": one.sensor, "kind": one.kind, "sentence": one.sentence,
-             "distance": one.distance, "p_value": one.p_value}
+            {
+                "sensor": one.sensor,
+                "kind": one.kind,
+                "sentence": one.sentence,
+                "distance": one.distance,
+                "p_value": one.p_value,
+            }
             for one in departed
         ],
-    }  # fmt: skip
+    }
 
 
 def listed(said: dict[str, Any]) -> list[str]:

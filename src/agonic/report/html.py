@@ -13,8 +13,13 @@ from agonic.report.quantities import unit_label
 from agonic.report.verdict import MEANINGS
 
 SUMMARY = (
-    "Sensor", "Verdict", "Readings", "Spread of magnitude", "Heading standard error", "Noise",
-)  # fmt: skip
+    "Sensor",
+    "Verdict",
+    "Readings",
+    "Spread of magnitude",
+    "Heading standard error",
+    "Noise",
+)
 
 
 def render(

@@ -167,8 +167,9 @@ def place_map(flight: Flight, limit: float) -> PlaceMap:
     row = np.minimum(((1 - y.share(latitude)) * below).astype(np.int64), below - 1)
     cell = (row * across + column)[flight.used]
     counts = np.bincount(cell, minlength=across * below)
-    sums = np.bincount(cell, np.clip(flight.residuals[flight.used], -limit, limit),
-                       minlength=across * below)  # fmt: skip
+    sums = np.bincount(
+        cell, np.clip(flight.residuals[flight.used], -limit, limit), minlength=across * below
+    )
     seen = np.flatnonzero(counts)
     means = sums[seen] / counts[seen]
     full = max(float(np.percentile(np.abs(means), 98)), 1e-9) if len(seen) else 1.0
@@ -231,6 +232,11 @@ def sigma_bar(sigmas: float, reach: float) -> Markup:
     ]
     said = f"{grouped(sigmas, 1)} standard errors"
     return element(
-        "svg", *parts, class_="sigma", viewBox="0 0 1000 100", preserveAspectRatio="none",
-        role="img", aria_label=said,
-    )  # fmt: skip
+        "svg",
+        *parts,
+        class_="sigma",
+        viewBox="0 0 1000 100",
+        preserveAspectRatio="none",
+        role="img",
+        aria_label=said,
+    )

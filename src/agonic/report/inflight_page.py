@@ -113,15 +113,19 @@ def _key_figures(flight: Flight) -> Markup:
     rms = float(np.sqrt(np.mean(flight.residuals[used] ** 2))) if used.any() else np.nan
     entries = {
         "Residual": (
-            quantity(rms, "nT"), "rms, before each was used" if flight.predicted else "rms"),
+            quantity(rms, "nT"),
+            "rms, before each was used" if flight.predicted else "rms",
+        ),
         "Bias known to": (
-            quantity(float(course.sd[-1].max()), unit, 2), "standard error of the worst axis"),
+            quantity(float(course.sd[-1].max()), unit, 2),
+            "standard error of the worst axis",
+        ),
         "Readings count as one": (
             quantity(flight.correlation, "", 2),
-            f"{quantity(flight.correlation * flight.step_s, 's', 2)} of them"),
-        "Readings": (
-            grouped(int(np.count_nonzero(used))), f"of {counted(len(used), 'reading')}"),
-    }  # fmt: skip
+            f"{quantity(flight.correlation * flight.step_s, 's', 2)} of them",
+        ),
+        "Readings": (grouped(int(np.count_nonzero(used))), f"of {counted(len(used), 'reading')}"),
+    }
     return key_figures((name, value, note) for name, (value, note) in entries.items())
 
 

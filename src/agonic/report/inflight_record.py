@@ -164,19 +164,23 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
         lasting_nT=lasting_nT,
         lasting_s=lasting_s,
         course=Course(
-            time=whole[:, 0], bias=whole[:, 1:4], sd=whole[:, 4:], unit=state.base.unit_in,
+            time=whole[:, 0],
+            bias=whole[:, 1:4],
+            sd=whole[:, 4:],
+            unit=state.base.unit_in,
             jumps=state.jumps,
         ),
         numbers=of_tracker(tracker),
         left_out={
             **samples.rejected,
             f"beyond {tracker.params.gate:g} standard deviations of its prediction": refused,
-            "learnt from, but before enough was known to judge by it": len(used) - refused
+            "learnt from, but before enough was known to judge by it": len(used)
+            - refused
             - int(np.count_nonzero(used)),
         },
         held_out={},
         chosen=None,
-    )  # fmt: skip
+    )
 
 
 def lasting_of(time: Array, residuals: Array, used: Mask) -> tuple[float, float]:

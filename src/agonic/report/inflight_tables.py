@@ -76,10 +76,15 @@ def of_sunlight(flight: Flight) -> Markup:
         error = scatter * float(np.sqrt(flight.correlation / len(values)))
         means.append(float(values.mean()))
         errors.append(error)
-        rows.append([
-            name, grouped(len(values)), with_sd(means[-1], error),
-            quantity(float(np.median(values)), "nT", 2), quantity(scatter, "nT", 2),
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                grouped(len(values)),
+                with_sd(means[-1], error),
+                quantity(float(np.median(values)), "nT", 2),
+                quantity(scatter, "nT", 2),
+            ]
+        )
     drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
     if len(means) < 2:
         said = "The whole record lies on one side of the shadow’s edge."
@@ -180,10 +185,13 @@ def causes(shares: list[Explained]) -> Markup:
         return element("p", "Too few readings to tell what the residuals go with.")
     named = [share for share in shares if share.named]
     rows = [
-        [sentence(share.what)[:-1], _of_variance(share.share),
-         sentence(share.cause) if share.named else NOTHING]
+        [
+            sentence(share.what)[:-1],
+            _of_variance(share.share),
+            sentence(share.cause) if share.named else NOTHING,
+        ]
         for share in shares
-    ]  # fmt: skip
+    ]
     said = (
         "Residuals that go with something have it as their likely cause."
         if named

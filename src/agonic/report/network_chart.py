@@ -79,9 +79,13 @@ def training_chart(fit: NetworkFit) -> Markup:
     if np.isfinite(unseen).any():
         curves.append(Curve("held out", epochs[np.isfinite(unseen)], unseen[np.isfinite(unseen)]))
     return chart(
-        "Training", "epoch", "mean square error, scaled", curves,
-        logarithmic=True, limits=[(1e-3, "0.001")],
-    )  # fmt: skip
+        "Training",
+        "epoch",
+        "mean square error, scaled",
+        curves,
+        logarithmic=True,
+        limits=[(1e-3, "0.001")],
+    )
 
 
 def table_chart(choice: NetworkChoice) -> Markup:
@@ -93,9 +97,13 @@ def table_chart(choice: NetworkChoice) -> Markup:
     ]
     based = [(choice.base_rms, "base, rms"), (choice.base_maximum, "base, largest")]
     return chart(
-        "Hidden nodes", "hidden nodes", "error, nT", curves, logarithmic=True,
+        "Hidden nodes",
+        "hidden nodes",
+        "error, nT",
+        curves,
+        logarithmic=True,
         limits=[(value, words) for value, words in based if value is not None],
-    )  # fmt: skip
+    )
 
 
 def _height(values: ArrayLike, logarithmic: bool) -> Array:
@@ -168,8 +176,11 @@ def _curve(x: Axis, y: Axis, along: Array, heights: Array, curve: Curve, number:
         along, heights = along[starts], np.maximum.reduceat(heights, starts)
     right, down = _right(x, along), _down(y, heights)
     line = "L".join(f"{r:.1f} {d:.1f}" for r, d in zip(right, down, strict=True))
-    dots = [element("circle", cx=f"{r:.1f}", cy=f"{d:.1f}", r=4, fill=colour)
-            for r, d in zip(right, down, strict=True) if curve.dots]  # fmt: skip
+    dots = [
+        element("circle", cx=f"{r:.1f}", cy=f"{d:.1f}", r=4, fill=colour)
+        for r, d in zip(right, down, strict=True)
+        if curve.dots
+    ]
     return element("g", element("path", d=f"M{line}", class_="curve", stroke=colour), *dots)
 
 
@@ -179,8 +190,9 @@ def _legend(curves: Sequence[Curve]) -> list[Markup]:
     for number, curve in reversed(list(enumerate(curves))):
         colour = COLOURS[number % len(COLOURS)]
         parts.append(
-            element("text", curve.label, x=f"{at:.0f}", y=22, text_anchor="end",
-                    style=f"fill:{colour}")
-        )  # fmt: skip
+            element(
+                "text", curve.label, x=f"{at:.0f}", y=22, text_anchor="end", style=f"fill:{colour}"
+            )
+        )
         at -= 8.0 * len(curve.label) + 20.0
     return parts

@@ -54,9 +54,12 @@ def network_page(
         keys = _BOTH if comparison.base else {"by-network": "the network"}
         note = "Each block of time by what was trained on the other three of four."
         parts.append(
-            part(name, *tables.compared(comparison, network.target),
-                 captioned("Error over time", drawn, keys, note))
-        )  # fmt: skip
+            part(
+                name,
+                *tables.compared(comparison, network.target),
+                captioned("Error over time", drawn, keys, note),
+            )
+        )
     if choice is not None:
         parts.append(part("Hidden nodes", tables.nodes(choice), _chosen(choice)))
     keys = {"training": "trained on"} | ({} if fit.base else {"limit": "0.001, as published"})
@@ -143,11 +146,13 @@ def _key_figures(fit: NetworkFit) -> Markup:
         errors = [("Unseen, network", comparison.network.rms, of)]
         if comparison.base is not None:
             errors.append(("Unseen, base", comparison.base.rms, of))
-    return key_figures([
-        *((name, quantity(value, "nT"), note) for name, value, note in errors),
-        ("Trained in", counted(fit.iterations, "epoch"), counted(fit.n, "reading")),
-        ("Weights determined", grouped(fit.effective, 1), f"of {size}, by the evidence"),
-    ])  # fmt: skip
+    return key_figures(
+        [
+            *((name, quantity(value, "nT"), note) for name, value, note in errors),
+            ("Trained in", counted(fit.iterations, "epoch"), counted(fit.n, "reading")),
+            ("Weights determined", grouped(fit.effective, 1), f"of {size}, by the evidence"),
+        ]
+    )
 
 
 def _chosen(choice: NetworkChoice) -> Markup:

@@ -54,10 +54,14 @@ def nodes(choice: NetworkChoice) -> Markup:
     lines = []
     for row in choice.table:
         cells = [
-            f"{row.hidden}", f"{row.regression:.5f}", grouped(row.maximum, 2), grouped(row.rms, 2),
-            f"{row.unseen_regression:.5f}", grouped(row.unseen_maximum, 2),
+            f"{row.hidden}",
+            f"{row.regression:.5f}",
+            grouped(row.maximum, 2),
+            grouped(row.rms, 2),
+            f"{row.unseen_regression:.5f}",
+            grouped(row.unseen_maximum, 2),
             grouped(row.unseen_rms, 2),
-        ]  # fmt: skip
+        ]
         lines.append(_line(cells, "chosen" if row.hidden == chosen else None))
     if choice.base_rms is not None and choice.base_maximum is not None:
         cells = [
@@ -87,8 +91,10 @@ def weights(network: Network) -> Markup:
     outputs = ["x", "y", "z"] if shape.outputs == 3 else ["along"]
 
     def cells(values: Array, sds: Array | None, j: int) -> list[str]:
-        return [with_sd(float(v), None if sds is None else float(sds[j, k])) for k, v in
-                enumerate(values[j])]  # fmt: skip
+        return [
+            with_sd(float(v), None if sds is None else float(sds[j, k]))
+            for k, v in enumerate(values[j])
+        ]
 
     inner = [[names[j], *cells(network.hidden, of_u, j)] for j in range(shape.hidden)]
     outer = [

@@ -19,13 +19,18 @@ from agonic.report.verdict import MEANINGS
 WIDTH, NOTHING = 98, "–"
 METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
 FRAMES = {
-    "m": "magnetometer", "b": "platform", "c": "star sensor", "n": "north, east, down",
-    "e": "Earth-fixed", "i": "inertial",
-}  # fmt: skip
+    "m": "magnetometer",
+    "b": "platform",
+    "c": "star sensor",
+    "n": "north, east, down",
+    "e": "Earth-fixed",
+    "i": "inertial",
+}
 ANGLES = {
-    "n": ("azimuth", "elevation"), "i": ("right ascension", "declination"),
+    "n": ("azimuth", "elevation"),
+    "i": ("right ascension", "declination"),
     "e": ("longitude", "latitude"),
-}  # fmt: skip
+}
 
 
 def north_text(fit: NorthFit) -> str:
@@ -168,10 +173,17 @@ def gravity_text(fit: GravityFit, name: str) -> str:
     sd = "   ".join(
         f"{a} {significant(float(s), 2)}°" for a, s in zip("xyz", fit.sd_deg, strict=True)
     )
-    return _text(fit, name, about, {
-        "Turn": f"{quantity(fit.angle_deg, '°', 4)}", "Error": f"about the accelerometer's {sd}",
-        "Matrix": matrix, "Dip": f"{grouped(fit.inclination_deg, 2)}°",
-    })  # fmt: skip
+    return _text(
+        fit,
+        name,
+        about,
+        {
+            "Turn": f"{quantity(fit.angle_deg, '°', 4)}",
+            "Error": f"about the accelerometer's {sd}",
+            "Matrix": matrix,
+            "Dip": f"{grouped(fit.inclination_deg, 2)}°",
+        },
+    )
 
 
 def _text(fit: Judged, name: str, about: str, entries: Mapping[str, str]) -> str:
@@ -184,9 +196,12 @@ def _text(fit: Judged, name: str, about: str, entries: Mapping[str, str]) -> str
     wide = max(map(len, entries)) + 2
     for key, text in entries.items():
         lines += textwrap.wrap(
-            text, WIDTH, initial_indent=f"  {key:<{wide}}", subsequent_indent=" " * (wide + 2),
+            text,
+            WIDTH,
+            initial_indent=f"  {key:<{wide}}",
+            subsequent_indent=" " * (wide + 2),
             break_long_words=False,
-        )  # fmt: skip
+        )
     return "\n".join(lines)
 
 

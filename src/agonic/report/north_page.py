@@ -35,11 +35,13 @@ def north_page(fit: NorthFit, *, title: str = "") -> str:
         parts.append(part("The swing", _swing(fit)))
     rows = words.platform_rows(fit)
     if fit.aligned is not None:
-        parts.append(part(
-            "Residuals of the platform",
-            bars(fit.aligned.residuals, fit.aligned.residuals_sd, fit.aligned.orientation),
-            table(words.PLATFORM_HEAD, rows, class_="numbers small"),
-        ))  # fmt: skip
+        parts.append(
+            part(
+                "Residuals of the platform",
+                bars(fit.aligned.residuals, fit.aligned.residuals_sd, fit.aligned.orientation),
+                table(words.PLATFORM_HEAD, rows, class_="numbers small"),
+            )
+        )
     if fit.calibration is not None:
         parts.append(part("Provenance", provenance(fit.calibration, None)))
     return page(fit, "North by a gyrotheodolite", title or fit.session.name or "north", parts)
@@ -56,12 +58,17 @@ def di_flux_page(fit: DiFluxFit, *, title: str = "") -> str:
     sheet = fit.sheet
     numbers = np.unique(sheet.setting)
     rows = [
-        [str(k + 1), f"{grouped(float(sheet.horizontal_deg[own].mean()), 4)}°",
-         f"{grouped(float(sheet.zenith_deg[own].mean()), 4)}°",
-         grouped(float(sheet.reading[own].mean()), 2), grouped(float(-left), 2)]
+        [
+            str(k + 1),
+            f"{grouped(float(sheet.horizontal_deg[own].mean()), 4)}°",
+            f"{grouped(float(sheet.zenith_deg[own].mean()), 4)}°",
+            grouped(float(sheet.reading[own].mean()), 2),
+            grouped(float(-left), 2),
+        ]
         for k, (own, left) in enumerate(
-            zip([sheet.setting == n for n in numbers], fit.estimate.residuals, strict=True))
-    ]  # fmt: skip
+            zip([sheet.setting == n for n in numbers], fit.estimate.residuals, strict=True)
+        )
+    ]
     head = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
     parts = [
         part("What was found", definitions(words.di_flux_entries(fit))),
@@ -112,20 +119,39 @@ def _swing(fit: NorthFit) -> Markup:
     ]
     north = float(y(float(swing.params[0])))
     ticks = [
-        element("text", f"{grouped(value, 3)}°", x=f"{LEFT - 6:g}", y=f"{float(y(value)) + 4:.1f}",
-                class_="tick")
+        element(
+            "text",
+            f"{grouped(value, 3)}°",
+            x=f"{LEFT - 6:g}",
+            y=f"{float(y(value)) + 4:.1f}",
+            class_="tick",
+        )
         for value in (low, float(swing.params[0]), high)
-    ]  # fmt: skip
+    ]
     ends = [
-        element("text", f"{seconds:.0f} s", x=f"{float(x(np.array(seconds))):.1f}",
-                y=f"{HIGH - 6:g}", class_="tick middle")
+        element(
+            "text",
+            f"{seconds:.0f} s",
+            x=f"{float(x(np.array(seconds))):.1f}",
+            y=f"{HIGH - 6:g}",
+            class_="tick middle",
+        )
         for seconds in (0.12 * since[-1], 0.5 * since[-1], 0.95 * since[-1])
-    ]  # fmt: skip
+    ]
     drawn = element(
-        "svg", element("path", d=f"M{LEFT} {north:.1f}H{WIDE}", class_="zero"),
-        element("polyline", points=line, class_="zero", fill="none"), *dots, *ticks, *ends,
-        class_="bars", viewBox=f"0 0 {WIDE:g} {HIGH:g}", role="img",
+        "svg",
+        element("path", d=f"M{LEFT} {north:.1f}H{WIDE}", class_="zero"),
+        element("polyline", points=line, class_="zero", fill="none"),
+        *dots,
+        *ticks,
+        *ends,
+        class_="bars",
+        viewBox=f"0 0 {WIDE:g} {HIGH:g}",
+        role="img",
         aria_label="Readings of the circle that follow the gyro",
-    )  # fmt: skip
-    return element("figure", drawn, element("figcaption", "Circle against time; the line across is "
-                   "the gyro’s north"))  # fmt: skip
+    )
+    return element(
+        "figure",
+        drawn,
+        element("figcaption", "Circle against time; the line across is the gyro’s north"),
+    )

@@ -14,9 +14,13 @@ Array = NDArray[np.float64]
 HALF = np.array([1.25, 0.85, 0.5])
 """Half the length (front), width (right side) and height (bottom) of the box."""
 FACES: tuple[tuple[str, tuple[int, int, int]], ...] = (
-    ("front", (1, 0, 0)), ("rear", (-1, 0, 0)), ("right", (0, 1, 0)), ("left", (0, -1, 0)),
-    ("bottom", (0, 0, 1)), ("top", (0, 0, -1)),
-)  # fmt: skip
+    ("front", (1, 0, 0)),
+    ("rear", (-1, 0, 0)),
+    ("right", (0, 1, 0)),
+    ("left", (0, -1, 0)),
+    ("bottom", (0, 0, 1)),
+    ("top", (0, 0, -1)),
+)
 AZIMUTH_DEG, ELEVATION_DEG = 28.0, 30.0
 """The eye stands at the door, this far to the left and above: it sees what looks to the door, to
 the left and up."""
@@ -50,9 +54,13 @@ def pose_drawing(rot_nb: Rotation, label: str) -> Markup:
         if (turned @ normal)[2] < -1e-9:
             parts += _face(name, np.array(normal, dtype=np.float64), turned)
     return element(
-        "svg", *parts, class_="pose", viewBox=f"0 0 {_BOX[0]:g} {_BOX[1]:g}", role="img",
+        "svg",
+        *parts,
+        class_="pose",
+        viewBox=f"0 0 {_BOX[0]:g} {_BOX[1]:g}",
+        role="img",
         aria_label=label,
-    )  # fmt: skip
+    )
 
 
 def _pixels(points: Array) -> Array:
@@ -130,18 +138,26 @@ def profile_drawing(profile: Profile) -> Markup:
     edge = float(x(np.array(before)))
     parts = [
         element(
-            "rect", x=f"{edge:.1f}", y=TOP, width=f"{WIDTH - RIGHT - edge:.1f}",
-            height=HEIGHT - TOP - BOTTOM, class_="recorded",
+            "rect",
+            x=f"{edge:.1f}",
+            y=TOP,
+            width=f"{WIDTH - RIGHT - edge:.1f}",
+            height=HEIGHT - TOP - BOTTOM,
+            class_="recorded",
         ),
         *_grid(x, y, low, high, total),
         element("path", d=_path(x(unrecorded), y(first)), class_="course before"),
         element("path", d=_path(x(time + before), y(level)), class_="course"),
         element("text", "recorded", x=f"{edge + 6:.1f}", y=TOP + 14, class_="title"),
-    ]  # fmt: skip
+    ]
     return element(
-        "svg", *parts, class_="profile", viewBox=f"0 0 {WIDTH:g} {HEIGHT:g}", role="img",
+        "svg",
+        *parts,
+        class_="profile",
+        viewBox=f"0 0 {WIDTH:g} {HEIGHT:g}",
+        role="img",
         aria_label="temperature of the chamber over time",
-    )  # fmt: skip
+    )
 
 
 def _grid(x, y, low: float, high: float, total: float) -> list[Markup]:  # type: ignore[no-untyped-def]
@@ -152,9 +168,14 @@ def _grid(x, y, low: float, high: float, total: float) -> list[Markup]:  # type:
         at = float(y(level))
         parts.append(element("path", d=f"M{LEFT},{at:.1f}H{WIDTH - RIGHT}", class_="grid"))
         parts.append(
-            element("text", f"{level:+.0f} °C".replace("+0", "0"), x=LEFT - 6, y=f"{at + 4:.1f}",
-                    text_anchor="end")
-        )  # fmt: skip
+            element(
+                "text",
+                f"{level:+.0f} °C".replace("+0", "0"),
+                x=LEFT - 6,
+                y=f"{at + 4:.1f}",
+                text_anchor="end",
+            )
+        )
     pace = 1800.0 if total <= 6.5 * 3600 else 3600.0 * max(1, round(total / 3600 / 10))
     for seconds in np.arange(0.0, total + 1.0, pace):
         at = float(x(seconds))

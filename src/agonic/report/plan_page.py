@@ -61,9 +61,11 @@ def _stations(plan: ThermalPlan) -> Markup:
         "once: front, rear, right, left, top, bottom, and write them on it."
     )
     return element(
-        "section", element("h2", "Stations"), element("p", note, class_="aside"),
+        "section",
+        element("h2", "Stations"),
+        element("p", note, class_="aside"),
         element("div", *cards, class_="stations"),
-    )  # fmt: skip
+    )
 
 
 def _card(plan: ThermalPlan, station: Station, turn: str) -> Markup:
@@ -85,9 +87,13 @@ def _card(plan: ThermalPlan, station: Station, turn: str) -> Markup:
 
 def _expected(plan: ThermalPlan) -> Markup:
     head = [
-        "Sensor", "Noise, nT", "Bias, magnitude alone", "Matrix × field, magnitude alone",
-        "Bias, turns known", "Matrix × field, turns known",
-    ]  # fmt: skip
+        "Sensor",
+        "Noise, nT",
+        "Bias, magnitude alone",
+        "Matrix × field, magnitude alone",
+        "Bias, turns known",
+        "Matrix × field, turns known",
+    ]
     return element(
         "section",
         element("h2", "Standard errors to expect"),
@@ -100,7 +106,9 @@ def _expected(plan: ThermalPlan) -> Markup:
 def _after(plan: ThermalPlan) -> Markup:
     command = element("code", "agonic fit thermal FOLDER -o RESULTS")
     return element(
-        "p", f"Put the {len(plan.stations)} recordings and campaign.toml into one folder, then ",
-        command, ". It says whether the programme was followed, and calibrates all sensors.",
+        "p",
+        f"Put the {len(plan.stations)} recordings and campaign.toml into one folder, then ",
+        command,
+        ". It says whether the programme was followed, and calibrates all sensors.",
         class_="aside",
-    )  # fmt: skip
+    )

@@ -27,9 +27,16 @@ PER = {"current": "per A", "throttle": "at full throttle", "second": "per unit"}
 """What a source is counted in."""
 _PAIRS = ("xy", "xz", "yz")
 _ENTRIES = {
-    "xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2),
-    "yx": (1, 0), "zx": (2, 0), "zy": (2, 1),
-}  # fmt: skip
+    "xx": (0, 0),
+    "yy": (1, 1),
+    "zz": (2, 2),
+    "xy": (0, 1),
+    "xz": (0, 2),
+    "yz": (1, 2),
+    "yx": (1, 0),
+    "zx": (2, 0),
+    "zy": (2, 1),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,12 +147,14 @@ def _of_mix(result: Calibrated) -> list[Group]:
     ]
     return groups + [
         _alone(
-            new, f"Added by {names[k]}",
-            f"{unit_label(new.unit_in)} {PER[names[k].split('_')[0]]}", _AXES,
+            new,
+            f"Added by {names[k]}",
+            f"{unit_label(new.unit_in)} {PER[names[k].split('_')[0]]}",
+            _AXES,
             partial(_signal, k),
         )
         for k in others
-    ]  # fmt: skip
+    ]
 
 
 def _signal(k: int, calibration: Affine) -> Array:
@@ -227,8 +236,10 @@ def _moved(calibration: Affine, by: Array) -> Affine:
     size = basis.shape[1]
     bias, matrix = split(basis @ by[:size])
     changed: dict[str, Any] = {
-        "bias": calibration.bias + bias, "matrix": calibration.matrix + matrix, "covariance": None
-    }  # fmt: skip
+        "bias": calibration.bias + bias,
+        "matrix": calibration.matrix + matrix,
+        "covariance": None,
+    }
     if isinstance(calibration, Interference):
         changed["coefficients"] = calibration.coefficients + by[size:].reshape(3, -1)
     return replace(calibration, **changed)

@@ -14,12 +14,42 @@ from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.interference import Interference
 
 FIELDS = (
-    "sensor", "method", "reason", "model", "verdict", "status", "n", "unit", "bias_nT",
-    "bias_sd_nT", "bias", "bias_sd", "matrix", "matrix_sd", "gauge", "sources", "coefficients",
-    "coefficients_sd", "second_sensor", "latency_s", "latency_sd_s", "magnitude", "noise_nT",
-    "noise", "correlation", "spread_before", "spread_after", "residual_rms_nT", "heading_sd_deg",
-    "inclination_deg", "coverage", "findings", "checks", "files", "warnings",
-)  # fmt: skip
+    "sensor",
+    "method",
+    "reason",
+    "model",
+    "verdict",
+    "status",
+    "n",
+    "unit",
+    "bias_nT",
+    "bias_sd_nT",
+    "bias",
+    "bias_sd",
+    "matrix",
+    "matrix_sd",
+    "gauge",
+    "sources",
+    "coefficients",
+    "coefficients_sd",
+    "second_sensor",
+    "latency_s",
+    "latency_sd_s",
+    "magnitude",
+    "noise_nT",
+    "noise",
+    "correlation",
+    "spread_before",
+    "spread_after",
+    "residual_rms_nT",
+    "heading_sd_deg",
+    "inclination_deg",
+    "coverage",
+    "findings",
+    "checks",
+    "files",
+    "warnings",
+)
 """The keys of a record, kept stable."""
 
 

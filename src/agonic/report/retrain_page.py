@@ -21,8 +21,10 @@ KICKER = "Network kept up to date"
 MOST = 200
 """Rows of the table of retrainings."""
 _WHY = {
-    "period": "a period is over", "change": "residual changed", "settling": "more was seen of it",
-}  # fmt: skip
+    "period": "a period is over",
+    "change": "residual changed",
+    "settling": "more was seen of it",
+}
 
 
 def retrain_page(retrainer: Retrainer, seen: Corrected, *, title: str = "") -> str:
@@ -74,12 +76,14 @@ def _key_figures(retrainer: Retrainer, seen: Corrected) -> Markup:
     accepted = sum(one.accepted for one in seen.retrainings)
     of = "of a component" if seen.residual.shape[1] == 3 else "of the magnitude"
     noise = float("nan") if state.noise is None else state.noise
-    return key_figures([
-        ("Residual", quantity(rms, "nT"), "rms, each reading before it was learned"),
-        ("Largest", quantity(largest, "nT"), of),
-        ("Accepted", grouped(accepted), f"of {counted(len(seen.retrainings), 'retraining')}"),
-        ("Left now", quantity(noise, "nT", 2), "standard deviation on an axis"),
-    ])  # fmt: skip
+    return key_figures(
+        [
+            ("Residual", quantity(rms, "nT"), "rms, each reading before it was learned"),
+            ("Largest", quantity(largest, "nT"), of),
+            ("Accepted", grouped(accepted), f"of {counted(len(seen.retrainings), 'retraining')}"),
+            ("Left now", quantity(noise, "nT", 2), "standard deviation on an axis"),
+        ]
+    )
 
 
 def _residual(seen: Corrected) -> list[Markup]:
@@ -89,8 +93,11 @@ def _residual(seen: Corrected) -> list[Markup]:
     keys = {"range": "least to largest", "mean": "median"}
     if 'class="middle"' in drawn:
         keys["middle"] = "the middle two thirds"
-    for name, words in (("accepted", "retraining accepted"), ("rejected", "rejected"),
-                        ("onset", "a change began")):  # fmt: skip
+    for name, words in (
+        ("accepted", "retraining accepted"),
+        ("rejected", "rejected"),
+        ("onset", "a change began"),
+    ):
         if f'class="{name}"' in drawn:
             keys[name] = words
     note = "Field as corrected less the known one, by what was running when each reading came."
@@ -145,12 +152,15 @@ def _settings(retrainer: Retrainer) -> Markup:
     elif params.every_n is not None:
         every = f"every {grouped(params.every_n)} readings"
     alarm = f"lasting shifts of about {params.shift_sd:g} standard deviations and more"
-    return common.definitions({
-        "Window": window,
-        "Retrained": every,
-        "Taught by": f"the {params.target}",
-        "Changes noticed": alarm if params.alarm else "none: the alarm is off",
-        "Learned after": f"{grouped(params.fewest)} readings, and again as the window fills",
-        "Rejected": f"candidates that err {params.misfit:g} times as much as before, or move the "
-        f"field by more than {100 * params.furthest:g} %",
-    })  # fmt: skip
+    return common.definitions(
+        {
+            "Window": window,
+            "Retrained": every,
+            "Taught by": f"the {params.target}",
+            "Changes noticed": alarm if params.alarm else "none: the alarm is off",
+            "Learned after": f"{grouped(params.fewest)} readings, and again as the window fills",
+            "Rejected": f"candidates that err {params.misfit:g} times as much as before, or "
+            f"move the "
+            f"field by more than {100 * params.furthest:g} %",
+        }
+    )

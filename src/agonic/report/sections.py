@@ -50,15 +50,26 @@ def _key_figures(result: Calibrated) -> Markup:
     """The four numbers to look at first."""
     fit, verification = result.fit, result.verification
     coverage = fit.coverage
-    return blocks.key_figures([
-        ("Spread of magnitude", tables.spread(verification), "held out, before → after"),
-        ("Heading standard error", degrees(coverage.heading_sd_deg),
-         f"level, at {grouped(coverage.inclination_deg)}° inclination"),
-        ("Noise", quantity(fit.noise, unit_label(fit.calibration.unit_in), 2),
-         "one reading on one axis"),
-        ("Coverage", f"{np.count_nonzero(coverage.cells)} of {len(coverage.cells)}",
-         f"directions, from {counted(fit.n, 'reading')}"),
-    ])  # fmt: skip
+    return blocks.key_figures(
+        [
+            ("Spread of magnitude", tables.spread(verification), "held out, before → after"),
+            (
+                "Heading standard error",
+                degrees(coverage.heading_sd_deg),
+                f"level, at {grouped(coverage.inclination_deg)}° inclination",
+            ),
+            (
+                "Noise",
+                quantity(fit.noise, unit_label(fit.calibration.unit_in), 2),
+                "one reading on one axis",
+            ),
+            (
+                "Coverage",
+                f"{np.count_nonzero(coverage.cells)} of {len(coverage.cells)}",
+                f"directions, from {counted(fit.n, 'reading')}",
+            ),
+        ]
+    )
 
 
 def _logged_note(result: Calibrated) -> Markup:
@@ -107,16 +118,25 @@ def _spheres(result: Calibrated, most: int) -> list[Markup]:
             " magnitude against its mean, in the same colours before and after",
             class_="legend",
         ),
-        element("p", _thinned_note(len(result.samples), most), " ",
-                element("span", TURNING, class_="screen-only"), class_="aside"),
-    ]  # fmt: skip
+        element(
+            "p",
+            _thinned_note(len(result.samples), most),
+            " ",
+            element("span", TURNING, class_="screen-only"),
+            class_="aside",
+        ),
+    ]
 
 
 def _picture(part: str, shows: str, caption: str, **attributes: str) -> Markup:
     canvas = element(
-        "canvas", shows, data_part=part, tabindex=0, role="img",
+        "canvas",
+        shows,
+        data_part=part,
+        tabindex=0,
+        role="img",
         aria_label=f"{shows} Arrow keys turn it.",
-    )  # fmt: skip
+    )
     return element("figure", canvas, element("figcaption", caption), **attributes)
 
 

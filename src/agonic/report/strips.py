@@ -240,31 +240,43 @@ def beyond_words(values: Array, limit: float, unit: str) -> str:
 
 
 def plot(
-    x: Axis, y: Axis, layers: Sequence[Markup], label: str, signs: Sequence[Markup] = (),
+    x: Axis,
+    y: Axis,
+    layers: Sequence[Markup],
+    label: str,
+    signs: Sequence[Markup] = (),
     kind: str = "",
-) -> Markup:  # fmt: skip
+) -> Markup:
     """A strip: the area, the ticks at its left and foot, and signs that are not stretched."""
     left, foot = y.ticks(), x.ticks()
     lines = [
         *(path(f"M0 {at:.0f}H1000", "grid") for at in down(y, left)),
         *(path(f"M{at:.0f} 0V1000", "grid") for at in right(x, foot)),
     ]
-    beyond = (
-        [element("svg", *signs, class_="beyond", aria_hidden="true")] if signs else []
-    )  # fmt: skip
+    beyond = [element("svg", *signs, class_="beyond", aria_hidden="true")] if signs else []
     return element(
         "div",
         element("p", y.label, class_="axis axis-y"),
-        element("svg", *_tick_texts("y", left, down(y, left)), class_="ticks-y",
-                aria_hidden="true"),
-        element("svg", *lines, *layers, class_="area", viewBox="0 0 1000 1000",
-                preserveAspectRatio="none", role="img", aria_label=label),
+        element(
+            "svg", *_tick_texts("y", left, down(y, left)), class_="ticks-y", aria_hidden="true"
+        ),
+        element(
+            "svg",
+            *lines,
+            *layers,
+            class_="area",
+            viewBox="0 0 1000 1000",
+            preserveAspectRatio="none",
+            role="img",
+            aria_label=label,
+        ),
         *beyond,
-        element("svg", *_tick_texts("x", foot, right(x, foot)), class_="ticks-x",
-                aria_hidden="true"),
+        element(
+            "svg", *_tick_texts("x", foot, right(x, foot)), class_="ticks-x", aria_hidden="true"
+        ),
         element("p", x.label, class_="axis axis-x"),
         class_=f"plot {kind}".strip(),
-    )  # fmt: skip
+    )
 
 
 def _tick_texts(coordinate: str, ticks: Array, places: Array) -> list[Markup]:

@@ -28,9 +28,13 @@ from agonic.verification import Check, Verification
 NOTHING = "–"
 
 FRAMES = {
-    "m": "magnetometer", "b": "body: forward, right, down", "c": "star camera",
-    "n": "north, east, down", "e": "Earth-fixed", "i": "inertial",
-}  # fmt: skip
+    "m": "magnetometer",
+    "b": "body: forward, right, down",
+    "c": "star camera",
+    "n": "north, east, down",
+    "e": "Earth-fixed",
+    "i": "inertial",
+}
 
 ICONS = {
     "good": "M3.5 8.5l3 3 6-7",
@@ -92,10 +96,15 @@ def _number_cells(q: Quantity, compared: bool) -> list[str]:
 def checks(verification: Verification) -> Markup:
     """The named checks: value, limit, verdict and meaning."""
     rows = [
-        [check.name, quantity(check.value, check.unit), _limit(check), _outcome(check),
-         minused(sentence(check.meaning))]
+        [
+            check.name,
+            quantity(check.value, check.unit),
+            _limit(check),
+            _outcome(check),
+            minused(sentence(check.meaning)),
+        ]
         for check in verification.checks
-    ]  # fmt: skip
+    ]
     return table(["Check", "Value", "Limit", "Verdict", "Meaning"], rows, class_="checks")
 
 
@@ -122,12 +131,17 @@ def method(result: Calibrated) -> Markup:
         return chosen
     items = (
         element(
-            "li", minused(sentence(test.sentence)),
-            element("span", f" {test.larger} against {test.smaller}: statistic "
-                    f"{test.statistic:.3g}, p = {test.p_value:.2g}", class_="aside"),
+            "li",
+            minused(sentence(test.sentence)),
+            element(
+                "span",
+                f" {test.larger} against {test.smaller}: statistic "
+                f"{test.statistic:.3g}, p = {test.p_value:.2g}",
+                class_="aside",
+            ),
         )
         for test in fit.tests
-    )  # fmt: skip
+    )
     return markup(chosen, element("ul", *items))
 
 

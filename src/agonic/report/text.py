@@ -74,9 +74,13 @@ def _beside(result: Calibrated) -> Iterator[str]:
 
 def _wrapped(label: str, text: str) -> list[str]:
     return textwrap.wrap(
-        _plain(minused(text)), width=WIDTH, initial_indent=f"  {label:<10}" if label else "  ",
-        subsequent_indent=" " * (12 if label else 2), max_lines=_MOST_LINES, placeholder=" …",
-    )  # fmt: skip
+        _plain(minused(text)),
+        width=WIDTH,
+        initial_indent=f"  {label:<10}" if label else "  ",
+        subsequent_indent=" " * (12 if label else 2),
+        max_lines=_MOST_LINES,
+        placeholder=" …",
+    )
 
 
 def _plain(text: str) -> str:

@@ -178,8 +178,11 @@ def orders(variances: Array, chosen: int) -> Markup:
     order = np.arange(variances.shape[1], dtype=np.float64)
     x = Axis("order of the polynomial", -0.3, float(order[-1]) + 0.3)
     top = float(shown[known].max())
-    y = Axis("variance of the scaled residuals, power of ten", min(-0.2, float(shown[known].min())),
-             max(1.0, 1.05 * top))  # fmt: skip
+    y = Axis(
+        "variance of the scaled residuals, power of ten",
+        min(-0.2, float(shown[known].min())),
+        max(1.0, 1.05 * top),
+    )
     layers = [path(f"M{float(right(x, np.array(float(chosen)))):.1f} 0V1000", "chosen")]
     for k, row in enumerate(shown):
         there = np.isfinite(row)

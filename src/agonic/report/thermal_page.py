@@ -70,7 +70,7 @@ def campaign_page(
                 for k, one in enumerate(result.sensors, start=1)
             ),
         ),
-    )  # fmt: skip
+    )
     return document(name, body, style=static("report.css") + static("thermal.css"))
 
 
@@ -107,7 +107,7 @@ def thermal_page(
     body = markup(
         header("Calibration over temperature", name),
         element("main", key_figures(thermal, None), *parts),
-    )  # fmt: skip
+    )
     return document(name, body, style=static("report.css") + static("thermal.css"))
 
 
@@ -183,13 +183,16 @@ def _chamber(found: ChamberField | None) -> list[Markup]:
     )
     return [
         captioned(
-            "Changes of the field at each station, less their mean", drawn,
+            "Changes of the field at each station, less their mean",
+            drawn,
             {"common": "common to all sensors", "each": "each sensor, mean of a window"},
         ),
         element("p", said),
         tables.parts(found),
         element(
-            "p", "Standard deviations of the means of windows, on one axis. “Its own” is what the "
-            "polynomials leave, lag and rounding.", class_="aside",
+            "p",
+            "Standard deviations of the means of windows, on one axis. “Its own” is what the "
+            "polynomials leave, lag and rounding.",
+            class_="aside",
         ),
-    ]  # fmt: skip
+    ]

@@ -18,9 +18,11 @@ from agonic.report.strips import captioned
 from agonic.report.verdict import moves, sentence
 
 _COEFFICIENTS = {
-    "cooling": "one bin, cooling", "heating": "one bin, heating", "curve": "polynomial",
+    "cooling": "one bin, cooling",
+    "heating": "one bin, heating",
+    "curve": "polynomial",
     "band": "± 2 standard errors",
-}  # fmt: skip
+}
 
 _OFF = "Off the chamber’s magnitude: rms of the means of bins, their noise included."
 
@@ -72,9 +74,12 @@ def key_figures(calibration: Thermal, fit: ThermalFit | None) -> Markup:
     entries = [
         ("Range", minused(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
         ("Bias known to", quantity(bias, unit, 2), "standard error at the worst temperature"),
-        ("Matrix × field known to",
-         quantity(matrix, unit_label(calibration.unit_out), 2), "the same"),
-    ]  # fmt: skip
+        (
+            "Matrix × field known to",
+            quantity(matrix, unit_label(calibration.unit_out), 2),
+            "the same",
+        ),
+    ]
     if fit is not None:
         entries.append(("Spread of |B|", tables.spread_words(fit), "largest of the stations"))
     elif calibration.noise is not None:

@@ -93,20 +93,26 @@ def ratios(
 def _beside(words: str, values: list[str], width: int) -> Markup:
     cells = [*values, *[""] * (width - 1 - len(values))]
     return element(
-        "tr", element("th", words, scope="row"), *(element("td", cell) for cell in cells),
+        "tr",
+        element("th", words, scope="row"),
+        *(element("td", cell) for cell in cells),
         class_="beside",
-    )  # fmt: skip
+    )
 
 
 def parts(found: ChamberField) -> Markup:
     """What the changes at a station consist of, for every sensor."""
     head = ["Sensor", "Changes in all", "Chamber’s field", "Noise of the readings", "Its own"]
     rows = [
-        [share.name, *(quantity(value, "nT", 2) if value >= 0.05 else "none"
-                       for value in (share.total_sd, found.common_sd, share.noise_sd,
-                                     share.own_sd))]
+        [
+            share.name,
+            *(
+                quantity(value, "nT", 2) if value >= 0.05 else "none"
+                for value in (share.total_sd, found.common_sd, share.noise_sd, share.own_sd)
+            ),
+        ]
         for share in found.shares
-    ]  # fmt: skip
+    ]
     return table(head, rows, class_="parts")
 
 

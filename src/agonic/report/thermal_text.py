@@ -37,9 +37,13 @@ def _sensor(sensor: CalibratedSensor) -> str:
     word = MEANINGS[sensor.verdict][0].lower()
     lines = [f"{SIGNS[sensor.verdict]} {sensor.name}: {word}"]
     lines += textwrap.wrap(
-        sentence(sensor.status), WIDTH, initial_indent="  ", subsequent_indent="  ",
-        max_lines=_MOST_LINES, placeholder=" …",
-    )  # fmt: skip
+        sentence(sensor.status),
+        WIDTH,
+        initial_indent="  ",
+        subsequent_indent="  ",
+        max_lines=_MOST_LINES,
+        placeholder=" …",
+    )
     if sensor.fit is not None:
         lines += _numbers(sensor.fit.calibration)
         lines += _improvement(sensor.fit)

@@ -61,9 +61,13 @@ def _axis(label: str, values: Array) -> Axis:
 
 
 def _strip(
-    x: Axis, along: Array, verification: Verification, unit: str, beyond: NDArray[np.bool_],
+    x: Axis,
+    along: Array,
+    verification: Verification,
+    unit: str,
+    beyond: NDArray[np.bool_],
     most: int,
-) -> Markup:  # fmt: skip
+) -> Markup:
     """Least to largest magnitude of each column, before and after."""
     before, after = verification.magnitude_before, verification.magnitude_after
     ends = np.percentile(np.concatenate([before, after]), (0.25, 99.75))

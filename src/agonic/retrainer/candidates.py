@@ -114,14 +114,25 @@ def errors(field: Array, wanted: Array) -> Array:
 
 
 def _fit(
-    state: RetrainerState, params: RetrainerParams, rows: Window, *,
-    base: Affine | Thermal | str | None = None, start: Network | None = None,
-) -> NetworkFit:  # fmt: skip
+    state: RetrainerState,
+    params: RetrainerParams,
+    rows: Window,
+    *,
+    base: Affine | Thermal | str | None = None,
+    start: Network | None = None,
+) -> NetworkFit:
     samples, reference = as_samples(state, rows)
     fit = fit_network(
-        samples, reference, hidden=params.hidden, inputs=params.inputs, base=base,  # type: ignore[arg-type]
-        target=params.target, compared=False, start=start, seed=params.seed,
-    )  # fmt: skip
+        samples,
+        reference,
+        hidden=params.hidden,
+        inputs=params.inputs,
+        base=base,  # type: ignore[arg-type]
+        target=params.target,
+        compared=False,
+        start=start,
+        seed=params.seed,
+    )
     if fit.verdict == "refused":
         raise AgonicError(fit.status)
     return fit

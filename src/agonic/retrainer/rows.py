@@ -24,9 +24,13 @@ def met(
     out = _frame_out(samples, reference, params, state)
     if state.n == 0 and state.running is None:
         state = replace(
-            state, sensor=samples.name, unit=samples.unit, frame_in=samples.frame, frame_out=out,
+            state,
+            sensor=samples.name,
+            unit=samples.unit,
+            frame_in=samples.frame,
+            frame_out=out,
             device_id=samples.device_id,
-        )  # fmt: skip
+        )
     if samples.unit != state.unit:
         raise UnitError(
             f"the network takes readings in {state.unit}, and these are in {samples.unit}"
@@ -56,9 +60,11 @@ def rows_of(
     else:
         wanted = _vectors(samples, reference)
     rows = Window(
-        time=time, raw=samples.field, wanted=wanted,
+        time=time,
+        raw=samples.field,
+        wanted=wanted,
         columns=_columns(samples, needed(state, params)),
-    )  # fmt: skip
+    )
     return rows if samples.flagged is None else rows.select(samples.flagged == 0)
 
 
@@ -71,9 +77,14 @@ def needed(state: RetrainerState, params: RetrainerParams) -> tuple[str, ...]:
 def as_samples(state: RetrainerState, rows: Window) -> tuple[Samples, Reference]:
     """Rows of the window as a training takes them."""
     samples = Samples(
-        time=rows.time, field=rows.raw, unit=state.unit, epoch=state.epoch, name=state.sensor,
-        frame=state.frame_in, device_id=state.device_id,
-    ).with_columns(**rows.columns)  # fmt: skip
+        time=rows.time,
+        field=rows.raw,
+        unit=state.unit,
+        epoch=state.epoch,
+        name=state.sensor,
+        frame=state.frame_in,
+        device_id=state.device_id,
+    ).with_columns(**rows.columns)
     sd, source = state.reference_sd, state.source
     if rows.wanted.shape[1] == 1:
         return samples, Reference.magnitude(rows.wanted[:, 0], sd=sd, source=source)

@@ -116,9 +116,11 @@ class Retrainer:
                 fresh += self._due(due.why)
         fields, residuals = zip(*seen, strict=True) if seen else ((rows.raw,), (rows.wanted,))
         return Corrected(
-            time=rows.time, field=np.concatenate(fields), residual=np.concatenate(residuals),
+            time=rows.time,
+            field=np.concatenate(fields),
+            residual=np.concatenate(residuals),
             retrainings=tuple(fresh),
-        )  # fmt: skip
+        )
 
     def _taken(self, piece: Window, residual: Array) -> tuple[int, bool]:
         """Rows into the window, up to the first at which the residual is seen to have changed."""
@@ -127,9 +129,12 @@ class Retrainer:
             self.state = retraining.taken(state, params, piece)
             return len(piece), False
         seen = cusum.advance(
-            state.watch, residual / state.noise, drift=params.shift_sd / 2, alarm=params.alarm,
+            state.watch,
+            residual / state.noise,
+            drift=params.shift_sd / 2,
+            alarm=params.alarm,
             correlation=state.correlation,
-        )  # fmt: skip
+        )
         state = replace(state, watch=seen.sums)
         state = retraining.taken(state, params, piece.select(slice(0, seen.rows)))
         if seen.alarmed:
@@ -156,12 +161,19 @@ class Retrainer:
         state = self.state
         verdict, chosen = self._judged(rows, why)
         done = Retraining(
-            time=state.time, n=state.n, why=why, accepted=verdict.accepted, reason=verdict.reason,
-            rows=len(rows), what="" if chosen is None else chosen.what, poisoned=verdict.poisoned,
-            running_rms=verdict.running_rms, candidate_rms=verdict.candidate_rms,
+            time=state.time,
+            n=state.n,
+            why=why,
+            accepted=verdict.accepted,
+            reason=verdict.reason,
+            rows=len(rows),
+            what="" if chosen is None else chosen.what,
+            poisoned=verdict.poisoned,
+            running_rms=verdict.running_rms,
+            candidate_rms=verdict.candidate_rms,
             onset=None if state.onset is None else float(rows.time[0]),
             epochs=0 if chosen is None else chosen.epochs,
-        )  # fmt: skip
+        )
         if verdict.accepted and chosen is not None:
             state = replace(state, running=chosen.calibration)
         state = retraining.pushed(state, self.params, done)
@@ -198,8 +210,11 @@ class Retrainer:
             moves = float(np.sqrt(np.mean(((then - now) ** 2).sum(axis=1)))) / strength
         told = Unseen(
             running=None if state.running is None else errors(now, unseen.wanted),
-            candidate=left[best], moves=moves, strength=strength, noise=state.noise,
-        )  # fmt: skip
+            candidate=left[best],
+            moves=moves,
+            strength=strength,
+            noise=state.noise,
+        )
         # what runs after a change was trained on fewer of the same readings: no proof is needed
         certain = 0.0 if why == "settling" else retraining.CERTAIN
         return retraining.judged(told, params, certain=certain), offered[best]

@@ -23,10 +23,16 @@ _DAY_S = 86_400.0
 _ARCSEC_PER_S = 15.041067
 """How far the Earth turns in a second of UT1."""
 _FIELDS = {
-    "mjd": slice(7, 15), "kind": slice(16, 17), "x": slice(18, 27), "x_sd": slice(27, 36),
-    "y": slice(37, 46), "y_sd": slice(46, 55), "ut1_kind": slice(57, 58), "ut1": slice(58, 68),
+    "mjd": slice(7, 15),
+    "kind": slice(16, 17),
+    "x": slice(18, 27),
+    "x_sd": slice(27, 36),
+    "y": slice(37, 46),
+    "y_sd": slice(46, 55),
+    "ut1_kind": slice(57, 58),
+    "ut1": slice(58, 68),
     "ut1_sd": slice(68, 78),
-}  # fmt: skip
+}
 """Columns of finals2000A, Bulletin A (the file's own readme)."""
 
 

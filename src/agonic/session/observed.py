@@ -178,10 +178,12 @@ class _Fields:
         self.reference = np.array([weights @ beside[at] for at, weights in parts])
         self.weight = np.array([float(np.sqrt((w**2).sum())) for _, w in parts])
         self.counts = np.array([len(rows) for rows in self.rows])
-        self.scatter = np.array([
-            _scatter([(time[rows], raw[rows]) for rows in self.rows]),
-            _scatter([(reference_time[at], beside[at]) for at, _ in parts]),
-        ])  # fmt: skip
+        self.scatter = np.array(
+            [
+                _scatter([(time[rows], raw[rows]) for rows in self.rows]),
+                _scatter([(reference_time[at], beside[at]) for at, _ in parts]),
+            ]
+        )
 
     def sd(self, stated: float | None, which: int, name: str) -> Array:
         """Standard deviation of a reading, stated or from the scatter."""

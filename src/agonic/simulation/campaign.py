@@ -187,10 +187,17 @@ def simulate_campaign(
     (6912, ('MMC5883MA-1', 'MMC5883MA-2'))
     """
     given = isinstance(sensors, ThermalPlan)
-    plan = sensors if isinstance(sensors, ThermalPlan) else plan_thermal(
-        sensors, rate_Hz=rate_Hz, noise=noise or None, magnitude=magnitude,
-        inclination_deg=inclination_deg,
-    )  # fmt: skip
+    plan = (
+        sensors
+        if isinstance(sensors, ThermalPlan)
+        else plan_thermal(
+            sensors,
+            rate_Hz=rate_Hz,
+            noise=noise or None,
+            magnitude=magnitude,
+            inclination_deg=inclination_deg,
+        )
+    )
     profile, told = plan.profile, faults or Faults()
     _check(told, plan)
     truth_rng, fixture_rng, field_rng = np.random.default_rng(seed).spawn(3)
@@ -198,11 +205,16 @@ def simulate_campaign(
     rate = profile.cooling_C_per_min / 60.0
     truth = {
         sensor.name: random_drifting(
-            truth_rng, centre_C=profile.lowest_C + half, half_range_C=half, drift=drift,
-            gain_drift=gain_drift, per_rate=hysteresis / rate, sensor=sensor.name,
+            truth_rng,
+            centre_C=profile.lowest_C + half,
+            half_range_C=half,
+            drift=drift,
+            gain_drift=gain_drift,
+            per_rate=hysteresis / rate,
+            sensor=sensor.name,
         )
         for sensor in plan.sensors
-    }  # fmt: skip
+    }
     errors = Rotation.from_rotvec(
         np.radians(fixture_sd_deg) * fixture_rng.standard_normal((len(plan.stations), 3))
     )
@@ -221,17 +233,26 @@ def simulate_campaign(
         facts=MappingProxyType(
             {
                 "rate_Hz": plan.rate_Hz if given else rate_Hz,
-                "magnitude": plan.magnitude, "inclination_deg": plan.inclination_deg,
-                "noise": noises, "drift": drift, "gain_drift": gain_drift,
-                "hysteresis": hysteresis, "field_sd": field_sd, "field_pace_s": field_pace_s,
-                "fixture_sd_deg": fixture_sd_deg, "anomalies": anomalies, "quantised": quantised,
-                "lag_s": lag_s, "temperature_noise_C": temperature_noise_C, "seed": seed,
+                "magnitude": plan.magnitude,
+                "inclination_deg": plan.inclination_deg,
+                "noise": noises,
+                "drift": drift,
+                "gain_drift": gain_drift,
+                "hysteresis": hysteresis,
+                "field_sd": field_sd,
+                "field_pace_s": field_pace_s,
+                "fixture_sd_deg": fixture_sd_deg,
+                "anomalies": anomalies,
+                "quantised": quantised,
+                "lag_s": lag_s,
+                "temperature_noise_C": temperature_noise_C,
+                "seed": seed,
             }
         ),
         knots=knots,
         field_knots=values,
         seeds=MappingProxyType(dict(zip(pairs, made.spawn(len(pairs)), strict=True))),
-    )  # fmt: skip
+    )
 
 
 def _check(faults: Faults, plan: ThermalPlan) -> None:
@@ -254,9 +275,11 @@ def _noise(sensor: Sensor, given: float | None) -> float:
 
 
 def _told(
-    plan: ThermalPlan, swapped: tuple[int, int] | None, noises: Mapping[str, float],
+    plan: ThermalPlan,
+    swapped: tuple[int, int] | None,
+    noises: Mapping[str, float],
     quantised: bool,
-) -> Description:  # fmt: skip
+) -> Description:
     """The description as it will be read: perhaps with two stations exchanged."""
     stations = list(plan.stations)
     if swapped is not None:
@@ -271,6 +294,9 @@ def _told(
         step = model.step if model is not None and quantised else 0.0
         sensors.append(replace(sensor, noise=float(np.hypot(noises[sensor.name], step / 12**0.5))))
     return replace(
-        plan.description, stations=tuple(stations), sensors=tuple(sensors),
-        magnitude=plan.magnitude, inclination_deg=plan.inclination_deg,
-    )  # fmt: skip
+        plan.description,
+        stations=tuple(stations),
+        sensors=tuple(sensors),
+        magnitude=plan.magnitude,
+        inclination_deg=plan.inclination_deg,
+    )

@@ -90,14 +90,20 @@ def simulate_coil(
         session=CoilSession(
             name="simulated",
             magnetometer=Samples(
-                field=true + np.asarray(bias) + noise * rng.standard_normal(true.shape), time=time,
-                epoch=begins, current_A=flowing, name="magnetometer",
+                field=true + np.asarray(bias) + noise * rng.standard_normal(true.shape),
+                time=time,
+                epoch=begins,
+                current_A=flowing,
+                name="magnetometer",
             ),
             reference=Samples(
-                field=beside + reference_noise * rng.standard_normal(beside.shape), time=time,
-                epoch=begins, name="reference",
+                field=beside + reference_noise * rng.standard_normal(beside.shape),
+                time=time,
+                epoch=begins,
+                name="reference",
             ),
-            geometric_axis=drawn, geometric_frame="b",
+            geometric_axis=drawn,
+            geometric_frame="b",
             alignment=Alignment(
                 rotation=Rotation.from_matrix(known),
                 covariance=np.eye(3) * (alignment_sd_arcsec * ARCSEC_RAD) ** 2,
@@ -108,6 +114,7 @@ def simulate_coil(
             ),
             site=place,
         ),
-        vector=vector, axis_n=rot_bn.T @ axis_b,
+        vector=vector,
+        axis_n=rot_bn.T @ axis_b,
         geometric_deg=float(np.degrees(np.arccos(min(axis_b @ drawn, 1.0)))),
-    )  # fmt: skip
+    )

@@ -57,11 +57,19 @@ def simulate_di_flux(
         [meridian, dip, delta_arcsec / 3600, epsilon_arcsec / 3600, 0.0, 0.0]
     ) + np.array([0, 0, 0, 0, offset / magnitude, magnitude])
     east, west = meridian + 90.0, meridian - 90.0
-    circles = np.array([
-        [east, 90.0], [west, 90.0], [west, 270.0], [east, 270.0],
-        [meridian, dip], [meridian, dip + 180], [meridian + 180, 360 - dip],
-        [meridian + 180, 180 - dip], [meridian + 180, 180 - dip + 0.18],
-    ])  # fmt: skip
+    circles = np.array(
+        [
+            [east, 90.0],
+            [west, 90.0],
+            [west, 270.0],
+            [east, 270.0],
+            [meridian, dip],
+            [meridian, dip + 180],
+            [meridian + 180, 360 - dip],
+            [meridian + 180, 180 - dip],
+            [meridian + 180, 180 - dip + 0.18],
+        ]
+    )
     # each circle is set to the minute nearest a zero reading, the fluxgate reads the rest
     circles[:4, 0] = np.round(_nulled(truth, circles[:4], 0) * 60) / 60
     circles[4:8, 1] = np.round(_nulled(truth, circles[4:8], 1) * 60) / 60
@@ -73,15 +81,23 @@ def simulate_di_flux(
     marks = mark_deg + faces + (collimated + mark_sd_arcsec * rng.standard_normal(4)) / 3600
     return SimulatedDiFlux(
         sheet=DiSheet(
-            mark_deg=np.repeat(marks, 2) % 360, mark_azimuth_deg=mark_azimuth_deg,
+            mark_deg=np.repeat(marks, 2) % 360,
+            mark_azimuth_deg=mark_azimuth_deg,
             horizontal_deg=np.repeat(circles[:, 0], 2) % 360,
-            zenith_deg=np.repeat(circles[:, 1], 2), reading=np.repeat(reading, 2),
-            setting=np.repeat(np.arange(9), 2), time=1.7e9 + 30.0 * np.arange(18.0),
-            magnitude=magnitude, name="simulated", pillar="A",
+            zenith_deg=np.repeat(circles[:, 1], 2),
+            reading=np.repeat(reading, 2),
+            setting=np.repeat(np.arange(9), 2),
+            time=1.7e9 + 30.0 * np.arange(18.0),
+            magnitude=magnitude,
+            name="simulated",
+            pillar="A",
         ),
-        declination_deg=declination_deg, inclination_deg=inclination_deg,
-        delta_arcsec=delta_arcsec, epsilon_arcsec=epsilon_arcsec, offset=offset,
-    )  # fmt: skip
+        declination_deg=declination_deg,
+        inclination_deg=inclination_deg,
+        delta_arcsec=delta_arcsec,
+        epsilon_arcsec=epsilon_arcsec,
+        offset=offset,
+    )
 
 
 def _nulled(truth: np.ndarray, circles: np.ndarray, which: int) -> np.ndarray:
@@ -92,8 +108,10 @@ def _nulled(truth: np.ndarray, circles: np.ndarray, which: int) -> np.ndarray:
         ahead = np.radians(turned)
         ahead[:, which] += 1e-6
         value = kernel.expected(truth, at)[0]
-        slope = (kernel.expected(truth, at._replace(horizontal=ahead[:, 0], zenith=ahead[:, 1]))[0]
-                 - value) / 1e-6  # fmt: skip
+        slope = (
+            kernel.expected(truth, at._replace(horizontal=ahead[:, 0], zenith=ahead[:, 1]))[0]
+            - value
+        ) / 1e-6
         turned[:, which] -= np.degrees(value / slope)
     return turned[:, which]
 

@@ -179,9 +179,16 @@ def simulate_fleet(
     )
     truth = _truth(rng, boards, board, again, files)
     facts = {
-        "n": n, "logs": logs, "rows": rows, "rate_Hz": rate_Hz, "magnitude": magnitude,
-        "inclination_deg": inclination_deg, "noise": noise, "seed": seed, **shares,
-    }  # fmt: skip
+        "n": n,
+        "logs": logs,
+        "rows": rows,
+        "rate_Hz": rate_Hz,
+        "magnitude": magnitude,
+        "inclination_deg": inclination_deg,
+        "noise": noise,
+        "seed": seed,
+        **shares,
+    }
     return SimulatedFleet(
         truth=MappingProxyType(truth),
         facts=MappingProxyType(facts),
@@ -226,9 +233,12 @@ def _boards(rng: np.random.Generator, n: int, bias: Array, bias_sd: float, noise
 
 
 def _truth(
-    rng: np.random.Generator, boards: Board, board: NDArray[np.intp],
-    again: NDArray[np.intp], files: Mapping[int, str],
-) -> dict[str, NDArray[Any]]:  # fmt: skip
+    rng: np.random.Generator,
+    boards: Board,
+    board: NDArray[np.intp],
+    again: NDArray[np.intp],
+    files: Mapping[int, str],
+) -> dict[str, NDArray[Any]]:
     """The table of the truth: all logs, then those that are there twice."""
     n, count = len(boards.bias), len(board)
     wide = len(str(n - 1))
@@ -263,8 +273,12 @@ def _truth(
     return {name: np.concatenate([table[name], copies[name]]) for name in table}
 
 
-_GROUPS = {"": "", **dict.fromkeys(BROKEN, "broken"), **dict.fromkeys(SWAPPED, "swapped"),
-           **dict.fromkeys(DAMAGED, "damaged")}  # fmt: skip
+_GROUPS = {
+    "": "",
+    **dict.fromkeys(BROKEN, "broken"),
+    **dict.fromkeys(SWAPPED, "swapped"),
+    **dict.fromkeys(DAMAGED, "damaged"),
+}
 
 
 def _as_named(boards: Board, board: NDArray[np.intp], bias: Array) -> tuple[Array, Array]:

@@ -16,15 +16,27 @@ from agonic.simulation.draws import directions
 Array = NDArray[np.float64]
 
 BROKEN = (
-    "frozen axis", "dead axis", "clipping", "noise", "spikes", "moved magnet", "axis gain", "gain",
-)  # fmt: skip
+    "frozen axis",
+    "dead axis",
+    "clipping",
+    "noise",
+    "spikes",
+    "moved magnet",
+    "axis gain",
+    "gain",
+)
 """An axis that stands still; one that reads noise alone; too small a range; ten times the noise;
 gross errors in 3 to 20 % of the readings; a magnet that moved; one gain, or all, 30 % off."""
 SWAPPED = ("exchanged axes", "reversed axis", "turned axes")
 """Two axes exchanged; one reversed; all three in turn."""
 DAMAGED = (
-    "truncated", "binary", "empty", "wrong columns", "missing values", "wrong encoding",
-)  # fmt: skip
+    "truncated",
+    "binary",
+    "empty",
+    "wrong columns",
+    "missing values",
+    "wrong encoding",
+)
 """Cut in the middle of a row; garbage; nothing; columns without meaning; half the values NaN;
 UTF-16 without its mark."""
 

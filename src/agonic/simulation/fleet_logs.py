@@ -98,7 +98,10 @@ def _text(fleet: SimulatedFleet, recorded: Recorded, k: int) -> bytes:
     start = fleet.truth["start"][log].timestamp()
     row = f"%.2f,%.0f,%.0f,%.0f,%.3f,%.3f,%.3f,%.2f,{start:.0f}\n"
     columns = (
-        recorded.time, recorded.field[k], recorded.acceleration[k], recorded.temperature[k],
-    )  # fmt: skip
+        recorded.time,
+        recorded.field[k],
+        recorded.acceleration[k],
+        recorded.temperature[k],
+    )
     values = np.column_stack(columns).ravel().tolist()
     return f"{HEADER}\n{row * len(recorded.time) % tuple(values)}".encode()

@@ -97,11 +97,17 @@ def simulate_paper(
     return SimulatedField(
         samples=Samples(time=time, field=raw, name="paper", notes=("simulated",)),
         field=field,
-        facts=MappingProxyType({
-            "kind": "paper", "n": n, "rate_Hz": rate_Hz, "directions": directions, "noise": noise,
-            "seed": seed,
-        }),
-    )  # fmt: skip
+        facts=MappingProxyType(
+            {
+                "kind": "paper",
+                "n": n,
+                "rate_Hz": rate_Hz,
+                "directions": directions,
+                "noise": noise,
+                "seed": seed,
+            }
+        ),
+    )
 
 
 def simulate_nonaffine(
@@ -149,12 +155,20 @@ def simulate_nonaffine(
     return SimulatedField(
         samples=made.samples.with_columns(field=raw, temperature=temperature, name="bent"),
         field=made.field_b,
-        facts=MappingProxyType({
-            "kind": "nonaffine", "n": n, "rate_Hz": rate_Hz, "magnitude": magnitude,
-            "noise": noise, "saturation": saturation, "cross": cross, "hysteresis": hysteresis,
-            "seed": seed,
-        }),
-    )  # fmt: skip
+        facts=MappingProxyType(
+            {
+                "kind": "nonaffine",
+                "n": n,
+                "rate_Hz": rate_Hz,
+                "magnitude": magnitude,
+                "noise": noise,
+                "saturation": saturation,
+                "cross": cross,
+                "hysteresis": hysteresis,
+                "seed": seed,
+            }
+        ),
+    )
 
 
 def _swing(time: Array, rate_Hz: float, phase: float) -> tuple[Array, Array]:

@@ -72,16 +72,27 @@ def simulate_north(
     sd = reading_sd_arcsec / 3600.0
     gyro = north_deg - (constant_arcsec + constant_sd_arcsec * rng.standard_normal()) / 3600.0
     phase = rng.uniform(0, 2 * np.pi)
-    swing = np.array([
-        gyro, amplitude_deg * np.cos(phase), amplitude_deg * np.sin(phase), decay_per_s,
-        2 * np.pi / period_s,
-    ])  # fmt: skip
+    swing = np.array(
+        [
+            gyro,
+            amplitude_deg * np.cos(phase),
+            amplitude_deg * np.sin(phase),
+            decay_per_s,
+            2 * np.pi / period_s,
+        ]
+    )
     time = np.arange(0.0, periods * period_s, step_s)
     marks = north_deg + mark_azimuth_deg + np.array([0.0, 180.0, 0.0, 180.0])
     rot_mb, platform, magnetometer, reference = _platform(
-        orientations, north_deg, noise, reference_noise, circle_sd_arcsec, level_sd_arcsec, begins,
+        orientations,
+        north_deg,
+        noise,
+        reference_noise,
+        circle_sd_arcsec,
+        level_sd_arcsec,
+        begins,
         rng,
-    )  # fmt: skip
+    )
     return SimulatedNorth(
         session=NorthSession(
             name="simulated",
@@ -91,16 +102,23 @@ def simulate_north(
                 time_s=time,
                 reading_deg=swung_deg(swing, time) + sd * rng.standard_normal(len(time)),
             ),
-            reading_sd_arcsec=reading_sd_arcsec, time_sd_s=time_sd_s,
-            constant_arcsec=constant_arcsec, constant_sd_arcsec=constant_sd_arcsec,
+            reading_sd_arcsec=reading_sd_arcsec,
+            time_sd_s=time_sd_s,
+            constant_arcsec=constant_arcsec,
+            constant_sd_arcsec=constant_sd_arcsec,
             sightings=(
                 Sighting(name="mark", reading_deg=(marks + sd * rng.standard_normal(4)) % 360.0),
             ),
-            platform=platform, magnetometer=magnetometer, reference=reference,
-            noise=noise, reference_noise=reference_noise,
+            platform=platform,
+            magnetometer=magnetometer,
+            reference=reference,
+            noise=noise,
+            reference_noise=reference_noise,
         ),
-        north_deg=north_deg, mark_azimuth_deg=mark_azimuth_deg, rot_mb=rot_mb,
-    )  # fmt: skip
+        north_deg=north_deg,
+        mark_azimuth_deg=mark_azimuth_deg,
+        rot_mb=rot_mb,
+    )
 
 
 def _turning(swing: Array, span_s: float, rng: np.random.Generator, sd: float) -> Array:
@@ -129,9 +147,14 @@ def _transits(
 
 
 def _passages(
-    swing: Array, setting: float, begins: float, period: float, time_sd: float,
-    rng: np.random.Generator, sd: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
+    swing: Array,
+    setting: float,
+    begins: float,
+    period: float,
+    time_sd: float,
+    rng: np.random.Generator,
+    sd: float,
+) -> tuple[float, float, float, float]:
     """Times east and west of a setting and the amplitudes about it, from three passages."""
 
     def away(t: float) -> float:
@@ -149,15 +172,23 @@ def _passages(
     high, low = turns[0].max(), -turns[1].min()
     read = sd * rng.standard_normal(2)
     return (
-        float(stopped[1] - stopped[0]), float(stopped[2] - stopped[1]),
-        float(high + read[0]), float(low + read[1]),
-    )  # fmt: skip
+        float(stopped[1] - stopped[0]),
+        float(stopped[2] - stopped[1]),
+        float(high + read[0]),
+        float(low + read[1]),
+    )
 
 
 def _platform(
-    count: int, north_deg: float, noise: float, reference_noise: float, circle_sd: float,
-    level_sd: float, begins: datetime, rng: np.random.Generator,
-) -> tuple[Array, Platform | None, Samples | None, Samples | None]:  # fmt: skip
+    count: int,
+    north_deg: float,
+    noise: float,
+    reference_noise: float,
+    circle_sd: float,
+    level_sd: float,
+    begins: datetime,
+    rng: np.random.Generator,
+) -> tuple[Array, Platform | None, Samples | None, Samples | None]:
     """A platform turned about the vertical, with its magnetometer and the reference."""
     rot_mb = turned(rng.uniform(-0.5, 0.5, 3))
     if not count:
@@ -176,16 +207,25 @@ def _platform(
     tilt = level_sd / 3600 * rng.standard_normal((2, count))
     read = heading + circle_sd / 3600 * rng.standard_normal(count)
     platform = Platform(
-        orientation=np.arange(count) + 1, reading_deg=(read + north_deg + 180.0) % 360.0,
-        roll_deg=roll + tilt[0], pitch_deg=pitch + tilt[1], circle_sd_arcsec=circle_sd,
-        level_sd_arcsec=level_sd, mirror=True,
-    )  # fmt: skip
+        orientation=np.arange(count) + 1,
+        reading_deg=(read + north_deg + 180.0) % 360.0,
+        roll_deg=roll + tilt[0],
+        pitch_deg=pitch + tilt[1],
+        circle_sd_arcsec=circle_sd,
+        level_sd_arcsec=level_sd,
+        mirror=True,
+    )
     magnetometer = Samples(
-        field=true_b @ rot_mb.T + noise * rng.standard_normal(true_b.shape), time=seconds,
-        epoch=begins, station=(number + 1).astype(np.float64), name="magnetometer",
-    )  # fmt: skip
+        field=true_b @ rot_mb.T + noise * rng.standard_normal(true_b.shape),
+        time=seconds,
+        epoch=begins,
+        station=(number + 1).astype(np.float64),
+        name="magnetometer",
+    )
     reference = Samples(
-        field=beside + reference_noise * rng.standard_normal(beside.shape), time=clock,
-        epoch=begins, name="reference",
-    )  # fmt: skip
+        field=beside + reference_noise * rng.standard_normal(beside.shape),
+        time=clock,
+        epoch=begins,
+        name="reference",
+    )
     return rot_mb, platform, magnetometer, reference

@@ -230,16 +230,24 @@ def _on_ground(
     if sensor is not None:
         if sensor.unit_in == RAW:
             raise AgonicError("the sensor takes raw counts; a simulated satellite reads in nT")
-        return Thermal(bias=sensor.bias[None], matrix=sensor.matrix[None], centre_C=0.0,
-                       half_range_C=1.0)  # fmt: skip
+        return Thermal(
+            bias=sensor.bias[None], matrix=sensor.matrix[None], centre_C=0.0, half_range_C=1.0
+        )
     drawn = random_drifting(
-        rng, centre_C=(low + high) / 2, half_range_C=(high - low) / 2, bias=bias, drift=thermal,
+        rng,
+        centre_C=(low + high) / 2,
+        half_range_C=(high - low) / 2,
+        bias=bias,
+        drift=thermal,
         gain_drift=0.0,
-    )  # fmt: skip
+    )
     return Thermal(
-        bias=drawn.bias, matrix=drawn.matrix, centre_C=drawn.centre_C,
-        half_range_C=drawn.half_range_C, validity=Validity(temperature_C=RANGE_C),
-    )  # fmt: skip
+        bias=drawn.bias,
+        matrix=drawn.matrix,
+        centre_C=drawn.centre_C,
+        half_range_C=drawn.half_range_C,
+        validity=Validity(temperature_C=RANGE_C),
+    )
 
 
 def _moved(sensor: Thermal, shift: Array) -> Thermal:

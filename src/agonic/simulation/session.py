@@ -109,23 +109,32 @@ def simulate_session(
         name="simulated",
         site=site,
         star=_stars(
-            site, rot[number], begins.timestamp() + seconds + OFFSET_S, number + 1,
+            site,
+            rot[number],
+            begins.timestamp() + seconds + OFFSET_S,
+            number + 1,
             np.array([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec]) * ARCSEC_RAD,
-            (refraction, aberration), rng,
+            (refraction, aberration),
+            rng,
         ),
         magnetometer=Samples(
-            field=raw + noise * rng.standard_normal(raw.shape), time=seconds,
-            epoch=begins, station=(number + 1).astype(np.float64), name="magnetometer",
+            field=raw + noise * rng.standard_normal(raw.shape),
+            time=seconds,
+            epoch=begins,
+            station=(number + 1).astype(np.float64),
+            name="magnetometer",
         ),
         reference=Samples(
             field=beside + reference_noise * rng.standard_normal(beside.shape),
-            time=np.arange(len(beside), dtype=np.float64), epoch=begins, name="reference",
+            time=np.arange(len(beside), dtype=np.float64),
+            epoch=begins,
+            name="reference",
         ),
         pier=Pier(difference=offset),
         mounting=_mounting(mounting_deg),
         noise=noise or 1e-6,
         reference_noise=reference_noise or 1e-6,
-    )  # fmt: skip
+    )
     return SimulatedSession(
         session=session, rot_mc=rot_mc, reference_turn=turn, offset=offset, bias=zero, matrix=w
     )
@@ -169,19 +178,27 @@ def _varied(time: Array, rng: np.random.Generator) -> Array:
 
 
 def _stars(
-    site: Site, rot_cn: Array, time: Array, number: NDArray[np.int64], sd: Array,
-    effects: tuple[str, str], rng: np.random.Generator,
-) -> StarReadings:  # fmt: skip
+    site: Site,
+    rot_cn: Array,
+    time: Array,
+    number: NDArray[np.int64],
+    sd: Array,
+    effects: tuple[str, str],
+    rng: np.random.Generator,
+) -> StarReadings:
     """What the star sensor reports: attitudes with noise, turned by aberration and refraction."""
     rot_ei = published_earth_rotation().rot_ei(time)
     rot_ni = rot_en(site.latitude_deg, site.longitude_deg).T @ rot_ei
     noise = Rotation.from_rotvec(sd * rng.standard_normal((len(time), 3))).as_matrix()
     true_ci = noise @ rot_cn @ rot_ni
     star = StarReadings(
-        time=time, orientation=number, rot_ci=true_ci,
+        time=time,
+        orientation=number,
+        rot_ci=true_ci,
         covariance=np.broadcast_to(np.diag(np.maximum(sd, 1e-6 * ARCSEC_RAD) ** 2), true_ci.shape),
-        refraction=effects[0], aberration=effects[1],
-    )  # fmt: skip
+        refraction=effects[0],
+        aberration=effects[1],
+    )
     for _ in range(4):  # where it believes to look decides by how much it is turned
         turn = seen_turn(site, star, rot_ei)
         star = replace(star, rot_ci=true_ci @ turn)

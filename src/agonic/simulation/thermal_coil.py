@@ -67,9 +67,14 @@ def simulate_thermal_coil(
     matrices[1] = gain_drift * sensor.uniform(-1, 1, (3, 3))
     biases[2], matrices[2] = curve * biases[1], curve * matrices[1]
     truth = Thermal(
-        bias=biases, matrix=matrices, centre_C=centre, half_range_C=half, gauge="free",
-        frame_out="b", validity=Validity(temperature_C=range_C),
-    )  # fmt: skip
+        bias=biases,
+        matrix=matrices,
+        centre_C=centre,
+        half_range_C=half,
+        gauge="free",
+        frame_out="b",
+        validity=Validity(temperature_C=range_C),
+    )
     steps = magnitude * course.uniform(-1, 1, (-(-n // 40), 3))
     field = np.repeat(steps, 40, axis=0)[:n]
     raw = readings(truth, field, level, np.zeros(n)) + noise * course.standard_normal((n, 3))

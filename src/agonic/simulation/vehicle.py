@@ -119,11 +119,20 @@ def simulate_vehicle(
     True
     """
     facts = {
-        "n": n, "rate_Hz": rate_Hz, "vehicle": vehicle, "bank_deg": bank_deg, "leg_s": leg_s,
-        "noise": noise, "placing": placing, "full_current_A": full_current_A,
-        "latency_s": latency_s, "attitude_sd_deg": attitude_sd_deg,
-        "heading_sd_deg": heading_sd_deg, "correlation_s": correlation_s, "seed": seed,
-    }  # fmt: skip
+        "n": n,
+        "rate_Hz": rate_Hz,
+        "vehicle": vehicle,
+        "bank_deg": bank_deg,
+        "leg_s": leg_s,
+        "noise": noise,
+        "placing": placing,
+        "full_current_A": full_current_A,
+        "latency_s": latency_s,
+        "attitude_sd_deg": attitude_sd_deg,
+        "heading_sd_deg": heading_sd_deg,
+        "correlation_s": correlation_s,
+        "seed": seed,
+    }
     _check(facts, sensors, calibrations)
     way_rng, noise_rng, truth_rng, attitude_rng = np.random.default_rng(seed).spawn(4)
     time = np.arange(n) / rate_Hz
@@ -207,9 +216,12 @@ def _readings(
 
 
 def _common(
-    time: Array, flown: Flown, start: tuple[float, float, float], epoch: datetime,
+    time: Array,
+    flown: Flown,
+    start: tuple[float, float, float],
+    epoch: datetime,
     full_current_A: float,
-) -> Samples:  # fmt: skip
+) -> Samples:
     """What is recorded beside the readings, but for the attitude; the field is left at zero."""
     attitude, throttle = flown.attitude(time), flown.throttle(time)
     force_n = rate_of_change(flown.velocity_n, time) - np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
@@ -238,9 +250,13 @@ def _field_n(given: ArrayLike | None, on_the_way: Samples) -> Array:
 
 
 def _recorded_angles(
-    rng: np.random.Generator, time: Array, flown: Flown,
-    attitude_sd_deg: float, heading_sd_deg: float | None, correlation_s: float,
-) -> dict[str, Array]:  # fmt: skip
+    rng: np.random.Generator,
+    time: Array,
+    flown: Flown,
+    attitude_sd_deg: float,
+    heading_sd_deg: float | None,
+    correlation_s: float,
+) -> dict[str, Array]:
     """Roll, pitch and heading with the errors of an attitude filter, larger in manoeuvres."""
     roll, pitch, heading = angles_deg(flown.attitude(time).as_matrix())
     acceleration = np.linalg.norm(rate_of_change(flown.velocity_n, time), axis=1)

@@ -56,9 +56,13 @@ class Played:
                 if until > done[k]:
                     rows = slice(done[k], until)
                     yield Chunk(
-                        samples.name, times[k][rows], samples.field[rows], samples.unit,
-                        samples.frame, samples.device_id,
-                    )  # fmt: skip
+                        samples.name,
+                        times[k][rows],
+                        samples.field[rows],
+                        samples.unit,
+                        samples.frame,
+                        samples.device_id,
+                    )
                     done[k] = until
         yield Said(False, f"{self.name} has ended", ended=True)
 
@@ -70,20 +74,29 @@ def replayed(path: Path, speed: float, unit: str | None) -> Played:
 
 
 def simulated(
-    *, kind: str = "hand", rate_Hz: float = 50.0, sensors: int = 1, seed: int = 0,
-    minutes: float = 10.0, speed: float = 1.0,
-) -> Played:  # fmt: skip
+    *,
+    kind: str = "hand",
+    rate_Hz: float = 50.0,
+    sensors: int = 1,
+    seed: int = 0,
+    minutes: float = 10.0,
+    speed: float = 1.0,
+) -> Played:
     """Sensors that are turned together, in a field of 50 000 nT dipping 60°."""
     from agonic.simulation import random_calibration, simulate  # which takes a second
 
     rng = np.random.default_rng(seed)
     made = [
         simulate(
-            kind, n=int(minutes * 60 * rate_Hz), rate_Hz=rate_Hz, seed=seed, noise=150.0,
+            kind,
+            n=int(minutes * 60 * rate_Hz),
+            rate_Hz=rate_Hz,
+            seed=seed,
+            noise=150.0,
             calibration=replace(random_calibration(rng), sensor=f"mag{k or ''}"),
         ).samples
         for k in range(sensors)
-    ]  # fmt: skip
+    ]
     return Played(made, "the simulation", speed)
 
 

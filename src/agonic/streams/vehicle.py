@@ -29,8 +29,13 @@ from agonic.units import RAW
 ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8
 STACKS = {ARDUPILOT: "ardupilot", PX4: "px4"}
 SLOTS = {"RAW_IMU": "", "SCALED_IMU2": "2", "SCALED_IMU3": "3"}
-OTHERS = {"HIGHRES_IMU": ("mG", 1e3), "SCALED_IMU": ("mG", 1.0), "SCALED_IMU2": ("mG", 1.0),
-          "SCALED_IMU3": ("mG", 1.0), "RAW_IMU": (RAW, 1.0)}  # fmt: skip
+OTHERS = {
+    "HIGHRES_IMU": ("mG", 1e3),
+    "SCALED_IMU": ("mG", 1.0),
+    "SCALED_IMU2": ("mG", 1.0),
+    "SCALED_IMU3": ("mG", 1.0),
+    "RAW_IMU": (RAW, 1.0),
+}
 """Of other autopilots, as they send: unit, and factor to it."""
 
 LEARN = "COMPASS_LEARN"
@@ -128,9 +133,12 @@ class Vehicle:
             refused = self.parameters.pursue(slot, now)
             if refused:
                 events.append(
-                    Said(True, f"{refused}: its readings are corrected and cannot be taken back; "
-                         "check the link, or calibrate from the vehicle's own log (.bin)")
-                )  # fmt: skip
+                    Said(
+                        True,
+                        f"{refused}: its readings are corrected and cannot be taken back; "
+                        "check the link, or calibrate from the vehicle's own log (.bin)",
+                    )
+                )
         return events
 
     def _request(self) -> None:

@@ -210,9 +210,11 @@ def hello(session: Session) -> Hello:
     if reference is not None:
         told = f"{float(reference.magnitudes(1)[0]):.0f} nT ({reference.source})"
     return Hello(
-        source=session.source.name, folder=str(session.plan.folder), reference=told,
+        source=session.source.name,
+        folder=str(session.plan.folder),
+        reference=told,
         corners=[float(v) for v in icosphere()[1].round(4).ravel()],
-    )  # fmt: skip
+    )
 
 
 def _static(name: str) -> str:

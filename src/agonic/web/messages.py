@@ -151,9 +151,10 @@ def read_back(listed: list[Setting]) -> str:
     """What came of writing, in words."""
     missing = [one.name for one in listed if one.read_back is None]
     wrong = [
-        one.name for one in listed
+        one.name
+        for one in listed
         if one.read_back is not None and abs(one.read_back - one.new) > 1e-4 + 1e-5 * abs(one.new)
-    ]  # fmt: skip
+    ]
     if missing:
         return f"written, but the device did not tell {', '.join(missing)}: do not rely on it"
     if wrong:

@@ -34,8 +34,12 @@ class Plan:
         reference = self.reference
         known = None if reference is None else float(reference.magnitudes(1)[0])
         return LiveParams(
-            unit=first.unit, magnitude=known, magnitude_sd=reference.sd if reference else 0.0,
-            source=reference.source if reference else "given", target_deg=self.target_deg,
-            inclination_deg=self.settings.get("inclination_deg", 60.0), name=first.sensor,
+            unit=first.unit,
+            magnitude=known,
+            magnitude_sd=reference.sd if reference else 0.0,
+            source=reference.source if reference else "given",
+            target_deg=self.target_deg,
+            inclination_deg=self.settings.get("inclination_deg", 60.0),
+            name=first.sensor,
             device_id=first.device_id,
-        )  # fmt: skip
+        )

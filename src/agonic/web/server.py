@@ -38,11 +38,20 @@ def serve(session: Session, *, listen: str | None, port: int, ready: Callable[[s
     bound = _bound(host, port)
     address = _address(host, bound.getsockname()[1], token)
     config = uvicorn.Config(
-        make_app(session, token=token), log_level="critical", access_log=False, lifespan="off",
-        ws="websockets-sansio", ws_max_size=LARGEST, ws_max_queue=4, ws_per_message_deflate=False,
-        ws_ping_interval=10.0, ws_ping_timeout=10.0, timeout_graceful_shutdown=1,
-        limit_concurrency=256, h11_max_incomplete_event_size=16_384,
-    )  # fmt: skip
+        make_app(session, token=token),
+        log_level="critical",
+        access_log=False,
+        lifespan="off",
+        ws="websockets-sansio",
+        ws_max_size=LARGEST,
+        ws_max_queue=4,
+        ws_per_message_deflate=False,
+        ws_ping_interval=10.0,
+        ws_ping_timeout=10.0,
+        timeout_graceful_shutdown=1,
+        limit_concurrency=256,
+        h11_max_incomplete_event_size=16_384,
+    )
     server = _Server(config)
     server.ready = lambda: ready(address)
     session.start()

@@ -77,13 +77,21 @@ class Session:
         """Where the session stands."""
         with self._lock:
             return Status(
-                version=self._version, connected=self._heard.connected, ended=self._heard.ended,
-                heard=self._heard.text, sensors=self._sensors, accepted=self._accepted,
-                outcomes=self._outcomes, busy=self._busy, trouble=self._trouble or self._unsaved,
+                version=self._version,
+                connected=self._heard.connected,
+                ended=self._heard.ended,
+                heard=self._heard.text,
+                sensors=self._sensors,
+                accepted=self._accepted,
+                outcomes=self._outcomes,
+                busy=self._busy,
+                trouble=self._trouble or self._unsaved,
                 device="" if self.source.device is None else self.source.device.name,
-                offered=self._offer[0], offer=self._offer[1], device_says=self._offer[2],
+                offered=self._offer[0],
+                offer=self._offer[1],
+                device_says=self._offer[2],
                 notes=list(self._notes),
-            )  # fmt: skip
+            )
 
     @property
     def version(self) -> int:

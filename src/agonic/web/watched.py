@@ -96,11 +96,16 @@ class Watched:
         centre, shape = self._sphere()
         calibration, coverage = live.fitted or (None, None)
         return Sensor(
-            name=self.name, n=live.n, unit=live.unit, rate_Hz=round(self.rate_Hz, 1),
-            say=guidance.say, done=guidance.done,
+            name=self.name,
+            n=live.n,
+            unit=live.unit,
+            rate_Hz=round(self.rate_Hz, 1),
+            say=guidance.say,
+            done=guidance.done,
             progress=0.0 if coverage is None else coverage.filled,
             target_deg=self.params.target_deg,
-            centre=_plain(centre), shape=_plain(shape),
+            centre=_plain(centre),
+            shape=_plain(shape),
             cells=[] if coverage is None else coverage.cells.tolist(),
             heading_sd_deg=None if coverage is None else _finite(coverage.heading_sd_deg),
             magnitude=None if calibration is None else calibration.magnitude,
@@ -110,7 +115,7 @@ class Watched:
             numbers=[] if calibration is None else self._numbers(calibration),
             before="" if self.before is None else _told(self.before),
             course=list(self._course),
-        )  # fmt: skip
+        )
 
     def _note(self) -> None:
         """Note the heading's standard error, ever more seldom."""
@@ -146,19 +151,19 @@ class Watched:
         rows = zip(PARAMETERS, units, now, sd, old, strict=True)
         old_spread = None if before is None else self._spread(before.correct)
         return [
-            Number(
-                "spread of |field|", "%", self._spread(calibration.correct), None, old_spread
-            ),
+            Number("spread of |field|", "%", self._spread(calibration.correct), None, old_spread),
             Number("uncorrected", "%", self._spread(lambda raw: raw)),
             *(
                 Number(
-                    name.replace("_", " "), unit, _finite(value),
+                    name.replace("_", " "),
+                    unit,
+                    _finite(value),
                     None if error is None else _finite(error),
                     None if was is None else _finite(was),
                 )
                 for name, unit, value, error, was in rows
             ),
-        ]  # fmt: skip
+        ]
 
     def _comparable(self, now: Affine) -> Affine | None:
         same = self.before is not None and self.before.unit_in == now.unit_in

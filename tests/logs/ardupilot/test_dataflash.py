@@ -207,8 +207,11 @@ def test_columns_meet_the_magnetometer_in_time(written: Any) -> None:
     np.testing.assert_allclose(s.throttle, s.time / 60, rtol=1e-6)
     assert s.temperature is None
     assert {stream.name: stream.rows for stream in log.streams} == {
-        "ATT": 3000, "IMU": 6000, "BAT": 3000, "CTUN": 3000
-    }  # fmt: skip
+        "ATT": 3000,
+        "IMU": 6000,
+        "BAT": 3000,
+        "CTUN": 3000,
+    }
     assert {round(x.rate_Hz) for x in log.streams if x.name == "ATT" and x.rate_Hz} == {50}
 
 

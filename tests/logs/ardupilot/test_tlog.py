@@ -31,11 +31,17 @@ SECONDS = 10.0 + 0.1 * np.arange(N)
 OFFSET = np.array([-120.25, 75.5, 230.75])  # mG, added by the autopilot
 SOFT_IRON = np.array([[1.08, 0.06, -0.04], [0.06, 0.93, 0.02], [-0.04, 0.02, 1.01]])
 COMPASS = {
-    "COMPASS_OFS_X": OFFSET[0], "COMPASS_OFS_Y": OFFSET[1], "COMPASS_OFS_Z": OFFSET[2],
-    "COMPASS_DIA_X": 1.08, "COMPASS_DIA_Y": 0.93, "COMPASS_DIA_Z": 1.01,
-    "COMPASS_ODI_X": 0.06, "COMPASS_ODI_Y": -0.04, "COMPASS_ODI_Z": 0.02,
+    "COMPASS_OFS_X": OFFSET[0],
+    "COMPASS_OFS_Y": OFFSET[1],
+    "COMPASS_OFS_Z": OFFSET[2],
+    "COMPASS_DIA_X": 1.08,
+    "COMPASS_DIA_Y": 0.93,
+    "COMPASS_DIA_Z": 1.01,
+    "COMPASS_ODI_X": 0.06,
+    "COMPASS_ODI_Y": -0.04,
+    "COMPASS_ODI_Z": 0.02,
     "COMPASS_SCALE": 0.0,
-}  # fmt: skip
+}
 SECOND = {"COMPASS_OFS2_X": 40.0, "COMPASS_OFS2_Y": -30.0, "COMPASS_OFS2_Z": 20.0}
 
 
@@ -72,10 +78,14 @@ def imu(name: str, field: np.ndarray, seconds: np.ndarray = SECONDS, **others: A
     clock, ticks = ("time_usec", 1e6) if usec else ("time_boot_ms", 1e3)
     whole = float if name == "HIGHRES_IMU" else int
     return [
-        (t, name, {clock: round(t * ticks), "xmag": whole(x), "ymag": whole(y), "zmag": whole(z)}
-         | others)
+        (
+            t,
+            name,
+            {clock: round(t * ticks), "xmag": whole(x), "ymag": whole(y), "zmag": whole(z)}
+            | others,
+        )
         for t, (x, y, z) in zip(seconds.tolist(), field.tolist(), strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def beats(autopilot: int = ARDUPILOT) -> list[Sent]:
@@ -140,13 +150,19 @@ def test_a_telemetry_log_and_a_dataflash_log_of_one_flight_agree(
     path.write_bytes(
         dataflash(
             logged_parameters(COMPASS),
-            ("MAG", {**us, **{f"Mag{a}": field[:, k] for k, a in enumerate("XYZ")},
-                     **{f"Ofs{a}": np.trunc(OFFSET[k]) for k, a in enumerate("XYZ")}}),
+            (
+                "MAG",
+                {
+                    **us,
+                    **{f"Mag{a}": field[:, k] for k, a in enumerate("XYZ")},
+                    **{f"Ofs{a}": np.trunc(OFFSET[k]) for k, a in enumerate("XYZ")},
+                },
+            ),
             ("ATT", {**us, "Roll": np.degrees(0.1), "Yaw": heading}),
             ("IMU", {**us, "GyrX": 0.5, "AccZ": -9.80665}),
             ("BAT", {**us, "Curr": 12.5}),
         )
-    )  # fmt: skip
+    )
     theirs = read_dataflash.read(path, Input(name="", sha256="", count=0)).sensors[0]
     np.testing.assert_allclose(ours.field, theirs.field, atol=1e-6)
     assert set(ours.columns()) == set(theirs.columns())
@@ -205,9 +221,12 @@ def test_silence_is_no_reading(written: Any) -> None:
 def test_px4_in_its_units_and_frames(written: Any) -> None:
     field = raw_readings()
     turns = [(t, "ATTITUDE", {"time_boot_ms": round(t * 1e3)}) for t in SECONDS.tolist()]
-    old, new = imu("HIGHRES_IMU", field / 1e3, fields_updated=0x3F), imu(
-        "HIGHRES_IMU", field / 1e3, SECONDS + 0.05, fields_updated=0x1FF, zacc=-9.81, ygyro=0.25
-    )  # fmt: skip
+    old, new = (
+        imu("HIGHRES_IMU", field / 1e3, fields_updated=0x3F),
+        imu(
+            "HIGHRES_IMU", field / 1e3, SECONDS + 0.05, fields_updated=0x1FF, zacc=-9.81, ygyro=0.25
+        ),
+    )
     sent = [*beats(PX4), *turns, *old, *new, *imu("SCALED_IMU2", field)]
     sent.sort(key=lambda message: message[0])
     log = written(tlog(sent))

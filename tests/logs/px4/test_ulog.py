@@ -30,10 +30,13 @@ OFF = np.array([0.031, -0.222, 0.145])
 S = np.array([[1.04, 0.05, -0.03], [0.05, 0.96, 0.02], [-0.03, 0.02, 1.01]])
 DEVICE = 592905
 SLOT: dict[str, float] = {
-    "CAL_MAG0_ID": 1, "CAL_MAG1_ID": DEVICE, "CAL_MAG_PRIME": DEVICE, "CAL_MAG1_ROT": 0,
+    "CAL_MAG0_ID": 1,
+    "CAL_MAG1_ID": DEVICE,
+    "CAL_MAG_PRIME": DEVICE,
+    "CAL_MAG1_ROT": 0,
     **{f"CAL_MAG1_{a}OFF": float(v) for a, v in zip("XYZ", OFF, strict=True)},
     **{f"CAL_MAG1_{a}SCALE": float(v) for a, v in zip("XYZ", np.diag(S), strict=True)},
-}  # fmt: skip
+}
 ODIAG = {"CAL_MAG1_XODIAG": S[0, 1], "CAL_MAG1_YODIAG": S[0, 2], "CAL_MAG1_ZODIAG": S[1, 2]}
 LEVEL = {"SENS_BOARD_X_OFF": 4.0, "SENS_BOARD_Y_OFF": -3.0, "SENS_BOARD_Z_OFF": 2.0}
 R_LEVEL = Rotation.from_euler("ZYX", [2.0, -3.0, 4.0], degrees=True)

@@ -14,10 +14,15 @@ from tests.logs.damage import damaged, read_or_refused
 
 nT = 1.0
 HEADER = (
-    ("Format", "IAGA-2002"), ("Source of Data", "nobody"), ("Station Name", "Nowhere"),
-    ("IAGA CODE", "NWH"), ("Geodetic Latitude", "40.137"), ("Geodetic Longitude", "254.763"),
-    ("Elevation", "1682"), ("Data Type", "variation"),
-)  # fmt: skip
+    ("Format", "IAGA-2002"),
+    ("Source of Data", "nobody"),
+    ("Station Name", "Nowhere"),
+    ("IAGA CODE", "NWH"),
+    ("Geodetic Latitude", "40.137"),
+    ("Geodetic Longitude", "254.763"),
+    ("Elevation", "1682"),
+    ("Data Type", "variation"),
+)
 ROWS = np.array([[20_000.0, 10.0, 47_000.0, 51_078.0], [20_001.0, 11.0, 47_002.0, 51_080.0]])
 
 

@@ -94,11 +94,13 @@ def direct(unix_s: np.ndarray) -> np.ndarray:
 def test_the_published_matrix() -> None:
     """2007-04-05 12:00 UTC (SOFA Tools for Earth Attitude, section 5.5), which applies offsets of
     the pole of 0.1750 and −0.2259 mas that are left out here."""
-    published = np.array([
-        [+0.973104317697535, +0.230363826239128, -0.000703163482198],
-        [-0.230363800456037, +0.973104570632801, +0.000118545366625],
-        [+0.000711560162668, +0.000046626403995, +0.999999745754024],
-    ])  # fmt: skip
+    published = np.array(
+        [
+            [+0.973104317697535, +0.230363826239128, -0.000703163482198],
+            [-0.230363800456037, +0.973104570632801, +0.000118545366625],
+            [+0.000711560162668, +0.000046626403995, +0.999999745754024],
+        ]
+    )
     pole = np.array([0.0349282, 0.4833163]) * 1000 * MAS
     made = rot_ei([unix(2007, 4, 5, 12)], [-33.072073685], *pole[:, None])[0]
     left = largest_angle(made @ published.T)
@@ -216,5 +218,8 @@ def test_the_smallest_turn() -> None:
     turn = turn_onto(start, end)
     np.testing.assert_allclose(turn @ start, end, atol=1e-15)
     vector = Rotation.from_matrix(turn).as_rotvec()
-    np.testing.assert_allclose(np.cross(start, end) / np.linalg.norm(np.cross(start, end)),
-                               vector / np.linalg.norm(vector), atol=1e-14)  # fmt: skip
+    np.testing.assert_allclose(
+        np.cross(start, end) / np.linalg.norm(np.cross(start, end)),
+        vector / np.linalg.norm(vector),
+        atol=1e-14,
+    )

@@ -176,9 +176,13 @@ def test_dip_is_the_angle_to_the_field_that_should_be_there() -> None:
     turned = np.radians(30.0)
     raw = 50.0 * np.array([[np.cos(turned), 0.0, np.sin(turned)]])
     residual, _ = affine.dip_residual(
-        raw, np.zeros(3), np.eye(3), np.array([[0.0, 0.0, 1.0]]),
-        50.0 * np.cos(np.radians(40.0)), 50.0 * np.sin(np.radians(40.0)),
-    )  # fmt: skip
+        raw,
+        np.zeros(3),
+        np.eye(3),
+        np.array([[0.0, 0.0, 1.0]]),
+        50.0 * np.cos(np.radians(40.0)),
+        50.0 * np.sin(np.radians(40.0)),
+    )
     assert residual == pytest.approx([50.0 * np.sin(np.radians(-10.0))])
 
 

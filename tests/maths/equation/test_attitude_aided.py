@@ -24,9 +24,13 @@ def problem(n: int = 1500, *, noise=0.003, tilt_deg=15.0, seed=0, turn_deg=0.0, 
     if slope is not None:
         points = points + terms @ np.array([slope])
     known = {
-        "down": rot_nb[:, 2], "across": None, "model": "full", "gauge": "symmetric",
-        "soft_iron_sd": None, "turn_sd": 0.05,
-    }  # fmt: skip
+        "down": rot_nb[:, 2],
+        "across": None,
+        "model": "full",
+        "gauge": "symmetric",
+        "soft_iron_sd": None,
+        "turn_sd": 0.05,
+    }
     return taught.Problem(points, terms, np.array([H]), np.array([Z]), **(known | more)), rot_nb
 
 
@@ -118,6 +122,7 @@ def test_pieces_of_all_kinds_cover_all_rows_once() -> None:
     given, rot_nb = problem(n=9000)
     given = given._replace(across=rot_nb[:, 1])
     for kind in given.kinds:
-        sums = leastsq.accumulate(taught.pieces(given, kind), np.r_[BIAS, 1, 1, 1, 0, 0, 0],
-                                  leastsq.squares(), 1.0)  # fmt: skip
+        sums = leastsq.accumulate(
+            taught.pieces(given, kind), np.r_[BIAS, 1, 1, 1, 0, 0, 0], leastsq.squares(), 1.0
+        )
         assert len(sums.residuals) == 9000

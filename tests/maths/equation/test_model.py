@@ -82,10 +82,16 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
     points = bias + np.linalg.solve(matrix, seen[station][:, :, None])[:, :, 0]
     points = points + noise * rng.normal(size=points.shape)
     problem = positions.Problem(
-        points=points, covariance=np.tile(max(noise, 1e-6) ** 2 * np.eye(3), (264, 1, 1)), phi=phi,
-        station=station, pace=None, degree=2, rate=rate, rot_nb=twelve(),
+        points=points,
+        covariance=np.tile(max(noise, 1e-6) ** 2 * np.eye(3), (264, 1, 1)),
+        phi=phi,
+        station=station,
+        pace=None,
+        degree=2,
+        rate=rate,
+        rot_nb=twelve(),
         fixture_sd=np.radians(1.0),
-    )  # fmt: skip
+    )
     start = np.zeros_like(truth)
     start[[9, 12, 15]] = 1.0
     return problem, truth, start, mount

@@ -58,8 +58,10 @@ def test_the_sums_of_many_blocks_are_those_of_one():
     weights, x, target, row_weight = drawn(1, shape, 10_000)
     u, v = network.split(weights, shape)
     whole = network.sums(u, v, x, target, row_weight)
-    halves = [network.sums(u, v, x[s], target[s], row_weight[s])
-              for s in (slice(0, 5000), slice(5000, None))]  # fmt: skip
+    halves = [
+        network.sums(u, v, x[s], target[s], row_weight[s])
+        for s in (slice(0, 5000), slice(5000, None))
+    ]
     np.testing.assert_allclose(
         whole.information, halves[0].information + halves[1].information, rtol=1e-10, atol=1e-8
     )

@@ -8,9 +8,12 @@ from agonic.kernels.drifting import Belief, Series, believed, followed, spread_o
 
 # formal error, scatter, walk across the span: what a sensor may be made of
 MADE_OF = {
-    "formal": (1.0, 0.0, 0.0), "scatter": (0.1, 1.0, 0.0), "walk": (0.1, 0.0, 3.0),
-    "all": (0.3, 1.0, 3.0), "even": (1.0, 1.0, 1.0),
-}  # fmt: skip
+    "formal": (1.0, 0.0, 0.0),
+    "scatter": (0.1, 1.0, 0.0),
+    "walk": (0.1, 0.0, 3.0),
+    "all": (0.3, 1.0, 3.0),
+    "even": (1.0, 1.0, 1.0),
+}
 
 
 def drawn(

@@ -50,9 +50,12 @@ def test_a_prior_is_more_rows() -> None:
     design, wanted = line(40, 1)
     held, towards = np.diag([3.0, 0.0, 20.0]) / UNITS, np.array([5.0, 0.0, 1.0])
     found = leastsq.solve(
-        in_pieces(design, wanted, []), np.zeros(3), scale=0.1, tolerance=1e-9,
+        in_pieces(design, wanted, []),
+        np.zeros(3),
+        scale=0.1,
+        tolerance=1e-9,
         prior=lambda x: (held @ x - towards, held),
-    )  # fmt: skip
+    )
     rows = np.vstack([design / 0.1, held]) * UNITS
     right = np.concatenate([wanted / 0.1, towards])
     assert found.params / UNITS == pytest.approx(np.linalg.lstsq(rows, right, rcond=None)[0])

@@ -10,10 +10,15 @@ def programme(n: int = 4000) -> np.ndarray:
     """Hold, cool, hold, heat in steps, hold."""
     steps = np.repeat(np.arange(-10.0, 50.0, 10.0), n // 12)
     ramp = np.concatenate([np.linspace(0, 10, n // 12)] * 6)[: len(steps)]
-    return np.concatenate([
-        np.full(n // 8, 50.0), np.linspace(50, -10, n // 2), np.full(n // 8, -10.0),
-        np.minimum(steps + np.minimum(2 * ramp, 10.0), 50.0), np.full(n // 8, 50.0),
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            np.full(n // 8, 50.0),
+            np.linspace(50, -10, n // 2),
+            np.full(n // 8, -10.0),
+            np.minimum(steps + np.minimum(2 * ramp, 10.0), 50.0),
+            np.full(n // 8, 50.0),
+        ]
+    )
 
 
 def test_spikes_are_found_and_honest_readings_are_not() -> None:

@@ -72,8 +72,9 @@ def test_vectors_and_angles_say_the_same(heading, pitch, roll, dip) -> None:
 
 
 def test_at_rest_the_accelerometer_feels_up() -> None:
-    turn = Rotation.from_euler("ZYX", [[40.0, 0, 0], [40, 30, 0], [40, 0, 90], [40, -20, 100]],
-                               degrees=True)  # fmt: skip
+    turn = Rotation.from_euler(
+        "ZYX", [[40.0, 0, 0], [40, 30, 0], [40, 0, 90], [40, -20, 100]], degrees=True
+    )
     down = tilt.down_of_force(turn.apply([0.0, 0.0, -9.8], inverse=True))
     roll, pitch = tilt.roll_pitch_deg(tilt.of_down(down))
     assert roll == pytest.approx([0, 0, 90, 100])

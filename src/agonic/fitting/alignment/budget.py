@@ -53,8 +53,12 @@ def error_budget(fit: AlignmentFit) -> tuple[Effect, ...]:
     >>> [(effect.name, round(effect.size_arcsec)) for effect in budget if effect.size_arcsec > 1000]
     [('precession', 1217), ('equation of the origins', 1112)]
     """
-    return (*_of_the_earth(fit.session), *_of_light(fit.session), *_of_the_site(fit),
-            *_of_the_readings(fit))  # fmt: skip
+    return (
+        *_of_the_earth(fit.session),
+        *_of_light(fit.session),
+        *_of_the_site(fit),
+        *_of_the_readings(fit),
+    )
 
 
 def _of_the_earth(session: Session) -> tuple[Effect, ...]:
@@ -68,25 +72,43 @@ def _of_the_earth(session: Session) -> tuple[Effect, ...]:
     origins = abs(erfa.gst06a(UNIX_JD, tt, UNIX_JD, tt) - erfa.era00(UNIX_JD, tt)) / ARCSEC_RAD
     pole = float(np.hypot(x, y)) / ARCSEC_RAD
     return (
-        Effect(name="precession", size_arcsec=precession, treatment="corrected",
-               remark="since J2000"),
+        Effect(
+            name="precession", size_arcsec=precession, treatment="corrected", remark="since J2000"
+        ),
         Effect(name="nutation", size_arcsec=nutation, treatment="corrected"),
-        Effect(name="equation of the origins", size_arcsec=origins % 1_296_000.0,
-               treatment="corrected", remark="GAST less the Earth rotation angle"),
-        Effect(name="leap seconds", size_arcsec=leap * ARCSEC_PER_S, treatment="corrected",
-               remark=f"TAI − UTC {leap:.0f} s"),
-        Effect(name="UT1 − UTC", size_arcsec=abs(ut1_tai + leap) * ARCSEC_PER_S,
-               treatment="corrected", remark=f"{ut1_tai + leap:+.4f} s"),
+        Effect(
+            name="equation of the origins",
+            size_arcsec=origins % 1_296_000.0,
+            treatment="corrected",
+            remark="GAST less the Earth rotation angle",
+        ),
+        Effect(
+            name="leap seconds",
+            size_arcsec=leap * ARCSEC_PER_S,
+            treatment="corrected",
+            remark=f"TAI − UTC {leap:.0f} s",
+        ),
+        Effect(
+            name="UT1 − UTC",
+            size_arcsec=abs(ut1_tai + leap) * ARCSEC_PER_S,
+            treatment="corrected",
+            remark=f"{ut1_tai + leap:+.4f} s",
+        ),
         Effect(name="polar motion", size_arcsec=pole, treatment="corrected"),
-        Effect(name="errors of the Earth rotation table", size_arcsec=earth.sd_arcsec(when),
-               treatment="not corrected", remark=earth.source),
-    )  # fmt: skip
+        Effect(
+            name="errors of the Earth rotation table",
+            size_arcsec=earth.sd_arcsec(when),
+            treatment="not corrected",
+            remark=earth.source,
+        ),
+    )
 
 
 def _angle(matrix: Array) -> float:
     """The angle of a rotation, arcseconds."""
-    off = np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0],
-                    matrix[1, 0] - matrix[0, 1]])  # fmt: skip
+    off = np.array(
+        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    )
     return float(np.arcsin(min(float(np.linalg.norm(off)) / 2, 1.0)) / ARCSEC_RAD)
 
 
@@ -105,12 +127,13 @@ def _of_light(session: Session) -> tuple[Effect, ...]:
         present = getattr(session.star, effect) == PRESENT
         effects.append(
             Effect(
-                name=name, size_arcsec=largest,
+                name=name,
+                size_arcsec=largest,
                 treatment="corrected" if present else "by the sensor",
                 remark="largest of the session"
                 + ("" if present else "; if the sensor removes it as stated"),
             )
-        )  # fmt: skip
+        )
     return tuple(effects)
 
 
@@ -122,23 +145,28 @@ def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
     pier = float(fit.sd[6:9].max()) / magnitude / ARCSEC_RAD
     return (
         Effect(
-            name="deflection of the vertical", size_arcsec=DEFLECTION_ARCSEC,
+            name="deflection of the vertical",
+            size_arcsec=DEFLECTION_ARCSEC,
             treatment="corrected" if plumb else "not corrected",
-            remark="at most; astronomical coordinates contain it" if plumb
+            remark="at most; astronomical coordinates contain it"
+            if plumb
             else "at most; the coordinates are geodetic",
         ),
         Effect(
-            name="axes of the reference", size_arcsec=float(axes),
+            name="axes of the reference",
+            size_arcsec=float(axes),
             treatment="solved for" if "reference" in fit.solution.groups else "not known",
-            remark="standard error" if axes
+            remark="standard error"
+            if axes
             else "taken as exactly north, east, down: what they are off goes into the result",
         ),
         Effect(
-            name="difference between the piers", size_arcsec=pier,
+            name="difference between the piers",
+            size_arcsec=pier,
             treatment="solved for" if "pier" in fit.solution.groups else "corrected",
             remark="standard error" if pier else "taken as exact: 0.24 nT are 1″ at 50 000 nT",
         ),
-    )  # fmt: skip
+    )
 
 
 def _of_the_readings(fit: AlignmentFit) -> tuple[Effect, ...]:
@@ -152,17 +180,38 @@ def _of_the_readings(fit: AlignmentFit) -> tuple[Effect, ...]:
     solved = "matrix" in fit.solution.groups
     known = fit.session.calibration is not None
     return (
-        Effect(name="noise of the star sensor, across", size_arcsec=float(stars[:2].max()),
-               treatment="not corrected", remark="of the mean of an orientation"),
-        Effect(name="noise of the star sensor, about the boresight", size_arcsec=float(stars[2]),
-               treatment="not corrected", remark="of the mean of an orientation"),
-        Effect(name="noise of the magnetometer", size_arcsec=own, treatment="not corrected",
-               remark="of the mean of an orientation"),
-        Effect(name="noise of the reference", size_arcsec=beside, treatment="not corrected",
-               remark="of the mean of an orientation"),
-        Effect(name="bias and matrix of the magnetometer",
-               size_arcsec=float(fit.sd[9:].max() and fit.sd[12:].max() / ARCSEC_RAD),
-               treatment="solved for" if solved else "corrected" if known else "not known",
-               remark="standard error of an entry" if solved
-               else "by its calibration" if known else "taken as exact: none was given"),
-    )  # fmt: skip
+        Effect(
+            name="noise of the star sensor, across",
+            size_arcsec=float(stars[:2].max()),
+            treatment="not corrected",
+            remark="of the mean of an orientation",
+        ),
+        Effect(
+            name="noise of the star sensor, about the boresight",
+            size_arcsec=float(stars[2]),
+            treatment="not corrected",
+            remark="of the mean of an orientation",
+        ),
+        Effect(
+            name="noise of the magnetometer",
+            size_arcsec=own,
+            treatment="not corrected",
+            remark="of the mean of an orientation",
+        ),
+        Effect(
+            name="noise of the reference",
+            size_arcsec=beside,
+            treatment="not corrected",
+            remark="of the mean of an orientation",
+        ),
+        Effect(
+            name="bias and matrix of the magnetometer",
+            size_arcsec=float(fit.sd[9:].max() and fit.sd[12:].max() / ARCSEC_RAD),
+            treatment="solved for" if solved else "corrected" if known else "not known",
+            remark="standard error of an entry"
+            if solved
+            else "by its calibration"
+            if known
+            else "taken as exact: none was given",
+        ),
+    )

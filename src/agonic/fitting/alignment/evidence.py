@@ -44,9 +44,11 @@ def judged(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
     """The fit with its findings and its remarks."""
     result = fit.solution
     lost = result.undetermined
-    words = tuple(
-        in_words(column, result.unknowns, result.given) for column in np.atleast_2d(lost.T)
-    ) if lost.size else ()  # fmt: skip
+    words = (
+        tuple(in_words(column, result.unknowns, result.given) for column in np.atleast_2d(lost.T))
+        if lost.size
+        else ()
+    )
     loose = fit.worst_sd_arcsec > wanted_sd_arcsec
     add = suggested(result, wanted_sd_arcsec) if words or loose else ()
     known = replace(fit, undetermined=words, add=add)
@@ -131,12 +133,13 @@ def _loose(fit: AlignmentFit, wanted_sd_arcsec: float) -> list[Finding]:
         return []
     return [
         Finding(
-            "alignment loose", "check",
+            "alignment loose",
+            "check",
             f"the alignment is known to {figure(fit.worst_sd_arcsec)}″ about its worst axis, not "
             f"to {wanted_sd_arcsec:g}″",
             _moves(fit),
         )
-    ]  # fmt: skip
+    ]
 
 
 def _doubts(fit: AlignmentFit) -> list[Finding]:
@@ -147,11 +150,12 @@ def _doubts(fit: AlignmentFit) -> list[Finding]:
     if fit.solution.freedom == 0:
         return [
             Finding(
-                "no redundancy", "check",
+                "no redundancy",
+                "check",
                 "the orientations just determine the unknowns, so nothing tells a mistake",
                 "add orientations",
             )
-        ]  # fmt: skip
+        ]
     if not (bad or far):
         return []
     now = misfit(fit.session, fit.solution)
@@ -168,18 +172,22 @@ def _doubts(fit: AlignmentFit) -> list[Finding]:
         also = f" (as well: {'; '.join(others)})" if others else ""
         return [
             Finding(
-                "session mistake", "refuse",
-                f"{seen}; {causes[0].words} would explain it{also}", causes[0].move,
+                "session mistake",
+                "refuse",
+                f"{seen}; {causes[0].words} would explain it{also}",
+                causes[0].move,
             )
-        ]  # fmt: skip
+        ]
     if bad:
         return [
             Finding(
-                "session misfit", "check", f"{seen}; none of the usual mistakes explains it",
+                "session misfit",
+                "check",
+                f"{seen}; none of the usual mistakes explains it",
                 "look at the residuals of each orientation; solve for the magnetometer's bias and "
                 "matrix, or for the pier",
             )
-        ]  # fmt: skip
+        ]
     return [Finding("nominal mounting", "check", seen, "check the nominal angles and the axes")]
 
 
@@ -214,33 +222,36 @@ def _circumstances(fit: AlignmentFit) -> list[Finding]:
     if session.site.coordinates == "geodetic":
         findings.append(
             Finding(
-                "geodetic coordinates", "check",
+                "geodetic coordinates",
+                "check",
                 "the site's coordinates are geodetic: north and down may be off by up to 20″, the "
                 "deflection of the vertical",
                 "give astronomical coordinates, or solve for the reference",
             )
-        )  # fmt: skip
+        )
     earth = published_earth_rotation()
     sd = earth.sd_arcsec(session.middle)
     if session.middle > earth.measured_until:
         findings.append(
             Finding(
-                "predicted earth rotation", "note",
+                "predicted earth rotation",
+                "note",
                 f"the Earth's rotation on {session.date} is predicted, not measured, by the "
                 f"installed table, which may be off by {figure(sd)}″",
                 "install a newer astropy-iers-data and fit again" if sd > PREDICTED_ARCSEC else "",
             )
-        )  # fmt: skip
+        )
     pole = min(fit.angles_deg[1], 180.0 - fit.angles_deg[1])
     if pole < NEAR_POLE_DEG:
         findings.append(
             Finding(
-                "near-zero beta", "note",
+                "near-zero beta",
+                "note",
                 "the third axes of star sensor and magnetometer are all but parallel, so only the "
                 f"{'sum' if fit.angles_deg[1] < 90 else 'difference'} of α and γ is determined; "
                 "quaternion and matrix are good",
             )
-        )  # fmt: skip
+        )
     return findings
 
 
@@ -259,12 +270,13 @@ def _scatter(fit: AlignmentFit) -> list[Finding]:
     which = int(ratio.argmax())
     return [
         Finding(
-            "attitude scatter", "check",
+            "attitude scatter",
+            "check",
             f"within the orientations the attitudes scatter {figure(float(ratio[which]))} times as "
             f"much {('across', 'about')[which]} the boresight as stated",
             "let the platform settle, check the numbers of the orientations, or state a larger sd",
         )
-    ]  # fmt: skip
+    ]
 
 
 def _remarks(fit: AlignmentFit) -> tuple[str, ...]:

@@ -58,11 +58,14 @@ def _of_roll() -> Iterator[Mistake]:
     for words, move, change in (
         ("roll counted from north, not from south", "add 180° to rot_deg", lambda r: r + 180),
         ("roll counted the other way round", "change the sign of rot_deg", lambda r: -r),
-        ("roll counted from north and the other way round", "give 180° − rot_deg",
-         lambda r: 180 - r),
+        (
+            "roll counted from north and the other way round",
+            "give 180° − rot_deg",
+            lambda r: 180 - r,
+        ),
         ("roll counted from east", "add 90° to rot_deg", lambda r: r + 90),
         ("roll counted from west", "take 90° from rot_deg", lambda r: r - 90),
-    ):  # fmt: skip
+    ):
 
         def undone(star: StarReadings, change: Callable[[Array], Array] = change) -> Array:
             ra, dec, rot = _celestial(star)
@@ -107,8 +110,9 @@ def _of_sense() -> Iterator[Mistake]:
     )
     yield _attitude(
         "conjugate quaternions with the scalar last, read as scalar first",
-        "exchange the columns and turn the sense round", lambda star: reordered(star, True),
-    )  # fmt: skip
+        "exchange the columns and turn the sense round",
+        lambda star: reordered(star, True),
+    )
     yield _attitude("right ascension in hours", "multiply ra_deg by 15", hours)
     yield _attitude("polar distance for declination", "give 90° − dec_deg", polar)
 
@@ -124,9 +128,10 @@ def _of_date_frames(session: Session) -> Iterator[Mistake]:
     }
     for name, matrix in of_date.items():
         yield _attitude(
-            f"attitudes in {name}, not J2000", "turn them into J2000 (GCRS)",
+            f"attitudes in {name}, not J2000",
+            "turn them into J2000 (GCRS)",
             partial(_turned_by, matrix),
-        )  # fmt: skip
+        )
     origins = erfa.gst06a(UNIX_JD, tt, UNIX_JD, tt) - erfa.era00(UNIX_JD, tt)
     for sign, words in (
         (1.0, "the Earth rotation angle used with an equinox matrix, for GAST"),
@@ -135,13 +140,15 @@ def _of_date_frames(session: Session) -> Iterator[Mistake]:
         turn = r3(sign * origins)
         about = _about_pole(of_date["the celestial intermediate system of date"], turn)
         yield _attitude(
-            words, "turn the attitudes into J2000 (GCRS) with one consistent pair",
+            words,
+            "turn the attitudes into J2000 (GCRS) with one consistent pair",
             partial(_turned_by, about),
-        )  # fmt: skip
+        )
     yield _attitude(
-        "attitudes in Earth-fixed axes, not J2000", "turn them into J2000 (GCRS)",
+        "attitudes in Earth-fixed axes, not J2000",
+        "turn them into J2000 (GCRS)",
         lambda s: s.rot_ci @ published_earth_rotation().rot_ei(s.time),
-    )  # fmt: skip
+    )
 
 
 def _turned_by(matrix: Array, star: StarReadings) -> Array:
@@ -166,17 +173,20 @@ def _of_site() -> Iterator[Mistake]:
         return change
 
     yield Mistake(
-        "longitude counted west", "change the sign of longitude_deg: east is positive",
+        "longitude counted west",
+        "change the sign of longitude_deg: east is positive",
         moved(lambda north, east: (north, -east)),
-    )  # fmt: skip
+    )
     yield Mistake(
-        "latitude with the sign reversed", "change the sign of latitude_deg: north is positive",
+        "latitude with the sign reversed",
+        "change the sign of latitude_deg: north is positive",
         moved(lambda north, east: (-north, east)),
-    )  # fmt: skip
+    )
     yield Mistake(
-        "latitude and longitude exchanged", "exchange latitude_deg and longitude_deg",
+        "latitude and longitude exchanged",
+        "exchange latitude_deg and longitude_deg",
         moved(lambda north, east: (east, north)),
-    )  # fmt: skip
+    )
 
 
 def _of_time(session: Session) -> Iterator[Mistake]:
@@ -193,15 +203,20 @@ def _of_time(session: Session) -> Iterator[Mistake]:
         ("times one day off", "check the date", -86_400.0),
     ]
     for hours in [h for h in range(-14, 15) if h != 0]:
-        scales.append((
-            f"times {abs(hours)} h {'late' if hours < 0 else 'early'} (a local time taken for UTC)",
-            "give times in UTC", 3600.0 * hours,
-        ))  # fmt: skip
+        scales.append(
+            (
+                f"times {abs(hours)} h {'late' if hours < 0 else 'early'} (a local time taken "
+                f"for UTC)",
+                "give times in UTC",
+                3600.0 * hours,
+            )
+        )
     for words, move, seconds in scales:
         yield Mistake(
-            words, move,
+            words,
+            move,
             partial(_later, seconds),
-        )  # fmt: skip
+        )
 
 
 def _later(seconds: float, session: Session) -> Session:
@@ -216,9 +231,10 @@ def _of_effects(session: Session) -> Iterator[Mistake]:
         other = REMOVED if present else PRESENT
         words = "that the star sensor had removed already" if present else "left in by the sensor"
         yield Mistake(
-            f"{effect} {words}", f'state {effect} = "{other}"',
+            f"{effect} {words}",
+            f'state {effect} = "{other}"',
             partial(_stated, effect, other),
-        )  # fmt: skip
+        )
 
 
 def _stated(effect: str, as_: str, session: Session) -> Session:
@@ -240,13 +256,15 @@ def _of_fields() -> Iterator[Mistake]:
         )
 
     yield Mistake(
-        "a reference whose third axis points up", "change the sign of its z, or state its axes",
+        "a reference whose third axis points up",
+        "change the sign of its z, or state its axes",
         reference(np.diag([1.0, 1.0, -1.0])),
-    )  # fmt: skip
+    )
     yield Mistake(
-        "a reference with axes east, north, up", 'state axes = "ENU" for the reference',
+        "a reference with axes east, north, up",
+        'state axes = "ENU" for the reference',
         reference(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])),
-    )  # fmt: skip
+    )
     for k, axis in enumerate("xyz"):
         sign = np.where(np.arange(3) == k, -1.0, 1.0)
         yield Mistake(
@@ -258,4 +276,4 @@ def _of_fields() -> Iterator[Mistake]:
         "the pier difference with the sign reversed",
         "give the field at the magnetometer less that at the reference",
         lambda s: replace(s, pier=replace(s.pier, difference=-np.asarray(s.pier.difference))),
-    )  # fmt: skip
+    )

@@ -40,11 +40,13 @@ def added_information(at: Unknowns, like: Given, chosen: list[Orientation]) -> A
     count = len(chosen)
     reference = np.broadcast_to(like.reference.mean(axis=0), (count, 3))
     one = Given(
-        field=reference, reference=reference, rot_cn=attitude,
+        field=reference,
+        reference=reference,
+        rot_cn=attitude,
         star_covariance=np.broadcast_to(np.median(like.star_covariance, axis=0), (count, 3, 3)),
         noise=np.full(count, np.median(like.noise)),
         reference_noise=np.full(count, np.median(like.reference_noise)),
-    )  # fmt: skip
+    )
     expected = kernel.expected_c(at, one) @ at.rot_mc.T
     field = expected @ np.linalg.inv(at.matrix).T + at.bias
     made = one._replace(field=field)
@@ -54,9 +56,13 @@ def added_information(at: Unknowns, like: Given, chosen: list[Orientation]) -> A
 
 
 def best_additions(
-    information: Array, each: Array, chosen: list[Orientation], free: NDArray[np.bool_],
-    magnitude: float, enough: Callable[[list[int], float], bool],
-) -> list[int]:  # fmt: skip
+    information: Array,
+    each: Array,
+    chosen: list[Orientation],
+    free: NDArray[np.bool_],
+    magnitude: float,
+    enough: Callable[[list[int], float], bool],
+) -> list[int]:
     """Which of `chosen` to add one after the other, each the one that shrinks the worst most.
 
     `information` (18, 18) is what is known already, `enough(added, worst)` says when to stop, the

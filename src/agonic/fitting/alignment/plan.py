@@ -119,8 +119,10 @@ def plan_alignment(
         return len(picked) == MOST or (len(picked) >= FEWEST and sd <= wanted_sd_arcsec)
 
     picked = best_additions(np.diag(held), each, chosen, free, magnitude, enough)
-    sds = [alignment_sd(information(picked[:k]), free, magnitude) / ARCSEC_RAD
-           for k in range(1, len(picked) + 1)]  # fmt: skip
+    sds = [
+        alignment_sd(information(picked[:k]), free, magnitude) / ARCSEC_RAD
+        for k in range(1, len(picked) + 1)
+    ]
     if sds[-1] > wanted_sd_arcsec:
         raise CoverageError(
             f"{MOST} orientations leave the alignment at {_said(sds[-1])}, not "
@@ -145,10 +147,13 @@ def _like(
     root = np.sqrt(readings)
     star = np.diag((np.array([across, across, about]) * ARCSEC_RAD / root) ** 2)
     return Given(
-        field=field[None], reference=field[None], rot_cn=np.eye(3)[None],
-        star_covariance=star[None], noise=np.array([noise / root]),
+        field=field[None],
+        reference=field[None],
+        rot_cn=np.eye(3)[None],
+        star_covariance=star[None],
+        noise=np.array([noise / root]),
         reference_noise=np.array([reference_noise / root]),
-    )  # fmt: skip
+    )
 
 
 def _held(pier_sd: float | None, reference_sd_arcsec: float | None) -> Array:

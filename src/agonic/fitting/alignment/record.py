@@ -172,9 +172,11 @@ def _angle_jacobian(angles_rad: Array) -> Array:
     """
     _, beta, gamma = angles_rad
     sine = np.sin(beta) if abs(np.sin(beta)) > 1e-9 else 1e-9
-    about = -np.array([
-        [-sine * np.cos(gamma), np.sin(gamma), 0.0],
-        [sine * np.sin(gamma), np.cos(gamma), 0.0],
-        [np.cos(beta), 0.0, 1.0],
-    ])  # fmt: skip
+    about = -np.array(
+        [
+            [-sine * np.cos(gamma), np.sin(gamma), 0.0],
+            [sine * np.sin(gamma), np.cos(gamma), 0.0],
+            [np.cos(beta), 0.0, 1.0],
+        ]
+    )
     return np.asarray(np.linalg.inv(about))

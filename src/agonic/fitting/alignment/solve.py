@@ -104,9 +104,13 @@ class Solved:
 def given_of(observed: Observed) -> Given:
     """What the kernel needs of the observations."""
     return Given(
-        observed.field, observed.reference, observed.rot_cn, observed.star_covariance,
-        observed.noise, observed.reference_noise,
-    )  # fmt: skip
+        observed.field,
+        observed.reference,
+        observed.rot_cn,
+        observed.star_covariance,
+        observed.noise,
+        observed.reference_noise,
+    )
 
 
 def solved(session: Session, observed: Observed, solve: Collection[str]) -> Solved:
@@ -134,7 +138,7 @@ def solved(session: Session, observed: Observed, solve: Collection[str]) -> Solv
             prior=_prior(session, base, held, free, units),
             tolerance=1e-6,
             max_iterations=STEPS,
-        )  # fmt: skip
+        )
         at = base.moved(_whole(solution.params / units, free))
         iterations += solution.iterations
         converged = solution.converged
@@ -147,20 +151,34 @@ def solved(session: Session, observed: Observed, solve: Collection[str]) -> Solv
 
 
 def _assembled(
-    session: Session, at: Unknowns, given: Given, groups: tuple[str, ...], free: NDArray[np.bool_],
-    held: Array, magnitude: float, iterations: int, converged: bool,
-) -> Solved:  # fmt: skip
+    session: Session,
+    at: Unknowns,
+    given: Given,
+    groups: tuple[str, ...],
+    free: NDArray[np.bool_],
+    held: Array,
+    magnitude: float,
+    iterations: int,
+    converged: bool,
+) -> Solved:
     """The result with its test of the residuals."""
     residuals, _ = kernel.residual(at, given)
     white = kernel.whitener(kernel.spread(at, given)) @ residuals[:, :, None]
     beliefs = _departure(session, at) * np.sqrt(held)
     count = 3 * len(residuals) + int((held[free] > 0).sum()) - int(free.sum())
     return Solved(
-        unknowns=at, given=given, groups=groups, free=free,
-        information=kernel.information(at, given), held=held, magnitude=magnitude,
-        chi2=float((white**2).sum() + (beliefs**2).sum()), freedom=count,
-        iterations=iterations, converged=converged,
-    )  # fmt: skip
+        unknowns=at,
+        given=given,
+        groups=groups,
+        free=free,
+        information=kernel.information(at, given),
+        held=held,
+        magnitude=magnitude,
+        chi2=float((white**2).sum() + (beliefs**2).sum()),
+        freedom=count,
+        iterations=iterations,
+        converged=converged,
+    )
 
 
 def _start(session: Session, given: Given, groups: tuple[str, ...]) -> Unknowns:
@@ -173,9 +191,13 @@ def _start(session: Session, given: Given, groups: tuple[str, ...]) -> Unknowns:
 
 
 def _pieces(
-    base: Unknowns, given: Given, white: Array, free: NDArray[np.bool_], units: Array,
+    base: Unknowns,
+    given: Given,
+    white: Array,
+    free: NDArray[np.bool_],
+    units: Array,
     params: Array,
-) -> Iterable[tuple[Array, Array]]:  # fmt: skip
+) -> Iterable[tuple[Array, Array]]:
     """Whitened residuals and their Jacobian by the free unknowns, in nT of field moved."""
     at = base.moved(_whole(params / units, free))
     residuals, jacobian = kernel.residual(at, given)

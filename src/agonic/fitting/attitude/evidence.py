@@ -42,9 +42,15 @@ LEVEL_TILT_DEG = 20.0
 
 
 def with_evidence(
-    affine: Affine, estimate: taught.Estimate, problem: taught.Problem, scale: Scale,
-    samples: Samples, usable: NDArray[np.bool_], tests: tuple[ModelTest, ...], settings: Settings,
-) -> Fit:  # fmt: skip
+    affine: Affine,
+    estimate: taught.Estimate,
+    problem: taught.Problem,
+    scale: Scale,
+    samples: Samples,
+    usable: NDArray[np.bool_],
+    tests: tuple[ModelTest, ...],
+    settings: Settings,
+) -> Fit:
     """The fit with residuals of every row, coverage, findings and remarks."""
     weights = np.zeros(len(samples))
     weights[usable] = estimate.weight
@@ -89,9 +95,14 @@ def _channels(
 
 
 def _evidence(
-    fit: Fit, plain: Affine, cleaned: Array, problem: taught.Problem, params: Array,
-    samples: Samples, usable: NDArray[np.bool_],
-) -> Evidence:  # fmt: skip
+    fit: Fit,
+    plain: Affine,
+    cleaned: Array,
+    problem: taught.Problem,
+    params: Array,
+    samples: Samples,
+    usable: NDArray[np.bool_],
+) -> Evidence:
     """What the examination of a fit looks at: the readings without what sources added."""
     assert plain.magnitude is not None
     assert fit.weights is not None
@@ -115,9 +126,12 @@ def _evidence(
 
 
 def _coverage(
-    plain: Affine, cleaned: Array, believed: NDArray[np.bool_], problem: taught.Problem,
+    plain: Affine,
+    cleaned: Array,
+    believed: NDArray[np.bool_],
+    problem: taught.Problem,
     settings: Settings,
-) -> Coverage:  # fmt: skip
+) -> Coverage:
     """Coverage and heading uncertainty with the sources at their mean, at the dip of the place."""
     assert plain.covariance is not None
     assert plain.magnitude is not None
@@ -126,9 +140,14 @@ def _coverage(
         dip = float(np.degrees(np.arctan2(problem.vertical.mean(), problem.horizontal.mean())))
     field = plain.correct(cleaned[believed])
     coverage = cover(
-        visits(field), plain.magnitude, plain.bias, plain.matrix, plain.covariance,
-        gauge=plain.gauge, inclination_deg=60.0 if dip is None else dip,
-    )  # fmt: skip
+        visits(field),
+        plain.magnitude,
+        plain.bias,
+        plain.matrix,
+        plain.covariance,
+        gauge=plain.gauge,
+        inclination_deg=60.0 if dip is None else dip,
+    )
     if problem.down is None:
         return coverage
     return replace(coverage, turns=turns_of_a_vehicle(field, problem.down[believed]))
@@ -209,9 +228,13 @@ def _heading_sd_deg(evidence: Evidence, channels: dict[str, Channel]) -> float |
 
 
 def _findings(
-    samples: Samples, evidence: Evidence, problem: taught.Problem, cleaned: Array,
-    channels: dict[str, Channel], tilt_sd: float | None,
-) -> tuple[Finding, ...]:  # fmt: skip
+    samples: Samples,
+    evidence: Evidence,
+    problem: taught.Problem,
+    cleaned: Array,
+    channels: dict[str, Channel],
+    tilt_sd: float | None,
+) -> tuple[Finding, ...]:
     """What is wrong with readings and fit, refusals first; one cause is not reported twice."""
     seen = inspect(samples)
     if any(finding.severity == "refuse" for finding in seen):

@@ -60,9 +60,15 @@ def fit_interference(
     if not sources:
         raise AgonicError("sources is empty; name what disturbs: current_A, throttle or second")
     chosen = Settings(
-        model=model, gauge=gauge, sources=tuple(sources), robust=robust, soft_iron_sd=soft_iron_sd,
-        turn_sd_deg=turn_sd_deg, inclination_deg=inclination_deg, seed=seed,
-    )  # fmt: skip
+        model=model,
+        gauge=gauge,
+        sources=tuple(sources),
+        robust=robust,
+        soft_iron_sd=soft_iron_sd,
+        turn_sd_deg=turn_sd_deg,
+        inclination_deg=inclination_deg,
+        seed=seed,
+    )
     known = kinds(samples, reference)
     fit = fitted(samples, reference, known, chosen, "interference")
     if "second" not in sources:

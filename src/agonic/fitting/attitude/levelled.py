@@ -65,7 +65,13 @@ def fit_levelled(
     True
     """
     chosen = Settings(
-        model=model, gauge=gauge, sources=tuple(sources), robust=robust, soft_iron_sd=soft_iron_sd,
-        turn_sd_deg=turn_sd_deg, inclination_deg=inclination_deg, seed=seed,
-    )  # fmt: skip
+        model=model,
+        gauge=gauge,
+        sources=tuple(sources),
+        robust=robust,
+        soft_iron_sd=soft_iron_sd,
+        turn_sd_deg=turn_sd_deg,
+        inclination_deg=inclination_deg,
+        seed=seed,
+    )
     return fitted(samples, reference, ("magnitude", "dip"), chosen, "levelled")

@@ -26,9 +26,13 @@ _STEP = 1e-30  # of a complex step: its square is nothing beside one, so derivat
 
 
 def calibration(
-    estimate: Estimate, problem: Problem, scale: Scale, samples: Samples, settings: Settings,
+    estimate: Estimate,
+    problem: Problem,
+    scale: Scale,
+    samples: Samples,
+    settings: Settings,
     name: str,
-) -> Affine:  # fmt: skip
+) -> Affine:
     """The calibration, with the joint covariance of all that was estimated."""
     mixed = "second" in settings.sources
     gauge = FREE if mixed else problem.gauge

@@ -64,9 +64,12 @@ def fit_coil(session: CoilSession) -> CoilFit:
     found = kernel.estimate(seen, drift, even=even)
     time = _middle(session)
     fit = CoilFit(
-        session=session, stretches=seen, estimate=found,
-        directions=_directions(session, found, time), time=time,
-    )  # fmt: skip
+        session=session,
+        stretches=seen,
+        estimate=found,
+        directions=_directions(session, found, time),
+        time=time,
+    )
     away, away_sd = _geometry(fit)
     fit = replace(fit, geometric_deg=away, geometric_sd_arcsec=away_sd)
     if even:
@@ -96,9 +99,10 @@ def _stretches(session: CoilSession) -> Stretch:
     )
     if len(seen.time) < FEWEST:
         raise CoverageError(
-            f"the current has {len(seen.time)} stretches", undetermined="drift and coil together",
+            f"the current has {len(seen.time)} stretches",
+            undetermined="drift and coil together",
             turns=f"switch it to and fro, {FEWEST} times at least",
-        )  # fmt: skip
+        )
     return seen
 
 
@@ -134,9 +138,7 @@ def _middle(session: CoilSession) -> float | None:
     return float(unix_of(session.magnetometer)[[0, -1]].mean())
 
 
-def _directions(
-    session: CoilSession, found: Estimate, time: float | None
-) -> dict[str, Direction]:  # fmt: skip
+def _directions(session: CoilSession, found: Estimate, time: float | None) -> dict[str, Direction]:
     """The axis in all frames to which the chain leads."""
     size = float(np.linalg.norm(found.linear))
     axis = found.linear / size
@@ -220,48 +222,76 @@ def _findings(fit: CoilFit) -> list[Finding]:
     said = []
     if (fit.stretches.current > 0).all() or (fit.stretches.current < 0).all():
         said.append(
-            Finding("one polarity", "check", "the current never changes its sign, so what is even "
-                    "in it does not cancel", "reverse it")
-        )  # fmt: skip
+            Finding(
+                "one polarity",
+                "check",
+                "the current never changes its sign, so what is even in it does not cancel",
+                "reverse it",
+            )
+        )
     if fit.session.reference is None:
         said.append(
-            Finding("no reference", "note", "the drift of the ambient field is only what a smooth "
-                    "curve makes of it", "record a reference beside it")
-        )  # fmt: skip
+            Finding(
+                "no reference",
+                "note",
+                "the drift of the ambient field is only what a smooth curve makes of it",
+                "record a reference beside it",
+            )
+        )
     site = fit.session.site
     if "e" in fit.directions and site is not None and site.coordinates == "geodetic":
         said.append(
-            Finding("geodetic coordinates", "check", "the site's coordinates are geodetic: north "
-                    "and down may be off by up to 20″, the deflection of the vertical",
-                    "give astronomical coordinates")
-        )  # fmt: skip
+            Finding(
+                "geodetic coordinates",
+                "check",
+                "the site's coordinates are geodetic: north "
+                "and down may be off by up to 20″, the deflection of the vertical",
+                "give astronomical coordinates",
+            )
+        )
     if "e" in fit.directions and "i" not in fit.directions:
         said.append(
-            Finding("no inertial axis", "note", "the readings have no date for which the Earth's "
-                    "rotation is known, so there is no inertial axis",
-                    "give times as dates, or install a newer astropy-iers-data")
-        )  # fmt: skip
+            Finding(
+                "no inertial axis",
+                "note",
+                "the readings have no date for which the Earth's "
+                "rotation is known, so there is no inertial axis",
+                "give times as dates, or install a newer astropy-iers-data",
+            )
+        )
     if fit.p_linear < RARE:
         worst = max(fit.levels, key=lambda level: abs(level.departure / level.sd))
         said.append(
-            Finding("nonlinear", "check", f"at {figure(worst.current_A, 3)} A the constant is off "
-                    f"by {figure(1e6 * worst.departure / fit.constant)} ppm",
-                    "check shunt and source, and the magnetometer's linearity")
-        )  # fmt: skip
+            Finding(
+                "nonlinear",
+                "check",
+                f"at {figure(worst.current_A, 3)} A the constant is off "
+                f"by {figure(1e6 * worst.departure / fit.constant)} ppm",
+                "check shunt and source, and the magnetometer's linearity",
+            )
+        )
     even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
     if spread.any() and (even**2 / spread).max() > STANDS_OUT**2:
         largest = float(np.abs(fit.stretches.current).max())
         said.append(
-            Finding("even in the current", "note", "reversing does not reverse "
-                    f"{figure(float(np.linalg.norm(even)) * largest**2)} nT at {largest:g} A",
-                    "look for heating, or iron near the coil; the axis is free of it")
-        )  # fmt: skip
+            Finding(
+                "even in the current",
+                "note",
+                "reversing does not reverse "
+                f"{figure(float(np.linalg.norm(even)) * largest**2)} nT at {largest:g} A",
+                "look for heating, or iron near the coil; the axis is free of it",
+            )
+        )
     if fit.estimate.correlation.max() > CORRELATED:
         said.append(
-            Finding("correlated residuals", "check", "stretches are alike in what is left, "
-                    f"{figure(float(fit.estimate.correlation.max()))} counting as one",
-                    "reverse the current more often, or put the reference nearer")
-        )  # fmt: skip
+            Finding(
+                "correlated residuals",
+                "check",
+                "stretches are alike in what is left, "
+                f"{figure(float(fit.estimate.correlation.max()))} counting as one",
+                "reverse the current more often, or put the reference nearer",
+            )
+        )
     return said
 
 

@@ -114,10 +114,12 @@ def fit_deviation(
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
     solved, as_stated = _solved(rows, readings.difference, weighted, noise_deg)
     asked = {
-        "terms": terms, "robust": robust, "noise_deg": noise_deg,
+        "terms": terms,
+        "robust": robust,
+        "noise_deg": noise_deg,
         "declination_deg": None if declination_deg is None else readings.declination,
         "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
-    }  # fmt: skip
+    }
     whence = source or Input.of_array(sensor, readings.columns)
     card = Deviation(
         **_spread(solved, chosen),
@@ -132,9 +134,16 @@ def fit_deviation(
         provenance=Provenance(inputs=(whence,), settings=asked, method=CITATIONS),
     )
     evidence = Evidence(
-        compass_deg=readings.compass, rows=rows, solved=solved, card=card, level=level,
-        chosen=chosen, stated_noise_deg=noise_deg, left_out=readings.left_out, weighted=weighted,
-    )  # fmt: skip
+        compass_deg=readings.compass,
+        rows=rows,
+        solved=solved,
+        card=card,
+        level=level,
+        chosen=chosen,
+        stated_noise_deg=noise_deg,
+        left_out=readings.left_out,
+        weighted=weighted,
+    )
     return _finished(evidence, _classical(readings))
 
 

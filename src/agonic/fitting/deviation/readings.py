@@ -68,6 +68,9 @@ def complete(
             "there is no complete reading", turns="steer eight headings and note compass and truth"
         )
     return Readings(
-        compass[good] % 360.0, (reference - compass)[good], tilt[good],
-        float(declination.mean()), int((~good).sum()),
-    )  # fmt: skip
+        compass[good] % 360.0,
+        (reference - compass)[good],
+        tilt[good],
+        float(declination.mean()),
+        int((~good).sum()),
+    )

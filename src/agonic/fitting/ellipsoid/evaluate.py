@@ -54,13 +54,25 @@ def evaluate(
     residuals = residuals[rows_of(usable)]
     noise = noise_of(residuals, robust=True, parameters=0)
     found = Found(
-        calibration.model, calibration.bias, calibration.matrix, calibration.covariance,
-        noise.sd, noise.correlation, residuals, noise.loss.weight((residuals / noise.sd) ** 2),
-    )  # fmt: skip
+        calibration.model,
+        calibration.bias,
+        calibration.matrix,
+        calibration.covariance,
+        noise.sd,
+        noise.correlation,
+        residuals,
+        noise.loss.weight((residuals / noise.sd) ** 2),
+    )
     return with_evidence(
-        found, calibration, samples, reference, usable, (), inclination_deg,
+        found,
+        calibration,
+        samples,
+        reference,
+        usable,
+        (),
+        inclination_deg,
         examine if by_magnitude else examine_taught,
-    )  # fmt: skip
+    )
 
 
 def _wanted(affine: Affine, reference: Reference | None, n: int) -> Array:
@@ -84,10 +96,15 @@ def rows_of(mask: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:
 
 
 def with_evidence(
-    found: Found, affine: Affine, samples: Samples, reference: Reference | None,
-    usable: NDArray[np.bool_], tests: tuple[ModelTest, ...], inclination_deg: float,
+    found: Found,
+    affine: Affine,
+    samples: Samples,
+    reference: Reference | None,
+    usable: NDArray[np.bool_],
+    tests: tuple[ModelTest, ...],
+    inclination_deg: float,
     examined: Callable[[Evidence], tuple[Finding, ...]] = examine,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """The fit: residuals of every row, coverage, findings and remarks.
 
     `found` tells noise, weights and the solver's numbers, its noise in the unit of the readings.
@@ -102,16 +119,29 @@ def with_evidence(
     weights[kept] = 1.0 if found.weights is None else found.weights
     field = correct(samples.field, affine.bias, affine.matrix)
     coverage = cover(
-        visits(field[rows_of(weights > 0)]), affine.magnitude, affine.bias, affine.matrix,
-        affine.covariance, gauge=affine.gauge, inclination_deg=inclination_deg,
-    )  # fmt: skip
+        visits(field[rows_of(weights > 0)]),
+        affine.magnitude,
+        affine.bias,
+        affine.matrix,
+        affine.covariance,
+        gauge=affine.gauge,
+        inclination_deg=inclination_deg,
+    )
     fit = Fit(
-        calibration=affine, n=int(usable.sum()), residuals=residuals, weights=weights,
-        noise=found.noise, correlation=found.correlation, condition=found.condition,
-        iterations=found.iterations, converged=found.converged, coverage=coverage, tests=tests,
+        calibration=affine,
+        n=int(usable.sum()),
+        residuals=residuals,
+        weights=weights,
+        noise=found.noise,
+        correlation=found.correlation,
+        condition=found.condition,
+        iterations=found.iterations,
+        converged=found.converged,
+        coverage=coverage,
+        tests=tests,
         findings=inspect(samples),
         remarks=remarks(affine, coverage, tests, reference is not None),
-    )  # fmt: skip
+    )
     gain = float(np.trace(affine.matrix) / 3)
     evidence = Evidence(
         readings=samples.field[kept],

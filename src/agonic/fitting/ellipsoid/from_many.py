@@ -22,7 +22,7 @@ from agonic.fitting.ellipsoid.solve import (
     Model,
     no_ellipsoid,
     too_few,
-)  # fmt: skip
+)
 from agonic.health import FEWEST
 from agonic.kernels import gauge as gauges
 from agonic.kernels import moments as kernel
@@ -175,9 +175,14 @@ _SQUARES = [_AT[e] for e in ((2, 0, 0), (0, 2, 0), (0, 0, 2))]
 
 
 def _fit(
-    sums: Array, units: gauges.Units, model: Model, gauge: Gauge, inclination_deg: float,
-    found: Fits, rows: slice,
-) -> None:  # fmt: skip
+    sums: Array,
+    units: gauges.Units,
+    model: Model,
+    gauge: Gauge,
+    inclination_deg: float,
+    found: Fits,
+    rows: slice,
+) -> None:
     """The fits of a slab, put into its rows of `found`."""
     part = Fits(**{field.name: getattr(found, field.name)[rows] for field in fields(Fits)})
     count = np.round(sums[:, 0]).astype(int)

@@ -20,7 +20,7 @@ from agonic.fitting.ellipsoid.assemble import (
     remarks,
     scale_finding,
     settings,
-)  # fmt: skip
+)
 from agonic.fitting.ellipsoid.solve import Model, algebraic, choose
 from agonic.health import undetermined
 from agonic.kernels import moments as kernel
@@ -74,15 +74,28 @@ def fit_moments(
     assert affine.magnitude is not None
     assert affine.covariance is not None
     coverage = cover(
-        np.zeros(80, dtype=np.int64), affine.magnitude, affine.bias, affine.matrix,
-        affine.covariance, gauge=gauge, inclination_deg=inclination_deg,
-    )  # fmt: skip
+        np.zeros(80, dtype=np.int64),
+        affine.magnitude,
+        affine.bias,
+        affine.matrix,
+        affine.covariance,
+        gauge=gauge,
+        inclination_deg=inclination_deg,
+    )
     fit = Fit(
-        calibration=affine, n=sums.count, residuals=None, weights=None, noise=affine.noise or 0.0,
-        correlation=1.0, condition=found.condition, iterations=1, converged=True,
-        coverage=coverage, tests=tests,
+        calibration=affine,
+        n=sums.count,
+        residuals=None,
+        weights=None,
+        noise=affine.noise or 0.0,
+        correlation=1.0,
+        condition=found.condition,
+        iterations=1,
+        converged=True,
+        coverage=coverage,
+        tests=tests,
         remarks=remarks(affine, coverage, tests, reference is not None),
-    )  # fmt: skip
+    )
     return finished(fit, (scale_finding(affine), undetermined(coverage)))
 
 

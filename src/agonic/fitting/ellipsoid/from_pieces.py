@@ -18,7 +18,7 @@ from agonic.fitting.ellipsoid.assemble import (
     calibration,
     finished,
     settings,
-)  # fmt: skip
+)
 from agonic.fitting.ellipsoid.evaluate import rows_of, with_evidence
 from agonic.fitting.ellipsoid.from_moments import middle
 from agonic.fitting.ellipsoid.from_samples import Asked, normalised
@@ -93,9 +93,12 @@ def fit_recording(
 
 
 def fit_and_rows(
-    recording: Recording, reference: Reference | None = None, *, progress: Progress | None = None,
+    recording: Recording,
+    reference: Reference | None = None,
+    *,
+    progress: Progress | None = None,
     **settings: Any,
-) -> tuple[Fit, Samples]:  # fmt: skip
+) -> tuple[Fit, Samples]:
     """`fit_recording`, and the readings drawn from it, a row for each of the fit's residuals."""
     return _fitted(recording, reference, Asked(**settings), progress)
 
@@ -154,9 +157,7 @@ def _likeliest(
     def attempt(chosen: Fixed) -> Found:
         problem = ellipsoid.Problem(points, magnitude, chosen, asked.soft_iron_sd)
         start = ellipsoid.estimate(problem, robust=robust, seed=asked.seed)
-        whole = maximised(
-            recording, scan, scale, chosen, start, asked.soft_iron_sd, robust, told
-        )  # fmt: skip
+        whole = maximised(recording, scan, scale, chosen, start, asked.soft_iron_sd, robust, told)
         residuals, _ = ellipsoid.distances(points, whole.found.bias, whole.found.matrix, magnitude)
         weights = whole.noise.loss.weight((residuals / whole.noise.sd) ** 2)
         seen[chosen] = whole
@@ -173,9 +174,14 @@ def _evident(
     """The fit, with what the rows in memory tell and what the passes counted."""
     samples, found = scan.samples, solved.found
     chosen = settings(
-        asked.model, asked.method, asked.gauge, reference, robust=asked.robust,
-        soft_iron_sd=asked.soft_iron_sd, seed=asked.seed,
-    )  # fmt: skip
+        asked.model,
+        asked.method,
+        asked.gauge,
+        reference,
+        robust=asked.robust,
+        soft_iron_sd=asked.soft_iron_sd,
+        seed=asked.seed,
+    )
     affine = replace(
         calibration(found, solved.scale, samples.unit, asked.gauge),
         sensor=samples.name,
@@ -188,9 +194,14 @@ def _evident(
     )
     assert affine.noise is not None
     fit = with_evidence(
-        found._replace(noise=affine.noise), affine, samples, reference,
-        usable_rows(samples.field), solved.tests, asked.inclination_deg,
-    )  # fmt: skip
+        found._replace(noise=affine.noise),
+        affine,
+        samples,
+        reference,
+        usable_rows(samples.field),
+        solved.tests,
+        asked.inclination_deg,
+    )
     findings = tuple(f for f in fit.findings if f.name != "outliers")
     fit = replace(fit, n=solved.n, findings=findings)
     if scan.stride > 1:

@@ -19,7 +19,7 @@ from agonic.fitting.ellipsoid.assemble import (
     Scale,
     calibration,
     settings,
-)  # fmt: skip
+)
 from agonic.fitting.ellipsoid.evaluate import rows_of, with_evidence
 from agonic.fitting.ellipsoid.solve import (
     Fixed,
@@ -91,9 +91,14 @@ def fit_ellipsoid(
     found, affine, usable, tests = _solved(samples, reference, asked)
     assert affine.noise is not None
     return with_evidence(
-        found._replace(noise=affine.noise), affine, samples, reference, usable, tests,
+        found._replace(noise=affine.noise),
+        affine,
+        samples,
+        reference,
+        usable,
+        tests,
         inclination_deg,
-    )  # fmt: skip
+    )
 
 
 def ellipsoid_alone(

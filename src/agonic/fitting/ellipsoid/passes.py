@@ -40,9 +40,15 @@ class Whole(NamedTuple):
 
 
 def maximised(
-    recording: Recording, scan: Scan, scale: Scale, model: Fixed, start: ellipsoid.Estimate,
-    soft_iron_sd: float | None, robust: bool, told: Progress,
-) -> Whole:  # fmt: skip
+    recording: Recording,
+    scan: Scan,
+    scale: Scale,
+    model: Fixed,
+    start: ellipsoid.Estimate,
+    soft_iron_sd: float | None,
+    robust: bool,
+    told: Progress,
+) -> Whole:
     """The minimum over all readings, from that over some of them.
 
     Each pass adds up normal equations, the noise, and the scores of stretches of time; Newton's
@@ -76,19 +82,34 @@ def maximised(
     covariance, data = _sandwich(normal, scatter, held, len(params))
     bias, matrix = split(model_basis(model) @ params)
     found = Found(
-        model, bias, matrix, gauge.spread_model(model, covariance), seen.sd, lasts,
-        condition=float(leastsq.condition(data)), iterations=number, converged=converged,
-    )  # fmt: skip
+        model,
+        bias,
+        matrix,
+        gauge.spread_model(model, covariance),
+        seen.sd,
+        lasts,
+        condition=float(leastsq.condition(data)),
+        iterations=number,
+        converged=converged,
+    )
     return Whole(
-        found, seen, normal.total, round(float(sums.facts[6])),
+        found,
+        seen,
+        normal.total,
+        round(float(sums.facts[6])),
         batches.find_break(-scores, data * lasts, steady.matrix),
-    )  # fmt: skip
+    )
 
 
 def _summed(
-    recording: Recording, scan: Scan, scale: Scale, params: Array, assumed: Assumed, number: int,
+    recording: Recording,
+    scan: Scan,
+    scale: Scale,
+    params: Array,
+    assumed: Assumed,
+    number: int,
     told: Progress,
-) -> Sums:  # fmt: skip
+) -> Sums:
     """One pass."""
     sums = Sums.empty(batches.STRETCHES)
     compiled = scan.rows >= COMPILE_FROM

@@ -125,10 +125,17 @@ def scanned(recording: Recording, summed: bool, seed: int, told: Progress) -> Sc
     }
     samples = head.with_columns(**columns, rejected={})
     scan = Scan(
-        samples, stride, done, largest, dict(rejected), any("time" in why for why in rejected),
-        _spoilt(samples.field, drawn, done, stride), long, np.concatenate(begun) if known else None,
+        samples,
+        stride,
+        done,
+        largest,
+        dict(rejected),
+        any("time" in why for why in rejected),
+        _spoilt(samples.field, drawn, done, stride),
+        long,
+        np.concatenate(begun) if known else None,
         moments,
-    )  # fmt: skip
+    )
     return scan._replace(moments=_summed(recording, scan, told)) if scan.spoilt and summed else scan
 
 
@@ -191,9 +198,11 @@ def _summed(recording: Recording, scan: Scan, told: Progress) -> Moments:
     """The moments once more, without what turned out to be spoilt."""
     assert scan.moments is not None
     sums = Moments(
-        centre=scan.moments.centre, scale=scan.moments.scale, sums=np.zeros(35),
+        centre=scan.moments.centre,
+        scale=scan.moments.scale,
+        sums=np.zeros(35),
         unit=scan.moments.unit,
-    )  # fmt: skip
+    )
     for _, columns, factor in segments(recording, scan, lambda done: told("once more", done)):
         sums = sums.add(np.stack(columns, axis=1) * np.float64(factor))
     return sums

@@ -51,10 +51,18 @@ def likelihood(problem: ellipsoid.Problem, model: Fixed, robust: bool, seed: int
     solution = estimate.solution
     bias, matrix = split(model_basis(model) @ solution.params)
     return Found(
-        model, bias, matrix, gauge.spread_model(model, solution.covariance),
-        estimate.noise.sd, estimate.noise.correlation, estimate.residuals, estimate.weights,
-        solution.condition, solution.iterations, solution.converged,
-    )  # fmt: skip
+        model,
+        bias,
+        matrix,
+        gauge.spread_model(model, solution.covariance),
+        estimate.noise.sd,
+        estimate.noise.correlation,
+        estimate.residuals,
+        estimate.weights,
+        solution.condition,
+        solution.iterations,
+        solution.converged,
+    )
 
 
 def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
@@ -86,9 +94,13 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
         cleaned, bias, matrix, model_basis(model), variance
     )
     return Found(
-        model, bias, matrix, gauge.spread_model(model, covariance), float(np.sqrt(variance)),
+        model,
+        bias,
+        matrix,
+        gauge.spread_model(model, covariance),
+        float(np.sqrt(variance)),
         condition=float(condition),
-    )  # fmt: skip
+    )
 
 
 def no_ellipsoid() -> CoverageError:

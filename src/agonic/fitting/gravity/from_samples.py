@@ -123,9 +123,12 @@ def fit_gravity(
         )
     found = kernel.estimate(down, means, bias=bias)
     fit = GravityFit(
-        calibration=_calibration(samples, calibration, found, bias), estimate=found, down=down,
-        field=means, magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
-    )  # fmt: skip
+        calibration=_calibration(samples, calibration, found, bias),
+        estimate=found,
+        down=down,
+        field=means,
+        magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
+    )
     judged = replace(fit, findings=tuple(_findings(fit, gravity)))
     return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(fit))
 
@@ -161,9 +164,14 @@ def _calibration(
         provenance = replace(provenance, inputs=(Input.of_array(samples.name, samples.field),))
     unit = samples.unit if calibration is None else calibration.unit_out
     turn = Alignment(
-        rotation=Rotation.from_matrix(found.rotation), covariance=found.covariance[:3, :3],
-        unit_in=unit, frame_in="m", frame_out="b", sensor=samples.name, provenance=provenance,
-    )  # fmt: skip
+        rotation=Rotation.from_matrix(found.rotation),
+        covariance=found.covariance[:3, :3],
+        unit_in=unit,
+        frame_in="m",
+        frame_out="b",
+        sensor=samples.name,
+        provenance=provenance,
+    )
     if calibration is None:
         return turn
     steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
@@ -177,28 +185,43 @@ def _findings(fit: GravityFit, gravity: Array) -> list[Finding]:
     left = float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
     if left > MISFIT:
         said.append(
-            Finding("vertical varies", "refuse" if undetermined else "check", "the vertical field "
-                    f"scatters by {figure(100 * left)} % of the field between orientations",
-                    "calibrate the magnetometer first, and keep away from iron")
-        )  # fmt: skip
+            Finding(
+                "vertical varies",
+                "refuse" if undetermined else "check",
+                "the vertical field "
+                f"scatters by {figure(100 * left)} % of the field between orientations",
+                "calibrate the magnetometer first, and keep away from iron",
+            )
+        )
     elif undetermined:
         said.append(
-            Finding("turn undetermined", "refuse", f"{fit.n} orientations leave the turn about "
-                    f"{_axis(fit)} open", "hold it still also nose up, on either side and upside "
-                    "down, and in between")
-        )  # fmt: skip
+            Finding(
+                "turn undetermined",
+                "refuse",
+                f"{fit.n} orientations leave the turn about {_axis(fit)} open",
+                "hold it still also nose up, on either side and upside down, and in between",
+            )
+        )
     elif fit.worst_sd_deg > LOOSE_DEG:
         said.append(
-            Finding("turn loose", "check", f"the turn about {_axis(fit)} is known to "
-                    f"{figure(fit.worst_sd_deg)}° only", "add orientations far from the others")
-        )  # fmt: skip
+            Finding(
+                "turn loose",
+                "check",
+                f"the turn about {_axis(fit)} is known to {figure(fit.worst_sd_deg)}° only",
+                "add orientations far from the others",
+            )
+        )
     uneven = float(np.ptp(gravity) / gravity.mean())
     if uneven > ODD_GRAVITY:
         said.append(
-            Finding("uneven gravity", "check", "the accelerometer reads gravity as "
-                    f"{figure(100 * uneven)} % larger one way than another",
-                    "calibrate it; its bias tilts every orientation")
-        )  # fmt: skip
+            Finding(
+                "uneven gravity",
+                "check",
+                "the accelerometer reads gravity as "
+                f"{figure(100 * uneven)} % larger one way than another",
+                "calibrate it; its bias tilts every orientation",
+            )
+        )
     return said
 
 

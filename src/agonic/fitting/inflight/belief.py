@@ -38,9 +38,12 @@ def matrix_sd(ground: Calibration | None, solve: str, gain_sd: float) -> Array:
 
 
 def prior(
-    layout: Layout, ground: Calibration | None, solve: str, gain_sd: float,
+    layout: Layout,
+    ground: Calibration | None,
+    solve: str,
+    gain_sd: float,
     soft_iron_sd: float | None,
-) -> leastsq.Prior:  # fmt: skip
+) -> leastsq.Prior:
     """Gaussian prior on the matrix and on all terms; bias and turn are free.
 
     Residuals (S − identity)/sd over the six symmetric entries with a ground calibration,
@@ -54,9 +57,9 @@ def prior(
     if ground is not None:
         sd = matrix_sd(ground, solve, gain_sd)
     held = np.where(np.arange(6) < FREED[solve], MATRIX_TERM_SD, FIXED)
-    term_sd = np.concatenate([
-        np.full(3 * layout.bias_terms, TERM_SD), np.repeat(held, layout.matrix_terms)
-    ])  # fmt: skip
+    term_sd = np.concatenate(
+        [np.full(3 * layout.bias_terms, TERM_SD), np.repeat(held, layout.matrix_terms)]
+    )
 
     def residuals(params: Array) -> tuple[Array, Array]:
         gain = 1.0 if ground is not None else float(mean @ params)

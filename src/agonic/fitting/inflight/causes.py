@@ -106,10 +106,14 @@ def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Sam
 
 def _of_time() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     for seconds, words in (
-        (18.0, "18 s (GPS time taken for UTC)"), (-18.0, "−18 s (UTC taken for GPS time)"),
-        (37.0, "37 s (TAI taken for UTC)"), (3600.0, "an hour"), (-3600.0, "an hour"),
-        (43200.0, "twelve hours"), (-43200.0, "twelve hours"),
-    ):  # fmt: skip
+        (18.0, "18 s (GPS time taken for UTC)"),
+        (-18.0, "−18 s (UTC taken for GPS time)"),
+        (37.0, "37 s (TAI taken for UTC)"),
+        (3600.0, "an hour"),
+        (-3600.0, "an hour"),
+        (43200.0, "twelve hours"),
+        (-43200.0, "twelve hours"),
+    ):
         yield (
             Cause(f"positions {words} off in time would explain it", "check the time scale"),
             _shifted(seconds),

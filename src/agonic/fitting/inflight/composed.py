@@ -104,19 +104,37 @@ class Parts:
         of = self.change
         common = {
             name: getattr(of, name)
-            for name in ("unit_in", "sensor", "device_id", "frame_in", "frame_out", "noise",
-                         "magnitude", "provenance")
-        } | {"second_sensor": self.second_sensor}  # fmt: skip
+            for name in (
+                "unit_in",
+                "sensor",
+                "device_id",
+                "frame_in",
+                "frame_out",
+                "noise",
+                "magnitude",
+                "provenance",
+            )
+        } | {"second_sensor": self.second_sensor}
         names = self.estimate.terms.sources
         if change is None:
             return Interference(
-                **common, bias=np.zeros(3), matrix=np.eye(3), unit_out=of.unit_in, sources=names,
+                **common,
+                bias=np.zeros(3),
+                matrix=np.eye(3),
+                unit_out=of.unit_in,
+                sources=names,
                 coefficients=self.sources,
-            )  # fmt: skip
+            )
         return Interference(
-            **common, bias=of.bias, matrix=of.matrix, unit_out=of.unit_out, sources=names,
-            coefficients=self.sources, covariance=self._with_sources(), validity=of.validity,
-        )  # fmt: skip
+            **common,
+            bias=of.bias,
+            matrix=of.matrix,
+            unit_out=of.unit_out,
+            sources=names,
+            coefficients=self.sources,
+            covariance=self._with_sources(),
+            validity=of.validity,
+        )
 
     def _with_sources(self) -> Array:
         """Covariance of `Interference.parameters`: nine, then what the sources add, row by row."""
@@ -156,9 +174,19 @@ class Parts:
         onto = self._by_power(p)
         common = {
             name: getattr(of, name)
-            for name in ("unit_in", "unit_out", "sensor", "device_id", "frame_in", "frame_out",
-                         "noise", "magnitude", "provenance", "validity")
-        }  # fmt: skip
+            for name in (
+                "unit_in",
+                "unit_out",
+                "sensor",
+                "device_id",
+                "frame_in",
+                "frame_out",
+                "noise",
+                "magnitude",
+                "provenance",
+                "validity",
+            )
+        }
         return Thermal(
             **common,
             bias=np.vstack([of.bias, powers]),

@@ -61,10 +61,12 @@ def _reference(fit: InflightFit, task: Task, samples: Samples) -> list[Finding]:
     if cause is None:
         return [
             Finding(
-                "reference", "check", f"{what}: much more than models err by",
+                "reference",
+                "check",
+                f"{what}: much more than models err by",
                 "check times, positions, units and the date; look for currents on board",
             )
-        ]  # fmt: skip
+        ]
     return [Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)]
 
 

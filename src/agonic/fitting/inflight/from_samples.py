@@ -114,9 +114,12 @@ def fit_inflight(
 
 
 def _task(
-    samples: Samples, reference: Reference | None, ground: Calibration | None,
-    exclude: ArrayLike | None, settings: Settings,
-) -> Task:  # fmt: skip
+    samples: Samples,
+    reference: Reference | None,
+    ground: Calibration | None,
+    exclude: ArrayLike | None,
+    settings: Settings,
+) -> Task:
     """What is to be fitted, or an error that says what is missing."""
     _check(samples, ground, settings)
     along = reference

@@ -43,9 +43,16 @@ class Clock:
 
 
 def honest(
-    source: flight.Source, params: Array, layout: flight.Layout, noise: dict[str, Noise],
-    sds: dict[str, float], held: Array, lasts: float, clock: Clock, outside: bool,
-) -> Honest:  # fmt: skip
+    source: flight.Source,
+    params: Array,
+    layout: flight.Layout,
+    noise: dict[str, Noise],
+    sds: dict[str, float],
+    held: Array,
+    lasts: float,
+    clock: Clock,
+    outside: bool,
+) -> Honest:
     """The covariance at the minimum, one more pass a kind.
 
     Parameters: `sds` as `flight.residual` takes them; `held` (m, m) the prior's information;
@@ -82,9 +89,15 @@ def honest(
 
 
 def _summed(
-    source: flight.Source, kind: str, params: Array, layout: flight.Layout, noise: Noise,
-    sd: float, clock: Clock, outside: bool,
-) -> tuple[Sums, leastsq.Normal, Array]:  # fmt: skip
+    source: flight.Source,
+    kind: str,
+    params: Array,
+    layout: flight.Layout,
+    noise: Noise,
+    sd: float,
+    clock: Clock,
+    outside: bool,
+) -> tuple[Sums, leastsq.Normal, Array]:
     """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
     squares = np.zeros((len(params), len(params)))
     sums = Sums.empty(clock.count, len(params), (1, 3, 3) if outside else (1, 3))

@@ -22,7 +22,7 @@ from agonic.fitting.inflight.scan import (
     Scan,
     read_known,
     scanned,
-)  # fmt: skip
+)
 from agonic.fitting.inflight.solved import (
     Estimate,
     Found,

@@ -15,7 +15,7 @@ from agonic.kernels.geodesy import (
     earth_fixed,
     earth_fixed_position,
     north_east_down,
-)  # fmt: skip
+)
 from agonic.kernels.rotation import rot_nb
 from agonic.kernels.sunlight import shadowed
 from agonic.reference import Reference

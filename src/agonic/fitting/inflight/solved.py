@@ -100,9 +100,16 @@ def with_honest(task: Task, estimate: Estimate, source: flight.Source, clock: Cl
     _, jacobian = prior_of(task, layout)(params)
     held = jacobian.T @ jacobian
     found = honest(
-        source, params, layout, noise, estimate.sds, held, mean_correlation(noise), clock,
+        source,
+        params,
+        layout,
+        noise,
+        estimate.sds,
+        held,
+        mean_correlation(noise),
+        clock,
         task.outside is not None,
-    )  # fmt: skip
+    )
     return estimate._replace(
         solution=estimate.solution._replace(covariance=found.covariance),
         noise={k: of._replace(correlation=found.correlation[k]) for k, of in noise.items()},
@@ -171,11 +178,14 @@ def refined(
         lasts = mean_correlation(noise)
         channels = [
             leastsq.Channel(
-                flight.pieces(source, kind, layout, sds[kind]), of.sd, of.loss, lasts,
+                flight.pieces(source, kind, layout, sds[kind]),
+                of.sd,
+                of.loss,
+                lasts,
                 spread=of.correlation / lasts,
             )
             for kind, of in noise.items()
-        ]  # fmt: skip
+        ]
         solution = leastsq.solve_together(channels, params, prior=prior, tolerance=1e-2)
         params = solution.params
         parts = np.split(solution.residuals, len(noise))

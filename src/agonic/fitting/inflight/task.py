@@ -73,9 +73,13 @@ class Task:
         """The terms with so many intervals of the bias in time."""
         asked = self.settings
         return terms_of(
-            self.samples, intervals, degree=asked.temperature_degree,
-            of_matrix=asked.solve != "bias", rate=asked.matrix_rate, sources=asked.sources,
-        )  # fmt: skip
+            self.samples,
+            intervals,
+            degree=asked.temperature_degree,
+            of_matrix=asked.solve != "bias",
+            rate=asked.matrix_rate,
+            sources=asked.sources,
+        )
 
     def rows(self, terms: Terms) -> flight.Rows:
         """All readings as the kernel takes them."""

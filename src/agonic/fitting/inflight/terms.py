@@ -82,9 +82,14 @@ class Terms:
 
 
 def terms_of(
-    samples: Samples, intervals: int, *, degree: int, of_matrix: bool, rate: bool,
+    samples: Samples,
+    intervals: int,
+    *,
+    degree: int,
+    of_matrix: bool,
+    rate: bool,
     sources: tuple[str, ...],
-) -> Terms:  # fmt: skip
+) -> Terms:
     """The terms of a record with so many intervals of the bias in time."""
     assert samples.time is not None
     start, stop = float(samples.time[0]), float(samples.time[-1])
@@ -126,8 +131,11 @@ def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
         )
     values = stacked(sources, samples.columns())
     spread = np.asarray(values.std(axis=0))
-    still = [name for name, sd, mean in zip(signals(sources), spread, values.mean(axis=0),
-             strict=True) if sd <= 1e-9 * (abs(mean) + 1e-9)]  # fmt: skip
+    still = [
+        name
+        for name, sd, mean in zip(signals(sources), spread, values.mean(axis=0), strict=True)
+        if sd <= 1e-9 * (abs(mean) + 1e-9)
+    ]
     if still:
         raise CoverageError(
             f"{', '.join(still)} never changes, so what it does to the readings cannot be told "

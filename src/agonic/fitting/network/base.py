@@ -64,9 +64,13 @@ def from_vectors(raw: Array, field: Array, ends: Ends, *, robust: bool) -> Based
     for _ in range(6):
         noise = noise_of(solution.residuals, robust, 12)
         solution = leastsq.solve(
-            pieces, solution.params, scale=noise.sd, loss=noise.loss, prior=prior,
+            pieces,
+            solution.params,
+            scale=noise.sd,
+            loss=noise.loss,
+            prior=prior,
             correlation=noise.correlation,
-        )  # fmt: skip
+        )
         if noise_of(solution.residuals, robust, 12).settled(noise):
             break
     made = _inverted(solution, scaled, noise.sd, ends)

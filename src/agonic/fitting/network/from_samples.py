@@ -78,9 +78,16 @@ def fit_network(
     ('network', True)
     """
     settings = Settings(
-        hidden=hidden, inputs=inputs, base=base, target=target, stopping=stopping, robust=robust,
-        restarts=restarts, most_epochs=most_epochs, seed=seed,
-    )  # fmt: skip
+        hidden=hidden,
+        inputs=inputs,
+        base=base,
+        target=target,
+        stopping=stopping,
+        robust=robust,
+        restarts=restarts,
+        most_epochs=most_epochs,
+        seed=seed,
+    )
     if start is not None:
         settings = _as_started(settings, start)
     task = pose(samples, reference, settings)

@@ -89,9 +89,16 @@ def pose(samples: Samples, reference: Reference, settings: Settings) -> Task:
     inputs = stacked(settings.inputs, samples.field, columns)
     _enough(rows, inputs, settings)
     return Task(
-        samples=samples, inputs=inputs, columns=columns, wanted=wanted, rows=rows, ends=ends,
-        source=reference.source, sd=reference.sd, settings=settings,
-    )  # fmt: skip
+        samples=samples,
+        inputs=inputs,
+        columns=columns,
+        wanted=wanted,
+        rows=rows,
+        ends=ends,
+        source=reference.source,
+        sd=reference.sd,
+        settings=settings,
+    )
 
 
 def _columns(samples: Samples, settings: Settings, needs: tuple[str, ...]) -> dict[str, Array]:

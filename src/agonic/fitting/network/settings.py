@@ -61,7 +61,14 @@ class Settings:
         """The settings for the provenance."""
         base = self.base if isinstance(self.base, str | None) else self.base.kind
         return {
-            "fit": "network", "hidden": self.hidden, "inputs": list(self.inputs), "base": base,
-            "target": self.target, "stopping": self.stopping, "robust": self.robust,
-            "restarts": self.restarts, "most_epochs": self.most_epochs, "seed": self.seed,
-        }  # fmt: skip
+            "fit": "network",
+            "hidden": self.hidden,
+            "inputs": list(self.inputs),
+            "base": base,
+            "target": self.target,
+            "stopping": self.stopping,
+            "robust": self.robust,
+            "restarts": self.restarts,
+            "most_epochs": self.most_epochs,
+            "seed": self.seed,
+        }

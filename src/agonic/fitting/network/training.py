@@ -148,9 +148,13 @@ def _repeated(
                 part, seed=settings.seed, restarts=settings.restarts, held_out=other
             )
         found = marquardt.train(
-            part, start, stopping=settings.stopping, ridge=ridge, held_out=other,
+            part,
+            start,
+            stopping=settings.stopping,
+            ridge=ridge,
+            held_out=other,
             most_epochs=settings.most_epochs,
-        )  # fmt: skip
+        )
         epochs += found.epochs
         left = network.forward(*network.split(found.weights, problem.shape), x) - problem.target
         error = size * left
@@ -181,17 +185,23 @@ def _noise(
         hidden, _ = network.split(weights, problem.shape)
         active = network.activity(hidden, problem.x)
         active -= active.mean(axis=0)
-        lengths = [correlation_length(left[:, k] * column, weight)
-                   for k in range(left.shape[1]) for column in active.T]  # fmt: skip
+        lengths = [
+            correlation_length(left[:, k] * column, weight)
+            for k in range(left.shape[1])
+            for column in active.T
+        ]
         most = len(left) * left.shape[1] / (_LEAST_PER_WEIGHT * len(weights))
         noise = noise._replace(correlation=min(float(np.median(lengths)), max(most, 1.0)))
     return noise, weight
 
 
 def _unmodelled(
-    problem: marquardt.Problem, outputs: Array, kept: NDArray[np.bool_], noise: Noise,
+    problem: marquardt.Problem,
+    outputs: Array,
+    kept: NDArray[np.bool_],
+    noise: Noise,
     found: marquardt.Trained,
-) -> float:  # fmt: skip
+) -> float:
     """What the network leaves that is no noise, scaled: neighbours share it.
 
     A fit takes off sd² (weights determined)/(residuals) of what neighbours share, even of noise.
@@ -218,9 +228,16 @@ def correlation(outputs: Array, targets: Array) -> float:
 
 
 def _network(
-    task: Task, base: Affine | Thermal | None, scale: Scale, found: marquardt.Trained,
-    noise: Noise, problem: marquardt.Problem, outputs: Array, target: Array, weights: Array,
-) -> Network:  # fmt: skip
+    task: Task,
+    base: Affine | Thermal | None,
+    scale: Scale,
+    found: marquardt.Trained,
+    noise: Noise,
+    problem: marquardt.Problem,
+    outputs: Array,
+    target: Array,
+    weights: Array,
+) -> Network:
     """The calibration, with where it holds."""
     kept = weights > 0
     hidden, output = network.split(found.weights, problem.shape)

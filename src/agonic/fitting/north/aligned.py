@@ -81,9 +81,12 @@ def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> 
     for _ in range(ROUNDS):
         white = kernel.whitener(kernel.spread(at, given))
         solution = leastsq.solve(
-            partial(_pieces, base, given, white, free, unit), np.zeros(len(free)), scale=1.0,
-            prior=partial(_prior, held[free], unit, _away(base, start)[free]), tolerance=1e-6,
-        )  # fmt: skip
+            partial(_pieces, base, given, white, free, unit),
+            np.zeros(len(free)),
+            scale=1.0,
+            prior=partial(_prior, held[free], unit, _away(base, start)[free]),
+            tolerance=1e-6,
+        )
         at = base = base.moved(_whole(solution.params / unit, free))
         if np.abs(solution.params).max() < 1e-7 * magnitude:
             break
@@ -91,9 +94,14 @@ def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> 
 
 
 def _result(
-    at: Unknowns, start: Unknowns, given: Given, held: Array, free: NDArray[np.intp],
-    heading: Array, platform: Platform,
-) -> Aligned:  # fmt: skip
+    at: Unknowns,
+    start: Unknowns,
+    given: Given,
+    held: Array,
+    free: NDArray[np.intp],
+    heading: Array,
+    platform: Platform,
+) -> Aligned:
     known = kernel.information(at, given)[np.ix_(free, free)] + np.diag(held[free])
     residuals, _ = kernel.residual(at, given)
     spread = kernel.spread(at, given)
@@ -102,10 +110,15 @@ def _result(
     freedom = residuals.size - 3
     wider = max(chi2 / freedom, 1.0) if freedom > 0 and chdtrc(freedom, chi2) < 0.01 else 1.0
     return Aligned(
-        rot_mb=at.rot_mc, covariance=wider * leastsq.inverse(known)[:3, :3], residuals=residuals,
+        rot_mb=at.rot_mc,
+        covariance=wider * leastsq.inverse(known)[:3, :3],
+        residuals=residuals,
         residuals_sd=np.sqrt(np.diagonal(spread, axis1=1, axis2=2)),
-        heading_deg=heading % 360.0, orientation=platform.orientation, chi2=chi2, freedom=freedom,
-    )  # fmt: skip
+        heading_deg=heading % 360.0,
+        orientation=platform.orientation,
+        chi2=chi2,
+        freedom=freedom,
+    )
 
 
 def _held(session: NorthSession, north_sd_arcsec: float) -> Array:
@@ -164,9 +177,11 @@ def _given(session: NorthSession, platform: Platform, heading_deg: Array) -> Giv
     return Given(
         np.array([raw[own].mean(axis=0) for own in rows]),
         np.array([alongside[own].mean(axis=0) for own in rows]),
-        turn, _attitude_covariance(platform), noise / np.sqrt(counts),
+        turn,
+        _attitude_covariance(platform),
+        noise / np.sqrt(counts),
         beside_noise / np.sqrt(counts),
-    )  # fmt: skip
+    )
 
 
 def _rows(magnetometer: Samples, platform: Platform) -> list[NDArray[np.intp]]:

@@ -175,41 +175,65 @@ def _findings(fit: DiFluxFit, at: Settings) -> tuple[Finding, ...]:
     said = []
     if fit.sheet.mark_azimuth_deg is None:
         said.append(
-            Finding("no mark", "note", "the sheet has no azimuth of the mark, so the declination "
-                    "is left open", "give Abs-AzimuthMark")
-        )  # fmt: skip
+            Finding(
+                "no mark",
+                "note",
+                "the sheet has no azimuth of the mark, so the declination is left open",
+                "give Abs-AzimuthMark",
+            )
+        )
     elif not np.isfinite(fit.mark.sd_deg):
         said.append(
-            Finding("mark read once", "note", "the readings of the mark do not differ, so its own "
-                    "error is not in that of the declination",
-                    "read it in both faces before and after")
-        )  # fmt: skip
+            Finding(
+                "mark read once",
+                "note",
+                "the readings of the mark do not differ, so its own "
+                "error is not in that of the declination",
+                "read it in both faces before and after",
+            )
+        )
     sides = at.horizontal[~at.from_meridian & (np.abs(np.sin(at.zenith)) <= LEVEL_SIN)]
     if len(sides):
         off = np.abs(wrapped_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2).max()
         if off > OFF_MERIDIAN_DEG:
             said.append(
-                Finding("off the meridian", "note", "the inclination was taken "
-                        f"{figure(float(off))}° off the magnetic meridian; this is corrected",
-                        "check the circle's readings there")
-            )  # fmt: skip
+                Finding(
+                    "off the meridian",
+                    "note",
+                    "the inclination was taken "
+                    f"{figure(float(off))}° off the magnetic meridian; this is corrected",
+                    "check the circle's readings there",
+                )
+            )
     if not fit.scaled and np.abs(fit.sheet.reading).max() > 0:
         said.append(
-            Finding("no scale", "check", "neither the total field nor a reading of known tilt "
-                    "tells what a unit of the fluxgate is", "give --field")
-        )  # fmt: skip
+            Finding(
+                "no scale",
+                "check",
+                "neither the total field nor a reading of known tilt "
+                "tells what a unit of the fluxgate is",
+                "give --field",
+            )
+        )
     if fit.noise_arcsec > WIDE_ARCSEC:
         said.append(
-            Finding("settings disagree", "check", "the settings disagree by "
-                    f"{figure(fit.noise_arcsec)}″ of the field's direction",
-                    "look for a misread circle, iron on the observer or a disturbed field")
-        )  # fmt: skip
+            Finding(
+                "settings disagree",
+                "check",
+                f"the settings disagree by {figure(fit.noise_arcsec)}″ of the field's direction",
+                "look for a misread circle, iron on the observer or a disturbed field",
+            )
+        )
     worst = max(np.abs(fit.collimation_arcsec)) / 3600.0
     if worst > BIG_ERROR_DEG:
         said.append(
-            Finding("collimation", "check", f"the fluxgate is {figure(worst)}° from the telescope",
-                    "adjust it; errors of second order are no longer small")
-        )  # fmt: skip
+            Finding(
+                "collimation",
+                "check",
+                f"the fluxgate is {figure(worst)}° from the telescope",
+                "adjust it; errors of second order are no longer small",
+            )
+        )
     return tuple(said)
 
 

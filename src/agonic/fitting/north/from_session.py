@@ -56,9 +56,11 @@ def fit_north(session: NorthSession) -> NorthFit:
     if session.platform is not None:
         found = aligned(session, fit.north_deg, fit.sd_arcsec)
     whole = replace(
-        fit, azimuths=azimuths, aligned=found,
+        fit,
+        azimuths=azimuths,
+        aligned=found,
         calibration=None if found is None else _calibration(session, found, fit.method),
-    )  # fmt: skip
+    )
     judged = replace(whole, findings=tuple(_findings(whole)))
     return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(whole))
 
@@ -78,9 +80,13 @@ def _found(session: NorthSession) -> NorthFit:
         by["transit"], constant, constant_sd = _transit(session)
     method = min(by, key=lambda name: (not np.isfinite(by[name].sd_deg), by[name].sd_deg))
     return NorthFit(
-        session=session, by=by, method=method, swing=swing, constant=constant,
+        session=session,
+        by=by,
+        method=method,
+        swing=swing,
+        constant=constant,
         constant_sd=constant_sd,
-    )  # fmt: skip
+    )
 
 
 def _transit(session: NorthSession) -> tuple[North, float, float]:
@@ -94,9 +100,12 @@ def _transit(session: NorthSession) -> tuple[North, float, float]:
     # t1, t2, t3 are stopped: Δt = (t2 − t1) − (t3 − t2), so its variance is (1 + 4 + 1) that of one
     each = np.nan if session.time_sd_s is None else np.sqrt(6.0) * session.time_sd_s
     return kernel.transit(
-        transits.setting_deg, product, amplitude * each, session.transit_constant,
+        transits.setting_deg,
+        product,
+        amplitude * each,
+        session.transit_constant,
         session.transit_constant_sd,
-    )  # fmt: skip
+    )
 
 
 def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
@@ -128,9 +137,13 @@ def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignmen
         method=METHOD,
     )
     turn = Alignment(
-        rotation=Rotation.from_matrix(back), covariance=back @ found.covariance @ back.T,
-        frame_in="m", frame_out="b", sensor=magnetometer.name, provenance=provenance,
-    )  # fmt: skip
+        rotation=Rotation.from_matrix(back),
+        covariance=back @ found.covariance @ back.T,
+        frame_in="m",
+        frame_out="b",
+        sensor=magnetometer.name,
+        provenance=provenance,
+    )
     if session.calibration is None:
         return turn
     known = session.calibration
@@ -143,29 +156,46 @@ def _findings(fit: NorthFit) -> list[Finding]:
     said = [*_disagreement(fit), *_swing(fit)]
     if not np.isfinite(fit.by[fit.method].sd_deg):
         said.append(
-            Finding("no spread", "check", "nothing tells how well north is known",
-                    "read more turning points, or state reading_sd_arcsec or time_sd_s")
-        )  # fmt: skip
+            Finding(
+                "no spread",
+                "check",
+                "nothing tells how well north is known",
+                "read more turning points, or state reading_sd_arcsec or time_sd_s",
+            )
+        )
     for azimuth in fit.azimuths:
         if abs(azimuth.collimation_arcsec) > BAD_FACES_ARCSEC:
             said.append(
-                Finding("faces", "check", f"the two faces to {azimuth.name} differ by "
-                        f"{figure(2 * abs(azimuth.collimation_arcsec))}″ and half a turn",
-                        "check the readings, and adjust the theodolite")
-            )  # fmt: skip
+                Finding(
+                    "faces",
+                    "check",
+                    f"the two faces to {azimuth.name} differ by "
+                    f"{figure(2 * abs(azimuth.collimation_arcsec))}″ and half a turn",
+                    "check the readings, and adjust the theodolite",
+                )
+            )
     found = fit.aligned
     if found is not None and len(found.orientation) < 2:
         said.append(
-            Finding("orientations", "refuse", "one orientation leaves the turn about the field "
-                    "open", "turn the platform to at least two others")
-        )  # fmt: skip
+            Finding(
+                "orientations",
+                "refuse",
+                "one orientation leaves the turn about the field open",
+                "turn the platform to at least two others",
+            )
+        )
     elif found is not None and found.p_value < RARE:
         said.append(
-            Finding("platform misfit", "check", "the residuals are "
-                    f"{figure(float(np.sqrt(found.chi2 / found.freedom)))} times what the noise "
-                    "explains", "check mirror, orientation numbers, axes of the reference, and "
-                    "the magnetometer's calibration")
-        )  # fmt: skip
+            Finding(
+                "platform misfit",
+                "check",
+                "the residuals are "
+                f"{figure(float(np.sqrt(found.chi2 / found.freedom)))} times what the noise "
+                "explains",
+                "check mirror, orientation numbers, axes of the reference, and "
+                "the magnetometer's calibration",
+            )
+        )
     return said
 
 
@@ -176,10 +206,14 @@ def _disagreement(fit: NorthFit) -> list[Finding]:
         apart = abs(float(wrapped_deg(other.reading_deg - best.reading_deg)))
         if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
             said.append(
-                Finding("methods disagree", "check", f"{fit.method} and {name} differ by "
-                        f"{figure(3600 * apart)}″", "check that all were read on one circle, east "
-                        "increasing, and that amplitudes and times belong together")
-            )  # fmt: skip
+                Finding(
+                    "methods disagree",
+                    "check",
+                    f"{fit.method} and {name} differ by {figure(3600 * apart)}″",
+                    "check that all were read on one circle, east "
+                    "increasing, and that amplitudes and times belong together",
+                )
+            )
     return said
 
 
@@ -190,9 +224,13 @@ def _swing(fit: NorthFit) -> list[Finding]:
     if fit.swing.converged and periods >= FEW_PERIODS:
         return []
     return [
-        Finding("short swing", "check", f"the record holds {figure(periods)} periods of the swing",
-                "follow the gyro for two periods or more")
-    ]  # fmt: skip
+        Finding(
+            "short swing",
+            "check",
+            f"the record holds {figure(periods)} periods of the swing",
+            "follow the gyro for two periods or more",
+        )
+    ]
 
 
 def _remarks(fit: NorthFit) -> tuple[str, ...]:

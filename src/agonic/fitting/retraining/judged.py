@@ -87,9 +87,11 @@ def judged(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN)
     strays = 1.0 - float(believed.mean())
     if strays > STRAYS:
         return Judgement(
-            False, f"outliers: {figure(100 * strays)} % of the unseen readings fit neither the "
-            "candidate nor what is running", True,
-        )  # fmt: skip
+            False,
+            f"outliers: {figure(100 * strays)} % of the unseen readings fit neither the "
+            "candidate nor what is running",
+            True,
+        )
     made = _rms(candidate[believed])
     before = float("nan") if running is None else _rms(running[believed])
     wrong = _wrong_reference(unseen, made, params)

@@ -119,9 +119,13 @@ def _solved(
     noise = noise_of(solution.residuals, True, len(zero))
     for _ in range(_ROUNDS):
         solution = leastsq.solve(
-            pieces, solution.params, scale=noise.sd, loss=noise.loss, prior=prior,
+            pieces,
+            solution.params,
+            scale=noise.sd,
+            loss=noise.loss,
+            prior=prior,
             correlation=noise.correlation,
-        )  # fmt: skip
+        )
         found = noise_of(solution.residuals, True, len(zero))
         if found.settled(noise):
             break
@@ -147,6 +151,11 @@ def _composed(
     reduced = np.linalg.pinv(model_basis("full", FREE)) @ local
     gain = float(np.cbrt(abs(np.linalg.det(matrix))))
     return replace(
-        base, bias=base.bias - shift, matrix=matrix, gauge=FREE, model="full",
-        covariance=reduced @ covariance @ reduced.T, noise=noise / gain,
-    )  # fmt: skip
+        base,
+        bias=base.bias - shift,
+        matrix=matrix,
+        gauge=FREE,
+        model="full",
+        covariance=reduced @ covariance @ reduced.T,
+        noise=noise / gain,
+    )

@@ -94,11 +94,14 @@ def started(running: Running | None, params: RetrainerParams) -> RetrainerState:
     nothing = Window(time=np.empty(0), raw=np.empty((0, 3)), wanted=np.empty((0, channels)))
     ends = () if running is None else ("sensor", "frame_in", "frame_out", "device_id")
     return RetrainerState(
-        running=running, window=nothing, watch=cusum.fresh(channels), wait=params.fewest,
+        running=running,
+        window=nothing,
+        watch=cusum.fresh(channels),
+        wait=params.fewest,
         noise=running.noise if isinstance(running, Network) else None,
         unit="nT" if running is None else running.unit_in,
         **{name: getattr(running, name) for name in ends},
-    )  # fmt: skip
+    )
 
 
 def begun(state: RetrainerState, params: RetrainerParams, time: float) -> RetrainerState:
@@ -148,11 +151,16 @@ def pushed(state: RetrainerState, params: RetrainerParams, done: Retraining) -> 
         settling = ceil(GROWTH * (state.n - state.since_n))
     return rescheduled(
         replace(
-            state, window=window, wait=wait, settling=settling, onset=None, early=False,
+            state,
+            window=window,
+            wait=wait,
+            settling=settling,
+            onset=None,
+            early=False,
             watch=cusum.fresh(state.window.wanted.shape[1]),
             retrainings=(*state.retrainings, done)[-KEPT:],
             accepted=state.accepted + done.accepted,
             rejected=state.rejected + (not done.accepted),
         ),
         params,
-    )  # fmt: skip
+    )

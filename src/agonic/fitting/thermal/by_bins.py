@@ -64,9 +64,14 @@ def _nine(problem: positions.Problem, coefficients: Array, x: Array) -> Array:
 
 
 def _direction(
-    of: Posed, problem: positions.Problem, points: Array, place: NDArray[np.intp], bins: int,
-    heating: bool, start: Array,
-) -> thermal_bins.Coefficients:  # fmt: skip
+    of: Posed,
+    problem: positions.Problem,
+    points: Array,
+    place: NDArray[np.intp],
+    bins: int,
+    heating: bool,
+    start: Array,
+) -> thermal_bins.Coefficients:
     """One direction, a row a temperature and a column a station."""
     k = len(of.numbers)
     rows = of.cells.heating == heating
@@ -122,9 +127,12 @@ def bins(by: Separate, of: Posed, factor: float, gain: float) -> Bins:
     cooling, cooling_sd = physical(by.cooling)
     heating, heating_sd = physical(by.heating)
     return Bins(
-        temperature=by.temperature, cooling=cooling, cooling_sd=cooling_sd, heating=heating,
+        temperature=by.temperature,
+        cooling=cooling,
+        cooling_sd=cooling_sd,
+        heating=heating,
         heating_sd=heating_sd,
-    )  # fmt: skip
+    )
 
 
 def hysteresis(of: Bins) -> Hysteresis | None:

@@ -186,15 +186,22 @@ def _order(variances: Array) -> int:
 
 
 def _restored(
-    estimate: coil.Estimate, posed: coil.Problem, scale: _Scale, samples: Samples,
-    reference: Reference, settings: Settings,
-) -> Thermal:  # fmt: skip
+    estimate: coil.Estimate,
+    posed: coil.Problem,
+    scale: _Scale,
+    samples: Samples,
+    reference: Reference,
+    settings: Settings,
+) -> Thermal:
     """The calibration in the units of the readings."""
     p = posed.degree + 1
-    sizes = np.concatenate([
-        np.full(3 * p, scale.size), np.full(9 * p, scale.magnitude / scale.size),
-        np.full(3 if posed.rate else 0, scale.size / scale.pace),
-    ])  # fmt: skip
+    sizes = np.concatenate(
+        [
+            np.full(3 * p, scale.size),
+            np.full(9 * p, scale.magnitude / scale.size),
+            np.full(3 if posed.rate else 0, scale.size / scale.pace),
+        ]
+    )
     values = estimate.solution.params * sizes
     bias, matrix = split(values[: 12 * p].reshape(12, p).T @ model_basis("full", FREE).T)
     bias = bias.copy()
@@ -223,12 +230,14 @@ def _restored(
         provenance=Provenance(
             inputs=() if facts.source is None else (facts.source,),
             settings={
-                "fit": "thermal", "taught_by": "vector", "reference": reference.source,
+                "fit": "thermal",
+                "taught_by": "vector",
+                "reference": reference.source,
                 **settings.recorded(),
             },
             method=("huber-1981", "nikolaev-2023"),
         ),
-    )  # fmt: skip
+    )
 
 
 def _rms(

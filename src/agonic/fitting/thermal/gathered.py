@@ -76,9 +76,11 @@ def gathered(samples: Samples, width_C: float) -> tuple[Binned, tuple[Finding, .
     for start, stop in pairwise(edges):
         part = slice(start, stop)
         sums.add(
-            int(samples.station[start]), samples.field[part], level[part],
+            int(samples.station[start]),
+            samples.field[part],
+            level[part],
             None if samples.time is None else samples.time[part],
-        )  # fmt: skip
+        )
     if not sums.stations:
         raise CoverageError("there are no readings at all", turns="record the twelve stations")
     return sums, findings

@@ -145,9 +145,13 @@ def problem(
 
 
 def restored(
-    estimate: chamber.Estimate, problem: positions.Problem, of: Posed, facts: Facts, largest: float,
+    estimate: chamber.Estimate,
+    problem: positions.Problem,
+    of: Posed,
+    facts: Facts,
+    largest: float,
     provenance: Any,
-) -> Thermal:  # fmt: skip
+) -> Thermal:
     """The calibration in the units of the readings, scale and gauge made explicit.
 
     Without a known magnitude the mean gain at the centre of the range is set to one.
@@ -160,10 +164,13 @@ def restored(
         factor, magnitude, unit_out = 1.0, scale.size / gain, facts.unit
     else:
         factor, magnitude, unit_out = scale.magnitude / scale.size, scale.magnitude, "nT"
-    sizes = np.concatenate([
-        np.full(3 * p, scale.size), np.full(6 * p, factor),
-        np.full(3 if problem.rate else 0, scale.size / scale.pace),
-    ])  # fmt: skip
+    sizes = np.concatenate(
+        [
+            np.full(3 * p, scale.size),
+            np.full(6 * p, factor),
+            np.full(3 if problem.rate else 0, scale.size / scale.pace),
+        ]
+    )
     values = found * sizes
     spread = covariance * np.outer(sizes, sizes)
     if scale.magnitude is not None:

@@ -16,9 +16,16 @@ from agonic.health import Finding
 Array = NDArray[np.float64]
 
 COEFFICIENTS = (
-    "bias_x", "bias_y", "bias_z",
-    "matrix_xx", "matrix_yy", "matrix_zz", "matrix_xy", "matrix_xz", "matrix_yz",
-)  # fmt: skip
+    "bias_x",
+    "bias_y",
+    "bias_z",
+    "matrix_xx",
+    "matrix_yy",
+    "matrix_zz",
+    "matrix_xy",
+    "matrix_xz",
+    "matrix_yz",
+)
 """The nine of a temperature, in the order of every array below."""
 
 

@@ -73,8 +73,13 @@ class Settings:
         else:
             described_text = described
         return {
-            "bin_width_C": self.bin_width_C, "degree": self.degree, "stations": described_text,
-            "fixture_sd_deg": self.fixture_sd_deg, "fixture_known": self.fixture_known,
-            "rate": self.rate, "drift": self.drift, "soft_iron_sd": self.soft_iron_sd,
+            "bin_width_C": self.bin_width_C,
+            "degree": self.degree,
+            "stations": described_text,
+            "fixture_sd_deg": self.fixture_sd_deg,
+            "fixture_known": self.fixture_known,
+            "rate": self.rate,
+            "drift": self.drift,
+            "soft_iron_sd": self.soft_iron_sd,
             "robust": self.robust,
-        }  # fmt: skip
+        }

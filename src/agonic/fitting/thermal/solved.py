@@ -62,17 +62,25 @@ def solved(of: Posed, settings: Settings) -> Solved:
     rate = settings.rate is not False and _changes_both_ways(of)
     degree = 3 if settings.degree == "auto" else settings.degree
     posed = problem(
-        of, degree, rate=rate, drift=drift, sure=settings.drift is True,
+        of,
+        degree,
+        rate=rate,
+        drift=drift,
+        sure=settings.drift is True,
         soft_iron_sd=settings.soft_iron_sd,
-    )  # fmt: skip
+    )
     first = chamber.by_magnitude(posed, start(posed))
     if settings.degree == "auto":
         degree = by_bins.chosen_degree(by_bins.separate(of, posed, first.coefficients), of)
         if degree != posed.degree:
             posed = problem(
-                of, degree, rate=rate, drift=drift, sure=settings.drift is True,
+                of,
+                degree,
+                rate=rate,
+                drift=drift,
+                sure=settings.drift is True,
                 soft_iron_sd=settings.soft_iron_sd,
-            )  # fmt: skip
+            )
             first = chamber.by_magnitude(posed, start(posed))
     posed, turns = _with_turns(of, posed, first, settings)
     best, posed, tests = _with_terms(of, posed, first, settings)
@@ -85,10 +93,12 @@ def start(posed: positions.Problem) -> Array:
     x = posed.phi[:, 1] if posed.degree else np.zeros(len(posed.points))
     middle = np.argsort(np.abs(x))[: max(int((np.abs(x) < _MIDDLE).sum()), 2 * posed.stations)]
     rows = middle if posed.degree else np.arange(len(posed.points))
-    points = np.array([
-        posed.points[rows[posed.station[rows] == k]].mean(axis=0)
-        for k in np.unique(posed.station[rows])
-    ])  # fmt: skip
+    points = np.array(
+        [
+            posed.points[rows[posed.station[rows] == k]].mean(axis=0)
+            for k in np.unique(posed.station[rows])
+        ]
+    )
     found = ellipsoid.estimate(
         ellipsoid.Problem(points, np.ones(1), "full", posed.soft_iron_sd), robust=False
     )
@@ -102,8 +112,10 @@ def _changes_both_ways(of: Posed) -> bool:
     cells = of.cells
     if not np.isfinite(cells.time).all() or not np.any(cells.rate):
         return False
-    return bool((cells.n[cells.heating].sum() > 0.1 * cells.n.sum())
-                and (cells.n[~cells.heating].sum() > 0.1 * cells.n.sum()))  # fmt: skip
+    return bool(
+        (cells.n[cells.heating].sum() > 0.1 * cells.n.sum())
+        and (cells.n[~cells.heating].sum() > 0.1 * cells.n.sum())
+    )
 
 
 def _with_turns(
@@ -123,9 +135,10 @@ def _with_turns(
         pair = (of.numbers[swap.first], of.numbers[swap.second])
         return posed, Turns(False, rms, pair if left < _BETTER * rms else None, left)
     posed = posed._replace(
-        rot_nb=rot_nb, fixture_sd=float(np.radians(settings.fixture_sd_deg)),
+        rot_nb=rot_nb,
+        fixture_sd=float(np.radians(settings.fixture_sd_deg)),
         fixture_known=settings.fixture_known,
-    )  # fmt: skip
+    )
     return posed, Turns(True, rms)
 
 

@@ -209,9 +209,12 @@ def _begun(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
     ready = state.noise_known and openings.nearly_linear(prior, float(row[4]), noise)
     return replace(
-        state, belief=prior, noise=noise,
-        opening=None if ready else opened, recent=recent if ready else None,
-    )  # fmt: skip
+        state,
+        belief=prior,
+        noise=noise,
+        opening=None if ready else opened,
+        recent=recent if ready else None,
+    )
 
 
 def _due(every: float, last: float, now: float) -> bool:

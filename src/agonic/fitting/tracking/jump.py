@@ -52,9 +52,11 @@ def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
     first = _began(state, params, model, seen)
     since = recent.rows[first:]
     jump = Jump(
-        time=float(since[0, 0]), seen=float(since[-1, 0]),
-        shift=np.zeros(3), shift_sd=np.full(3, params.jump_sd),
-    )  # fmt: skip
+        time=float(since[0, 0]),
+        seen=float(since[-1, 0]),
+        shift=np.zeros(3),
+        shift_sd=np.full(3, params.jump_sd),
+    )
     opened = replace(
         _opened(state, params, model, first),
         refused=max(state.refused - int((~seen.used[first:]).sum()), 0),

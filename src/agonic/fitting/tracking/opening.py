@@ -20,7 +20,7 @@ from agonic.fitting.tracking.probable import (
     residuals_about,
     residuals_of,
     total_sd,
-)  # fmt: skip
+)
 from agonic.kernels import leastsq, tracking
 
 Array = NDArray[np.float64]

@@ -32,17 +32,23 @@ def most_probable(
         )
         for loss in (leastsq.cauchy(), leastsq.cauchy(), leastsq.tukey()):
             solution = leastsq.solve(
-                _pieces(rows, first, m, state.noise), first[1 : m + 1], scale=scale, loss=loss,
+                _pieces(rows, first, m, state.noise),
+                first[1 : m + 1],
+                scale=scale,
+                loss=loss,
                 prior=held,
-            )  # fmt: skip
+            )
             first = _with(first, solution.params)
             scale = _scale(state, params, rows, first, m)
         found.append((scale, first))
     common = min(scale for scale, _ in found)
     costs = [_cost(rows, about, held, common) for _, about in found]
     best = found[int(np.argmin(costs))][1]
-    near = [about for (_, about), cost in zip(found, costs, strict=True)
-            if cost < min(costs) + np.sqrt(len(rows))]  # fmt: skip
+    near = [
+        about
+        for (_, about), cost in zip(found, costs, strict=True)
+        if cost < min(costs) + np.sqrt(len(rows))
+    ]
     apart = np.max([np.abs(about[1:4] - best[1:4]) for about in near], axis=0)
     noise = state.noise
     if not state.noise_known:

@@ -26,9 +26,12 @@ Array = NDArray[np.float64]
 TiltInput = Literal["angles", "acceleration", "level"]
 
 TILT_INPUT: dict[str, TiltInput] = {
-    "auto": "angles", "log": "angles", "gyro": "angles",
-    "accelerometer": "acceleration", "level": "level",
-}  # fmt: skip
+    "auto": "angles",
+    "log": "angles",
+    "gyro": "angles",
+    "accelerometer": "acceleration",
+    "level": "level",
+}
 """What the controller is given for each `tilt` of a setup."""
 
 

@@ -49,10 +49,12 @@ def predict(plan: Plan, inputs: Mapping[str, Array]) -> Prediction:
     distance = np.array([one.disturbance for one in each])
     used = np.where((distance <= 1).any(axis=0), (distance <= 1).argmax(axis=0), distance.argmin(0))
     rows = np.arange(len(used))
-    return Prediction(**{
-        f.name: np.array([getattr(one, f.name) for one in each])[used, rows]
-        for f in fields(Prediction)
-    })  # fmt: skip
+    return Prediction(
+        **{
+            f.name: np.array([getattr(one, f.name) for one in each])[used, rows]
+            for f in fields(Prediction)
+        }
+    )
 
 
 def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Prediction:

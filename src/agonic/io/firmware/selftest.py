@@ -18,10 +18,19 @@ Array = NDArray[np.float64]
 TOLERANCE_DEG = 0.01
 SHARE = 1e-5  # of the magnitude: a hundred roundings of float32
 EDGES = (
-    (0.0, 0.0, 0.0), (0.0, 0.0, 90.0), (0.0, 0.0, 180.0), (0.0, 0.0, 270.0), (0.0, 0.0, 359.99),
-    (79.0, 0.0, 33.0), (-79.0, 0.0, 123.0), (0.0, 79.0, 213.0), (0.0, -79.0, 303.0),
-    (50.0, -60.0, 77.0), (-30.0, 85.0, 10.0), (180.0, 0.0, 45.0),
-)  # fmt: skip
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 90.0),
+    (0.0, 0.0, 180.0),
+    (0.0, 0.0, 270.0),
+    (0.0, 0.0, 359.99),
+    (79.0, 0.0, 33.0),
+    (-79.0, 0.0, 123.0),
+    (0.0, 79.0, 213.0),
+    (0.0, -79.0, 303.0),
+    (50.0, -60.0, 77.0),
+    (-30.0, 85.0, 10.0),
+    (180.0, 0.0, 45.0),
+)
 """Roll, pitch, heading: the quarters, the steepest that is allowed, and beyond it."""
 
 
@@ -111,15 +120,18 @@ def selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None) -> s
     given = known_readings(plan) if inputs is None else inputs
     expected = predict(plan, given)
     lines = [_entry(plan, given, expected, row) for row in range(len(expected.used))]
-    return filled("selftest.c.in", {
-        "name": name,
-        "GUARD": name.upper(),
-        "about": comment(about(plan)),
-        "tolerance": literal(TOLERANCE_DEG),
-        "share": literal(SHARE),
-        "tests": str(len(lines)),
-        "table": "\n".join(lines),
-    })  # fmt: skip
+    return filled(
+        "selftest.c.in",
+        {
+            "name": name,
+            "GUARD": name.upper(),
+            "about": comment(about(plan)),
+            "tolerance": literal(TOLERANCE_DEG),
+            "share": literal(SHARE),
+            "tests": str(len(lines)),
+            "table": "\n".join(lines),
+        },
+    )
 
 
 def _entry(plan: Plan, given: dict[str, Array], expected: Prediction, row: int) -> str:

@@ -11,10 +11,13 @@ from tempfile import TemporaryDirectory
 
 COMPILERS = {
     "arm-none-eabi-gcc": (
-        "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16",
+        "-mcpu=cortex-m4",
+        "-mthumb",
+        "-mfloat-abi=hard",
+        "-mfpu=fpv4-sp-d16",
     ),
     "cc": (),
-}  # fmt: skip
+}
 """Compilers in the order they are looked for, and what makes them aim at a usual controller."""
 
 
