@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.affine import correct, correction_jacobian, model_basis
+from agonic.maths.equation.affine import correct, correction_jacobian, model_basis
 from agonic.simulation.draws import directions
 from benchmarks import tables
 from benchmarks.peers import ESTIMATORS

@@ -13,7 +13,7 @@ from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.headings import heading
-from agonic.kernels import tilt
+from agonic.maths.rotations import tilt
 from agonic.samples import Samples
 from agonic.simulation import simulate
 from benchmarks import tables

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import agonic as ag
-from agonic.kernels.gauge import entries
+from agonic.maths.equation.gauge import entries
 from benchmarks import tables
 from benchmarks.scenarios import COVERAGES, MAGNITUDE, Case, Model, draw, over_cases
 

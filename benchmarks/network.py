@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from agonic.fitting.network import fit_network
-from agonic.kernels import marquardt, network
+from agonic.maths.equation import network
+from agonic.maths.estimation import marquardt
 from agonic.simulation.network import SimulatedField, simulate_nonaffine, simulate_paper
 from benchmarks import tables
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
-from agonic.kernels.affine import magnitude_residual, model_basis
-from agonic.kernels.leastsq import inverse
+from agonic.maths.equation.affine import magnitude_residual, model_basis
+from agonic.maths.estimation.leastsq import inverse
 from agonic.samples import Samples
 from agonic.simulation import random_calibration, simulate, with_outliers
 from benchmarks.tables import progress

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from agonic.kernels.affine import correct, model_basis, split
+from agonic.maths.equation.affine import correct, model_basis, split
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.coverage import cover, turns
-from agonic.kernels.coverage import icosphere
+from agonic.maths.equation.coverage import icosphere
 
 ALL_SEEN = np.full(80, 10)
 

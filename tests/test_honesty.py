@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.kernels.affine import correction_jacobian, magnitude_residual, model_basis
-from agonic.kernels.gauge import entries
+from agonic.maths.equation.affine import correction_jacobian, magnitude_residual, model_basis
+from agonic.maths.equation.gauge import entries
 from agonic.simulation import random_calibration, simulate, with_outliers
 
 FIELD = 50_000.0

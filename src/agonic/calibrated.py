@@ -18,7 +18,7 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.fitting.ellipsoid import Recording, ellipsoid_alone, evaluate, fit_and_rows
 from agonic.fitting.latency import LatencyFit
-from agonic.kernels.angles import angle_deg
+from agonic.maths.rotations.angles import angle_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Check, Verification, verify

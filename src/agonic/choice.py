@@ -16,7 +16,7 @@ from agonic.fit import Fit
 from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
 from agonic.fitting.ellipsoid import against_gravity, ellipsoid_alone, fit_ellipsoid
 from agonic.fitting.latency import LatencyFit, fit_latency, undelayed
-from agonic.kernels.wald import wald
+from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import coverage as kernel
+from agonic.maths.equation import coverage as kernel
 
 Array = NDArray[np.float64]
 

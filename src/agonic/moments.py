@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.errors import AgonicError
-from agonic.kernels import moments as kernel
+from agonic.maths.equation import moments as kernel
 from agonic.units import RAW
 
 Array = NDArray[np.float64]

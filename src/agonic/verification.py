@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration, apply
-from agonic.kernels.angles import angle_deg, wrapped_deg
-from agonic.kernels.leastsq import robust_scale
-from agonic.kernels.rotation import down_b
-from agonic.kernels.tilt import heading_by_vectors_deg
+from agonic.maths.estimation.leastsq import robust_scale
+from agonic.maths.rotations.angles import angle_deg, wrapped_deg
+from agonic.maths.rotations.attitude import down_b
+from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError, CoverageError, UnitError, ValidityError
 from agonic.fitting.alignment import AlignmentFit, error_budget, fit_alignment, plan_alignment
-from agonic.kernels import alignment as kernel
-from agonic.kernels.frames import ARCSEC_RAD, angles_323_deg, from_323_deg
+from agonic.maths.equation import alignment as kernel
+from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, from_323_deg
 from agonic.session import Pier, observe, published_earth_rotation
 from agonic.simulation.session import SimulatedSession, simulate_session, unknown_pier
 from tests.alignment.nights import MATRIX, at_other_times, names

@@ -9,8 +9,8 @@ import pytest
 
 from agonic.errors import AgonicError, CoverageError
 from agonic.fitting.coil import fit_coil
-from agonic.kernels.angles import angle_deg
-from agonic.kernels.frames import rot_en
+from agonic.maths.rotations.angles import angle_deg
+from agonic.maths.rotations.frames import rot_en
 from agonic.session import published_earth_rotation
 from agonic.simulation.coil import simulate_coil
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from agonic.errors import AgonicError, CoverageError
 from agonic.fitting.north import fit_di_flux, fit_north
 from agonic.kernels import di_flux as kernel
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.session.north import NorthSession, Sighting
 from agonic.simulation.di_flux import simulate_di_flux
 from agonic.simulation.north import simulate_north

@@ -16,7 +16,7 @@ from agonic.io.calfile import save
 from agonic.io.session_file import read_session
 from agonic.io.star_table import read_stars
 from agonic.io.write_session import write_session
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.simulation.session import SimulatedSession, simulate_session
 
 

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.field.place import field_along
 from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
-from agonic.kernels.gauge import entries
-from agonic.kernels.rotation import down_b
-from agonic.kernels.tilt import heading_by_vectors_deg
+from agonic.maths.equation.gauge import entries
+from agonic.maths.rotations.attitude import down_b
+from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)

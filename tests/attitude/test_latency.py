@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.errors import AgonicError, CoverageError
 from agonic.fitting.latency import fit_latency, undelayed
-from agonic.kernels.angles import angle_deg
-from agonic.kernels.rotation import angles_deg, yaw_pitch_roll
+from agonic.maths.rotations.angles import angle_deg
+from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
 from agonic.simulation import magnet_attached, simulate, with_outliers
 from agonic.simulation.draws import directions
 

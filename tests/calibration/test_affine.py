@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import agonic as ag
 from agonic.calibration.affine import PARAMETERS
-from agonic.kernels.gauge import entries
+from agonic.maths.equation.gauge import entries
 from agonic.simulation import random_calibration
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -11,7 +11,7 @@ from agonic.calibration.base import apply
 from agonic.calibration.inputs import signals, stacked
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
-from agonic.kernels import network as kernel
+from agonic.maths.equation import network as kernel
 
 BASE = ag.Affine(bias=[100.0, -50.0, 20.0], matrix=np.diag([1.0, 1.1, 0.9]), covariance=np.eye(9))
 RNG = np.random.default_rng(4)

@@ -15,7 +15,9 @@ import agonic as ag
 from agonic.cli import long, run
 from agonic.fitting.ellipsoid import passes, scan
 from agonic.io.pieces import Mission, open_mission
-from agonic.kernels import batches, ellipsoid, ellipsoid_sums, leastsq
+from agonic.kernels import ellipsoid_sums
+from agonic.maths.equation import likelihood
+from agonic.maths.estimation import batch_scores, leastsq
 
 F = 50_000.0
 REFERENCE = ag.Reference.constant(F)
@@ -66,16 +68,16 @@ def apart(one: ag.Fit, other: ag.Fit) -> float:
 def minimum(field: np.ndarray, fit: ag.Fit, robust: bool) -> np.ndarray:
     """Bias by the solver in memory, run to the end, with the noise that a fit found."""
     centre, size = field.mean(axis=0), float(np.sqrt(field.var(axis=0).sum()))
-    problem = ellipsoid.Problem((field - centre) / size, np.ones(1), "full", 0.1)
+    problem = likelihood.Problem((field - centre) / size, np.ones(1), "full", 0.1)
     sd = fit.noise / size
     w = fit.calibration.matrix * size / F
-    start = ellipsoid.parameters((fit.calibration.bias - centre) / size, w, "full")
+    start = likelihood.parameters((fit.calibration.bias - centre) / size, w, "full")
     solution = leastsq.solve(
-        ellipsoid.pieces(problem, sd),
+        likelihood.pieces(problem, sd),
         start,
         scale=sd,
         loss=leastsq.tukey() if robust else leastsq.squares(),
-        prior=ellipsoid.soft_iron_prior("full", 0.1),
+        prior=likelihood.soft_iron_prior("full", 0.1),
         tolerance=1e-7,
     )
     return np.asarray(solution.params[:3] * size + centre)
@@ -264,10 +266,10 @@ def test_commands_read_a_long_table_piece_by_piece(write, tmp_path, monkeypatch,
 
 def test_batches_see_only_what_lasts() -> None:
     rng = np.random.default_rng(5)
-    told = [batches.scatter(rng.normal(size=(2000, 9)), 2000 * np.eye(9)) for _ in range(200)]
+    told = [batch_scores.scatter(rng.normal(size=(2000, 9)), 2000 * np.eye(9)) for _ in range(200)]
     assert np.mean([one.correlation > 1 for one in told]) < 0.02
     breaks = [
-        batches.find_break(rng.normal(size=(2000, 9)), 2000 * np.eye(9), 2000 * np.eye(9))
+        batch_scores.find_break(rng.normal(size=(2000, 9)), 2000 * np.eye(9), 2000 * np.eye(9))
         for _ in range(200)
     ]
     assert max(one.significance for one in breaks if one is not None) < 50

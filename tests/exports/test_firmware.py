@@ -21,7 +21,7 @@ from agonic.io.firmware import DeclinationGrid, declination_grid, prediction, wr
 from agonic.io.firmware.plan import Plan
 from agonic.io.firmware.prediction import predict
 from agonic.io.firmware.selftest import attitudes, known_readings
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 from tests.exports.controller import STRICT, Controller, compiled
 
 MATRIX = np.array([[1.1, 0.03, -0.02], [0.03, 0.94, 0.05], [-0.02, 0.05, 1.03]])

@@ -8,7 +8,7 @@ import pytest
 from agonic.errors import AgonicError, AgonicWarning, LogError, ValidityError
 from agonic.field import model as model_module
 from agonic.field.published import igrf, wmm, wmmhr
-from agonic.kernels import geodesy
+from agonic.maths.earth import geodesy
 from agonic.samples import Samples
 
 PT = 1e-3

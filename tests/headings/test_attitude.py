@@ -14,8 +14,8 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.headings import heading
 from agonic.headings.attitude import attitude
 from agonic.io.read import read
-from agonic.kernels.angles import angle_deg
-from agonic.kernels.rotation import down_b
+from agonic.maths.rotations.angles import angle_deg
+from agonic.maths.rotations.attitude import down_b
 from agonic.samples import Samples
 from agonic.simulation import simulate
 from tests.headings.flights import flight, off_deg, plain, setup_for, truth_of

@@ -11,8 +11,8 @@ from scipy.stats import t as student
 import agonic as ag
 from agonic.errors import AgonicError, CoverageError
 from agonic.fitting.deviation import fit_deviation, plan_swing
-from agonic.kernels.angles import wrapped_deg
-from agonic.kernels.deviation import basis
+from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.deviation import basis
 
 ROSE = np.arange(0, 360, 45.0)
 HANDBOOK = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import agonic as ag
 from agonic.calibration.thermal import Thermal
 from agonic.fitting.inflight import fit_inflight
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 from agonic.simulation.orbit import SimulatedOrbit, simulate_orbit
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.calibration.affine import Affine
 from agonic.fitting.inflight import fit_inflight
-from agonic.kernels.celestial import sidereal_rad
+from agonic.maths.earth.earth_rotation import sidereal_rad
 
 START = datetime(2024, 3, 1, tzinfo=UTC)
 TRUTH = Affine(

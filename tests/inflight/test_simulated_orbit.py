@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.errors import AgonicError
-from agonic.kernels.geodesy import directions, earth_fixed, earth_fixed_position
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.earth.geodesy import directions, earth_fixed, earth_fixed_position
+from agonic.maths.rotations.attitude import rot_nb
 from agonic.simulation.kepler import EQUATOR_M, GRAVITATION_M3_S2, Orbit, state_i
 from agonic.simulation.orbit import SimulatedOrbit, simulate_orbit
 

@@ -13,7 +13,7 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.fitting.inflight.pointing import eclipse, local_vertical_nb
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 from tests.inflight.orbits import ARCSEC, SENSOR, coefficients, efficient, precise, rescaled
 
 PLAIN = {"n": 4000, "rate_Hz": 0.1, "thermal": 0.0, "external": 0.0, "noise": 50.0}

@@ -12,8 +12,9 @@ import agonic as ag
 from agonic.calibration.tracking import TrackerParams
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.fitting.tracking import choose_walk, start, update
-from agonic.kernels import gauge, leastsq
-from agonic.kernels.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation import gauge
+from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.estimation import leastsq
 from agonic.simulation import random_calibration, simulate, simulate_orbit
 from agonic.tracker import Tracker
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.affine import correct
+from agonic.maths.equation.affine import correct
 from agonic.samples import Samples
 
 

@@ -9,12 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.field.published import igrf
-from agonic.kernels.geodesy import (
-    directions,
-    earth_fixed,
-    from_geocentric,
-    north_east_down,
-)
+from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
 
 N = 120
 START_MS = 63_618_825_600_000.0  # 2016-01-01 00:00

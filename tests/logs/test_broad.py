@@ -7,7 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.fitting.latency import LatencyFit, fit_latency, undelayed
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 
 pytestmark = pytest.mark.recordings
 

@@ -9,7 +9,7 @@ import agonic as ag
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams
 from agonic.fitting.network import fit_network
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 from agonic.retrainer import Retrainer
 from agonic.simulation.network import SimulatedField, simulate_nonaffine, simulate_paper
 

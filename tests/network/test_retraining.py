@@ -20,7 +20,7 @@ from agonic.fitting.retraining import (
 )
 from agonic.fitting.retraining.judged import better
 from agonic.fitting.retraining.schedule import begun
-from agonic.kernels import cusum
+from agonic.maths.estimation import cusum
 from agonic.simulation.network import simulate_nonaffine
 
 PARAMS = RetrainerParams()

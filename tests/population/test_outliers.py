@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from agonic.kernels.axis_swaps import signed_swaps, swapped
-from agonic.kernels.discoveries import discoveries
-from agonic.kernels.robust_line import robust_line
-from agonic.kernels.robust_spread import robust_spread
-from agonic.kernels.tails import tail_of
+from agonic.maths.estimation.false_discovery import discoveries
+from agonic.maths.estimation.robust_line import robust_line
+from agonic.maths.estimation.robust_spread import robust_spread
+from agonic.maths.estimation.tails import tail_of
 from agonic.population import Outlier, Population, duplicates, outliers
 from agonic.population.peers import peers
 

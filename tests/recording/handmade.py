@@ -12,8 +12,8 @@ from agonic.calibrated import Calibrated
 from agonic.calibration.affine import Affine
 from agonic.coverage import cover
 from agonic.fit import Fit, ModelTest
-from agonic.kernels import affine
-from agonic.kernels.coverage import visits
+from agonic.maths.equation import affine
+from agonic.maths.equation.coverage import visits
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
 from agonic.verification import Check, Verification

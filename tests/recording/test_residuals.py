@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.kernels.coverage import icosphere
+from agonic.maths.equation.coverage import icosphere
 from agonic.report.residuals import residuals_of
 from tests.recording.handmade import FIELD, NOISE, calibrated, samples_of, tumble
 

@@ -12,8 +12,8 @@ from agonic.cli import run
 from agonic.errors import AgonicError
 from agonic.fitting.latency import fit_latency, undelayed
 from agonic.io.write_csv import write_sensors
-from agonic.kernels.angles import angle_deg
-from agonic.kernels.rotation import yaw_pitch_roll
+from agonic.maths.rotations.angles import angle_deg
+from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation import SimulatedVehicle, simulate_vehicle
 
 nT = 1.0

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
-from agonic.kernels.coverage import visits
+from agonic.maths.equation.coverage import visits
 from agonic.samples import Samples
 from agonic.simulation import (
     Simulated,

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.kernels import leastsq, polynomial, thermal
 from agonic.kernels.stations import twelve
+from agonic.maths.equation import model, polynomial
+from agonic.maths.estimation import leastsq
 from agonic.simulation.thermal import random_drifting, readings
 
 FIELD = 48_000.0
@@ -92,16 +93,16 @@ def _linearised(made: Made, part: slice, turned: np.ndarray | None):
     """Jacobian and noise of the residuals of a station at the truth."""
     truth, field_m, noise = made.truth, made.field_m[part], made.noise[part]
     t = made.samples.temperature[part]
-    phi, onto = polynomial.powers(polynomial.scaled(t, 20.0, 30.0), 3), thermal.layout(3)
+    phi, onto = polynomial.powers(polynomial.scaled(t, 20.0, 30.0), 3), model.layout(3)
     bias, matrix = truth.bias_at(t), truth.matrix_at(t)
     clean = bias + np.linalg.solve(matrix, field_m[:, :, None])[:, :, 0]
     if turned is None:
-        _, by = thermal.size_residual(clean, bias, matrix, np.full(len(t), FIELD))
+        _, by = model.size_residual(clean, bias, matrix, np.full(len(t), FIELD))
         size = np.linalg.norm(by[:, :3], axis=1)
-        rows = thermal.by_coefficients(by, onto, phi) / size[:, None]
+        rows = model.by_coefficients(by, onto, phi) / size[:, None]
         return rows, -np.einsum("ni,ni->n", by[:, :3], noise) / size
-    _, by, inverse = thermal.reading_residual(clean, bias, matrix, field_m)
-    rows = thermal.by_coefficients(by.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
+    _, by, inverse = model.reading_residual(clean, bias, matrix, field_m)
+    rows = model.by_coefficients(by.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
     tangent = np.linalg.svd(made.field_n[None])[2][1:].T
     crossed = np.swapaxes(np.cross(np.eye(3)[None], field_m[:, None, :]), 1, 2) / FIELD
     across = np.broadcast_to(turned.T @ tangent, (len(t), 3, 2))

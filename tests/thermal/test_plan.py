@@ -7,8 +7,8 @@ import agonic as ag
 from agonic.campaign import Profile, Sensor, Station, plan_thermal, standard_stations
 from agonic.campaign.expected import magnitude_errors, vector_errors
 from agonic.campaign.sensors import listed
-from agonic.kernels import affine
-from agonic.kernels.rotation import yaw_pitch_roll
+from agonic.maths.equation import affine
+from agonic.maths.rotations.attitude import yaw_pitch_roll
 
 
 def test_the_standard_programme() -> None:

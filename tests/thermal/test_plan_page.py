@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.campaign import plan_thermal, standard_stations
-from agonic.kernels.rotation import yaw_pitch_roll
+from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.report.plan import plan_text
 from agonic.report.plan_drawings import FACES, pose_drawing, profile_drawing
 from agonic.report.plan_page import plan_page

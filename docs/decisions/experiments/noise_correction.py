@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
-from agonic.kernels.affine import magnitude_residual, model_basis, split
-from agonic.kernels.coverage import field_covariance, icosphere
-from agonic.kernels.ellipsoid import Problem, parameters, pieces
+from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation.coverage import field_covariance, icosphere
+from agonic.maths.equation.likelihood import Problem, parameters, pieces
+from agonic.maths.estimation import leastsq
 from agonic.simulation import Simulated, simulate
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ import numpy as np
 from noise_correction import BASIS, MAGNITUDE, NOISE, truth
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
-from agonic.kernels.affine import magnitude_residual
+from agonic.maths.equation.affine import magnitude_residual
+from agonic.maths.estimation import leastsq
 from agonic.simulation import Simulated, simulate
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from noise_correction import MAGNITUDE, NOISE, bound
 
-from agonic.kernels import leastsq
-from agonic.kernels.ellipsoid import Problem, noise_of, parameters, pieces
+from agonic.maths.equation.likelihood import Problem, noise_of, parameters, pieces
+from agonic.maths.estimation import leastsq
 from agonic.simulation import Simulated, simulate, with_outliers
 
 N, DRAWS, SHARES = 1_000, 300, (0.0, 0.001, 0.05)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.fitting.thermal import ThermalFit
 from agonic.kernels.binned import Cells
-from agonic.kernels.common_part import common_part
+from agonic.maths.estimation.common_mode import common_part
 from agonic.units import RAW
 
 Array = NDArray[np.float64]

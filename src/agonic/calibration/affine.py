@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Validity, known, read_only
-from agonic.kernels import affine as kernel
+from agonic.maths.equation import affine as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
-from agonic.kernels.series import rates
+from agonic.maths.estimation.series import rates
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 

@@ -11,8 +11,8 @@ from scipy.special import stdtrit
 
 from agonic.calibration.base import read_only
 from agonic.errors import AgonicError
-from agonic.kernels import deviation as kernel
-from agonic.kernels.angles import wrapped_deg
+from agonic.maths.rotations import deviation as kernel
+from agonic.maths.rotations.angles import wrapped_deg
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from agonic.calibration.base import known, read_only
 from agonic.calibration.inputs import SOURCES
 from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
-from agonic.kernels import affine as kernel
+from agonic.maths.equation import affine as kernel
 
 Array = NDArray[np.float64]
 

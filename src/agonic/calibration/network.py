@@ -15,8 +15,8 @@ from agonic.calibration.base import Validity, known, read_only
 from agonic.calibration.inputs import WIDTH, stacked
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError, ValidityError
-from agonic.kernels import domain
-from agonic.kernels import network as kernel
+from agonic.maths.equation import network as kernel
+from agonic.maths.estimation import domain
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from agonic.calibration.inputs import WIDTH
 from agonic.calibration.network import Along, Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
-from agonic.kernels import cusum
+from agonic.maths.estimation import cusum
 
 Array = NDArray[np.float64]
 Running = Affine | Thermal | Network

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, get_args
 from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
 from agonic.errors import AgonicError, FrameError, check_choice
-from agonic.kernels.tilt import Order
+from agonic.maths.rotations.tilt import Order
 from agonic.provenance import Provenance
 
 Tilt = Literal["auto", "log", "accelerometer", "gyro", "level"]

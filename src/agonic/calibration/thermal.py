@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.base import Validity, known, read_only
 from agonic.errors import AgonicError, AgonicWarning, ValidityError
-from agonic.kernels import polynomial
-from agonic.kernels import thermal as kernel
+from agonic.maths.equation import model as kernel
+from agonic.maths.equation import polynomial
 from agonic.provenance import Provenance
 from agonic.units import RAW
 

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
-from agonic.kernels import gauge
-from agonic.kernels.polar import Turned, symmetric_of
-from agonic.kernels.tracking import STATES, Belief, Model
-from agonic.kernels.udfilter import CLIPPED_SQUARE, SCALE, TIME
+from agonic.maths.equation import gauge
+from agonic.maths.estimation.kalman import STATES, Belief, Model
+from agonic.maths.estimation.ud_filter import CLIPPED_SQUARE, SCALE, TIME
+from agonic.maths.rotations.polar import Turned, symmetric_of
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import affine, leastsq
+from agonic.maths.equation import affine
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 

@@ -14,27 +14,27 @@ from agonic.version import __version__
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (
-    "calibrate",
-    "fleet",
-    "history",
-    "live",
-    "info",
-    "fit",
-    "apply",
-    "verify",
-    "heading",
-    "export",
-    "report",
-    "field",
-    "plan",
-    "simulate",
-    "track",
-    "retrain",
-    "cite",
-    "demo",
-)
-"""In the order in which `agonic --help` lists them; each is a file here."""
+COMMANDS = {
+    "calibrate": "agonic.cli.calibrate",
+    "fleet": "agonic.cli.fleet",
+    "history": "agonic.cli.history",
+    "live": "agonic.cli.live",
+    "info": "agonic.cli.info",
+    "fit": "agonic.cli.fit",
+    "apply": "agonic.cli.apply",
+    "verify": "agonic.cli.verify",
+    "heading": "agonic.cli.heading",
+    "export": "agonic.cli.export",
+    "report": "agonic.cli.report",
+    "field": "agonic.cli.field",
+    "plan": "agonic.cli.plan",
+    "simulate": "agonic.cli.simulate",
+    "track": "agonic.cli.track",
+    "retrain": "agonic.cli.retrain",
+    "cite": "agonic.cli.cite",
+    "demo": "agonic.cli.demo",
+}
+"""Each command and its module, in the order in which `agonic --help` lists them."""
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2
 """Exit status: all well; a check failed or a fit was refused; bad input or usage."""
@@ -94,6 +94,6 @@ def _app() -> Typer:
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    for name in COMMANDS:
-        import_module(f"agonic.cli.{name}").add_to(app)
+    for module in COMMANDS.values():
+        import_module(module).add_to(app)
     return app

@@ -30,7 +30,7 @@ def demo(
     from agonic.io.atomic import make_folder
     from agonic.io.read import open_log
     from agonic.io.write_csv import write_csv
-    from agonic.kernels.gauge import entries
+    from agonic.maths.equation.gauge import entries
     from agonic.reference import Reference
     from agonic.report.folder import write_folder
     from agonic.report.record import record

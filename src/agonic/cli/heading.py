@@ -230,7 +230,7 @@ def _against(found: Heading, samples: Samples, rows: Any) -> dict[str, float] | 
     """Mean and rms of true − logged heading over trusted rows, where the log has a heading."""
     import numpy as np
 
-    from agonic.kernels.angles import wrapped_deg
+    from agonic.maths.rotations.angles import wrapped_deg
 
     if samples.heading_deg is None or not rows.any():
         return None

@@ -128,7 +128,7 @@ def record(plan: ThermalPlan) -> dict[str, Any]:
     """The plan as one object for programs."""
     from dataclasses import asdict
 
-    from agonic.kernels.rotation import angles_deg
+    from agonic.maths.rotations.attitude import angles_deg
 
     stations = []
     for station, turn in zip(plan.stations, plan.turns, strict=True):

@@ -38,7 +38,7 @@ def alignment(out: Path, *, as_json: bool, **settings: Any) -> int:
 
 
 def _angles(made: SimulatedSession) -> Any:
-    from agonic.kernels.frames import angles_323_deg
+    from agonic.maths.rotations.frames import angles_323_deg
 
     return angles_323_deg(made.rot_mc)
 
@@ -49,7 +49,7 @@ def write_truth(made: SimulatedSession, folder: Path) -> Path:
 
     from agonic.cli.output import plain
     from agonic.io.atomic import make_folder, write_atomically
-    from agonic.kernels.frames import ARCSEC_RAD
+    from agonic.maths.rotations.frames import ARCSEC_RAD
 
     facts = {
         "schema": "agonic/alignment-truth@1",

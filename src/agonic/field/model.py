@@ -15,7 +15,7 @@ from agonic.field.coefficients import GaussCoefficients
 from agonic.field.decimal_year import Moments, decimal_year
 from agonic.field.track import along_track
 from agonic.field.worldfield import Uncertainty, WorldField
-from agonic.kernels import geodesy, harmonics
+from agonic.maths.earth import geodesy, harmonics
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Slerp
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import Finding, figure, sentences
 from agonic.kernels import latency as kernel
-from agonic.kernels.rotation import angles_deg, rot_nb, yaw_pitch_roll
+from agonic.maths.rotations.attitude import angles_deg, rot_nb, yaw_pitch_roll
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from agonic.health.mounting import VERTICAL_DOUBTFUL
 from agonic.health.scale import GAIN
 from agonic.io.grouped_moments import Grouped
 from agonic.io.grouped_residuals import GroupedResiduals
-from agonic.kernels.ellipsoid import soft_iron_pull
+from agonic.maths.equation.likelihood import soft_iron_pull
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

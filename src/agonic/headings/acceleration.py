@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from agonic.kernels.geodesy import SEMI_MAJOR_M
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 

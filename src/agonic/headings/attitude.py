@@ -24,7 +24,7 @@ from agonic.headings.acceleration import (
 )
 from agonic.headings.gyro import Followed, down_by_gyro
 from agonic.health.finding import figure
-from agonic.kernels import tilt as kernel
+from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 

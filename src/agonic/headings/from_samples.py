@@ -22,7 +22,7 @@ from agonic.headings.indicated import (
 from agonic.headings.judged import chosen, disagreeing, disagreement_deg, judged
 from agonic.headings.record import FLAGS, Heading
 from agonic.headings.surroundings import Surroundings, surroundings
-from agonic.kernels import tilt as kernel
+from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import RAW, WEAKEST_HORIZONTAL
 

@@ -15,8 +15,8 @@ from agonic.errors import FrameError, LogError, UnitError
 from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.propagation import Step, passed, steps_of, unknowns, variances
 from agonic.headings.surroundings import Surroundings
-from agonic.kernels import tilt as kernel
-from agonic.kernels.deviation import slope
+from agonic.maths.rotations import tilt as kernel
+from agonic.maths.rotations.deviation import slope
 from agonic.samples import VECTORS, Samples
 
 Array = NDArray[np.float64]

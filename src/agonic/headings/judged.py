@@ -15,7 +15,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.headings.attitude import LEVEL
 from agonic.headings.indicated import Indicated
 from agonic.headings.surroundings import Surroundings
-from agonic.kernels.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrapped_deg
 from agonic.units import RAW
 
 Array = NDArray[np.float64]

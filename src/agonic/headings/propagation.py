@@ -20,8 +20,8 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference, stacked
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.kernels import polynomial, thermal
-from agonic.kernels.affine import model_basis, with_covariates
+from agonic.maths.equation import model, polynomial
+from agonic.maths.equation.affine import model_basis, with_covariates
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def _root(step: Affine | Thermal | Alignment) -> Array | None:
     if isinstance(step, Alignment):
         return np.asarray(root)
     if isinstance(step, Thermal):
-        onto = thermal.layout(step.degree, step.gauge, step.rate is not None)
+        onto = model.layout(step.degree, step.gauge, step.rate is not None)
         return np.asarray(onto @ root)
     local = model_basis("full", step.gauge)
     spread = np.zeros((len(local) + len(root) - local.shape[1], len(root)))
@@ -137,7 +137,7 @@ def _thermal_row(
         bias = bias + rate[:, None] * step.rate
     reach = (given - bias).T
     local = np.concatenate([-before, (gradient[:, None] * reach[None]).reshape(9, -1)])
-    phi = thermal.covariates(x, 0.0, step.degree, rate)
+    phi = model.covariates(x, 0.0, step.degree, rate)
     return np.asarray(with_covariates(local.T, phi).T)
 
 

@@ -12,7 +12,7 @@ from agonic.calibration.setup import Setup
 from agonic.errors import LogError, ValidityError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import model_for
-from agonic.kernels.geodesy import SEMI_MAJOR_M
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]

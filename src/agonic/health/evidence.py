@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from agonic.coverage import Coverage
 from agonic.health.finding import Finding, figure
-from agonic.kernels.changes import find_change, settled
-from agonic.kernels.consensus import Pair, two_spheres
-from agonic.kernels.coverage import nearest_axis, thickness
+from agonic.maths.equation.coverage import nearest_axis, thickness
+from agonic.maths.estimation.bias_change import find_change, settled
+from agonic.maths.estimation.least_median import Pair, two_spheres
 
 Array = NDArray[np.float64]
 

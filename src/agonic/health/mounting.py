@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.health.finding import Finding, figure
-from agonic.kernels.mounting import in_words, renamed, right_angles, vertical_misfit
-from agonic.kernels.tilt import down_of_force
+from agonic.maths.rotations.mounting import in_words, renamed, right_angles, vertical_misfit
+from agonic.maths.rotations.tilt import down_of_force
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 Array = NDArray[np.float64]

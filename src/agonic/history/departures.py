@@ -13,9 +13,9 @@ from agonic.health.finding import figure
 from agonic.history.drifted import Drift
 from agonic.history.parameters import NAMES, parameters
 from agonic.history.store import History
-from agonic.kernels.discoveries import discoveries
-from agonic.kernels.robust_spread import robust_spread
-from agonic.kernels.tails import Tail, tail_of
+from agonic.maths.estimation.false_discovery import discoveries
+from agonic.maths.estimation.robust_spread import robust_spread
+from agonic.maths.estimation.tails import Tail, tail_of
 from agonic.population import Population, outliers
 from agonic.population.outlier import usual_rate
 

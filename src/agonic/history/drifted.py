@@ -14,8 +14,8 @@ from agonic.health.finding import Judged, figure
 from agonic.history.parameters import NAMES, Parameters, comparable, parameters
 from agonic.history.schema import UNDATED
 from agonic.history.trend import Trend, series_of, trend
-from agonic.kernels.drifting import Series, believed
-from agonic.kernels.shifts import Shift, joined, shifts, size_of
+from agonic.maths.estimation.change_points import Shift, joined, shifts, size_of
+from agonic.maths.estimation.drift_model import Series, believed
 from agonic.population import Population
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from scipy.special import stdtr
 from agonic.history.drifted import DRIFTING, FEWEST
 from agonic.history.parameters import NAMES
 from agonic.history.store import History
-from agonic.kernels.drifting import Series, believed
+from agonic.maths.estimation.drift_model import Series, believed
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.drifting import Belief, Series, followed, spread_of
-from agonic.kernels.shifts import Shift
+from agonic.maths.estimation.change_points import Shift
+from agonic.maths.estimation.drift_model import Belief, Series, followed, spread_of
 
 Array = NDArray[np.float64]
 

@@ -50,7 +50,7 @@ from agonic.campaign.sensors import Sensor
 from agonic.campaign.standard import standard_stations
 from agonic.errors import LogError
 from agonic.io.sections import read_toml, section, tried
-from agonic.kernels.rotation import yaw_pitch_roll
+from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.units import canonical
 
 FILE_NAME = "campaign.toml"

@@ -57,8 +57,8 @@ from agonic.io.north_sections import Head
 from agonic.io.sections import read_toml, section
 from agonic.io.session_file import calibration_of, north_east_down, samples_of
 from agonic.io.session_sections import SiteSection
-from agonic.kernels.frames import ARCSEC_RAD, rot_ci, rot_en
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
+from agonic.maths.rotations.frames import ARCSEC_RAD, rot_ci, rot_en
 from agonic.provenance import Input, sha256_of
 from agonic.session import Site, published_earth_rotation
 from agonic.session.coil import Attitude, CoilSession

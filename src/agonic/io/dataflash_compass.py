@@ -17,7 +17,7 @@ from agonic.errors import LogError
 from agonic.io.dataflash_format import FloatArray, Index, Table
 from agonic.io.export import symmetric_of
 from agonic.io.write_ardupilot import LARGEST_SCALE
-from agonic.kernels.affine import correct
+from agonic.maths.equation.affine import correct
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
 

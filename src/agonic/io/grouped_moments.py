@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from agonic.io.columns import Column
 from agonic.io.dataset import Channel, Dataset, quoted, table
-from agonic.kernels.moments import EXPONENTS
+from agonic.maths.equation.moments import EXPONENTS
 
 Array = NDArray[np.float64]
 

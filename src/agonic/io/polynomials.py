@@ -23,7 +23,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.errors import AgonicError
 from agonic.io.export import steps_of
-from agonic.kernels import polynomial
+from agonic.maths.equation import polynomial
 
 Array = NDArray[np.float64]
 

@@ -15,20 +15,20 @@ from agonic.samples import Samples
 from agonic.units import canonical
 
 MARKED = (
-    "read_tlog",
-    "read_dataflash",
-    "read_ulog",
-    "read_mat",
-    "read_npz",
-    "read_parquet",
-    "read_cdf",
-    "read_netcdf",
-    "read_iaga2002",
-    "read_vires",
+    "agonic.io.read_tlog",
+    "agonic.io.read_dataflash",
+    "agonic.io.read_ulog",
+    "agonic.io.read_mat",
+    "agonic.io.read_npz",
+    "agonic.io.read_parquet",
+    "agonic.io.read_cdf",
+    "agonic.io.read_netcdf",
+    "agonic.io.read_iaga2002",
+    "agonic.io.read_vires",
 )
 """Readers of files that begin with a mark."""
-UNMARKED = "read_csv"
-UNIT_FIXED = ("read_tlog", "read_dataflash", "read_ulog")
+UNMARKED = "agonic.io.read_csv"
+UNIT_FIXED = ("agonic.io.read_tlog", "agonic.io.read_dataflash", "agonic.io.read_ulog")
 FORMATS = (
     "ArduPilot dataflash (.bin, .log), PX4 ULog (.ulg), MAVLink telemetry (.tlog), text tables "
     "(.csv, .tsv, .txt), Parquet, MATLAB (.mat), NumPy archives (.npz), CDF, netCDF and IAGA-2002"
@@ -158,12 +158,12 @@ def _reader(head: bytes) -> ModuleType:
 
 
 def _module(name: str) -> ModuleType:
-    return import_module(f"agonic.io.{name}")
+    return import_module(name)
 
 
 def _read(reader: ModuleType, file: Path, source: Input, unit: str | None) -> Log:
     """The log that the reader makes of the file; whatever a parser raises becomes a `LogError`."""
-    fixed = reader.__name__.rpartition(".")[2] in UNIT_FIXED
+    fixed = reader.__name__ in UNIT_FIXED
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what is odd in a file goes into the notes

@@ -17,7 +17,7 @@ from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import decode, encode
 from agonic.io.contents import read_bytes
-from agonic.kernels import cusum
+from agonic.maths.estimation import cusum
 
 Row = tuple[float, ...]
 Rows = tuple[Row, ...]

@@ -67,8 +67,8 @@ from agonic.io.session_sections import (
     StarSection,
 )
 from agonic.io.star_table import diagonal, read_stars
-from agonic.kernels.celestial import TT_TAI_S, tai_utc_s
-from agonic.kernels.starlight import Air
+from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
+from agonic.maths.earth.starlight import Air
 from agonic.provenance import Input, sha256_of
 from agonic.samples import Samples
 from agonic.session import Mounting, Pier, Session, Site, StarReadings, check_session

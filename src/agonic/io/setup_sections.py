@@ -8,7 +8,7 @@ from typing import Literal
 from msgspec import Struct
 
 from agonic.calibration.setup import Tilt
-from agonic.kernels.tilt import Order
+from agonic.maths.rotations.tilt import Order
 
 
 class CompassSection(Struct, forbid_unknown_fields=True):

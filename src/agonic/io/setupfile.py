@@ -51,7 +51,7 @@ from agonic.io.atomic import write_atomically
 from agonic.io.calfile import load, save
 from agonic.io.contents import read_bytes
 from agonic.io.setup_sections import ATTRIBUTES, SECTIONS, CompassSection
-from agonic.kernels.tilt import Order
+from agonic.maths.rotations.tilt import Order
 
 Made = TypeVar("Made")
 

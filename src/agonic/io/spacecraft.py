@@ -22,8 +22,8 @@ from agonic.errors import LogError
 from agonic.io import scalar
 from agonic.io.log import Log, Stream
 from agonic.io.table import log_of_table
-from agonic.kernels.geodesy import directions, earth_fixed, from_geocentric, north_east_down
-from agonic.kernels.rotation import angles_deg
+from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
+from agonic.maths.rotations.attitude import angles_deg
 from agonic.provenance import Input
 from agonic.samples import Samples
 

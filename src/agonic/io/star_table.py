@@ -23,7 +23,7 @@ from agonic.errors import LogError
 from agonic.io.clock import clock_of
 from agonic.io.companions import numbers
 from agonic.io.contents import read_text
-from agonic.kernels.frames import ARCSEC_RAD, angles_323_deg, rot_ci
+from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
 from agonic.session import StarReadings
 
 Array = NDArray[np.float64]

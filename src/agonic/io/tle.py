@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.errors import AgonicWarning, LogError, MissingExtraError
 from agonic.io.contents import read_bytes
-from agonic.kernels.celestial import sidereal_rad, turned
-from agonic.kernels.geodesy import geodetic
+from agonic.maths.earth.earth_rotation import sidereal_rad, turned
+from agonic.maths.earth.geodesy import geodetic
 
 Array = NDArray[np.float64]
 

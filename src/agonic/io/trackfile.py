@@ -19,8 +19,8 @@ from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, Tr
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.contents import read_bytes
-from agonic.kernels.polar import turned
-from agonic.kernels.tracking import Belief
+from agonic.maths.estimation.kalman import Belief
+from agonic.maths.rotations.polar import turned
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]

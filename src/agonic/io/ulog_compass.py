@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.io.export import symmetric_of
-from agonic.kernels.affine import correct
+from agonic.maths.equation.affine import correct
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
 

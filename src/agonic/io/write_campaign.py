@@ -16,7 +16,7 @@ from agonic.campaign.description import Description
 from agonic.errors import AgonicError, MissingExtraError, check_choice
 from agonic.io.atomic import make_folder, write_atomically
 from agonic.io.campaign_file import FILE_NAME
-from agonic.kernels.rotation import angles_deg
+from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 
 Format = Literal["csv", "parquet"]

@@ -14,8 +14,8 @@ from agonic.io.calfile import save
 from agonic.io.coil_file import FILE_NAME
 from agonic.io.write_csv import write_csv
 from agonic.io.write_north import section_text
-from agonic.kernels.frames import ARCSEC_RAD
-from agonic.kernels.rotation import angles_deg
+from agonic.maths.rotations.attitude import angles_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.session.coil import Attitude, CoilSession
 
 

@@ -19,7 +19,7 @@ from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, left_out, reduced
 from agonic.io.held import held
 from agonic.io.polynomials import RATE, changes, polynomials
-from agonic.kernels.affine import join, model_basis, split
+from agonic.maths.equation.affine import join, model_basis, split
 
 COLUMNS = ("parameter", "value", "standard_error", "unit")
 Row = tuple[str, float, float | None, str]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.mounting import right_angles
+from agonic.maths.rotations.mounting import right_angles
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import fixture, leastsq, thermal
+from agonic.kernels import fixture
 from agonic.kernels.positions import Poses, Problem, State
+from agonic.maths.equation import model
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 
@@ -23,7 +25,7 @@ def _common(problem: Problem, state: State, more: int) -> leastsq.Prior:
     with `more` others last.
     """
     width = len(state.drift)
-    rows = thermal.belief(problem.gauge, problem.degree, problem.soft_iron_sd)
+    rows = model.belief(problem.gauge, problem.degree, problem.soft_iron_sd)
     a = problem.layout.shape[1]
     jacobian = np.zeros((len(rows) + width, a + width + more))
     jacobian[: len(rows), : rows.shape[1]] = rows

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import series
+from agonic.maths.estimation import series
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

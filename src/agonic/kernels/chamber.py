@@ -13,10 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import fixture, leastsq, wander
-from agonic.kernels.averaged import averaged
+from agonic.kernels import fixture, wander
 from agonic.kernels.beliefs import beliefs, stepped
-from agonic.kernels.noise import noise_of
 from agonic.kernels.positions import (
     Poses,
     Problem,
@@ -27,6 +25,9 @@ from agonic.kernels.positions import (
     residuals,
     spaces,
 )
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.model_averaging import averaged
+from agonic.maths.estimation.noise import noise_of
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq, thermal
-from agonic.kernels.affine import FREE
-from agonic.kernels.noise import Noise, noise_of
+from agonic.maths.equation import model
+from agonic.maths.equation.affine import FREE
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import Noise, noise_of
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ class Problem(NamedTuple):
     @property
     def layout(self) -> Array:
         """From the coefficients to the local numbers: all nine entries of the matrix are free."""
-        return thermal.layout(self.degree, FREE, self.rate)
+        return model.layout(self.degree, FREE, self.rate)
 
 
 class Estimate(NamedTuple):
@@ -53,11 +54,11 @@ def pieces(problem: Problem) -> leastsq.Pieces:
         for start in range(0, len(problem.points), _ROWS):
             rows = slice(start, start + _ROWS)
             phi = problem.phi[rows]
-            bias, matrix = thermal.local(params, onto, phi)
-            r, jacobian, _ = thermal.reading_residual(
+            bias, matrix = model.local(params, onto, phi)
+            r, jacobian, _ = model.reading_residual(
                 problem.points[rows], bias, matrix, problem.field[rows]
             )
-            by = thermal.by_coefficients(jacobian.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
+            by = model.by_coefficients(jacobian.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
             yield r.ravel(), by
 
     return blocks

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 

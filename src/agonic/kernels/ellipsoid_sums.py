@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
-from agonic.kernels.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 Columns = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]

@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
-from agonic.kernels.affine import (
+from agonic.maths.equation.affine import (
     FREE,
     SYMMETRIC,
     magnitude_residual,
@@ -30,6 +29,7 @@ from agonic.kernels.affine import (
     split,
     with_covariates,
 )
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 

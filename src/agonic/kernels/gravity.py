@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import leastsq
-from agonic.kernels.mounting import right_angles
+from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.mounting import right_angles
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

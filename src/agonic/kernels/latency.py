@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from agonic.kernels.leastsq import MAD_TO_SD, tukey
-from agonic.kernels.rotation import integrated
+from agonic.maths.estimation.leastsq import MAD_TO_SD, tukey
+from agonic.maths.rotations.attitude import integrated
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.affine import correction_jacobian, model_basis
-from agonic.kernels.coverage import level_directions
+from agonic.maths.equation.affine import correction_jacobian, model_basis
+from agonic.maths.equation.coverage import level_directions
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 

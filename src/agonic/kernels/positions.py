@@ -14,8 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import fixture, leastsq, thermal, wander
-from agonic.kernels.affine import SYMMETRIC
+from agonic.kernels import fixture, wander
+from agonic.maths.equation import model
+from agonic.maths.equation.affine import SYMMETRIC
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -50,7 +52,7 @@ class Problem(NamedTuple):
     @property
     def layout(self) -> Array:
         """From the coefficients to the local numbers."""
-        return thermal.layout(self.degree, self.gauge, self.rate)
+        return model.layout(self.degree, self.gauge, self.rate)
 
     @property
     def stations(self) -> int:
@@ -85,7 +87,7 @@ class State(NamedTuple):
 
 def directions(problem: Problem, coefficients: Array) -> Array:
     """The mean direction (k, 3) of the corrected field at each station."""
-    bias, matrix = thermal.local(coefficients, problem.layout, problem.phi)
+    bias, matrix = model.local(coefficients, problem.layout, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
     total = np.zeros((problem.stations, 3))
     np.add.at(total, problem.station, u)
@@ -102,7 +104,7 @@ def parameters(state: State, a: int) -> Array:
 
 def residuals(problem: Problem, state: State) -> tuple[Array, Array]:
     """Residuals as they are, (m, 1) or (m, 3), and the variance of the noise in each."""
-    bias, matrix = thermal.local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
         unit, spread = _across(problem, bias, matrix)
         changed = problem.clock @ state.drift + state.followed[:, 0]
@@ -112,7 +114,7 @@ def residuals(problem: Problem, state: State) -> tuple[Array, Array]:
         gain = np.einsum("mi,mi->m", s, s)
         return (r / np.sqrt(gain))[:, None], (spread / gain)[:, None]
     field = state.poses.directions[problem.station] + _drifted(problem, state, state.poses)
-    r, _, _ = thermal.reading_residual(problem.points, bias, matrix, field)
+    r, _, _ = model.reading_residual(problem.points, bias, matrix, field)
     return r, np.einsum("mii->mi", problem.covariance)
 
 
@@ -142,7 +144,7 @@ def _size_residual(
     holds the noise, and where slow changes leave the gain open that noise would shrink it.
     """
     none = np.zeros(len(wanted))
-    size, jacobian = thermal.size_residual(problem.points, bias, matrix, none)
+    size, jacobian = model.size_residual(problem.points, bias, matrix, none)
     return np.log(size / wanted), jacobian / size[:, None]
 
 
@@ -167,7 +169,7 @@ def _to_sensor(problem: Problem, poses: Poses) -> Array:
 def spaces(problem: Problem, state: State) -> wander.Spaces:
     """What slow changes of the field look like in the whitened residuals of each station."""
     assert problem.course is not None
-    bias, matrix = thermal.local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
         by_field = -_size_weight(problem, state, bias, matrix)[:, None, None]
     else:
@@ -208,17 +210,17 @@ def _size_pieces(problem: Problem, state: State) -> leastsq.Pieces:
     """Residuals of the magnitude over their standard deviations at the state."""
     onto = problem.layout
     a = onto.shape[1]
-    bias, matrix = thermal.local(state.coefficients, onto, problem.phi)
+    bias, matrix = model.local(state.coefficients, onto, problem.phi)
     unit, _ = _across(problem, bias, matrix)
     weight, clock = _size_weight(problem, state, bias, matrix), problem.clock
     calmed = _calming(problem, state)
     wanted = _wanted(problem, matrix, unit)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = thermal.local(params[:a], onto, problem.phi)
+        bias, matrix = model.local(params[:a], onto, problem.phi)
         expected = wanted + clock @ params[a:]
         r, jacobian = _size_residual(problem, bias, matrix, expected)
-        by = thermal.by_coefficients(jacobian, onto, problem.phi)
+        by = model.by_coefficients(jacobian, onto, problem.phi)
         rows = np.concatenate([by, -clock / expected[:, None]], axis=1) * weight[:, None]
         yield calmed(r * weight), calmed(rows)
 
@@ -236,16 +238,16 @@ def _vector_pieces(problem: Problem, state: State, poses: Poses) -> leastsq.Piec
     places = np.arange(m)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = thermal.local(params[:a], onto, problem.phi)
+        bias, matrix = model.local(params[:a], onto, problem.phi)
         steps = params[a + width : a + width + 2 * k].reshape(k, 2)
         seen, sway = fixture.moved(poses.directions, tangent, steps)
         field = seen[problem.station]
         changed = clock @ params[a : a + width].reshape(-1, 3)
         field = field + np.einsum("mij,mj->mi", turning, changed)
-        r, by_local, inverse = thermal.reading_residual(problem.points, bias, matrix, field)
+        r, by_local, inverse = model.reading_residual(problem.points, bias, matrix, field)
         jacobian = np.zeros((m, 3, len(params)))
         phi = np.repeat(problem.phi, 3, axis=0)
-        jacobian[:, :, :a] = thermal.by_coefficients(by_local.reshape(-1, 12), onto, phi).reshape(
+        jacobian[:, :, :a] = model.by_coefficients(by_local.reshape(-1, 12), onto, phi).reshape(
             m, 3, a
         )
         by_field = -inverse @ turning

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.angles import wrapped_deg
-from agonic.kernels.deviation import ROSE_DEG, basis
+from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.deviation import ROSE_DEG, basis
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import thermal
-from agonic.kernels.affine import model_basis, split
+from agonic.maths.equation import model
+from agonic.maths.equation.affine import model_basis, split
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -47,7 +47,7 @@ def ellipsoids(points: Array, covariance: Array, there: Mask, start: Array) -> C
     flat = points.reshape(-1, 3)
     for _ in range(_ROUNDS):
         bias, matrix = split(np.repeat(params @ basis.T, k, axis=0))
-        r, jacobian = thermal.size_residual(flat, bias, matrix, np.ones(len(flat)))
+        r, jacobian = model.size_residual(flat, bias, matrix, np.ones(len(flat)))
         s = jacobian[:, :3]
         spread = np.einsum("ni,nij,nj->n", s, covariance.reshape(-1, 3, 3), s)
         weight = np.where(there.ravel(), 1 / np.sqrt(spread), 0.0)

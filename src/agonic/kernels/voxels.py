@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import moments
+from agonic.maths.equation import moments
 
 Array = NDArray[np.float64]
 Keys = NDArray[np.int64]

@@ -15,12 +15,12 @@ from agonic.coverage import Coverage, cover
 from agonic.errors import AgonicError, CoverageError
 from agonic.fitting.ellipsoid.assemble import Scale, calibration
 from agonic.fitting.ellipsoid.solve import Found as Solved
-from agonic.kernels import coverage as cells
 from agonic.kernels.voxels import Voxels
 from agonic.live.guidance import Guidance, guidance
 from agonic.live.state import LiveParams, LiveState
 from agonic.live.statefile import load_state, save_state
 from agonic.live.update import boxes_of, updated
+from agonic.maths.equation import coverage as cells
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 

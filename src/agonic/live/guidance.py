@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.health import Finding, figure
-from agonic.kernels import coverage as cells
 from agonic.kernels import nextturn
 from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
+from agonic.maths.equation import coverage as cells
 
 Array = NDArray[np.float64]
 

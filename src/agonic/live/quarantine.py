@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import summed
 from agonic.live.state import Found
+from agonic.maths.equation import moment_fit
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def offs(judge: Found | None, blocks: Array) -> Array:
     if judge is None:
         return np.zeros(len(blocks))
     points = (blocks[:, :, 1:].reshape(-1, 3) - judge.centre) / judge.size
-    off, sd = summed.deviations(points, judge.bias, judge.matrix, judge.covariance)
+    off, sd = moment_fit.deviations(points, judge.bias, judge.matrix, judge.covariance)
     noise = judge.noise * float(np.trace(judge.matrix)) / 3
     room = np.median(np.hypot(UNSURE * sd, SURE * noise).reshape(blocks.shape[:2]), axis=1)
     middle = np.median(off.reshape(blocks.shape[:2]), axis=1)

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import moments, summed, voxels
+from agonic.kernels import voxels
 from agonic.kernels.voxels import Voxels
 from agonic.live.quarantine import Alarm, passed
 from agonic.live.state import Found, LiveParams, LiveState
+from agonic.maths.equation import moment_fit, moments
 
 Array = NDArray[np.float64]
 
@@ -118,7 +119,7 @@ def _boxed(boxes: Voxels | None, rows: Array) -> tuple[Voxels | None, NDArray[np
     if boxes is None:
         boxes = voxels.begun(field[0], float(np.abs(field[0]).max() or 1.0) * FINEST)
     boxes, place = voxels.added(boxes, field)
-    return boxes, (place <= summed.PLENTY) | (np.log2(place) % 1 == 0)
+    return boxes, (place <= moment_fit.PLENTY) | (np.log2(place) % 1 == 0)
 
 
 def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) -> Found | None:
@@ -135,7 +136,7 @@ def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) 
     if judge is not None:
         bias = (judge.centre + judge.size * judge.bias - centre) / size
         start = bias, judge.matrix * size / judge.size
-    made = summed.estimate(sums, params.soft_iron_sd, start)
+    made = moment_fit.estimate(sums, params.soft_iron_sd, start)
     if made is None:
         return None
     return Found(

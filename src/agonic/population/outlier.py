@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from agonic.health.finding import figure
 from agonic.kernels.axis_swaps import swap_likelihoods, swapped
-from agonic.kernels.discoveries import discoveries
-from agonic.kernels.tails import Tail, tail_of
+from agonic.maths.estimation.false_discovery import discoveries
+from agonic.maths.estimation.tails import Tail, tail_of
 from agonic.population.peers import LEAST, Peers, Quantity, peers
 from agonic.population.population import AXES, Population
 from agonic.units import RAW

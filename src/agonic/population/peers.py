@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.robust_spread import robust_spread
+from agonic.maths.estimation.robust_spread import robust_spread
 from agonic.population.population import Population
 from agonic.units import RAW
 

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from agonic.fitting.alignment import AlignmentFit, AlignmentPlan, error_budget
-from agonic.kernels.alignment import GROUPS
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.equation.alignment import GROUPS
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.report.digits import MINUS, grouped, minused, quantity, significant, with_sd
 from agonic.report.text import SIGNS
 from agonic.report.verdict import MEANINGS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.fitting.alignment import AlignmentFit, AlignmentPlan
-from agonic.kernels.frames import rot_cn
+from agonic.maths.rotations.frames import rot_cn
 from agonic.report import alignment as words
 from agonic.report import alignment_drawings as drawings
 from agonic.report.blocks import header, key_figures, part, verdict

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.robust_line import Line
+from agonic.maths.estimation.robust_line import Line
 from agonic.population.peers import Peers
 from agonic.report.digits import counted, quantity
 from agonic.report.markup import Markup, element, markup

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.robust_line import Line, robust_line
+from agonic.maths.estimation.robust_line import Line, robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.leastsq import robust_scale
+from agonic.maths.estimation.leastsq import robust_scale
 from agonic.report.inflight_record import Flight
 
 Array = NDArray[np.float64]

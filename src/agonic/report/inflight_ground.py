@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.fitting.inflight import InflightFit
-from agonic.kernels.polar import turned
+from agonic.maths.rotations.polar import turned
 from agonic.report.digits import grouped
 from agonic.tracker import Tracker
 

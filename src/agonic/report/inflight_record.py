@@ -15,8 +15,8 @@ from agonic.fitting.inflight import InflightFit
 from agonic.fitting.inflight.pointing import eclipse
 from agonic.fitting.tracking import Coefficients
 from agonic.health import Finding
-from agonic.kernels.lasting import STRETCHES, Sums, lasting
-from agonic.kernels.leastsq import correlation_length
+from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, lasting
+from agonic.maths.estimation.leastsq import correlation_length
 from agonic.report.inflight_ground import Numbers, of_fit, of_tracker
 from agonic.samples import Samples
 from agonic.tracker import Tracker

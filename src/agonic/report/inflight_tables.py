@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.health import figure
-from agonic.kernels.leastsq import robust_scale
+from agonic.maths.estimation.leastsq import robust_scale
 from agonic.report.digits import counted, grouped, percent, quantity, rounded, signed, with_sd
 from agonic.report.inflight_causes import NAMED, Explained
 from agonic.report.inflight_figures import sigma_bar

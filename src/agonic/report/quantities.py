@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from agonic.calibrated import Calibrated
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference, signals
-from agonic.kernels.affine import model_basis, split
+from agonic.maths.equation.affine import model_basis, split
 from agonic.report.digits import degrees, grouped, quantity
 from agonic.units import RAW
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibrated import Calibrated
-from agonic.kernels.affine import magnitude_residual
-from agonic.kernels.coverage import cells_of, icosphere
+from agonic.maths.equation.affine import magnitude_residual
+from agonic.maths.equation.coverage import cells_of, icosphere
 from agonic.report.digits import grouped, quantity, signed
 from agonic.report.quantities import unit_label
 from agonic.report.strips import robust_limit

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibrated import Calibrated
-from agonic.kernels.coverage import icosphere
+from agonic.maths.equation.coverage import icosphere
 from agonic.report.residuals import Residuals, level
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.fitting.network import NetworkFit, fit_network
 from agonic.fitting.retraining import movable, moved
-from agonic.kernels.network import Shape
+from agonic.maths.equation.network import Shape
 from agonic.retrainer.rows import as_samples
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Window
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
 

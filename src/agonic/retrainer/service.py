@@ -21,7 +21,7 @@ from agonic.fitting import retraining
 from agonic.fitting.retraining import Judgement, Unseen
 from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.io.retrainfile import load_retrainer, save_retrainer
-from agonic.kernels import cusum
+from agonic.maths.estimation import cusum
 from agonic.reference import Reference
 from agonic.retrainer.candidates import Candidate, adapted, candidates, corrected, errors
 from agonic.retrainer.rows import met, rows_of

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from agonic.errors import AgonicError, ValidityError
-from agonic.kernels.celestial import rot_ei, tai_utc_s
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.earth.earth_rotation import rot_ei, tai_utc_s
+from agonic.maths.rotations.frames import ARCSEC_RAD
 
 Array = NDArray[np.float64]
 

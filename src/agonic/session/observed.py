@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
-from agonic.kernels.frames import rot_en, turn_onto
-from agonic.kernels.starlight import aberrated, observer_velocity_i, refracted
+from agonic.maths.earth.starlight import aberrated, observer_velocity_i, refracted
+from agonic.maths.rotations.frames import rot_en, turn_onto
 from agonic.session.earth import EarthRotation, published_earth_rotation
 from agonic.session.session import PRESENT, Session, Site, StarReadings, unix_of
 

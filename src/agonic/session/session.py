@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from agonic.calibration.base import Calibration, beside
 from agonic.errors import AgonicError, check_choice
-from agonic.kernels.frames import from_323_deg
-from agonic.kernels.starlight import Air
+from agonic.maths.earth.starlight import Air
+from agonic.maths.rotations.frames import from_323_deg
 from agonic.provenance import Input
 from agonic.samples import Samples
 

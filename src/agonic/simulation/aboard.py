@@ -12,9 +12,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.celestial import in_shadow, sidereal_rad, sun_i, turned
-from agonic.kernels.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
-from agonic.kernels.geodesy import directions as place
+from agonic.maths.earth.earth_rotation import in_shadow, sidereal_rad, sun_i, turned
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
+from agonic.maths.earth.geodesy import directions as place
 from agonic.simulation.draws import directions, knot_times, wander
 from agonic.simulation.kepler import Orbit, state_i
 

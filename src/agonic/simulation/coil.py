@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.calibration.alignment import Alignment
-from agonic.kernels.alignment import turned
-from agonic.kernels.frames import ARCSEC_RAD
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.equation.alignment import turned
+from agonic.maths.rotations.attitude import rot_nb
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.samples import Samples
 from agonic.session import Site
 from agonic.session.coil import Attitude, CoilSession

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
-from agonic.kernels.rotation import yaw_pitch_roll
+from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation.draws import wander
 from agonic.simulation.motions import (
     Attitude,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from agonic.kernels.alignment import turned
+from agonic.maths.equation.alignment import turned
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 

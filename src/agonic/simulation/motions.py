@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.rotation import yaw_pitch_roll
+from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation.draws import directions, knot_times, wander
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from agonic.kernels.alignment import turned
 from agonic.kernels.north import swung_deg
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.equation.alignment import turned
+from agonic.maths.rotations.attitude import rot_nb
 from agonic.samples import Samples
 from agonic.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 

@@ -18,7 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import model_for
-from agonic.kernels.rotation import angles_deg
+from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 from agonic.simulation.aboard import (
     Pointing,

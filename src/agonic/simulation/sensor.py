@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
-from agonic.kernels.rotation import angles_deg, yaw_pitch_roll
+from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
 from agonic.samples import Samples
 from agonic.simulation import motions, surface
 from agonic.simulation.defects import Defect

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.alignment import turned
-from agonic.kernels.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
+from agonic.maths.equation.alignment import turned
+from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.samples import Samples
 from agonic.session import (
     Mounting,

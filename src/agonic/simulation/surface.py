@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.rotation import yaw_pitch_roll
+from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation.draws import wander
 from agonic.simulation.flight import Function, course, position
 from agonic.simulation.motions import Motion, rate_of_change, rotation_rate

@@ -17,7 +17,7 @@ from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import model_for
-from agonic.kernels.rotation import angles_deg
+from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 from agonic.simulation.draws import random_calibration, wander
 from agonic.simulation.flight import Flown, Vehicle, drawn_A, fly, position

@@ -17,7 +17,7 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agonic.kernels.coverage import icosphere
+from agonic.maths.equation.coverage import icosphere
 from agonic.report.documents import static as of_report
 from agonic.web.messages import (
     LARGEST,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.affine import PARAMETERS, Affine
-from agonic.kernels.gauge import entries
 from agonic.live import LiveFit, LiveParams
+from agonic.maths.equation.gauge import entries
 from agonic.samples import Samples
 from agonic.streams import Chunk
 from agonic.units import nanotesla_per

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.kernels import latency
-from agonic.kernels.rotation import integrated, rot_nb
+from agonic.maths.rotations.attitude import integrated, rot_nb
 from agonic.simulation import simulate
 
 HAND = simulate("hand", n=1500, rate_Hz=50, noise=100.0, seed=3).samples

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agonic.kernels import swing
-from agonic.kernels.deviation import ROSE_DEG, basis
+from agonic.maths.rotations.deviation import ROSE_DEG, basis
 
 ALL = np.ones(5, dtype=bool)
 

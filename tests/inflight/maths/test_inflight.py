@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.kernels import flight
-from agonic.kernels.affine import azimuth_residual, magnitude_residual
+from agonic.maths.equation.affine import azimuth_residual, magnitude_residual
 
 N = 60
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.kernels import nextturn
-from agonic.kernels.affine import correction_jacobian, model_basis
-from agonic.kernels.coverage import heading_sd_deg
+from agonic.maths.equation.affine import correction_jacobian, model_basis
+from agonic.maths.equation.coverage import heading_sd_deg
 
 BIAS, MATRIX = np.array([0.2, -0.1, 0.05]), np.diag([1.02, 0.97, 1.01])
 RNG = np.random.default_rng(4)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.kernels import moments, voxels
+from agonic.kernels import voxels
+from agonic.maths.equation import moments
 
 RNG = np.random.default_rng(5)
 SPHERE = RNG.normal(size=(6000, 3))

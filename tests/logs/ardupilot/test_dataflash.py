@@ -15,7 +15,7 @@ from agonic.errors import LogError
 from agonic.io.dataflash_format import DTYPES, read_binary
 from agonic.io.log import Log
 from agonic.io.read_dataflash import GPS_EPOCH, accepts, read
-from agonic.kernels.affine import correct
+from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.dataflash_writer import FORMATS, Columns, dataflash, parameters

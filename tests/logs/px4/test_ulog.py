@@ -15,7 +15,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.io.log import Log
 from agonic.io.read_ulog import accepts, read
 from agonic.io.ulog_topics import euler_deg
-from agonic.kernels.affine import correct
+from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.levelled import heading_error_deg

@@ -17,7 +17,7 @@ from agonic.field.published import igrf
 from agonic.io.log import Log
 from agonic.io.read import open_log, read
 from agonic.io.read_cdf import moments
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.orbit_writer import ROT_CM, N, swarm, write_cdf
 

@@ -12,7 +12,7 @@ import pytest
 from agonic.errors import AgonicWarning, LogError, MissingExtraError
 from agonic.io.read import read
 from agonic.io.tle import positions_from_tle
-from agonic.kernels.geodesy import directions, earth_fixed_position, from_geocentric
+from agonic.maths.earth.geodesy import directions, earth_fixed_position, from_geocentric
 
 pytest.importorskip("sgp4")
 

@@ -9,9 +9,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.angles import angle_deg
-from agonic.kernels.celestial import in_shadow, rot_ei, sidereal_rad, sun_i, tai_utc_s, turned
-from agonic.kernels.frames import (
+from agonic.maths.earth.earth_rotation import (
+    in_shadow,
+    rot_ei,
+    sidereal_rad,
+    sun_i,
+    tai_utc_s,
+    turned,
+)
+from agonic.maths.earth.geodesy import directions, earth_fixed
+from agonic.maths.earth.starlight import (
+    Air,
+    aberrated,
+    observer_velocity_i,
+    refracted,
+    refraction_rad,
+)
+from agonic.maths.rotations.angles import angle_deg
+from agonic.maths.rotations.frames import (
     angles_232_deg,
     angles_323_deg,
     from_323_deg,
@@ -23,8 +38,6 @@ from agonic.kernels.frames import (
     rot_en,
     turn_onto,
 )
-from agonic.kernels.geodesy import directions, earth_fixed
-from agonic.kernels.starlight import Air, aberrated, observer_velocity_i, refracted, refraction_rad
 
 arcsec = 1 / 3600
 

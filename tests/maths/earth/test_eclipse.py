@@ -4,8 +4,8 @@ import erfa
 import numpy as np
 import pytest
 
-from agonic.kernels.geodesy import SEMI_MAJOR_M, geodetic
-from agonic.kernels.sunlight import shadowed
+from agonic.maths.earth.eclipse import shadowed
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic
 
 EQUINOX = 1_742_461_260.0  # 2025-03-20 09:01 UTC
 MOMENTS = 1_577_836_800.0 + np.linspace(0.0, 10 * 365.25 * 86_400, 400)  # 2020 to 2030

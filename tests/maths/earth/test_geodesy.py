@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels import geodesy
+from agonic.maths.earth import geodesy
 
 SEMI_MINOR_M = geodesy.SEMI_MAJOR_M * (1 - geodesy.FLATTENING)
 PLACES = np.array(

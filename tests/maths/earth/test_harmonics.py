@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import lpmv
 
-from agonic.kernels import harmonics
+from agonic.maths.earth import harmonics
 
 POLES = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, -1.02]])
 

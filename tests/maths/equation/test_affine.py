@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import affine
+from agonic.maths.equation import affine
 from agonic.simulation import random_calibration
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import leastsq, taught
-from agonic.kernels.affine import split
+from agonic.maths.equation import attitude_aided
+from agonic.maths.equation.affine import split
+from agonic.maths.estimation import leastsq
 
 H, Z = 0.5, np.sqrt(0.75)
 W = np.array([[1.05, 0.04, -0.03], [0.04, 0.95, 0.02], [-0.03, 0.02, 1.02]])
@@ -31,11 +32,13 @@ def problem(n: int = 1500, *, noise=0.003, tilt_deg=15.0, seed=0, turn_deg=0.0, 
         "soft_iron_sd": None,
         "turn_sd": 0.05,
     }
-    return taught.Problem(points, terms, np.array([H]), np.array([Z]), **(known | more)), rot_nb
+    return attitude_aided.Problem(
+        points, terms, np.array([H]), np.array([Z]), **(known | more)
+    ), rot_nb
 
 
-def fitted(given: taught.Problem, **settings):
-    found = taught.estimate(given, **settings)
+def fitted(given: attitude_aided.Problem, **settings):
+    found = attitude_aided.estimate(given, **settings)
     m = given.basis.shape[1]
     return found, *split(given.basis @ found.solution.params[:m])
 
@@ -72,7 +75,7 @@ def test_a_turned_sensor_needs_the_free_matrix(gauge: str) -> None:
     given, _ = problem(turn_deg=2.0, gauge=gauge)
     found, bias, _ = fitted(given)
     if gauge == "free":
-        turn, covariance = taught.turn(given, found.solution)
+        turn, covariance = attitude_aided.turn(given, found.solution)
         assert turn[1] == pytest.approx(np.radians(2.0), abs=0.003)
         assert np.sqrt(covariance[1, 1]) < 0.002
         assert bias == pytest.approx(BIAS, abs=0.01)
@@ -88,7 +91,8 @@ def test_a_known_heading_finds_the_turn_about_the_vertical() -> None:
     assert matrix == pytest.approx(W, abs=0.02)
     without, _, _ = fitted(given._replace(turn_sd=0.1))
     sd = [
-        np.sqrt(taught.turn(g, f.solution)[1][0, 0]) for g, f in ((known, found), (given, without))
+        np.sqrt(attitude_aided.turn(g, f.solution)[1][0, 0])
+        for g, f in ((known, found), (given, without))
     ]
     assert sd[0] < 0.2 * sd[1]
 
@@ -111,7 +115,7 @@ def test_strays_are_left_out() -> None:
 
 def test_the_prior_has_the_derivative_it_says() -> None:
     given, _ = problem(gauge="free", soft_iron_sd=0.1, slope=[0.0, 0.0, 0.0])
-    prior = taught.prior_of(given, 0.1)
+    prior = attitude_aided.prior_of(given, 0.1)
     at = np.random.default_rng(0).normal(size=15) + np.array([0, 0, 0, 2, 2, 2] + [0] * 9)
     jacobian = prior(at)[1]
     numeric = [(prior(at + step)[0] - prior(at - step)[0]) / 2e-6 for step in 1e-6 * np.eye(15)]
@@ -123,6 +127,9 @@ def test_pieces_of_all_kinds_cover_all_rows_once() -> None:
     given = given._replace(across=rot_nb[:, 1])
     for kind in given.kinds:
         sums = leastsq.accumulate(
-            taught.pieces(given, kind), np.r_[BIAS, 1, 1, 1, 0, 0, 0], leastsq.squares(), 1.0
+            attitude_aided.pieces(given, kind),
+            np.r_[BIAS, 1, 1, 1, 0, 0, 0],
+            leastsq.squares(),
+            1.0,
         )
         assert len(sums.residuals) == 9000

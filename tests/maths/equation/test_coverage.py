@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import coverage
-from agonic.kernels.affine import correct, model_basis, split
-from agonic.kernels.gauge import entries
+from agonic.maths.equation import coverage
+from agonic.maths.equation.affine import correct, model_basis, split
+from agonic.maths.equation.gauge import entries
 
 SEEDS = st.integers(0, 2**32 - 1)
 FIELD = 50_000.0

@@ -4,19 +4,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import chamber, coil, fixture, leastsq, positions, thermal, thermal_bins, wander
-from agonic.kernels.affine import FREE, SYMMETRIC, model_basis
+from agonic.kernels import chamber, coil, fixture, positions, thermal_bins, wander
 from agonic.kernels.beliefs import beliefs
 from agonic.kernels.stations import twelve
+from agonic.maths.equation import model
+from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis
+from agonic.maths.estimation import leastsq
 
 RNG = np.random.default_rng(0)
 
 
 def drawn(gauge: str = SYMMETRIC, degree: int = 2, rate: bool = True, n: int = 30):
     rng = np.random.default_rng(1)
-    onto = thermal.layout(degree, gauge, rate)
+    onto = model.layout(degree, gauge, rate)
     x = rng.uniform(-1, 1, n)
-    phi = thermal.covariates(x, 0.0, degree, rng.normal(size=n) if rate else None)
+    phi = model.covariates(x, 0.0, degree, rng.normal(size=n) if rate else None)
     p = degree + 1
     coefficients = 0.05 * rng.normal(size=onto.shape[1])
     coefficients[[3 * p, 4 * p, 5 * p]] += 1.0
@@ -28,13 +30,11 @@ def test_the_jacobian_of_the_magnitude_is_its_derivative(gauge: str, derivative)
     onto, phi, start, raw = drawn(gauge)
 
     def r(coefficients):
-        bias, matrix = thermal.local(coefficients, onto, phi)
-        return thermal.size_residual(raw, bias, matrix, np.ones(30))[0]
+        bias, matrix = model.local(coefficients, onto, phi)
+        return model.size_residual(raw, bias, matrix, np.ones(30))[0]
 
-    bias, matrix = thermal.local(start, onto, phi)
-    by = thermal.by_coefficients(
-        thermal.size_residual(raw, bias, matrix, np.ones(30))[1], onto, phi
-    )
+    bias, matrix = model.local(start, onto, phi)
+    by = model.by_coefficients(model.size_residual(raw, bias, matrix, np.ones(30))[1], onto, phi)
     assert by == pytest.approx(derivative(r, start, 1e-6), abs=1e-7)
 
 
@@ -44,21 +44,21 @@ def test_the_jacobians_of_readings_and_field_are_their_derivatives(gauge: str, d
     field = RNG.normal(size=(30, 3))
 
     def r(coefficients):
-        bias, matrix = thermal.local(coefficients, onto, phi)
-        return thermal.reading_residual(raw, bias, matrix, field)[0].ravel()
+        bias, matrix = model.local(coefficients, onto, phi)
+        return model.reading_residual(raw, bias, matrix, field)[0].ravel()
 
     def u(coefficients):
-        bias, matrix = thermal.local(coefficients, onto, phi)
+        bias, matrix = model.local(coefficients, onto, phi)
         return np.einsum("nij,nj->ni", matrix, raw - bias).ravel()
 
-    bias, matrix = thermal.local(start, onto, phi)
+    bias, matrix = model.local(start, onto, phi)
     thrice = np.repeat(phi, 3, axis=0)
-    by = thermal.reading_residual(raw, bias, matrix, field)[1].reshape(-1, 12)
-    assert thermal.by_coefficients(by, onto, thrice) == pytest.approx(
+    by = model.reading_residual(raw, bias, matrix, field)[1].reshape(-1, 12)
+    assert model.by_coefficients(by, onto, thrice) == pytest.approx(
         derivative(r, start, 1e-6), abs=1e-7
     )
-    by = thermal.field_jacobian(raw, bias, matrix).reshape(-1, 12)
-    assert thermal.by_coefficients(by, onto, thrice) == pytest.approx(
+    by = model.field_jacobian(raw, bias, matrix).reshape(-1, 12)
+    assert model.by_coefficients(by, onto, thrice) == pytest.approx(
         derivative(u, start, 1e-6), abs=1e-7
     )
 
@@ -69,8 +69,8 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
     x = np.tile(np.linspace(-1, 1, 11), 24)
     station = np.repeat(np.arange(12), 22)
     lag = np.tile(np.repeat([-1.0, 1.0], 11), 12) if rate else None
-    phi = thermal.covariates(x, 0.0, 2, lag)
-    onto = thermal.layout(2, SYMMETRIC, rate)
+    phi = model.covariates(x, 0.0, 2, lag)
+    onto = model.layout(2, SYMMETRIC, rate)
     truth = 0.03 * rng.normal(size=onto.shape[1])
     truth[[9, 12, 15]] += 1.0
     field = np.array([0.42, 0.1, 0.0])
@@ -78,7 +78,7 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
     mount = Rotation.from_euler("zyx", [100, 20, -40], degrees=True).as_matrix()
     off = Rotation.from_rotvec(np.radians(fixture_deg) * rng.normal(size=(12, 3))).as_matrix()
     seen = np.array([mount.T @ (r @ e).T @ field for r, e in zip(twelve(), off, strict=True)])
-    bias, matrix = thermal.local(truth, onto, phi)
+    bias, matrix = model.local(truth, onto, phi)
     points = bias + np.linalg.solve(matrix, seen[station][:, :, None])[:, :, 0]
     points = points + noise * rng.normal(size=points.shape)
     problem = positions.Problem(
@@ -147,7 +147,7 @@ def test_each_temperature_by_itself_agrees_with_one_solved_alone() -> None:
 
     def pieces(params):
         bias, matrix = (basis @ params)[:3], (basis @ params)[3:].reshape(3, 3)
-        r, j = thermal.size_residual(
+        r, j = model.size_residual(
             points[4], np.tile(bias, (12, 1)), np.tile(matrix, (12, 1, 1)), np.ones(12)
         )
         weight = 1 / np.linalg.norm(j[:, :3], axis=1)
@@ -189,11 +189,11 @@ def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> Non
     for _ in range(8):
         n = 6000
         x, field = rng.uniform(-1, 1, n), rng.normal(size=(n, 3)) / np.sqrt(3)
-        phi = thermal.covariates(x, 0.0, 1)
-        onto = thermal.layout(1, FREE)
+        phi = model.covariates(x, 0.0, 1)
+        onto = model.layout(1, FREE)
         truth = np.concatenate([0.1 * rng.normal(size=6), 0.03 * rng.normal(size=18)])
         truth[[6, 8, 10]] += 1.0
-        bias, matrix = thermal.local(truth, onto, phi)
+        bias, matrix = model.local(truth, onto, phi)
         raw = bias + np.linalg.solve(matrix, field[:, :, None])[:, :, 0]
         raw = raw + 0.1 * rng.normal(size=raw.shape)
         found = coil.estimate(coil.Problem(raw, field, phi, 1), robust=False)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from agonic import Reference, Samples, fit_ellipsoid
-from agonic.kernels import moments, summed, voxels
+from agonic.kernels import voxels
+from agonic.maths.equation import moment_fit, moments
 
 MATRIX = np.eye(3) + np.array([[0.05, 0.02, -0.01], [0.02, -0.03, 0.015], [-0.01, 0.015, 0.01]])
 BIAS = np.array([20_000.0, -5000.0, 8000.0])
@@ -24,7 +25,7 @@ def fitted(rows, most=voxels.MOST):
     boxes, _ = voxels.added(voxels.begun(rows[0], 16.0), rows, most)
     centre = rows.mean(axis=0)
     sums = moments.rebase(boxes.sums.T, boxes.centre, boxes.scale, centre, FIELD).T
-    found = summed.estimate(sums)
+    found = moment_fit.estimate(sums)
     size = np.array([FIELD] * 3 + [1.0] * 6)
     params = np.concatenate([centre + FIELD * found.bias, found.matrix[ROWS, COLUMNS]])
     return params, np.sqrt(np.diag(found.covariance)) * size, found.noise * FIELD
@@ -36,15 +37,17 @@ TRUTH = np.concatenate([BIAS, MATRIX[ROWS, COLUMNS]])
 def test_the_derivative_of_the_polynomial():
     rng = np.random.default_rng(0)
     params = np.concatenate([rng.normal(size=3), MATRIX[ROWS, COLUMNS]])
-    _, slope = summed.polynomial(params)
+    _, slope = moment_fit.polynomial(params)
     for k, step in enumerate(1e-6 * np.eye(9)):
-        difference = summed.polynomial(params + step)[0] - summed.polynomial(params - step)[0]
+        difference = (
+            moment_fit.polynomial(params + step)[0] - moment_fit.polynomial(params - step)[0]
+        )
         np.testing.assert_allclose(slope[:, k], difference / 2e-6, atol=1e-8)
 
 
 def test_the_polynomial_is_the_residual():
     y = np.array([0.3, -0.8, 0.5])
-    q, _ = summed.polynomial(np.r_[0.1, 0.2, -0.1, TRUTH[3:]])
+    q, _ = moment_fit.polynomial(np.r_[0.1, 0.2, -0.1, TRUTH[3:]])
     size = np.linalg.norm(MATRIX @ (y - [0.1, 0.2, -0.1]))
     placed = moments.powers(y[None], np.zeros(3), 1.0)[0][moments.GRAM_INDEX[9]]
     assert q @ placed == pytest.approx((size**2 - 1) / 2, abs=1e-14)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.kernels import moments
+from agonic.maths.equation import moments
 
 SEEDS = st.integers(0, 2**32 - 1)
 

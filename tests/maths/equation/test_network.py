@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from agonic.kernels import domain, marquardt, network
-from agonic.kernels.network import Shape
+from agonic.maths.equation import network
+from agonic.maths.equation.network import Shape
+from agonic.maths.estimation import domain, marquardt
 
 
 def drawn(seed: int, shape: Shape, n: int = 9):

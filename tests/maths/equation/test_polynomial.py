@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels import polynomial as kernel
+from agonic.maths.equation import polynomial as kernel
 
 
 def test_scaled_powers_are_those_of_numpy() -> None:

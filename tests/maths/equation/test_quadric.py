@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import moments, quadric
-from agonic.kernels.affine import model_basis
-from agonic.kernels.gauge import entries
+from agonic.maths.equation import moments, quadric
+from agonic.maths.equation.affine import model_basis
+from agonic.maths.equation.gauge import entries
 
 SEEDS = st.integers(0, 2**32 - 1)
 MODELS = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels.changes import find_change
+from agonic.maths.estimation.bias_change import find_change
 from agonic.simulation.draws import directions
 
 SHIFT = np.array([0.02, -0.01, 0.03])  # of the radius

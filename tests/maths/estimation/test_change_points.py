@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agonic.kernels.drifting import Series
-from agonic.kernels.shifts import FEWEST, Shift, shifts
+from agonic.maths.estimation.change_points import FEWEST, Shift, shifts
+from agonic.maths.estimation.drift_model import Series
 
 CHANCE = 0.004
 PARAMETERS = 9

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels.common_part import common_part
+from agonic.maths.estimation.common_mode import common_part
 
 
 def made(

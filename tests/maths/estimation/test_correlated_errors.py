@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from agonic.kernels.lasting import Lasting, Sums, lasting, scatter
+from agonic.maths.estimation.correlated_errors import Lasting, Sums, lasting, scatter
 
 
 def wandering(rng: np.random.Generator, n: int, time: float, columns: int) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from agonic.kernels.drifting import Belief, Series, believed, followed, spread_of, sums
+from agonic.maths.estimation.drift_model import Belief, Series, believed, followed, spread_of, sums
 
 # formal error, scatter, walk across the span: what a sensor may be made of
 MADE_OF = {

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agonic.kernels import tracking, udfilter
-from agonic.kernels.affine import magnitude_residual, model_basis
+from agonic.maths.equation.affine import magnitude_residual, model_basis
+from agonic.maths.estimation import kalman, ud_filter
 
 MATRIX = np.array([1.03, 0.98, 1.01, 0.02, -0.015, 0.01])
 STATE = np.array([25.0, 3000.0, -2000.0, 500.0, *MATRIX])
@@ -21,14 +21,14 @@ def rows_of(n: int, *, seed: int = 0, noise: float = 100.0, cone: float = 0.0) -
     return np.column_stack([np.arange(1.0, n + 1), raw, np.full(n, 40_000.0), np.ones(n)])
 
 
-def prior(m: int = 10, bias_sd: float = 500.0, external: float = 20.0) -> tracking.Belief:
+def prior(m: int = 10, bias_sd: float = 500.0, external: float = 20.0) -> kalman.Belief:
     covariance = np.diag([external**2, *[bias_sd**2] * 3, *[0.02**2] * 6])[:m, :m]
-    return tracking.believe(np.array([0, *STATE[1:4] + 300.0, *MATRIX]), covariance, 0.0)
+    return kalman.believe(np.array([0, *STATE[1:4] + 300.0, *MATRIX]), covariance, 0.0)
 
 
 def test_the_jacobian_is_that_of_the_distance_residual() -> None:
     row, h = rows_of(1)[0], [0.0] * 10
-    r, steepness = udfilter._residual(STATE.tolist(), row.tolist(), 100.0, h)
+    r, steepness = ud_filter._residual(STATE.tolist(), row.tolist(), 100.0, h)
     expected, jacobian = magnitude_residual(
         row[None, 1:4], WHOLE[:3], WHOLE[3:].reshape(3, 3), row[4] + STATE[0], 100.0
     )
@@ -38,7 +38,7 @@ def test_the_jacobian_is_that_of_the_distance_residual() -> None:
         step = np.zeros(10)
         step[k] = 1e-3 if k < 4 else 1e-7
         ahead, behind = (
-            udfilter._residual((STATE + sign * step).tolist(), row.tolist(), 0.0, [0.0] * 10)[0]
+            ud_filter._residual((STATE + sign * step).tolist(), row.tolist(), 0.0, [0.0] * 10)[0]
             for sign in (1, -1)
         )
         assert h[k] == pytest.approx((ahead - behind) / (2 * step[k]), rel=1e-5, abs=1e-5)
@@ -48,10 +48,10 @@ def test_the_jacobian_is_that_of_the_distance_residual() -> None:
 @pytest.mark.parametrize("m", [4, 7, 10])
 def test_updates_are_those_of_the_textbook(m: int) -> None:
     """The plain Kalman equations, in the covariance itself, give the same for every size."""
-    model = tracking.Model(100.0, 20.0, 600.0, 3.0, 1e-5 if m == 10 else 0.0)
+    model = kalman.Model(100.0, 20.0, 600.0, 3.0, 1e-5 if m == 10 else 0.0)
     rows = rows_of(40)
     before = prior(m)
-    after, _, _ = tracking.advance(before, model, rows, compiled=False)
+    after, _, _ = kalman.advance(before, model, rows, compiled=False)
     x, p, last = before.state.copy(), before.covariance, 0.0
     for row in rows:
         decay = np.eye(m)
@@ -60,7 +60,7 @@ def test_updates_are_those_of_the_textbook(m: int) -> None:
         walked = [400 * (1 - decay[0, 0] ** 2), *[9.0] * 3, *[model.matrix_walk**2] * 6][:m]
         p = decay @ p @ decay.T + np.diag(walked)
         last, h = row[0], [0.0] * 10
-        r, _ = udfilter._residual(x.tolist(), row.tolist(), 100.0, h)
+        r, _ = ud_filter._residual(x.tolist(), row.tolist(), 100.0, h)
         jacobian = np.array(h[:m])
         gain = p @ jacobian / (jacobian @ p @ jacobian + 1e4)
         x[:m] -= gain * r
@@ -71,32 +71,32 @@ def test_updates_are_those_of_the_textbook(m: int) -> None:
 
 def test_numba_gives_the_same_to_rounding() -> None:
     pytest.importorskip("numba")
-    model = tracking.Model(100.0, 20.0, 600.0, 3.0, 1e-6)
-    plain, seen, _ = tracking.advance(prior(), model, rows_of(500), compiled=False)
-    fast, also, _ = tracking.advance(prior(), model, rows_of(500), compiled=True)
+    model = kalman.Model(100.0, 20.0, 600.0, 3.0, 1e-6)
+    plain, seen, _ = kalman.advance(prior(), model, rows_of(500), compiled=False)
+    fast, also, _ = kalman.advance(prior(), model, rows_of(500), compiled=True)
     assert fast.state == pytest.approx(plain.state, rel=1e-12)
     assert fast.covariance == pytest.approx(plain.covariance, rel=1e-9, abs=1e-15)
     assert also.residual == pytest.approx(seen.residual, abs=1e-6)
 
 
 def test_without_numba_the_plain_source_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = tracking.Model(100.0)
-    plain, _, _ = tracking.advance(prior(), model, rows_of(50), compiled=False)
-    monkeypatch.setattr(udfilter, "compiled", lambda: None)
-    without, _, _ = tracking.advance(prior(), model, rows_of(50), compiled=True)
+    model = kalman.Model(100.0)
+    plain, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=False)
+    monkeypatch.setattr(ud_filter, "compiled", lambda: None)
+    without, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=True)
     assert np.array_equal(without.state, plain.state)
 
 
 def test_a_belief_gives_its_covariance_back() -> None:
     root = np.random.default_rng(0).standard_normal((10, 10))
-    assert tracking.believe(STATE, root @ root.T, 0.0).covariance == pytest.approx(root @ root.T)
+    assert kalman.believe(STATE, root @ root.T, 0.0).covariance == pytest.approx(root @ root.T)
     singular = np.outer(root[0], root[0])
-    assert tracking.believe(STATE, singular, 0.0).covariance == pytest.approx(singular, abs=1e-9)
+    assert kalman.believe(STATE, singular, 0.0).covariance == pytest.approx(singular, abs=1e-9)
 
 
 def test_a_possible_jump_widens_the_bias_and_nothing_else() -> None:
     before = prior()
-    after = tracking.widened(before, 2000.0)
+    after = kalman.widened(before, 2000.0)
     added = np.diag([0, *[2000.0**2] * 3, *[0] * 6])
     assert after.covariance == pytest.approx(before.covariance + added, rel=1e-12)
 
@@ -106,10 +106,10 @@ def test_it_stays_a_covariance_over_many_updates() -> None:
     pytest.importorskip("numba")
     n = 200_000
     belief = prior(bias_sd=50_000.0, external=0.0)
-    model = tracking.Model(0.1, jump_level=0.0, gate=np.inf)
+    model = kalman.Model(0.1, jump_level=0.0, gate=np.inf)
     rows = rows_of(n, noise=0.1, cone=20.0)
     for _ in range(50):  # 10⁷ updates
-        belief, seen, _ = tracking.advance(belief, model, rows, linearised=STATE)
+        belief, seen, _ = kalman.advance(belief, model, rows, linearised=STATE)
         rows[:, 0] += n
     assert len(seen.residual) == n
     assert (belief.diagonal >= 0).all()
@@ -126,11 +126,11 @@ def test_it_stays_a_covariance_over_many_updates() -> None:
 
 def test_an_outlier_is_refused_and_moves_nothing() -> None:
     rows = rows_of(300)
-    belief, _, _ = tracking.advance(prior(), tracking.Model(100.0), rows)
+    belief, _, _ = kalman.advance(prior(), kalman.Model(100.0), rows)
     stray = rows[-1:].copy()
     stray[0, 0] += 1.0
     stray[0, 1:4] *= 1.1
-    after, seen, _ = tracking.advance(belief, tracking.Model(100.0), stray)
+    after, seen, _ = kalman.advance(belief, kalman.Model(100.0), stray)
     assert not seen.used[0]
     assert np.array_equal(after.state, belief.state)
 
@@ -141,5 +141,5 @@ def test_the_onset_of_a_step_is_found() -> None:
     innovation = rng.standard_normal(100)
     innovation[60:] += toward[60:] @ [9.0, -6.0, 3.0]
     nothing = np.zeros(100)
-    found = tracking.onset(tracking.Seen(nothing, nothing, nothing > 0, toward, innovation))
+    found = kalman.onset(kalman.Seen(nothing, nothing, nothing > 0, toward, innovation))
     assert abs(found - 60) <= 2

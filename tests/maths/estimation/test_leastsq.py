@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from agonic.kernels import leastsq
+from agonic.maths.estimation import leastsq
 
 LOSSES = {
     "squares": leastsq.squares(),

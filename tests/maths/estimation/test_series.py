@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels import series
+from agonic.maths.estimation import series
 
 
 def programme(n: int = 4000) -> np.ndarray:

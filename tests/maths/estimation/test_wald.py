@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from agonic.kernels.wald import wald
+from agonic.maths.estimation.wald import wald
 
 
 @pytest.mark.parametrize("independent", [6, 30, 3000])

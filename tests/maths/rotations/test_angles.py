@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.kernels.angles import angle_deg, wrapped_deg
+from agonic.maths.rotations.angles import angle_deg, wrapped_deg
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.rotation import angles_deg, down_b, rot_nb, yaw_pitch_roll
+from agonic.maths.rotations.attitude import angles_deg, down_b, rot_nb, yaw_pitch_roll
 
 RNG = np.random.default_rng(1)
 ROLL, HEADING = RNG.uniform(-180, 180, 500), RNG.uniform(0, 360, 500)

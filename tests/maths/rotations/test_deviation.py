@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.kernels import deviation as kernel
+from agonic.maths.rotations import deviation as kernel
 
 HANDBOOK = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])
 """Deviations at the eight headings, Handbook of Magnetic Compass Adjustment, figure 501."""

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import tilt
-from agonic.kernels.angles import angle_deg
+from agonic.maths.rotations import tilt
+from agonic.maths.rotations.angles import angle_deg
 
 TILTS = st.floats(-80.0, 80.0)
 HEADINGS = st.floats(0.0, 359.99)

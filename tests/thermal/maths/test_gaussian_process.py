@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.kernels import wander
-from agonic.kernels.averaged import averaged
+from agonic.maths.estimation.model_averaging import averaged
 
 STATIONS, EACH = 5, 40
 

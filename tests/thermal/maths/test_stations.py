@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from agonic.kernels import stations
-from agonic.kernels.affine import magnitude_residual, model_basis
-from agonic.kernels.leastsq import condition
+from agonic.maths.equation.affine import magnitude_residual, model_basis
+from agonic.maths.estimation.leastsq import condition
 
 
 def test_they_are_rotations_each_face_up_twice_a_quarter_turn_apart() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.fitting.alignment.record import AlignmentFit
-from agonic.kernels.celestial import TT_TAI_S, UNIX_JD, tai_utc_s
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.session import Session, published_earth_rotation
 from agonic.session.observed import seen_turn
 from agonic.session.session import PRESENT, REMOVED

@@ -18,9 +18,9 @@ from agonic.fitting.alignment.orientations import (
 from agonic.fitting.alignment.record import AlignmentFit
 from agonic.fitting.alignment.solve import UNDETERMINED, Solved, rotation_vector
 from agonic.health import Finding, figure
-from agonic.kernels.alignment import GROUPS
-from agonic.kernels.alignment import units as units_of
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.equation.alignment import GROUPS
+from agonic.maths.equation.alignment import units as units_of
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.session import published_earth_rotation
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from agonic.errors import check_choice
 from agonic.fitting.alignment.evidence import judged
 from agonic.fitting.alignment.record import AlignmentFit
 from agonic.fitting.alignment.solve import Solved, solved
-from agonic.kernels.alignment import GROUPS
+from agonic.maths.equation.alignment import GROUPS
 from agonic.provenance import Input, Provenance
 from agonic.session import Session, check_session, observe
 

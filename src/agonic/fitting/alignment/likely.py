@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from agonic.errors import AgonicError
 from agonic.fitting.alignment.mistakes import Mistake, mistakes
 from agonic.fitting.alignment.solve import Solved, given_of, rotation_vector, solved
-from agonic.kernels import alignment as kernel
+from agonic.maths.equation import alignment as kernel
 from agonic.session import Session, observe
 
 FAR_BETTER = 0.5

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.celestial import TT_TAI_S, UNIX_JD, tai_utc_s
-from agonic.kernels.frames import angles_323_deg, r2, r3, rot_ci
+from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
+from agonic.maths.rotations.frames import angles_323_deg, r2, r3, rot_ci
 from agonic.session import Session, published_earth_rotation
 from agonic.session.session import PRESENT, REMOVED, StarReadings
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.health import figure
-from agonic.kernels import alignment as kernel
-from agonic.kernels import leastsq
-from agonic.kernels.alignment import GROUPS, Given, Unknowns
-from agonic.kernels.frames import rot_cn
+from agonic.maths.equation import alignment as kernel
+from agonic.maths.equation.alignment import GROUPS, Given, Unknowns
+from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.frames import rot_cn
 
 Array = NDArray[np.float64]
 Orientation = tuple[float, float, float]

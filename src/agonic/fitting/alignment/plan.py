@@ -16,9 +16,9 @@ from agonic.fitting.alignment.orientations import (
     best_additions,
     candidates,
 )
-from agonic.kernels import alignment as kernel
-from agonic.kernels.alignment import GROUPS, SIZE, Given
-from agonic.kernels.frames import ARCSEC_RAD, from_323_deg
+from agonic.maths.equation import alignment as kernel
+from agonic.maths.equation.alignment import GROUPS, SIZE, Given
+from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg
 
 Array = NDArray[np.float64]
 
@@ -168,7 +168,7 @@ def _held(pier_sd: float | None, reference_sd_arcsec: float | None) -> Array:
 
 def _errors(information: Array, free: NDArray[np.bool_], magnitude: float) -> Array:
     """Standard errors (18,), 0 for what is not solved for."""
-    from agonic.kernels.leastsq import inverse
+    from agonic.maths.estimation.leastsq import inverse
 
     units = kernel.units(magnitude)[free]
     inside = inverse(information[np.ix_(free, free)] / np.outer(units, units))

@@ -13,9 +13,15 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.fitting.alignment.solve import Solved, rotation_vector
 from agonic.health import Finding, Judged
-from agonic.kernels import alignment as kernel
-from agonic.kernels.alignment import GROUPS
-from agonic.kernels.frames import ARCSEC_RAD, angles_232_deg, angles_323_deg, cross_matrix, rot_en
+from agonic.maths.equation import alignment as kernel
+from agonic.maths.equation.alignment import GROUPS
+from agonic.maths.rotations.frames import (
+    ARCSEC_RAD,
+    angles_232_deg,
+    angles_323_deg,
+    cross_matrix,
+    rot_en,
+)
 from agonic.session import Observed, Session
 
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
-from agonic.kernels import alignment as kernel
-from agonic.kernels import leastsq
-from agonic.kernels.alignment import GROUPS, SIZE, Given, Unknowns
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.equation import alignment as kernel
+from agonic.maths.equation.alignment import GROUPS, SIZE, Given, Unknowns
+from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.session import Observed, Session
 
 Array = NDArray[np.float64]

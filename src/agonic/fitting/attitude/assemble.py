@@ -12,9 +12,9 @@ from agonic.fitting.attitude.evidence import with_evidence
 from agonic.fitting.attitude.normalised import normalise
 from agonic.fitting.attitude.settings import Settings
 from agonic.health import FEWEST, figure, usable_rows
-from agonic.kernels import taught
-from agonic.kernels.affine import FREE, SYMMETRIC
-from agonic.kernels.wald import wald
+from agonic.maths.equation import attitude_aided
+from agonic.maths.equation.affine import FREE, SYMMETRIC
+from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -68,16 +68,16 @@ def _left_out(samples: Samples, usable: NDArray[np.bool_]) -> str:
 
 
 def _estimated(
-    problem: taught.Problem, usable: NDArray[np.bool_], settings: Settings
-) -> taught.Estimate:
+    problem: attitude_aided.Problem, usable: NDArray[np.bool_], settings: Settings
+) -> attitude_aided.Estimate:
     part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
     robust = settings.robust and len(part.points) >= 2 * FEWEST
-    return taught.estimate(part, robust=robust, seed=settings.seed)
+    return attitude_aided.estimate(part, robust=robust, seed=settings.seed)
 
 
-def _turn_test(problem: taught.Problem, estimate: taught.Estimate) -> ModelTest:
+def _turn_test(problem: attitude_aided.Problem, estimate: attitude_aided.Estimate) -> ModelTest:
     """Wald's test that the matrix is symmetric: no turn between the sensor and the attitude."""
-    turn, covariance = taught.turn(problem, estimate.solution)
+    turn, covariance = attitude_aided.turn(problem, estimate.solution)
     # errors of the attitude last, and what lasts is known from few independent readings
     independent = len(problem.points) / estimate.noise["dip"].correlation
     statistic, p = wald(turn, covariance, independent)

@@ -24,9 +24,9 @@ from agonic.health import (
     misscaled,
     mounted,
 )
-from agonic.kernels import taught
-from agonic.kernels.coverage import visits
-from agonic.kernels.tilt import heading_by_vectors_deg
+from agonic.maths.equation import attitude_aided
+from agonic.maths.equation.coverage import visits
+from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]
@@ -43,8 +43,8 @@ LEVEL_TILT_DEG = 20.0
 
 def with_evidence(
     affine: Affine,
-    estimate: taught.Estimate,
-    problem: taught.Problem,
+    estimate: attitude_aided.Estimate,
+    problem: attitude_aided.Problem,
     scale: Scale,
     samples: Samples,
     usable: NDArray[np.bool_],
@@ -55,7 +55,7 @@ def with_evidence(
     weights = np.zeros(len(samples))
     weights[usable] = estimate.weight
     plain = restored.effective(estimate, problem, scale, samples)
-    cleaned = samples.field - taught.added(problem, estimate.solution.params) * scale.size
+    cleaned = samples.field - attitude_aided.added(problem, estimate.solution.params) * scale.size
     coverage = _coverage(plain, cleaned, weights > 0, problem, settings)
     channels = _channels(estimate, problem, scale.size)
     fit = Fit(
@@ -81,12 +81,12 @@ def with_evidence(
 
 
 def _channels(
-    estimate: taught.Estimate, problem: taught.Problem, size: float
+    estimate: attitude_aided.Estimate, problem: attitude_aided.Problem, size: float
 ) -> dict[str, Channel]:
     """Residuals, noise and correlation of each kind, in the unit of the readings."""
     return {
         kind: Channel(
-            residuals=taught.residuals(problem, kind, estimate.solution.params) * size,
+            residuals=attitude_aided.residuals(problem, kind, estimate.solution.params) * size,
             noise=noise.sd * size,
             correlation=noise.correlation,
         )
@@ -98,7 +98,7 @@ def _evidence(
     fit: Fit,
     plain: Affine,
     cleaned: Array,
-    problem: taught.Problem,
+    problem: attitude_aided.Problem,
     params: Array,
     samples: Samples,
     usable: NDArray[np.bool_],
@@ -113,7 +113,7 @@ def _evidence(
         time=None if samples.time is None else samples.time[usable],
         residuals=magnitude.residuals[usable],
         weights=fit.weights[usable],
-        normals=taught.normals(problem, params)[usable],
+        normals=attitude_aided.normals(problem, params)[usable],
         bias=plain.bias,
         shape=plain.matrix / gain,
         radius=plain.magnitude / gain,
@@ -129,7 +129,7 @@ def _coverage(
     plain: Affine,
     cleaned: Array,
     believed: NDArray[np.bool_],
-    problem: taught.Problem,
+    problem: attitude_aided.Problem,
     settings: Settings,
 ) -> Coverage:
     """Coverage and heading uncertainty with the sources at their mean, at the dip of the place."""
@@ -192,7 +192,7 @@ def turns_of_a_vehicle(field: Array, down: Array) -> str:
     return ", and ".join(said)
 
 
-def _half_seen(e: Evidence, problem: taught.Problem, cleaned: Array) -> Finding | None:
+def _half_seen(e: Evidence, problem: attitude_aided.Problem, cleaned: Array) -> Finding | None:
     """A level vehicle that never turned half of the way: bias and soft iron look the same there.
 
     What is stated then is mostly the prior's word, whatever the standard error says.
@@ -230,7 +230,7 @@ def _heading_sd_deg(evidence: Evidence, channels: dict[str, Channel]) -> float |
 def _findings(
     samples: Samples,
     evidence: Evidence,
-    problem: taught.Problem,
+    problem: attitude_aided.Problem,
     cleaned: Array,
     channels: dict[str, Channel],
     tilt_sd: float | None,
@@ -270,7 +270,7 @@ def _findings(
     return gravest_first(found)
 
 
-def _remarks(fit: Fit, tilt_sd: float | None, problem: taught.Problem) -> tuple[str, ...]:
+def _remarks(fit: Fit, tilt_sd: float | None, problem: attitude_aided.Problem) -> tuple[str, ...]:
     """How good the result is, in words."""
     said = [
         f"bias known to {figure(float(fit.sd[:3].max()))} {fit.calibration.unit_in}, a level "

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from agonic.calibration.interference import stacked
 from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.fitting.attitude.settings import Settings
-from agonic.kernels import taught
-from agonic.kernels.rotation import down_b, rot_nb
+from agonic.maths.equation import attitude_aided
+from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -35,7 +35,7 @@ class Scale(NamedTuple):
 
 def normalise(
     samples: Samples, reference: Reference, kinds: tuple[str, ...], gauge: str, settings: Settings
-) -> tuple[taught.Problem, Scale]:
+) -> tuple[attitude_aided.Problem, Scale]:
     """The problem that samples and reference pose to the kernel, all rows, and its scale."""
     n = len(samples)
     centre = samples.field.mean(axis=0)
@@ -60,7 +60,7 @@ def normalise(
         vertical = np.zeros_like(horizontal)
     magnitude = float(np.hypot(horizontal, vertical).mean())
     attitude = rot_nb(*_angles(samples, kinds)) if "azimuth" in kinds else None
-    problem = taught.Problem(
+    problem = attitude_aided.Problem(
         points=(samples.field - centre) / size,
         terms=(x - middle) / spread,
         horizontal=horizontal / magnitude,

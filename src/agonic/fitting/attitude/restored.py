@@ -14,8 +14,8 @@ from agonic.calibration.base import Validity
 from agonic.calibration.interference import Interference, signals
 from agonic.fitting.attitude.normalised import Scale
 from agonic.fitting.attitude.settings import Settings
-from agonic.kernels.affine import FREE, model_basis, split
-from agonic.kernels.taught import Estimate, Problem
+from agonic.maths.equation.affine import FREE, model_basis, split
+from agonic.maths.equation.attitude_aided import Estimate, Problem
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 

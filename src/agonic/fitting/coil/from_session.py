@@ -13,9 +13,9 @@ from agonic.errors import CoverageError, ValidityError
 from agonic.fitting.coil.record import CoilFit, Direction, Level
 from agonic.health import Finding, figure
 from agonic.kernels import coil_axis as kernel
-from agonic.kernels.angles import angle_deg
 from agonic.kernels.coil_axis import Estimate, Stretch
-from agonic.kernels.frames import ARCSEC_RAD, cross_matrix, rot_en
+from agonic.maths.rotations.angles import angle_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD, cross_matrix, rot_en
 from agonic.session import published_earth_rotation
 from agonic.session.coil import CoilSession
 from agonic.session.session import unix_of

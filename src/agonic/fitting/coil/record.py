@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.health import Finding, Judged
 from agonic.kernels.coil_axis import Estimate, Stretch
-from agonic.kernels.frames import ARCSEC_RAD
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.session.coil import CoilSession
 
 Array = NDArray[np.float64]

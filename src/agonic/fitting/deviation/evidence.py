@@ -10,9 +10,9 @@ from scipy.special import chdtrc, stdtr
 
 from agonic.calibration.deviation import Deviation, heading_name
 from agonic.health import Finding, figure, gravest_first
-from agonic.kernels import deviation as kernel
 from agonic.kernels import swing
-from agonic.kernels.leastsq import correlation_length
+from agonic.maths.estimation.leastsq import correlation_length
+from agonic.maths.rotations import deviation as kernel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -16,9 +16,9 @@ from agonic.fit import Estimated
 from agonic.fitting.deviation.evidence import Evidence, examine
 from agonic.fitting.deviation.readings import Readings, complete
 from agonic.health import Finding, figure
-from agonic.kernels import deviation as kernel
 from agonic.kernels import swing
-from agonic.kernels.angles import wrapped_deg
+from agonic.maths.rotations import deviation as kernel
+from agonic.maths.rotations.angles import wrapped_deg
 from agonic.provenance import Input, Provenance
 
 Array = NDArray[np.float64]

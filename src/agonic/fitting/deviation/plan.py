@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from agonic.calibration.deviation import PARAMETERS
 from agonic.errors import AgonicError
 from agonic.fitting.deviation.from_headings import level_terms
-from agonic.kernels import deviation as kernel
-from agonic.kernels import leastsq
+from agonic.maths.estimation import leastsq
+from agonic.maths.rotations import deviation as kernel
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.errors import AgonicError, CoverageError
-from agonic.kernels import deviation as kernel
+from agonic.maths.rotations import deviation as kernel
 
 Array = NDArray[np.float64]
 

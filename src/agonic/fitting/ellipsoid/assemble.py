@@ -14,7 +14,7 @@ from agonic.coverage import Coverage
 from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.solve import Found
 from agonic.health import Finding, figure, gravest_first, misscaled
-from agonic.kernels import gauge as gauges
+from agonic.maths.equation import gauge as gauges
 from agonic.reference import Reference
 
 Array = NDArray[np.float64]

@@ -14,10 +14,10 @@ from agonic.fit import Fit, ModelTest
 from agonic.fitting.ellipsoid.assemble import finished, remarks, scale_finding
 from agonic.fitting.ellipsoid.solve import Found
 from agonic.health import Evidence, Finding, examine, examine_taught, inspect, usable_rows
-from agonic.kernels import ellipsoid
-from agonic.kernels.affine import correct
-from agonic.kernels.coverage import visits
-from agonic.kernels.noise import noise_of
+from agonic.maths.equation import likelihood
+from agonic.maths.equation.affine import correct
+from agonic.maths.equation.coverage import visits
+from agonic.maths.estimation.noise import noise_of
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -50,7 +50,7 @@ def evaluate(
         raise AgonicError("the calibration carries no covariance; fit it again with agonic")
     usable = usable_rows(samples.field)
     wanted = _wanted(calibration, reference, len(samples))
-    residuals, _ = ellipsoid.distances(samples.field, calibration.bias, calibration.matrix, wanted)
+    residuals, _ = likelihood.distances(samples.field, calibration.bias, calibration.matrix, wanted)
     residuals = residuals[rows_of(usable)]
     noise = noise_of(residuals, robust=True, parameters=0)
     found = Found(
@@ -111,7 +111,7 @@ def with_evidence(
     """
     assert affine.magnitude is not None
     assert affine.covariance is not None
-    residuals, normals = ellipsoid.distances(
+    residuals, normals = likelihood.distances(
         samples.field, affine.bias, affine.matrix, _wanted(affine, reference, len(samples))
     )
     kept = rows_of(usable)

@@ -24,11 +24,11 @@ from agonic.fitting.ellipsoid.solve import (
     too_few,
 )
 from agonic.health import FEWEST
-from agonic.kernels import gauge as gauges
-from agonic.kernels import moments as kernel
-from agonic.kernels import quadric
-from agonic.kernels.affine import model_basis
-from agonic.kernels.coverage import heading_sd_deg
+from agonic.maths.equation import gauge as gauges
+from agonic.maths.equation import moments as kernel
+from agonic.maths.equation import quadric
+from agonic.maths.equation.affine import model_basis
+from agonic.maths.equation.coverage import heading_sd_deg
 from agonic.moments import Moments
 from agonic.reference import Reference
 

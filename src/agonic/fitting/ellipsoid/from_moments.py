@@ -23,7 +23,7 @@ from agonic.fitting.ellipsoid.assemble import (
 )
 from agonic.fitting.ellipsoid.solve import Model, algebraic, choose
 from agonic.health import undetermined
-from agonic.kernels import moments as kernel
+from agonic.maths.equation import moments as kernel
 from agonic.moments import Moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference

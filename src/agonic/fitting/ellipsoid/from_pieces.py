@@ -26,7 +26,7 @@ from agonic.fitting.ellipsoid.passes import Whole, maximised
 from agonic.fitting.ellipsoid.scan import Progress, Recording, Scan, scanned
 from agonic.fitting.ellipsoid.solve import Fixed, Found, Model, algebraic, choose
 from agonic.health import FEWEST, Finding, left_out, strayed, usable_rows, wandered
-from agonic.kernels import ellipsoid
+from agonic.maths.equation import likelihood
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -155,10 +155,10 @@ def _likeliest(
     seen: dict[str, Whole] = {}
 
     def attempt(chosen: Fixed) -> Found:
-        problem = ellipsoid.Problem(points, magnitude, chosen, asked.soft_iron_sd)
-        start = ellipsoid.estimate(problem, robust=robust, seed=asked.seed)
+        problem = likelihood.Problem(points, magnitude, chosen, asked.soft_iron_sd)
+        start = likelihood.estimate(problem, robust=robust, seed=asked.seed)
         whole = maximised(recording, scan, scale, chosen, start, asked.soft_iron_sd, robust, told)
-        residuals, _ = ellipsoid.distances(points, whole.found.bias, whole.found.matrix, magnitude)
+        residuals, _ = likelihood.distances(points, whole.found.bias, whole.found.matrix, magnitude)
         weights = whole.noise.loss.weight((residuals / whole.noise.sd) ** 2)
         seen[chosen] = whole
         return whole.found._replace(residuals=residuals, weights=weights)

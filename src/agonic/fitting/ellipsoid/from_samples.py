@@ -32,7 +32,8 @@ from agonic.fitting.ellipsoid.solve import (
     no_ellipsoid,
 )
 from agonic.health import FEWEST, inspect, usable_rows
-from agonic.kernels import ellipsoid, moments
+from agonic.maths.equation import likelihood as ellipsoid
+from agonic.maths.equation import moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from agonic.fitting.ellipsoid.assemble import Scale
 from agonic.fitting.ellipsoid.scan import Progress, Recording, Scan, segments
 from agonic.fitting.ellipsoid.solve import Fixed, Found
-from agonic.kernels import batches, ellipsoid, ellipsoid_sums, gauge, leastsq
-from agonic.kernels.affine import model_basis, split
+from agonic.kernels import ellipsoid_sums
 from agonic.kernels.ellipsoid_sums import Assumed, Frame, Sums
+from agonic.maths.equation import gauge, likelihood
+from agonic.maths.equation.affine import model_basis, split
+from agonic.maths.estimation import batch_scores, leastsq
 
 Array = NDArray[np.float64]
 
@@ -36,7 +38,7 @@ class Whole(NamedTuple):
     noise: Assumed
     n: int
     strays: int
-    moved: batches.Break | None
+    moved: batch_scores.Break | None
 
 
 def maximised(
@@ -44,7 +46,7 @@ def maximised(
     scan: Scan,
     scale: Scale,
     model: Fixed,
-    start: ellipsoid.Estimate,
+    start: likelihood.Estimate,
     soft_iron_sd: float | None,
     robust: bool,
     told: Progress,
@@ -56,7 +58,7 @@ def maximised(
     are those of all readings in the pass before.
     """
     change = ellipsoid_sums.reduction(model)
-    prior = ellipsoid.soft_iron_prior(model, soft_iron_sd)
+    prior = likelihood.soft_iron_prior(model, soft_iron_sd)
     params, lasts = start.solution.params, start.noise.correlation
     strays_count_nothing = start.noise.loss.weight(np.array([1e6]))[0] == 0.0
     assumed = Assumed(start.noise.sd, bool(strays_count_nothing))
@@ -68,7 +70,7 @@ def maximised(
         step = -leastsq.inverse(curved) @ (normal.gradient / lasts + pull)
         params = params + step
         scores, white = sums.score @ change / assumed.sd, _white(normal, len(params))
-        scatter = batches.scatter(scores, white)
+        scatter = batch_scores.scatter(scores, white)
         lasts = scatter.correlation
         seen = _seen(sums, assumed, robust, len(params))
         # noise moves the result by its effect on a curved surface, σ²/F, over σ/√n
@@ -78,7 +80,7 @@ def maximised(
         if converged:
             break
         assumed = seen
-    steady = batches.scatter(scores, white, steady=True)
+    steady = batch_scores.scatter(scores, white, steady=True)
     covariance, data = _sandwich(normal, scatter, held, len(params))
     bias, matrix = split(model_basis(model) @ params)
     found = Found(
@@ -97,7 +99,7 @@ def maximised(
         seen,
         normal.total,
         round(float(sums.facts[6])),
-        batches.find_break(-scores, data * lasts, steady.matrix),
+        batch_scores.find_break(-scores, data * lasts, steady.matrix),
     )
 
 
@@ -111,7 +113,7 @@ def _summed(
     told: Progress,
 ) -> Sums:
     """One pass."""
-    sums = Sums.empty(batches.STRETCHES)
+    sums = Sums.empty(batch_scores.STRETCHES)
     compiled = scan.rows >= COMPILE_FROM
     for part in segments(recording, scan, lambda done: told(f"iteration {number}", done)):
         frame = Frame(scale.centre, scale.size, part.factor)
@@ -149,7 +151,7 @@ def _white(normal: leastsq.Normal, parameters: int) -> Array:
 
 
 def _sandwich(
-    normal: leastsq.Normal, scatter: batches.Scatter, held: Array, parameters: int
+    normal: leastsq.Normal, scatter: batch_scores.Scatter, held: Array, parameters: int
 ) -> tuple[Array, Array]:
     """A⁻¹BA⁻¹ and the readings' part D of A = D/ν + H, B = S/ν² + H, as `leastsq` has them; S the
     scatter of the gradient."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.health.readings import clipped_rows, stuck_rows
-from agonic.kernels.batches import SHORTEST, STRETCHES
+from agonic.maths.estimation.batch_scores import SHORTEST, STRETCHES
 from agonic.moments import Moments
 from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import ModelTest
 from agonic.health import FEWEST
-from agonic.kernels import ellipsoid, gauge, moments, quadric
-from agonic.kernels.affine import model_basis, split
+from agonic.maths.equation import gauge, moments, quadric
+from agonic.maths.equation import likelihood as ellipsoid
+from agonic.maths.equation.affine import model_basis, split
 
 Array = NDArray[np.float64]
 Model = Literal["auto", "sphere", "diagonal", "full"]

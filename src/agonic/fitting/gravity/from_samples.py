@@ -15,7 +15,7 @@ from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
 from agonic.kernels import gravity as kernel
 from agonic.kernels.gravity import Estimate
-from agonic.kernels.tilt import down_of_force
+from agonic.maths.rotations.tilt import down_of_force
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.kernels import leastsq
-from agonic.kernels.affine import model_basis
 from agonic.kernels.flight import Layout
+from agonic.maths.equation.affine import model_basis
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 

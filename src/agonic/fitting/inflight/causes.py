@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from agonic.errors import AgonicError
 from agonic.field.place import field_along
 from agonic.health import figure
-from agonic.kernels.angles import wrapped_deg
-from agonic.kernels.celestial import sidereal_rad
-from agonic.kernels.geodesy import FLATTENING
-from agonic.kernels.leastsq import robust_scale
+from agonic.maths.earth.earth_rotation import sidereal_rad
+from agonic.maths.earth.geodesy import FLATTENING
+from agonic.maths.estimation.leastsq import robust_scale
+from agonic.maths.rotations.angles import wrapped_deg
 from agonic.samples import Samples
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.fitting.inflight.solved import Estimate, turn_of
 from agonic.fitting.inflight.task import Task
 from agonic.kernels import flight
-from agonic.kernels.affine import join, model_basis
+from agonic.maths.equation.affine import join, model_basis
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agonic.fitting.inflight.causes import impossible_track, likely_cause
 from agonic.fitting.inflight.record import InflightFit
 from agonic.health import Finding, figure, gravest_first, inspect, misscaled
-from agonic.kernels.coverage import nearest_axis
+from agonic.maths.equation.coverage import nearest_axis
 from agonic.samples import Samples
 
 if TYPE_CHECKING:

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import flight, leastsq
-from agonic.kernels.lasting import STRETCHES, Lasting, Sums, lasting, scatter
-from agonic.kernels.noise import Noise
+from agonic.kernels import flight
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.correlated_errors import STRETCHES, Lasting, Sums, lasting, scatter
+from agonic.maths.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 

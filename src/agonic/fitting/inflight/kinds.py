@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.kernels.noise import Noise
+from agonic.maths.estimation.noise import Noise
 
 
 def spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:

@@ -32,7 +32,8 @@ from agonic.fitting.inflight.solved import (
     with_honest,
 )
 from agonic.fitting.inflight.task import Settings, Solve, Task, require_enough
-from agonic.kernels import flight, leastsq
+from agonic.kernels import flight
+from agonic.maths.estimation import leastsq
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]

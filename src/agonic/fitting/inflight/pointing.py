@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from agonic.errors import AgonicError, LogError
 from agonic.fitting.inflight.task import Attitude, Toward
-from agonic.kernels.celestial import sidereal_rad, turned
-from agonic.kernels.geodesy import (
+from agonic.maths.earth.earth_rotation import sidereal_rad, turned
+from agonic.maths.earth.eclipse import shadowed
+from agonic.maths.earth.geodesy import (
     directions,
     earth_fixed,
     earth_fixed_position,
     north_east_down,
 )
-from agonic.kernels.rotation import rot_nb
-from agonic.kernels.sunlight import shadowed
+from agonic.maths.rotations.attitude import rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -19,8 +19,8 @@ from agonic.fitting.inflight.record import InflightFit
 from agonic.fitting.inflight.solved import Estimate, Found, residuals_of, turn_of
 from agonic.fitting.inflight.task import Task
 from agonic.kernels import flight
-from agonic.kernels.affine import FREE, model_basis, split
-from agonic.kernels.polar import turned
+from agonic.maths.equation.affine import FREE, model_basis, split
+from agonic.maths.rotations.polar import turned
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 

@@ -15,11 +15,13 @@ from agonic.fitting.inflight.honest import Clock, honest
 from agonic.fitting.inflight.kinds import mean_correlation, over_spreads, spreads
 from agonic.fitting.inflight.task import Mask, Task, require_enough
 from agonic.fitting.inflight.terms import Terms
-from agonic.kernels import flight, leastsq, taught
-from agonic.kernels.affine import FREE, SYMMETRIC, model_basis, split
-from agonic.kernels.lasting import Lasting
-from agonic.kernels.leastsq import robust_scale
-from agonic.kernels.noise import Noise, noise_of
+from agonic.kernels import flight
+from agonic.maths.equation import attitude_aided
+from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.correlated_errors import Lasting
+from agonic.maths.estimation.leastsq import robust_scale
+from agonic.maths.estimation.noise import Noise, noise_of
 
 Array = NDArray[np.float64]
 
@@ -125,7 +127,7 @@ def start(task: Task) -> Array:
     if len(rows) > _ENOUGH:
         chosen = np.random.default_rng(task.settings.seed).choice(len(rows), _ENOUGH, replace=False)
         rows = rows[np.sort(chosen)]
-    problem = taught.Problem(
+    problem = attitude_aided.Problem(
         points=task.samples.field[rows] / task.magnitude,
         terms=np.zeros((len(rows), 0)),
         horizontal=task.wanted[rows],
@@ -138,7 +140,7 @@ def start(task: Task) -> Array:
         turn_sd=None,
     )
     asked = task.settings
-    return taught.estimate(problem, robust=asked.robust, seed=asked.seed).solution.params
+    return attitude_aided.estimate(problem, robust=asked.robust, seed=asked.seed).solution.params
 
 
 def fitted(task: Task, first: Array, believed: Mask, intervals: int) -> Estimate:

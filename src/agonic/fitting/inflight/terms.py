@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from agonic.calibration.interference import signals, stacked
 from agonic.errors import CoverageError, LogError
 from agonic.fitting.inflight.drift import knots_between, spline
-from agonic.kernels import polynomial
+from agonic.maths.equation import polynomial
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]

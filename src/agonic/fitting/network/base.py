@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.errors import CoverageError
-from agonic.kernels import leastsq, taught
-from agonic.kernels.affine import FREE, SYMMETRIC, model_basis, split
-from agonic.kernels.noise import noise_of
+from agonic.maths.equation import attitude_aided
+from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import noise_of
 
 Array = NDArray[np.float64]
 
@@ -141,7 +142,7 @@ def from_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, s
     size, mean = float(np.sqrt(np.mean((raw - centre) ** 2) * 3)), float(magnitude.mean())
     if size == 0.0:
         raise CoverageError("the readings never change", turns="turn the sensor about all axes")
-    problem = taught.Problem(
+    problem = attitude_aided.Problem(
         points=(raw - centre) / size,
         terms=np.zeros((len(raw), 0)),
         horizontal=magnitude / mean,
@@ -153,7 +154,7 @@ def from_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, s
         soft_iron_sd=SOFT_IRON_SD,
         turn_sd=None,
     )
-    estimate = taught.estimate(problem, robust=robust, seed=seed)
+    estimate = attitude_aided.estimate(problem, robust=robust, seed=seed)
     point, matrix = split(model_basis("full") @ estimate.solution.params)
     sizes = np.r_[np.full(3, size), np.full(6, mean / size)]
     noise = estimate.noise["magnitude"]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from agonic.fitting.network.posed import Task
 from agonic.fitting.network.result import Comparison, Errors
 from agonic.fitting.network.training import blocks, correlation, trained
-from agonic.kernels.coverage import cells_of
+from agonic.maths.equation.coverage import cells_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

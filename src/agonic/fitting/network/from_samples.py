@@ -15,7 +15,7 @@ from agonic.fitting.network.posed import Task, pose
 from agonic.fitting.network.result import NetworkFit
 from agonic.fitting.network.settings import Base, Settings, Target
 from agonic.fitting.network.training import Part, trained
-from agonic.kernels.marquardt import Stopping
+from agonic.maths.estimation.marquardt import Stopping
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -11,7 +11,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.thermal import Thermal
 from agonic.fitting.network.posed import Task
-from agonic.kernels.leastsq import robust_scale
+from agonic.maths.estimation.leastsq import robust_scale
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -14,8 +14,8 @@ from agonic.errors import AgonicError, CoverageError, FrameError, LogError
 from agonic.fitting.network import base as bases
 from agonic.fitting.network.settings import Settings
 from agonic.health import usable_rows
-from agonic.kernels.rotation import rot_nb
-from agonic.kernels.series import rates
+from agonic.maths.estimation.series import rates
+from agonic.maths.rotations.attitude import rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -12,7 +12,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.fit import Estimated
 from agonic.health import Finding, figure
-from agonic.kernels.marquardt import Epoch
+from agonic.maths.estimation.marquardt import Epoch
 
 Array = NDArray[np.float64]
 

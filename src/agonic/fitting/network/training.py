@@ -16,10 +16,11 @@ from agonic.calibration.thermal import Thermal
 from agonic.fitting.network.base import Based
 from agonic.fitting.network.noiseless import Noiseless, Scale
 from agonic.fitting.network.posed import Task
-from agonic.kernels import domain, marquardt, network
-from agonic.kernels.domain import shared
-from agonic.kernels.leastsq import correlation_length, robust_scale
-from agonic.kernels.noise import Noise, noise_of
+from agonic.maths.equation import network
+from agonic.maths.estimation import domain, marquardt
+from agonic.maths.estimation.domain import shared
+from agonic.maths.estimation.leastsq import correlation_length, robust_scale
+from agonic.maths.estimation.noise import Noise, noise_of
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ from scipy.special import chdtrc
 
 from agonic.calibration.base import beside
 from agonic.errors import AgonicError
-from agonic.kernels import alignment as kernel
-from agonic.kernels import leastsq
-from agonic.kernels.alignment import SIZE, Given, Unknowns
-from agonic.kernels.frames import ARCSEC_RAD
-from agonic.kernels.rotation import down_b, rot_nb
+from agonic.maths.equation import alignment as kernel
+from agonic.maths.equation.alignment import SIZE, Given, Unknowns
+from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.attitude import down_b, rot_nb
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.samples import Samples
 from agonic.session.north import NorthSession, Platform
 from agonic.session.session import unix_of

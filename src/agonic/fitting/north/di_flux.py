@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from agonic.fitting.north.theodolite import LEVEL_SIN, estimated
 from agonic.health import Finding, Judged, figure
-from agonic.kernels.angles import wrapped_deg
 from agonic.kernels.di_flux import NAMES, Estimate, Settings
-from agonic.kernels.frames import ARCSEC_RAD
 from agonic.kernels.north import Pointing, pointing
+from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.session.di_flux import DiSheet
 
 Array = NDArray[np.float64]

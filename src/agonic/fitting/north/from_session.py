@@ -14,8 +14,8 @@ from agonic.fitting.north.aligned import Aligned, aligned
 from agonic.fitting.north.record import Azimuth, NorthFit
 from agonic.health import Finding, figure
 from agonic.kernels import north as kernel
-from agonic.kernels.angles import wrapped_deg
 from agonic.kernels.north import North
+from agonic.maths.rotations.angles import wrapped_deg
 from agonic.provenance import Input, Provenance
 from agonic.session.north import NorthSession, Sighting
 

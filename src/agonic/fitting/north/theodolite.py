@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from agonic.errors import CoverageError
 from agonic.kernels import di_flux as kernel
-from agonic.kernels.angles import wrapped_deg
 from agonic.kernels.di_flux import Estimate, Settings
+from agonic.maths.rotations.angles import wrapped_deg
 from agonic.session.di_flux import DiSheet
 
 USUAL_FIELD = 50_000.0

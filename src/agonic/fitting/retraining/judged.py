@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.calibration.retraining import RetrainerParams, Window
 from agonic.health import figure
-from agonic.kernels.leastsq import correlation_length, robust_scale
+from agonic.maths.estimation.leastsq import correlation_length, robust_scale
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import Running, Window
-from agonic.kernels import leastsq
-from agonic.kernels.affine import FREE, model_basis
-from agonic.kernels.noise import noise_of
+from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import noise_of
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from agonic.calibration.retraining import (
     Why,
     Window,
 )
-from agonic.kernels import cusum
+from agonic.maths.estimation import cusum
 
 Array = NDArray[np.float64]
 

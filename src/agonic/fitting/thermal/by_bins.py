@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from agonic.fitting.thermal.normalised import Posed
 from agonic.fitting.thermal.result import Bins, Hysteresis
 from agonic.fitting.thermal.settings import LARGEST_AUTO
-from agonic.kernels import polynomial, positions, thermal, thermal_bins
-from agonic.kernels.series import running_mean
+from agonic.kernels import positions, thermal_bins
+from agonic.maths.equation import model, polynomial
+from agonic.maths.estimation.series import running_mean
 
 Array = NDArray[np.float64]
 
@@ -47,12 +48,12 @@ def separate(of: Posed, problem: positions.Problem, coefficients: Array) -> Sepa
 def _carried(of: Posed, problem: positions.Problem, coefficients: Array, to: Array) -> Array:
     """The normalised means as they would be at the middle of their bins."""
     onto = problem.layout
-    bias, matrix = thermal.local(coefficients, onto, problem.phi)
+    bias, matrix = model.local(coefficients, onto, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
-    phi = thermal.covariates(
+    phi = model.covariates(
         of.scale.x(to), 0.0, problem.degree, problem.phi[:, -1] if problem.rate else None
     )
-    bias_to, matrix_to = thermal.local(coefficients, onto, phi)
+    bias_to, matrix_to = model.local(coefficients, onto, phi)
     there = bias_to + np.linalg.solve(matrix_to, u[:, :, None])[:, :, 0]
     return np.asarray(there)
 

@@ -15,9 +15,11 @@ from agonic.fitting.thermal.gathered import facts_of, in_celsius, temperature_of
 from agonic.fitting.thermal.result import ThermalFit
 from agonic.fitting.thermal.settings import LARGEST_AUTO, Settings
 from agonic.health import Finding, figure
-from agonic.kernels import coil, series, thermal
-from agonic.kernels.affine import FREE, model_basis, split
-from agonic.kernels.wald import wald
+from agonic.kernels import coil
+from agonic.maths.equation import model
+from agonic.maths.equation.affine import FREE, model_basis, split
+from agonic.maths.estimation import series
+from agonic.maths.estimation.wald import wald
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -141,7 +143,7 @@ def _estimated(
 
     def posed(degree: int, with_rate: bool) -> coil.Problem:
         lag = rate / scale.pace if with_rate and rate is not None else None
-        phi = thermal.covariates(scale.x(level), 0.0, degree, lag)
+        phi = model.covariates(scale.x(level), 0.0, degree, lag)
         return coil.Problem(points, fields, phi, degree, with_rate)
 
     curve: Array | None = None

@@ -11,9 +11,10 @@ from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.errors import CoverageError
 from agonic.fitting.thermal.gathered import Facts
-from agonic.kernels import chamber, positions, thermal, wander
-from agonic.kernels.affine import SYMMETRIC, model_basis, split
+from agonic.kernels import chamber, positions, wander
 from agonic.kernels.binned import Binned, Cells
+from agonic.maths.equation import model
+from agonic.maths.equation.affine import SYMMETRIC, model_basis, split
 from agonic.reference import Reference
 
 Array = NDArray[np.float64]
@@ -127,7 +128,7 @@ def problem(
     """The kernel's problem, without turns."""
     cells, scale = of.cells, of.scale
     x, spread = scale.x(cells.temperature), cells.variance / scale.half_C**2
-    phi = thermal.covariates(x, spread, degree, cells.rate / scale.pace if rate else None)
+    phi = model.covariates(x, spread, degree, cells.rate / scale.pace if rate else None)
     clock = cells.time
     pace = (clock - (clock.min() + clock.max()) / 2) / max(float(np.ptp(clock)), 1e-9)
     return positions.Problem(

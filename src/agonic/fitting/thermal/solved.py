@@ -13,9 +13,10 @@ from agonic.fitting.thermal import by_bins
 from agonic.fitting.thermal.normalised import Posed, problem
 from agonic.fitting.thermal.settings import Settings
 from agonic.health import figure
-from agonic.kernels import chamber, ellipsoid, fixture, positions
-from agonic.kernels.leastsq import inverse
+from agonic.kernels import chamber, fixture, positions
 from agonic.kernels.thermal_bins import FEWEST
+from agonic.maths.equation import likelihood
+from agonic.maths.estimation.leastsq import inverse
 
 Array = NDArray[np.float64]
 
@@ -99,8 +100,8 @@ def start(posed: positions.Problem) -> Array:
             for k in np.unique(posed.station[rows])
         ]
     )
-    found = ellipsoid.estimate(
-        ellipsoid.Problem(points, np.ones(1), "full", posed.soft_iron_sd), robust=False
+    found = likelihood.estimate(
+        likelihood.Problem(points, np.ones(1), "full", posed.soft_iron_sd), robust=False
     )
     coefficients = np.zeros((9, posed.degree + 1))
     coefficients[:, 0] = found.solution.params

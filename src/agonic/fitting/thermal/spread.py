@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from agonic.calibration.thermal import Thermal
 from agonic.fitting.thermal.result import Spread
-from agonic.kernels import polynomial
 from agonic.kernels.binned import Cells
+from agonic.maths.equation import polynomial
 from agonic.units import RAW
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, Tr
 from agonic.errors import AgonicError, UnitError
 from agonic.fitting.tracking import opening as openings
 from agonic.fitting.tracking.jump import before_jump, moved_on, reopened
-from agonic.kernels import tracking
-from agonic.kernels.polar import turned
+from agonic.maths.estimation import kalman
+from agonic.maths.rotations.polar import turned
 
 Array = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def start(
     return TrackerState(
         base=base,
         turned=rest,
-        belief=tracking.Belief(
+        belief=kalman.Belief(
             np.concatenate([[0.0], base.bias, six]), np.eye(1), np.zeros(1), watch
         ),
         noise=noise or 0.0,
@@ -150,9 +150,9 @@ def update(
     if state.n == 0:
         state = _begun(state, params, rows[0])
     before, done = state, 0
-    seen: list[tracking.Seen] = []
+    seen: list[kalman.Seen] = []
     history: list[Array] = []
-    fast = tracking.worth_compiling(len(rows)) if compiled is None else compiled
+    fast = kalman.worth_compiling(len(rows)) if compiled is None else compiled
     while done < len(rows):
         piece = rows[done : done + _length(state, params, rows[done:, 0])]
         last = state.time
@@ -161,7 +161,7 @@ def update(
         state, predicted = _step(state, params, piece, fast)
         seen.append(predicted)
         done += len(predicted.residual)
-    whole = seen[0] if len(seen) == 1 else tracking.joined(seen)
+    whole = seen[0] if len(seen) == 1 else kalman.joined(seen)
     return state, Coefficients(
         state=state,
         residual=whole.residual,
@@ -191,7 +191,7 @@ def _rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
 
 def _begun(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
     """The state with its prior, now that the field is known; opened where it is not yet linear."""
-    m = tracking.STATES[params.solve]
+    m = kalman.STATES[params.solve]
     six = state.belief.state[4:]
     gain = float(np.mean(six[:3]))
     size = float(row[4]) / gain
@@ -204,7 +204,7 @@ def _begun(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
     covariance += np.diag(spread) + np.diag(least)
     noise = state.noise if state.noise_known else 0.01 * size
-    prior = tracking.believe(state.belief.state, covariance[:m, :m], float(row[0]))
+    prior = kalman.believe(state.belief.state, covariance[:m, :m], float(row[0]))
     opened = Opening(prior=prior, rows=np.empty((0, 6)))
     recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
     ready = state.noise_known and openings.nearly_linear(prior, float(row[4]), noise)
@@ -240,12 +240,12 @@ def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:
 
 def _step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
-) -> tuple[TrackerState, tracking.Seen]:
+) -> tuple[TrackerState, kalman.Seen]:
     """The state after a few readings, and what was predicted of them."""
     opening, recent = state.opening, state.recent
     model = params.model(state.noise)
     if opening is None:
-        belief, seen, jumped = tracking.advance(state.belief, model, rows, compiled=fast)
+        belief, seen, jumped = kalman.advance(state.belief, model, rows, compiled=fast)
     else:
         belief, seen = openings.passed(state.belief, model, rows, opening.learns, fast)
         jumped = False

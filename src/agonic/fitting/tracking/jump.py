@@ -9,12 +9,12 @@ import numpy as np
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.fitting.tracking import opening as openings
 from agonic.fitting.tracking.opening import STRIDE
-from agonic.kernels import tracking
+from agonic.maths.estimation import kalman
 
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 
 
-def moved_on(recent: Recent, belief: tracking.Belief) -> Recent:
+def moved_on(recent: Recent, belief: kalman.Belief) -> Recent:
     """The recent readings, the first half of them forgotten once there are two strides of them."""
     if len(recent.rows) == STRIDE:
         return replace(recent, middle=belief)
@@ -32,7 +32,7 @@ def before_jump(state: TrackerState, params: TrackerParams, since: int) -> Track
     shorter = replace(opening, rows=opening.rows[:-since], strays=None)
     settled = openings.solved(replace(state, opening=shorter), params)
     model = params.model(settled.noise)._replace(jump_level=0.0)
-    belief, seen, _ = tracking.advance(settled.belief, model, rows)
+    belief, seen, _ = kalman.advance(settled.belief, model, rows)
     return replace(
         settled,
         belief=belief,
@@ -48,7 +48,7 @@ def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
     recent = state.recent
     assert recent is not None, "only a settled state sees jumps"
     model = params.model(state.noise)._replace(jump_level=0.0)
-    _, seen, _ = tracking.advance(recent.before, model, recent.rows)
+    _, seen, _ = kalman.advance(recent.before, model, recent.rows)
     first = _began(state, params, model, seen)
     since = recent.rows[first:]
     jump = Jump(
@@ -66,12 +66,12 @@ def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
 
 
 def _began(
-    state: TrackerState, params: TrackerParams, model: tracking.Model, seen: tracking.Seen
+    state: TrackerState, params: TrackerParams, model: kalman.Model, seen: kalman.Seen
 ) -> int:
     """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
     assert state.recent is not None, "only a settled state has recent readings"
     rows = state.recent.rows
-    guesses = [tracking.onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
+    guesses = [kalman.onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
     tried: dict[int, float] = {}
     while guesses and len(tried) < _DATINGS:
         guess = guesses.pop(0)
@@ -84,20 +84,20 @@ def _began(
 
 
 def _opened(
-    state: TrackerState, params: TrackerParams, model: tracking.Model, first: int
+    state: TrackerState, params: TrackerParams, model: kalman.Model, first: int
 ) -> TrackerState:
     """The state opened at one of its recent readings, with what the bias may have jumped by."""
     recent = state.recent
     assert recent is not None, "only a settled state has recent readings"
     before, since = recent.rows[:first], recent.rows[first:]
-    belief = tracking.advance(recent.before, model, before)[0] if first else recent.before
-    _, seen, _ = tracking.advance(belief, model, since)
+    belief = kalman.advance(recent.before, model, before)[0] if first else recent.before
+    _, seen, _ = kalman.advance(belief, model, since)
     gain = float(np.mean(belief.state[4:7]))
     size = 2 * float(np.median(np.abs(seen.residual))) / gain
-    prior = tracking.widened(belief, max(params.jump_sd, size))
+    prior = kalman.widened(belief, max(params.jump_sd, size))
     return replace(
         state,
-        belief=tracking.advance(prior, model, since)[0],
+        belief=kalman.advance(prior, model, since)[0],
         opening=Opening(prior=prior, rows=since, before=belief),
         recent=None,
     )

@@ -21,7 +21,7 @@ from agonic.fitting.tracking.probable import (
     residuals_of,
     total_sd,
 )
-from agonic.kernels import leastsq, tracking
+from agonic.maths.estimation import kalman, leastsq
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def overtaken(
     return len(new) if far or leastsq.robust_scale(new) > 2 * then else 0
 
 
-def bent(belief: tracking.Belief, magnitude: float) -> float:
+def bent(belief: kalman.Belief, magnitude: float) -> float:
     """How far residuals are from linear within the belief, δ²/2F, in the unit of the readings.
 
     δ² = tr P over bias and matrix, the matrix times the field.
@@ -78,14 +78,14 @@ def bent(belief: tracking.Belief, magnitude: float) -> float:
     return float(spread / (2 * field))
 
 
-def nearly_linear(belief: tracking.Belief, magnitude: float, noise: float) -> bool:
+def nearly_linear(belief: kalman.Belief, magnitude: float, noise: float) -> bool:
     """Whether the filter may run on its own."""
     return bent(belief, magnitude) < _CURVED * noise
 
 
 def doubted(
-    belief: tracking.Belief, prior: tracking.Belief, apart: Array, magnitude: float, noise: float
-) -> tracking.Belief:
+    belief: kalman.Belief, prior: kalman.Belief, apart: Array, magnitude: float, noise: float
+) -> kalman.Belief:
     """A belief whose residuals may not be linear within it, with standard errors that say so.
 
     Linear standard errors hold about one solution; while δ²/2F is above the noise σ there are
@@ -101,13 +101,13 @@ def doubted(
     information = share * leastsq.inverse(covariance[block])
     information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
     covariance[block] = leastsq.inverse(information)
-    wide = tracking.believe(belief.state, covariance, 0.0)._replace(watch=belief.watch)
-    return tracking.spread(wide, np.hypot(bent(wide, magnitude), apart))
+    wide = kalman.believe(belief.state, covariance, 0.0)._replace(watch=belief.watch)
+    return kalman.spread(wide, np.hypot(bent(wide, magnitude), apart))
 
 
 def passed(
-    belief: tracking.Belief, model: tracking.Model, rows: Array, learns: bool, compiled: bool
-) -> tuple[tracking.Belief, tracking.Seen]:
+    belief: kalman.Belief, model: kalman.Model, rows: Array, learns: bool, compiled: bool
+) -> tuple[kalman.Belief, kalman.Seen]:
     """The belief after rows that come before the next solution, and what it predicted of them.
 
     A wide belief learns nothing from them: linearised at one reading after the other it would take
@@ -115,7 +115,7 @@ def passed(
     """
     model = model._replace(jump_level=0.0)
     taken = rows if learns else np.column_stack([rows[:, :5], np.zeros(len(rows))])
-    later, seen, _ = tracking.advance(belief, model, taken, compiled=compiled)
+    later, seen, _ = kalman.advance(belief, model, taken, compiled=compiled)
     return later, seen._replace(used=np.abs(seen.residual) <= model.gate * seen.sd)
 
 
@@ -131,8 +131,8 @@ def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
     marked = np.column_stack([rows[:, :5], fits])
     model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
     earlier = max(len(rows) - STRIDE, 0)
-    before, _, _ = tracking.advance(prior, model, marked[:earlier], linearised=about)
-    belief, _, _ = tracking.advance(before, model, marked[earlier:], linearised=about)
+    before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
+    belief, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, belief=belief, noise=noise)
     after = replace(after, jumps=_measured(after, opening.before))
     fitting = opening.strays is not None and 4 * opening.strays <= len(rows)
@@ -164,7 +164,7 @@ def _settled(state: TrackerState, params: TrackerParams, total: float) -> bool:
 
 
 def began(
-    state: TrackerState, params: TrackerParams, seen: tracking.Seen, rows: Array
+    state: TrackerState, params: TrackerParams, seen: kalman.Seen, rows: Array
 ) -> tuple[float, int]:
     """How improbable it is that a jump began with the opening, and the row that fits better.
 
@@ -186,20 +186,20 @@ def began(
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
 
 
-def _recent(before: tracking.Belief, now: tracking.Belief, rows: Array) -> Recent:
+def _recent(before: kalman.Belief, now: kalman.Belief, rows: Array) -> Recent:
     """What to go back to after an opening: a jump may hide in its last readings."""
     if len(rows) < STRIDE:
         return Recent(before=now, middle=now, rows=np.empty((0, 6)))
     return Recent(before=before, middle=now, rows=rows)
 
 
-def _walked(belief: tracking.Belief, rows: Array, params: TrackerParams) -> bool:
+def _walked(belief: kalman.Belief, rows: Array, params: TrackerParams) -> bool:
     """Whether the bias walked further during these rows than it is unknown."""
     variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
     return bool(variance > np.trace(belief.covariance[1:4, 1:4]))
 
 
-def _measured(state: TrackerState, before: tracking.Belief | None) -> tuple[Jump, ...]:
+def _measured(state: TrackerState, before: kalman.Belief | None) -> tuple[Jump, ...]:
     """The jumps so far, the last one measured by what its opening made of the bias."""
     if before is None:
         return state.jumps

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.tracking import TrackerParams, TrackerState
-from agonic.kernels import leastsq, tracking
-from agonic.kernels.affine import SYMMETRIC, magnitude_residual, model_basis, split
-from agonic.kernels.consensus import least_median_sphere
+from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis, split
+from agonic.maths.estimation import kalman, leastsq
+from agonic.maths.estimation.least_median import least_median_sphere
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 
 
 def most_probable(
-    state: TrackerState, prior: tracking.Belief, rows: Array, params: TrackerParams
+    state: TrackerState, prior: kalman.Belief, rows: Array, params: TrackerParams
 ) -> tuple[Array, float, Array]:
     """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
     it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
@@ -75,7 +75,7 @@ def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array
     return max(leastsq.robust_scale(residuals_of(rows, about), min(m, len(rows) - 1)), 1e-9)
 
 
-def _starts(state: TrackerState, prior: tracking.Belief, rows: Array) -> Iterator[Array]:
+def _starts(state: TrackerState, prior: kalman.Belief, rows: Array) -> Iterator[Array]:
     """Where to begin: what is believed, and, where little is known, the sphere that most lie on."""
     yield state.belief.state
     magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
@@ -91,7 +91,7 @@ def _starts(state: TrackerState, prior: tracking.Belief, rows: Array) -> Iterato
 class Gaussian:
     """The prior on bias and matrix as residuals: D^(−1/2) U⁻¹ (x − x₀), without the field's g."""
 
-    def __init__(self, prior: tracking.Belief) -> None:
+    def __init__(self, prior: kalman.Belief) -> None:
         upper = prior.columns.T[1:, 1:]
         self.whiten = np.linalg.inv(upper) / np.sqrt(prior.diagonal[1:])[:, None]
         self.centre = prior.state[1 : len(prior.diagonal)]

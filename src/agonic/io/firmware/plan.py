@@ -19,7 +19,7 @@ from agonic.errors import AgonicError
 from agonic.io.export import composed
 from agonic.io.firmware.grid import DeclinationGrid
 from agonic.io.polynomials import RATE, Polynomials, changes, polynomials, range_C, steady
-from agonic.kernels.tilt import Order
+from agonic.maths.rotations.tilt import Order
 from agonic.units import RAW
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.io.firmware.grid import DeclinationGrid
 from agonic.io.firmware.plan import Plan
-from agonic.kernels import tilt as kernel
+from agonic.maths.rotations import tilt as kernel
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2, WEAKEST_HORIZONTAL
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from agonic.io.firmware.plan import Plan
 from agonic.io.firmware.prediction import MEMBERS, Prediction, corrected, predict
 from agonic.io.firmware.sources import about
 from agonic.io.polynomials import affine_at, changes
-from agonic.kernels.rotation import rot_nb
+from agonic.maths.rotations.attitude import rot_nb
 
 Array = NDArray[np.float64]
 

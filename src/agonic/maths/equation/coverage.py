@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.affine import correction_jacobian, model_basis
+from agonic.maths.equation.affine import correction_jacobian, model_basis
 
 Array = NDArray[np.float64]
 

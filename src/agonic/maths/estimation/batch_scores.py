@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.leastsq import inverse
+from agonic.maths.estimation.leastsq import inverse
 
 Array = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from agonic.kernels import network
-from agonic.kernels.leastsq import inverse
-from agonic.kernels.network import Shape
+from agonic.maths.equation import network
+from agonic.maths.equation.network import Shape
+from agonic.maths.estimation.leastsq import inverse
 
 Array = NDArray[np.float64]
 Stopping = Literal["bayesian", "early", "plain"]

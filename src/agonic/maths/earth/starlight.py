@@ -13,7 +13,7 @@ import erfa
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.celestial import TT_TAI_S, UNIX_JD, splined, tai_utc_s
+from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, splined, tai_utc_s
 
 Array = NDArray[np.float64]
 

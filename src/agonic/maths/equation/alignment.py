@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels.frames import cross_matrix
-from agonic.kernels.gauge import entries
-from agonic.kernels.polar import symmetric_of
+from agonic.maths.equation.gauge import entries
+from agonic.maths.rotations.frames import cross_matrix
+from agonic.maths.rotations.polar import symmetric_of
 
 Array = NDArray[np.float64]
 

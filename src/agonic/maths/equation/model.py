@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import polynomial
-from agonic.kernels.affine import SYMMETRIC, model_basis, split, with_covariates
+from agonic.maths.equation import polynomial
+from agonic.maths.equation.affine import SYMMETRIC, model_basis, split, with_covariates
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.kernels import udfilter
+from agonic.maths.estimation import ud_filter
 
 Array = NDArray[np.float64]
 
@@ -103,8 +103,8 @@ def believe(state: Array, covariance: Array, time: float) -> Belief:
         if diagonal[j] > 0.0:
             columns[j, :j] = rest[:j, j] / diagonal[j]
             rest[:j, :j] -= diagonal[j] * np.outer(columns[j, :j], columns[j, :j])
-    watch = np.zeros(udfilter.WATCHED)
-    watch[udfilter.SCALE], watch[udfilter.TIME] = 1.0, time
+    watch = np.zeros(ud_filter.WATCHED)
+    watch[ud_filter.SCALE], watch[ud_filter.TIME] = 1.0, time
     return Belief(np.array(state, dtype=np.float64), columns, diagonal, watch)
 
 
@@ -112,13 +112,13 @@ def spread(belief: Belief, sd: ArrayLike) -> Belief:
     """The belief with standard deviations, one or (3,), added to those of the bias."""
     _, columns, diagonal, _ = _lists(belief)
     for i, variance in enumerate(np.broadcast_to(np.square(sd), 3).tolist(), start=1):
-        udfilter.spread(i, variance, columns, diagonal, [0.0] * 10)
+        ud_filter.spread(i, variance, columns, diagonal, [0.0] * 10)
     return belief._replace(columns=np.array(columns), diagonal=np.array(diagonal))
 
 
 def widened(belief: Belief, jump_sd: float) -> Belief:
     """The belief after a possible jump: `jump_sd` added to each bias, the test restarted."""
-    watch = np.array([*[0.0] * udfilter.SCALE, *belief.watch[udfilter.SCALE :]])
+    watch = np.array([*[0.0] * ud_filter.SCALE, *belief.watch[ud_filter.SCALE :]])
     return spread(belief, jump_sd)._replace(watch=watch)
 
 
@@ -141,7 +141,7 @@ def advance(
     """
     n = len(rows)
     wanted = worth_compiling(n) if compiled is None else compiled
-    run = udfilter.compiled() if wanted else None
+    run = ud_filter.compiled() if wanted else None
     held = linearised is not None
     about = belief.state if linearised is None else linearised
     if run is None:
@@ -149,7 +149,7 @@ def advance(
         seen: Any = [[0.0] * 7 for _ in range(n)]
         room: Any = [[0.0] * 10 for _ in range(3)]
         about = about.tolist()
-        done, jump = udfilter.run(rows.tolist(), *parts, tuple(model), about, held, seen, room)
+        done, jump = ud_filter.run(rows.tolist(), *parts, tuple(model), about, held, seen, room)
         after = Belief(*(np.array(part) for part in parts))
     else:
         after = Belief(*(np.array(part) for part in belief))
@@ -165,7 +165,7 @@ def advance(
 
 def worth_compiling(rows: int) -> bool:
     """Whether numba is to be used for so many rows: for many, and for few once it is loaded."""
-    return rows >= COMPILE_FROM or udfilter.compiled.cache_info().currsize > 0
+    return rows >= COMPILE_FROM or ud_filter.compiled.cache_info().currsize > 0
 
 
 def joined(parts: Sequence[Seen]) -> Seen:

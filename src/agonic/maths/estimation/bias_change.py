@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.leastsq import MAD_TO_SD, correlation_length
+from agonic.maths.estimation.leastsq import MAD_TO_SD, correlation_length
 
 Array = NDArray[np.float64]
 

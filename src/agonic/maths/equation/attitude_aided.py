@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
-from agonic.kernels.affine import (
+from agonic.maths.equation.affine import (
     FREE,
     azimuth_residual,
     dip_residual,
@@ -27,8 +26,9 @@ from agonic.kernels.affine import (
     split,
     with_covariates,
 )
-from agonic.kernels.consensus import least_median_sphere
-from agonic.kernels.noise import Noise, like_gaussian, noise_of
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.least_median import least_median_sphere
+from agonic.maths.estimation.noise import Noise, like_gaussian, noise_of
 
 Array = NDArray[np.float64]
 

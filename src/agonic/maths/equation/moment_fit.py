@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq, moments, quadric
-from agonic.kernels.affine import correct, correction_jacobian, model_basis
-from agonic.kernels.ellipsoid import parameters, soft_iron_prior
+from agonic.maths.equation import moments, quadric
+from agonic.maths.equation.affine import correct, correction_jacobian, model_basis
+from agonic.maths.equation.likelihood import parameters, soft_iron_prior
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.kernels.celestial import in_shadow, sidereal_rad, sun_i, turned
-from agonic.kernels.geodesy import SEMI_MAJOR_M, directions, earth_fixed_position
+from agonic.maths.earth.earth_rotation import in_shadow, sidereal_rad, sun_i, turned
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M, directions, earth_fixed_position
 
 _BLOCK = 1 << 17  # rows at a time, so that ten million take no more memory than these
 

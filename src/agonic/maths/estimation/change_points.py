@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.drifting import Belief, Series, believed, suspects
+from agonic.maths.estimation.drift_model import Belief, Series, believed, suspects
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import fdtrc
 
-from agonic.kernels.leastsq import inverse
+from agonic.maths.estimation.leastsq import inverse
 
 Array = NDArray[np.float64]
 

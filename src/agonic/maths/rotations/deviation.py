@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.kernels import leastsq
-from agonic.kernels.angles import wrapped_deg
-from agonic.kernels.noise import Noise, noise_of
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import Noise, noise_of
+from agonic.maths.rotations.angles import wrapped_deg
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels.leastsq import robust_scale, tukey
+from agonic.maths.estimation.leastsq import robust_scale, tukey
 
 Array = NDArray[np.float64]
 

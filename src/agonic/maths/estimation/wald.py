@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from agonic.kernels.leastsq import inverse
+from agonic.maths.estimation.leastsq import inverse
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import polar
 
-from agonic.kernels.affine import FREE, model_basis
-from agonic.kernels.gauge import entries
+from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.equation.gauge import entries
 
 Array = NDArray[np.float64]
 

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq, moments, quadric
-from agonic.kernels.affine import magnitude_residual, model_basis, split
-from agonic.kernels.consensus import least_median_sphere
-from agonic.kernels.coverage import cells_of
-from agonic.kernels.gauge import entries, mean_gain
-from agonic.kernels.noise import Noise, like_gaussian, noise_of
+from agonic.maths.equation import moments, quadric
+from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation.coverage import cells_of
+from agonic.maths.equation.gauge import entries, mean_gain
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.least_median import least_median_sphere
+from agonic.maths.estimation.noise import Noise, like_gaussian, noise_of
 
 Array = NDArray[np.float64]
 

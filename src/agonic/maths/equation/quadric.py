@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import leastsq
+from agonic.maths.estimation import leastsq
 
 Array = NDArray[np.float64]
 
