@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from pymavlink.DFReader import DFReader_binary
 
-from agonic.io.read_dataflash import WANTED, read
+from agonic.logs.ardupilot.dataflash import WANTED, read
 from agonic.provenance import Input
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "io"))

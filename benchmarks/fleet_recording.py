@@ -111,7 +111,7 @@ def reading(path: Path) -> Spent:
 
 def opening(path: Path) -> Spent:
     """The checksum."""
-    from agonic.io.pieces import open_mission
+    from agonic.logs.large.mission import open_mission
 
     clock = Clock()
     open_mission([path])
@@ -138,8 +138,8 @@ def interpreted(path: Path) -> Spent:
 
 def _fitted(path: Path, method: str) -> Spent:
     from agonic.fitting.ellipsoid import fit_recording
-    from agonic.io.pieces import Mission
-    from agonic.io.read_parquet import rows
+    from agonic.logs.large.mission import Mission
+    from agonic.logs.parquet import rows
     from agonic.provenance import Input
     from agonic.reference import Reference
 

@@ -101,7 +101,7 @@ def calibrate_recording(
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.io.pieces import open_mission
+    >>> from agonic.logs.large.mission import open_mission
     >>> from agonic.io.write_csv import write_csv
     >>> from agonic.simulation import simulate
     >>> with TemporaryDirectory() as folder:

@@ -14,8 +14,8 @@ from pyarrow.parquet import write_table
 import agonic as ag
 from agonic.cli import long, run
 from agonic.fitting.ellipsoid import passes, scan
-from agonic.io.pieces import Mission, open_mission
 from agonic.kernels import ellipsoid_sums
+from agonic.logs.large.mission import Mission, open_mission
 from agonic.maths.equation import likelihood
 from agonic.maths.estimation import batch_scores, leastsq
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agonic.errors import AgonicError
-from agonic.io.read import read
 from agonic.io.write_csv import write_csv
+from agonic.logs.read import read
 from agonic.samples import COLUMNS, VECTORS, Samples
 
 

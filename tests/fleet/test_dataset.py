@@ -13,10 +13,10 @@ from agonic.fitting.ellipsoid import fit_moments
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings
-from agonic.io.dataset import connected, find_dataset
-from agonic.io.grouped_moments import Grouped, summed
-from agonic.io.grouped_residuals import residual_sums
 from agonic.io.write_csv import write_csv
+from agonic.logs.large.dataset import connected, find_dataset
+from agonic.logs.large.grouped_moments import Grouped, summed
+from agonic.logs.large.grouped_residuals import residual_sums
 from agonic.moments import Moments
 from agonic.population import Population
 from agonic.reference import Reference

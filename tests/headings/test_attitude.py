@@ -13,7 +13,7 @@ from agonic.calibration.setup import Setup
 from agonic.errors import LogError, MissingExtraError
 from agonic.headings import heading
 from agonic.headings.attitude import attitude
-from agonic.io.read import read
+from agonic.logs.read import read
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import down_b
 from agonic.samples import Samples

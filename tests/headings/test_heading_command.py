@@ -14,9 +14,9 @@ from agonic.cli.heading import COLUMNS
 from agonic.field import wmm
 from agonic.fitting.ellipsoid import fit_ellipsoid
 from agonic.io.calfile import save
-from agonic.io.read import sensors
 from agonic.io.setupfile import save_setup
 from agonic.io.write_csv import write_csv
+from agonic.logs.read import sensors
 from agonic.reference import Reference
 from agonic.simulation import magnet_attached, simulate
 

@@ -10,7 +10,7 @@ import pytest
 
 import agonic as ag
 from agonic.fitting.inflight import fit_mission, honest, scan
-from agonic.io.pieces import open_mission
+from agonic.logs.large.mission import open_mission
 
 
 class Pieces:

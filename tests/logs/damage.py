@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.io.log import Log
+from agonic.logs.log import Log
 
 
 def damaged(data: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from agonic.io.clock import clock_of, spread_ties
+from agonic.logs.clock import clock_of, spread_ties
 
 START = datetime(2026, 3, 1, 12, 0, 0, tzinfo=UTC)
 OFFSETS = np.array([0.25, 0.5, 1.75])

@@ -3,8 +3,8 @@
 import pytest
 
 from agonic.errors import LogError
-from agonic.io.columns import CANONICAL, identified, positions, understood
-from agonic.io.quantities import canonical_header
+from agonic.logs.columns import CANONICAL, identified, positions, understood
+from agonic.logs.quantities import canonical_header
 
 NAMES = {
     "time_s": ("time", "", "", "s"),

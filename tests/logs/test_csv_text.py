@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError, UnitError
-from agonic.io.read import open_log, read, sensors
+from agonic.logs.read import open_log, read, sensors
 
 G = 9.80665
 FIELD = np.array(

@@ -7,9 +7,9 @@ import pytest
 from scipy.io import savemat
 
 from agonic.errors import AgonicError
-from agonic.io.log import Log
-from agonic.io.read import open_log
 from agonic.io.write_csv import write_csv
+from agonic.logs.log import Log
+from agonic.logs.read import open_log
 from agonic.samples import Samples
 
 CUTS, MUTATIONS = 12, 25

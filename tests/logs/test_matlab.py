@@ -6,8 +6,8 @@ from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.io import broad
-from agonic.io.read import open_log, read
+from agonic.logs import broad
+from agonic.logs.read import open_log, read
 
 FIELD = np.arange(15.0).reshape(5, 3)
 TRIALS = (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.io.read import open_log, read
+from agonic.logs.read import open_log, read
 
 FIELD = np.arange(15.0).reshape(5, 3)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.io.read import open_log, read, sensors
+from agonic.logs.read import open_log, read, sensors
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")

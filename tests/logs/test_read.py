@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError, UnitError
-from agonic.io import read_csv
-from agonic.io.read import FORMATS, open_log, read, sensors
+from agonic.logs import csv_text
+from agonic.logs.read import FORMATS, open_log, read, sensors
 
 TWO = "time_s,mag1_x_nT,mag1_y_nT,mag1_z_nT,mag2_x_nT,mag2_y_nT,mag2_z_nT\n0,1,2,3,4,5,6\n"
 
@@ -95,7 +95,7 @@ def test_a_fault_of_a_parser_becomes_one_line(two, monkeypatch):
     def fail(*_):
         raise ZeroDivisionError("deep\n  inside")
 
-    monkeypatch.setattr(read_csv, "read", fail)
+    monkeypatch.setattr(csv_text, "read", fail)
     with pytest.raises(LogError, match=r"damaged.*ZeroDivisionError: deep inside"):
         open_log(two)
 

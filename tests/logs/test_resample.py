@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.io.align import misplaced, rate_Hz, resample
+from agonic.logs.resample import misplaced, rate_Hz, resample
 
 TIMES = np.linspace(0.0, 10.0, 101)
 

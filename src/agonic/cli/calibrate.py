@@ -22,7 +22,7 @@ from agonic.cli.options import (
 
 if TYPE_CHECKING:
     from agonic.calibrated import Calibrated
-    from agonic.io.pieces import Mission
+    from agonic.logs.large.mission import Mission
     from agonic.samples import Samples
 
 

@@ -81,11 +81,11 @@ def export(
     calibration that changes with temperature keeps doing so in c, px4, matlab and table.
     """
     from agonic.io.calfile import load, require_calibration
-    from agonic.io.contents import read_bytes
     from agonic.io.firmware import write_firmware
     from agonic.io.setupfile import load_setup
     from agonic.io.targets import SUFFIXES
     from agonic.io.targets import write as write_target
+    from agonic.logs.contents import read_bytes
 
     is_setup = not read_bytes(cal).lstrip().startswith(b"{")
     if (is_setup or whole) and to != "c":

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from agonic.field.model import Model
     from agonic.field.worldfield import WorldField
-    from agonic.io.points import Points
+    from agonic.logs.space.positions import Points
 
 
 def add_to(app: typer.Typer) -> None:
@@ -106,7 +106,7 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
 def _table(path: Path, date: str | None, model: str | None, out: Path | None, as_json: bool) -> int:
     """The elements at every point of a table, each by the model that holds then."""
     from agonic.cli.output import print_json, say
-    from agonic.io.points import header_of, read_points, text_of_points, write_points
+    from agonic.logs.space.positions import header_of, read_points, text_of_points, write_points
 
     points = read_points(path, date)
     models, answers = _answers(points, model)

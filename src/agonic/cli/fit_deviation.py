@@ -119,9 +119,9 @@ def _of_log(
     """The swing that a log with a heading of its own is."""
     from agonic.cli.pair import beside_second
     from agonic.headings.swung import swung
-    from agonic.io.read import open_log
     from agonic.io.setupfile import load_setup
     from agonic.io.swing import Swing
+    from agonic.logs.read import open_log
 
     compasses = load_setup(setup)
     first, recording = compasses.compasses[0], open_log(log, unit=unit)

@@ -95,7 +95,7 @@ def inflight(
     from agonic.errors import AgonicError
     from agonic.fitting.inflight import fit_inflight
     from agonic.io.calfile import load, require_calibration, save
-    from agonic.io.pieces import is_long
+    from agonic.logs.large.mission import is_long
 
     settings: dict[str, Any] = {
         "ground": None if ground is None else require_calibration(load(ground)),
@@ -173,7 +173,7 @@ def _mission(
     """The fit of a record that is read piece by piece."""
     from agonic.cli.progress import counting
     from agonic.fitting.inflight import fit_mission
-    from agonic.io.pieces import open_mission
+    from agonic.logs.large.mission import open_mission
 
     mission = open_mission(logs, sensor=sensor, unit=unit, date=date)
     if scalar is None:

@@ -136,7 +136,7 @@ def _matched(samples: Samples, table: Path, unit: str | None) -> tuple[Samples, 
     import numpy as np
 
     from agonic.errors import AgonicError
-    from agonic.io.read import read
+    from agonic.logs.read import read
     from agonic.reference import Reference
 
     known = read(table, unit=unit)

@@ -13,7 +13,7 @@ from agonic.errors import AgonicError
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
     from agonic.headings import Heading
-    from agonic.io.log import Log
+    from agonic.logs.log import Log
     from agonic.samples import Samples
 
 COLUMNS = (
@@ -58,8 +58,8 @@ def heading(
     from agonic.cli.pair import beside_second
     from agonic.headings import heading as find
     from agonic.io.atomic import write_atomically
-    from agonic.io.read import open_log
     from agonic.io.setupfile import load_setup
+    from agonic.logs.read import open_log
 
     recording = open_log(log, unit=unit)
     chosen, samples = paired(load_setup(setup), recording, sensor)

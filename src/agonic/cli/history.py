@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from agonic.calibrated import Calibrated
     from agonic.fleet.settings import FleetSettings
     from agonic.history import Drift, History
-    from agonic.io.log import Log
+    from agonic.logs.log import Log
 
 
 def add_to(app: typer.Typer) -> None:

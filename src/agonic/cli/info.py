@@ -9,7 +9,7 @@ import typer
 from agonic.cli.options import Json, LogPath, Unit
 
 if TYPE_CHECKING:
-    from agonic.io.log import Log
+    from agonic.logs.log import Log
     from agonic.samples import Samples
 
 
@@ -21,7 +21,7 @@ def add_to(app: typer.Typer) -> None:
 def info(log: LogPath, unit: Unit = None, as_json: Json = False) -> int:
     """List the magnetometers of a log, their rates, units and oddities, and what else is there."""
     from agonic.cli.output import print_json, say
-    from agonic.io.read import open_log
+    from agonic.logs.read import open_log
 
     recording = open_log(log, unit=unit)
     found = _described(recording)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from agonic.calibrated import Calibrated
-    from agonic.io.log import Log
-    from agonic.io.pieces import Mission
+    from agonic.logs.large.mission import Mission
+    from agonic.logs.log import Log
 
 IN_MEMORY = 5_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
@@ -25,7 +25,7 @@ def missions(
     from dataclasses import replace
 
     from agonic.errors import AgonicError
-    from agonic.io.pieces import is_long, open_mission
+    from agonic.logs.large.mission import is_long, open_mission
 
     if not is_long([log], IN_MEMORY):
         return ()
@@ -57,7 +57,7 @@ def calibrated(
 
 def log_of(mission: Mission, results: list[Calibrated]) -> Log:
     """The rows that were kept of a mission, as the log that they came from."""
-    from agonic.io.log import Log
+    from agonic.logs.log import Log
 
     return Log(
         path=mission.files[0],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from agonic.io.log import Log
+    from agonic.logs.log import Log
     from agonic.samples import Samples
 
 LogPath = Annotated[
@@ -54,7 +54,7 @@ def log_and_sensors(
     path: Path, sensor: str | None, unit: str | None, between: str | None = None
 ) -> tuple[Log, tuple[Samples, ...]]:
     """A log, and the sensor that was asked for or all of them, whole or a stretch of it."""
-    from agonic.io.read import open_log
+    from agonic.logs.read import open_log
 
     log = open_log(path, unit=unit)
     sensors = log.sensors if sensor is None else (log.sensor(sensor),)

@@ -9,7 +9,7 @@ from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.calibration.base import Calibration
-    from agonic.io.log import Log
+    from agonic.logs.log import Log
     from agonic.samples import Samples
 
 
@@ -22,7 +22,7 @@ def calibration_and_samples(
     the moment it was measured at where the calibration knows how late the readings are.
     """
     from agonic.io.calfile import load, require_calibration
-    from agonic.io.read import open_log
+    from agonic.logs.read import open_log
 
     calibration, recording = require_calibration(load(cal)), open_log(log, unit=unit)
     names = [samples.name for samples in recording.sensors]

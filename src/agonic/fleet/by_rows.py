@@ -11,9 +11,9 @@ from agonic.errors import LogError
 from agonic.fleet.rows import refused, row_of
 from agonic.fleet.settings import FleetSettings
 from agonic.fleet.work import outcome_of, sentence
-from agonic.io.dataset import Channel, Dataset
-from agonic.io.sensor_rows import Table
-from agonic.io.table import log_of_table
+from agonic.logs.large.dataset import Channel, Dataset
+from agonic.logs.large.sensor_rows import Table
+from agonic.logs.table import log_of_table
 from agonic.population import Row
 from agonic.provenance import Input
 from agonic.samples import Samples

@@ -15,7 +15,7 @@ from agonic.fitting.ellipsoid.solve import in_words
 from agonic.health import Finding, misscaled, undetermined, verdict_of
 from agonic.health.finding import sentences
 from agonic.health.readings import left_out
-from agonic.io.grouped_moments import Grouped
+from agonic.logs.large.grouped_moments import Grouped
 from agonic.population.population import AXES, COLUMNS, ENTRIES, dtype_of
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ from agonic.fleet.local import Processes
 from agonic.fleet.rows import refused
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.fleet.work import facts, sentence
-from agonic.io.dataset import (
+from agonic.logs.large.dataset import (
     Channel,
     Dataset,
     connected,
@@ -32,9 +32,9 @@ from agonic.io.dataset import (
     find_dataset,
     without_damaged,
 )
-from agonic.io.grouped_moments import Grouped, summed
-from agonic.io.grouped_residuals import residual_sums
-from agonic.io.sensor_rows import Table, tables_of
+from agonic.logs.large.grouped_moments import Grouped, summed
+from agonic.logs.large.grouped_residuals import residual_sums
+from agonic.logs.large.sensor_rows import Table, tables_of
 from agonic.population import Population, Row
 from agonic.provenance import Input
 from agonic.reference import Reference

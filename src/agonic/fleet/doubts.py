@@ -12,8 +12,8 @@ from agonic.fitting.ellipsoid.solve import SIGNIFICANT
 from agonic.health import FEWEST
 from agonic.health.mounting import VERTICAL_DOUBTFUL
 from agonic.health.scale import GAIN
-from agonic.io.grouped_moments import Grouped
-from agonic.io.grouped_residuals import GroupedResiduals
+from agonic.logs.large.grouped_moments import Grouped
+from agonic.logs.large.grouped_residuals import GroupedResiduals
 from agonic.maths.equation.likelihood import soft_iron_pull
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
 from agonic.fleet.settings import FleetSettings
-from agonic.io.dataset import Dataset, find_dataset
-from agonic.io.read import accepts
+from agonic.logs.large.dataset import Dataset, find_dataset
+from agonic.logs.read import accepts
 from agonic.population import Row
 from agonic.provenance import as_text
 

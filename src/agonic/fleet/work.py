@@ -18,9 +18,9 @@ from agonic.fleet.rows import refused, row_of
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.io.atomic import make_folder
 from agonic.io.calfile import save
-from agonic.io.log import Log
-from agonic.io.pieces import is_long, open_mission
-from agonic.io.read import open_log
+from agonic.logs.large.mission import is_long, open_mission
+from agonic.logs.log import Log
+from agonic.logs.read import open_log
 from agonic.population import Row
 from agonic.provenance import as_text, sha256_of
 from agonic.report.folder import file_stem, write_folder

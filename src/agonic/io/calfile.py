@@ -41,7 +41,7 @@ from agonic.io.calrecords import (
     ProvenanceRecord,
     ThermalRecord,
 )
-from agonic.io.contents import read_bytes
+from agonic.logs.contents import read_bytes
 from agonic.provenance import Provenance
 
 SCHEMA = "agonic/calibration"

@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.io import read_csv, read_parquet
-from agonic.io.columns import identified, positions, understood
-from agonic.io.read import open_log
-from agonic.io.table import log_of_table
+from agonic.logs import csv_text
+from agonic.logs import parquet as read_parquet
+from agonic.logs.columns import identified, positions, understood
+from agonic.logs.read import open_log
+from agonic.logs.table import log_of_table
 from agonic.provenance import Input, sha256_of
 from agonic.samples import Samples
 
@@ -77,7 +78,7 @@ def read_recorded(path: Path, unit: str | None = None) -> Recorded:
     with path.open("rb") as stream:
         head = stream.read(_HEAD_BYTES)
     table_reader = read_parquet if read_parquet.accepts(head) else None
-    if table_reader is None and not read_csv.accepts(head):
+    if table_reader is None and not csv_text.accepts(head):
         log = open_log(path, unit=unit)
         part = Part(station=None, sensors={samples.name: samples for samples in log.sensors})
         return Recorded(parts=(part,), source=log.source, notes=log.notes)
@@ -101,7 +102,7 @@ def _tabulated(path: Path, head: bytes, parquet: bool) -> tuple[Table, tuple[str
         quick = _quick(path, head)
         if quick is not None:
             return quick
-        table, facts = read_csv.tabulated(path)
+        table, facts = csv_text.tabulated(path)
     wanted = {header: values for header, values in table.items() if _quantity(header) in WANTED}
     return wanted, facts.get("notes", ())
 

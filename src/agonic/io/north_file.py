@@ -43,7 +43,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.io.companions import numbers
 from agonic.io.north_sections import (
     SECTIONS,
     GyroSection,
@@ -53,6 +52,7 @@ from agonic.io.north_sections import (
 )
 from agonic.io.sections import read_toml, section
 from agonic.io.session_file import calibration_of, north_east_down, pier_of, samples_of
+from agonic.logs.auxiliary import numbers
 from agonic.provenance import Input, sha256_of
 from agonic.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 

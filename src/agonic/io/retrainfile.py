@@ -16,7 +16,7 @@ from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retra
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import decode, encode
-from agonic.io.contents import read_bytes
+from agonic.logs.contents import read_bytes
 from agonic.maths.estimation import cusum
 
 Row = tuple[float, ...]

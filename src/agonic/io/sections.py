@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from agonic.errors import AgonicError, LogError
-from agonic.io.contents import read_bytes
+from agonic.logs.contents import read_bytes
 
 Made = TypeVar("Made")
 

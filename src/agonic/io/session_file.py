@@ -53,7 +53,6 @@ from numpy.typing import NDArray
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.calfile import load, require_calibration
-from agonic.io.read import open_log
 from agonic.io.sections import read_toml, section, tried
 from agonic.io.session_sections import (
     NEEDED,
@@ -67,6 +66,7 @@ from agonic.io.session_sections import (
     StarSection,
 )
 from agonic.io.star_table import diagonal, read_stars
+from agonic.logs.read import open_log
 from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
 from agonic.maths.earth.starlight import Air
 from agonic.provenance import Input, sha256_of

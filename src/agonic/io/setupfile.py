@@ -49,8 +49,8 @@ from agonic.calibration.setup import mistakes as out_of_range
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
 from agonic.io.calfile import load, save
-from agonic.io.contents import read_bytes
 from agonic.io.setup_sections import ATTRIBUTES, SECTIONS, CompassSection
+from agonic.logs.contents import read_bytes
 from agonic.maths.rotations.tilt import Order
 
 Made = TypeVar("Made")

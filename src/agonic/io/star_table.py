@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError
-from agonic.io.clock import clock_of
-from agonic.io.companions import numbers
-from agonic.io.contents import read_text
+from agonic.logs.auxiliary import numbers
+from agonic.logs.clock import clock_of
+from agonic.logs.contents import read_text
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
 from agonic.session import StarReadings
 

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.deviation import POINTS
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.contents import read_text
+from agonic.logs.contents import read_text
 from agonic.provenance import Input, sha256_of
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.contents import read_bytes
+from agonic.logs.contents import read_bytes
 from agonic.maths.estimation.kalman import Belief
 from agonic.maths.rotations.polar import turned
 from agonic.provenance import Provenance

@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.contents import read_bytes
 from agonic.io.export import (
     Export,
     banner,
@@ -30,6 +29,7 @@ from agonic.io.export import (
     symmetric_of,
 )
 from agonic.io.held import held
+from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 
 LARGEST_SCALE = 1.5  # COMPASS_MAX_SCALE_FACTOR: outside 1/1.5…1.5 the firmware takes 1

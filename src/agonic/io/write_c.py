@@ -22,11 +22,11 @@ from agonic.io.atomic import write_atomically
 from agonic.io.c_network import network_header
 from agonic.io.c_network_parts import at_temperature, has_network
 from agonic.io.c_thermal import thermal_header
-from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, float32_text, left_out, reduced, scaled_to
 from agonic.io.firmware.ctext import comment
 from agonic.io.held import held
 from agonic.io.polynomials import changes
+from agonic.logs.contents import read_bytes
 
 Float32 = NDArray[np.float32]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from agonic.errors import AgonicError
 from agonic.io.atomic import write_atomically
-from agonic.io.quantities import canonical_header
+from agonic.logs.quantities import canonical_header
 from agonic.samples import VECTORS, Samples
 
 _Table: TypeAlias = dict[str, list[float] | list[str]]

@@ -24,10 +24,10 @@ from scipy.io.matlab import MatReadError
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, left_out, reduced, scaled_to
 from agonic.io.held import held
 from agonic.io.polynomials import RATE, changes, polynomials, range_C
+from agonic.logs.contents import read_bytes
 
 HEADER = 116  # bytes of free text at the start of a MAT-file, version 5
 FORMULA = "C = (D - b) * A, a reading a row"

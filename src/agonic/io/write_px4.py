@@ -23,7 +23,6 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.contents import read_bytes
 from agonic.io.export import (
     Export,
     banner,
@@ -36,6 +35,7 @@ from agonic.io.export import (
 from agonic.io.held import held
 from agonic.io.polynomials import changes
 from agonic.io.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
+from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 
 DEAD_BAND = 0.01

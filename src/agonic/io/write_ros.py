@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.contents import read_bytes
 from agonic.io.export import Export, banner, in_frame, left_out
 from agonic.io.held import held
+from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 
 MATRIX = "initial_mag_scaling_matrix"

@@ -12,8 +12,8 @@ from msgspec import Struct
 
 from agonic.errors import AgonicError, LogError
 from agonic.io.atomic import write_atomically
-from agonic.io.contents import read_bytes
 from agonic.live.state import LiveParams, LiveState
+from agonic.logs.contents import read_bytes
 
 SCHEMA = "agonic/live-state@1"
 

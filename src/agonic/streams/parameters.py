@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from agonic.io.dataflash_compass import AXES
-from agonic.io.dataflash_format import Table
+from agonic.logs.ardupilot.dataflash_binary import Table
+from agonic.logs.ardupilot.parameters import AXES
 
 ASK_AGAIN_S = 0.5
 ROUNDS = 6

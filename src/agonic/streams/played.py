@@ -10,7 +10,7 @@ from threading import Event as Flag
 
 import numpy as np
 
-from agonic.io.read import open_log
+from agonic.logs.read import open_log
 from agonic.samples import Samples
 from agonic.streams.events import Chunk, Event, Said
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from agonic.errors import AgonicError
-from agonic.io.columns import Column, identified, understood
+from agonic.logs.columns import Column, identified, understood
 from agonic.units import RAW
 
 Vector = tuple[float, float, float]

@@ -15,10 +15,10 @@ import numpy as np
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, MissingExtraError
-from agonic.io.dataflash_compass import recover
-from agonic.io.dataflash_format import Table
 from agonic.io.targets import compass_number
 from agonic.io.write_ardupilot import ardupilot_parameters
+from agonic.logs.ardupilot.dataflash_binary import Table
+from agonic.logs.ardupilot.parameters import recover
 from agonic.streams.clock import Clock
 from agonic.streams.device import ANSWER_S, Change
 from agonic.streams.events import Chunk, Event, Said

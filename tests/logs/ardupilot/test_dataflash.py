@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.io.dataflash_format import DTYPES, read_binary
-from agonic.io.log import Log
-from agonic.io.read_dataflash import GPS_EPOCH, accepts, read
+from agonic.logs.ardupilot.dataflash import GPS_EPOCH, accepts, read
+from agonic.logs.ardupilot.dataflash_binary import DTYPES, read_binary
+from agonic.logs.log import Log
 from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
 from tests.logs.damage import damaged, read_or_refused

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from agonic.io.dataflash_format import load
-from agonic.io.read_tlog import WANTED
-from agonic.io.tlog_format import decode, definitions, find_packets
+from agonic.logs.ardupilot.dataflash_binary import load
+from agonic.logs.ardupilot.mavlink import decode, definitions, find_packets
+from agonic.logs.ardupilot.tlog import WANTED
 from tests.logs.tlog_writer import tlog
 
 

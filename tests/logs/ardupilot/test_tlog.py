@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.io import read_dataflash
-from agonic.io.dataflash_format import load
-from agonic.io.log import Log
-from agonic.io.read import open_log
-from agonic.io.read_tlog import accepts, read
-from agonic.io.tlog_format import decode, definitions, find_packets
+from agonic.logs.ardupilot import dataflash as read_dataflash
+from agonic.logs.ardupilot.dataflash_binary import load
+from agonic.logs.ardupilot.mavlink import decode, definitions, find_packets
+from agonic.logs.ardupilot.tlog import accepts, read
+from agonic.logs.log import Log
+from agonic.logs.read import open_log
 from agonic.provenance import Input
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.dataflash_writer import dataflash

@@ -12,9 +12,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.io.log import Log
-from agonic.io.read_ulog import accepts, read
-from agonic.io.ulog_topics import euler_deg
+from agonic.logs.log import Log
+from agonic.logs.px4.topics import euler_deg
+from agonic.logs.px4.ulog import accepts, read
 from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
 from tests.logs.damage import damaged, read_or_refused

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError, MissingExtraError
 from agonic.field.published import igrf
-from agonic.io.log import Log
-from agonic.io.read import open_log, read
-from agonic.io.read_cdf import moments
+from agonic.logs.log import Log
+from agonic.logs.read import open_log, read
+from agonic.logs.space.cdf import moments
 from agonic.maths.rotations.attitude import rot_nb
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.orbit_writer import ROT_CM, N, swarm, write_cdf

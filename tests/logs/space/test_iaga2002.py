@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.io.read import open_log, read
+from agonic.logs.read import open_log, read
 from tests.logs.damage import damaged, read_or_refused
 
 nT = 1.0

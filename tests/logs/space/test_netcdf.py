@@ -11,8 +11,8 @@ import pytest
 from scipy.io import netcdf_file
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.io.read import open_log, read
-from agonic.io.read_netcdf import accepts
+from agonic.logs.read import open_log, read
+from agonic.logs.space.netcdf import accepts
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.orbit_writer import swarm
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.io.points import read_points
+from agonic.logs.space.positions import read_points
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicWarning, LogError, MissingExtraError
-from agonic.io.read import read
-from agonic.io.tle import positions_from_tle
+from agonic.logs.read import read
+from agonic.logs.space.tle import positions_from_tle
 from agonic.maths.earth.geodesy import directions, earth_fixed_position, from_geocentric
 
 pytest.importorskip("sgp4")

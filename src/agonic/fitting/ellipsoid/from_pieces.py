@@ -78,7 +78,7 @@ def fit_recording(
     --------
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.io.pieces import open_mission
+    >>> from agonic.logs.large.mission import open_mission
     >>> from agonic.io.write_csv import write_csv
     >>> from agonic.simulation import simulate
     >>> made = simulate("tumble")

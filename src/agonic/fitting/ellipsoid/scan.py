@@ -26,7 +26,7 @@ MOST = 100_000
 
 
 class Strip(Protocol):
-    """Some rows as they are stored; `agonic.io.strips.Strip` is one."""
+    """Some rows as they are stored; `agonic.logs.large.blocks.Strip` is one."""
 
     @property
     def columns(self) -> Columns: ...
@@ -42,7 +42,7 @@ class Strip(Protocol):
 
 
 class Recording(Protocol):
-    """Readings strip by strip, the same each time; `agonic.io.pieces.Mission` is one."""
+    """Readings strip by strip, the same each time; `agonic.logs.large.mission.Mission` is one."""
 
     @property
     def rows(self) -> int: ...

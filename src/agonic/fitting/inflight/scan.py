@@ -26,7 +26,7 @@ TRACK = ("latitude_deg", "longitude_deg", "altitude_m", "flagged", "scalar")
 
 
 class Recording(Protocol):
-    """Readings piece by piece, the same each time; `agonic.io.pieces.Mission` is one."""
+    """Readings piece by piece, the same each time; `agonic.logs.large.mission.Mission` is one."""
 
     @property
     def rows(self) -> int: ...

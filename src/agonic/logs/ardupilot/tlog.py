@@ -1,0 +1,247 @@
+"""Reading MAVLink telemetry as ground stations record it, `.tlog`.
+
+What telemetry calls raw is not: ArduPilot sends the readings of its compasses corrected, and so
+does PX4 in HIGHRES_IMU. ArduPilot's are taken back with the parameters that went over the same
+link; for that its messages are read as those of a dataflash log. Source: ArduPilot,
+libraries/GCS_MAVLink/GCS_Common.cpp (send_raw_imu); PX4, src/modules/mavlink/streams/.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.logs.ardupilot.dataflash import alongside, firmware
+from agonic.logs.ardupilot.dataflash_binary import FloatArray, Table, load
+from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, definitions, find_packets
+from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, tables_of
+from agonic.logs.ardupilot.parameters import AXES, in_force, recover
+from agonic.logs.log import Log, Stream
+from agonic.logs.resample import ESTIMATED_ATTITUDE, misplaced, rate_Hz
+from agonic.provenance import Input
+from agonic.samples import Logged, Samples
+from agonic.units import RAW
+
+Heard = Mapping[str, Messages]
+
+ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8
+STACKS = {ARDUPILOT: "ardupilot", PX4: "px4"}
+
+SLOTS = {"RAW_IMU": "", "SCALED_IMU": "", "SCALED_IMU2": "2", "SCALED_IMU3": "3"}
+"""The number of the compass in ArduPilot's parameters; the first two messages are of the same.
+
+ArduPilot's HIGHRES_IMU is of that one too, and not read, for its unit is in doubt:
+send_highres_imu multiplies milligauss by 1000.
+"""
+WANTED = tuple(dict.fromkeys(("HEARTBEAT", *TABLES, *CLOCKED)))
+
+_PER_SYSTEM = 256  # a sender is system · 256 + component
+
+_CORRECTED_ARDUPILOT = (
+    "still corrected by the autopilot, for the log lacks its parameters (COMPASS_*); "
+    "load them in the ground station while it records, or read the vehicle's own log (.bin)"
+)
+_CORRECTED_PX4 = (
+    "still corrected by the autopilot, with its estimate of the bias in flight, which telemetry "
+    "does not tell; to calibrate the sensor read the vehicle's own log (.ulg)"
+)
+_MOTORS_LEFT = "the autopilot's compensation for the motors is not in telemetry and was left in"
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file that starts with these bytes is a telemetry log: two packets end to end.
+
+    >>> packet = bytes.fromhex("0005fae012345678 fe09000101000000") + bytes(9)
+    >>> accepts(2 * packet), accepts(packet), accepts(b"ULog")
+    (True, False, False)
+    """
+    if b"\0" not in head:  # a time stamp begins with one: this is text
+        return False
+    packets = find_packets(np.frombuffer(head, np.uint8))
+    return bool((packets.start[1:] == packets.end[:-1]).any())
+
+
+def read(path: Path, source: Input) -> Log:
+    """The magnetometers of one vehicle in a telemetry log with all that was recorded beside them.
+
+    Raises `LogError` where the file holds no magnetometer, and `MissingExtraError` without
+    pymavlink.
+    """
+    known = definitions()
+    data = load(path)
+    packets = find_packets(data)
+    wanted = {name: packets.select(packets.kind == known[name].id) for name in WANTED}
+    heard = {name: decode(data, some, known[name]) for name, some in wanted.items()}
+    damage = _damage(
+        int(data.size - (packets.end - packets.start).sum()),
+        sum(len(wanted[name]) - len(heard[name]) for name in WANTED),
+    )
+    vehicle, autopilot, others = _vehicle(heard)
+    own = {name: messages.select(messages.sender == vehicle) for name, messages in heard.items()}
+    timeline = Timeline.of(own)
+    tables = tables_of(own, timeline)
+    sensors = _sensors(tables, timeline.epoch, autopilot, source)
+    if not sensors:
+        reasons = f" ({'; '.join(damage)})" if damage else ""
+        raise LogError(
+            f"holds no readings of a magnetometer{reasons}; have the vehicle send RAW_IMU, "
+            "SCALED_IMU2 and SCALED_IMU3 and record again",
+            path=path,
+        )
+    names = {message.id: name for name, message in known.items()}
+    streams = _streams(packets.select(packets.sender == vehicle), names)
+    return Log(
+        path=path,
+        format="MAVLink telemetry",
+        source=source,
+        sensors=sensors,
+        stack=STACKS.get(autopilot, ""),
+        streams=tuple(s for s in streams if s.name not in [sensor.name for sensor in sensors]),
+        notes=(*firmware(tables), *others, *damage),
+    )
+
+
+def _vehicle(heard: Heard) -> tuple[int, int, tuple[str, ...]]:
+    """The sender and the kind of the autopilot with most readings, and a note on the others."""
+    beats = heard["HEARTBEAT"]
+    beats = beats.select(beats.values["autopilot"] != NO_AUTOPILOT)
+    autopilots = dict(zip(beats.sender.tolist(), beats.values["autopilot"].tolist(), strict=True))
+    readings = Counter(sender for name in INERTIAL for sender in heard[name].sender.tolist())
+    if not autopilots:
+        unknown = "no heartbeat of an autopilot in the log: readings are taken as they were sent"
+        return max(readings, key=readings.__getitem__, default=-1), NO_AUTOPILOT, (unknown,)
+    chosen = max(autopilots, key=readings.__getitem__)
+    system = chosen // _PER_SYSTEM
+    others = sorted({sender // _PER_SYSTEM for sender in autopilots} - {system})
+    note = f"vehicle {system} was read; not read: {', '.join(map(str, others))}"
+    return chosen, autopilots[chosen], (note,) if others else ()
+
+
+def _damage(skipped: int, spoilt: int) -> tuple[str, ...]:
+    notes = []
+    if skipped:
+        notes.append(f"{skipped} bytes are damaged or cut off and were passed over")
+    if spoilt:
+        notes.append(f"{spoilt} messages with a wrong checksum were left out")
+    return tuple(notes)
+
+
+def _streams(packets: Packets, names: Mapping[int, str]) -> tuple[Stream, ...]:
+    """What a vehicle sent, by the names of the messages."""
+    kinds, rows = np.unique(packets.kind, return_counts=True)
+    return tuple(
+        Stream(
+            name=names.get(kind, f"message {kind}"),
+            rows=n,
+            rate_Hz=rate_Hz(packets.received_us[packets.kind == kind] / 1e6),
+        )
+        for kind, n in zip(kinds.tolist(), rows.tolist(), strict=True)
+    )
+
+
+def _sensors(
+    tables: Mapping[str, Table], epoch: datetime, autopilot: int, source: Input
+) -> tuple[Samples, ...]:
+    """Each magnetometer of a vehicle that measures anything."""
+    names = SLOTS if autopilot == ARDUPILOT else INERTIAL
+    measured = [name for name in names if name in tables and _answered(tables[name]).any()]
+    if autopilot == ARDUPILOT and {"RAW_IMU", "SCALED_IMU"} <= set(measured):
+        measured.remove("SCALED_IMU")
+    motion = "RAW_IMU" if autopilot == ARDUPILOT else "HIGHRES_IMU"
+    if motion in tables:
+        tables = {**tables, "IMU": tables[motion]}
+    return tuple(_samples(name, tables, epoch, autopilot, source) for name in measured)
+
+
+def _field(mag: Table) -> FloatArray:
+    return np.stack([mag.columns[f"Mag{axis}"] for axis in AXES], axis=1)
+
+
+def _answered(mag: Table) -> NDArray[np.bool_]:
+    """Rows with a reading; zeros or NaN stand for a sensor that is not there or not ready."""
+    field = _field(mag)
+    return np.asarray(np.isfinite(field).all(axis=1) & field.any(axis=1))
+
+
+def _samples(
+    name: str, tables: Mapping[str, Table], epoch: datetime, autopilot: int, source: Input
+) -> Samples:
+    """One magnetometer, with everything else at its rows."""
+    sent = tables[name]
+    answered = sent.select(_answered(sent))
+    wrong = misplaced(answered.columns["TimeUS"])
+    mag = answered.select(~wrong)
+    found = _readings(name, mag, tables.get("PARM"), autopilot)
+    notes = found.notes
+    columns = alongside(mag, tables)
+    if columns["heading_deg"] is not None:
+        columns["heading_deg"] %= 360.0
+        notes = (*notes, ESTIMATED_ATTITUDE)
+    in_body = autopilot == ARDUPILOT or name == "HIGHRES_IMU"
+    if not in_body:
+        columns |= dict.fromkeys(("acceleration", "rotation_rate"))
+    rejected = {"no reading": len(sent) - len(answered), "time out of sequence": int(wrong.sum())}
+    return Samples(
+        field=found.field,
+        unit=found.unit,
+        time=mag.time_s,
+        epoch=epoch,
+        **columns,
+        name=name,
+        frame="b" if in_body else "m",
+        device_id=found.device_id,
+        heading_estimated=columns["heading_deg"] is not None,
+        corrected=found.corrected,
+        logged=found.logged,
+        notes=notes,
+        source=replace(source, count=len(mag)),
+        rejected={why: n for why, n in rejected.items() if n},
+    )
+
+
+class _Readings(NamedTuple):
+    """What the sensor measured as far as that is known, and what was done to it."""
+
+    field: FloatArray
+    unit: str
+    logged: Logged | None = None
+    device_id: int | None = None
+    corrected: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -> _Readings:
+    """The readings of one sensor, the autopilot's correction taken out where the log tells it."""
+    if autopilot != ARDUPILOT:
+        corrected = autopilot == PX4 and name == "HIGHRES_IMU"
+        unit = RAW if name == "RAW_IMU" else "mG"  # the standard gives this one no unit
+        notes = (_CORRECTED_PX4,) if corrected else ()
+        return _Readings(_field(mag), unit, corrected=corrected, notes=notes)
+    slot = SLOTS[name]
+    if parameters is None or not _loaded(parameters, slot):
+        return _Readings(_field(mag), "mG", corrected=True, notes=(_CORRECTED_ARDUPILOT,))
+    recovered = recover(mag, parameters, slot)
+    motors = in_force(parameters, "COMPASS_MOTCT", mag.position).any()
+    notes = (*recovered.notes, *((_MOTORS_LEFT,) if motors else ()))
+    return _Readings(
+        recovered.raw, "nT", recovered.logged, recovered.device_id, corrected=False, notes=notes
+    )
+
+
+def _loaded(parameters: Table, slot: str) -> bool:
+    """Whether all parameters of a compass are there that its firmware has, none lost on the way."""
+    names = set(parameters.columns["Name"].tolist())
+    offsets, diagonal, others = (
+        {f"COMPASS_{part}{slot}_{axis}".encode() for axis in AXES} for part in ("OFS", "DIA", "ODI")
+    )
+    matrix = {*diagonal, *others, f"COMPASS_SCALE{slot}".encode()}
+    complete = len(names) >= parameters.columns["Count"].max()
+    return offsets <= names and (complete or matrix <= names)

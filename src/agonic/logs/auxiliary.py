@@ -1,0 +1,166 @@
+"""Columns beside the magnetometer's: into our unit, within their range, without holes.
+
+A column that was recorded more slowly, or not all the time, must not cost readings of the
+magnetometer. Short holes are filled from the neighbours; a column with more than a few other
+holes is left out, and a note says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.logs.columns import Column, Identified
+from agonic.logs.quantities import Linear
+from agonic.logs.resample import resample
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+FloatArray = NDArray[np.float64]
+Table = Mapping[str, NDArray[Any]]
+
+ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
+PERIODS_DEG = dict.fromkeys((*ATTITUDE, "longitude_deg"), 360.0)
+RANGES: dict[str, tuple[float, float]] = {
+    "temperature": (-150.0, 250.0),
+    "throttle": (-0.01, 1.01),
+    "latitude_deg": (-90.0, 90.0),
+    "longitude_deg": (-180.0, 360.0),
+}
+"""Outside these a cell does not hold what its column is named for."""
+
+_SLOW = ("temperature", "latitude_deg", "longitude_deg", "altitude_m")
+_REACH_S = dict.fromkeys(_SLOW, 60.0)
+"""How far recorded neighbours may be from a row that is filled from them."""
+SHORT_REACH_S = 0.5
+_FEW = 0.01
+"""Share of the readings that a column may still cost after its short holes are filled."""
+
+_GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
+
+
+def numbers(values: NDArray[Any]) -> FloatArray:
+    """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees.
+
+    >>> numbers(np.array(["-0:30:00", "12.5", "n/a"])).tolist()
+    [-0.5, 12.5, nan]
+    """
+    if values.dtype.kind in "OUS":
+        return np.array([_number(str(value)) for value in values], dtype=np.float64)
+    return np.asarray(values, dtype=np.float64)
+
+
+def _number(text: str) -> float:
+    plain = text.strip().strip("\"'")
+    try:
+        size = sum(abs(float(part)) / 60.0**i for i, part in enumerate(plain.split(":")))
+    except ValueError:
+        return np.nan
+    return -size if plain.startswith("-") else size
+
+
+def with_angle_unit(found: Identified, table: Table) -> Identified:
+    """The columns, with attitude that names no unit in degrees where it exceeds one turn in rad."""
+    attitude = [axes[""] for name in ATTITUDE for axes in found.get(name, {}).values()]
+    unnamed = [numbers(table[column.header]) for column in attitude if column.unit is None]
+    if not any((np.abs(values) > 2 * np.pi).any() for values in unnamed):
+        return found
+    degrees = {
+        name: {
+            sensor: {"": replace(axes[""], unit=axes[""].unit or "deg")}
+            for sensor, axes in found[name].items()
+        }
+        for name in ATTITUDE
+        if name in found
+    }
+    return {**found, **degrees}
+
+
+def companion(
+    axes: Mapping[str, Column],
+    values: FloatArray,
+    time: FloatArray | None,
+    readings: NDArray[np.bool_],
+) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """The values of one quantity in our unit, (n,) or (n, 3), or `None`; and notes on them.
+
+    `axes` are its columns and `values` (n, k) what they hold, in that order; `readings` marks the
+    rows that have a magnetometer reading.
+    """
+    quantity = next(iter(axes.values())).quantity
+    scale, remark = _scale(axes, values)
+    if scale is None:
+        return None, (f"{quantity.name} left out: {remark}",)
+    factor, offset = scale
+    ours = values * factor + offset
+    low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
+    ours[(ours < low) | (ours > high)] = np.nan
+    filled, gaps = _without_holes(quantity.column, ours, time, readings)
+    notes = tuple(f"{quantity.name} {text}" for text in (remark, gaps) if text)
+    return (filled if filled is None or quantity.vector else filled[:, 0]), notes
+
+
+def _scale(axes: Mapping[str, Column], values: FloatArray) -> tuple[Linear | None, str]:
+    """Factor and offset to our unit, and a remark; no scale where it cannot be known."""
+    units = {column.unit for column in axes.values()}
+    quantity = next(iter(axes.values())).quantity
+    if quantity.vector and set(axes) != set("xyz"):
+        return None, "it has not all of x, y and z"
+    if quantity.vector and not np.nan_to_num(values).any():
+        return None, "it is zero throughout"
+    if len(units) > 1:
+        return None, "its axes are in different units"
+    unit = units.pop()
+    if unit is not None:
+        return quantity.units[unit], ""
+    if quantity.column == "acceleration":
+        return _by_gravity(values)
+    if quantity.column == "rotation_rate" or quantity.column in ATTITUDE:
+        return None, "its header names neither degrees nor radians"
+    if quantity.column == "scalar":
+        return None, "its header names no unit"
+    return (1.0, 0.0), ""
+
+
+def _by_gravity(values: FloatArray) -> tuple[Linear | None, str]:
+    """The unit in which the median acceleration is gravity, to 20 %."""
+    sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+    median = float(np.median(sizes)) if len(sizes) else np.nan
+    for unit, factor in _GRAVITY_UNITS.items():
+        if abs(median * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
+            return (factor, 0.0), f"names no unit; its size is that of gravity in {unit}"
+    return None, f"its header names no unit and its size, {median:.4g}, is not that of gravity"
+
+
+def _without_holes(
+    column: str, values: FloatArray, time: FloatArray | None, readings: NDArray[np.bool_]
+) -> tuple[FloatArray | None, str]:
+    """The values (n, k) with short holes filled, or `None` where too many would be missing."""
+    known = np.asarray(np.isfinite(values).all(axis=1))
+    holes = readings & ~known
+    if not holes.any():
+        return values, ""
+    near = np.zeros_like(holes)
+    if time is not None and known.any():
+        near = holes & (reach(time, known) <= _REACH_S.get(column, SHORT_REACH_S))
+        fresh = [
+            resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
+            for v in values.T
+        ]
+        values = values.copy()
+        values[near] = np.stack([v for v in fresh if v is not None], axis=1)
+    left = int((holes & ~near).sum())
+    if left > _FEW * readings.sum():
+        return None, f"left out: missing in {holes.sum()} of {readings.sum()} rows"
+    return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
+
+
+def reach(time: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
+    """Seconds from each row to the farther of the known rows around it; at an end, to the one."""
+    at = np.flatnonzero(known)
+    after = np.searchsorted(at, np.arange(len(time)))
+    neighbours = [time[at[np.clip(after + k, 0, len(at) - 1)]] for k in (-1, 0)]
+    return np.asarray(np.max([np.abs(time - t) for t in neighbours], axis=0))

@@ -1,0 +1,305 @@
+"""`Dataset`: readings of many sensors in one Parquet table, told apart by a column."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from agonic.errors import AgonicError, LogError, MissingExtraError
+from agonic.logs.columns import Column, Identified, identified, understood
+from agonic.provenance import sha256_of
+from agonic.units import RAW, canonical, nanotesla_per
+
+SENSOR_COLUMNS = (
+    "sensor",
+    "sensor_id",
+    "sensor_name",
+    "device",
+    "device_id",
+    "device_name",
+    "board",
+    "board_id",
+    "serial",
+    "serial_number",
+    "serial_no",
+    "unit_id",
+    "node",
+    "node_id",
+)
+"""Names of the column that tells sensors apart, where none is given; case, blanks and punctuation
+do not count."""
+
+_NUMBERS = ("TINYINT", "SMALLINT", "INTEGER", "BIGINT", "FLOAT", "DOUBLE", "DECIMAL", "U", "HUGE")
+_SUFFIXES = (".parquet", ".parq", ".pq")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """The three columns of one magnetometer, its name, and the unit of its readings."""
+
+    name: str
+    axes: tuple[str, str, str]
+    unit: str
+
+    @property
+    def factor(self) -> float:
+        """One of the column's numbers in the unit of the result: nT, or raw."""
+        return nanotesla_per(self.unit)
+
+    @property
+    def unit_in(self) -> str:
+        """The unit of the result."""
+        return RAW if canonical(self.unit) == RAW else "nT"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dataset:
+    """A Parquet file, or a folder of them, with readings of many sensors.
+
+    `sensor` names the column (or the key of the folders, as in `sensor=17/`) that tells them
+    apart; `files` are those that are read, `damaged` those that cannot be, with the reason;
+    `columns` (header → type) are all there are, `found` what they are understood as.
+    """
+
+    path: Path
+    files: tuple[str, ...]
+    sensor: str
+    columns: dict[str, str]
+    unit: str | None = None
+    damaged: tuple[tuple[str, str], ...] = ()
+
+    @cached_property
+    def found(self) -> Identified:
+        """The columns that are understood, the one that names the sensor apart."""
+        headers = [header for header in self.columns if header != self.sensor]
+        return identified(header for header in headers if self._kept(header))
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The magnetometers of each sensor; `LogError` where there is none."""
+        fields = self.found.get("field", {})
+        made = tuple(
+            Channel(name=f"mag{number}", axes=_axes(columns), unit=self._unit(columns))
+            for number, columns in fields.items()
+            if len(columns) == 3
+        )
+        if not made:
+            raise LogError(
+                "no magnetometer columns found beside the sensor's; name them mag_x_uT, mag_y_uT, "
+                "mag_z_uT or the like",
+                path=self.path,
+            )
+        return made
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """The headers of all columns that are understood."""
+        groups = (axes for by_number in self.found.values() for axes in by_number.values())
+        return tuple(column.header for axes in groups for column in axes.values())
+
+    def column(self, quantity: str) -> Column | None:
+        """The column of a quantity that is a single one, such as the temperature."""
+        groups = self.found.get(quantity, {})
+        axes = groups.get("") or (next(iter(groups.values())) if len(groups) == 1 else {})
+        return axes.get("")
+
+    @cached_property
+    def sha256(self) -> str:
+        """The digest of the content: of the file, or of all files' digests and names."""
+        if Path(self.files[0]) == self.path and len(self.files) == 1:
+            return sha256_of(self.path)
+        lines = (f"{sha256_of(Path(f))}  {os.path.relpath(f, self.path)}\n" for f in self.files)
+        return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+    def _kept(self, header: str) -> bool:
+        column, kind = understood(header), self.columns[header]
+        if column is None:
+            return False
+        return column.quantity.column != "field" or kind.startswith(_NUMBERS)
+
+    def _unit(self, columns: dict[str, Column]) -> str:
+        units = {column.unit for column in columns.values()}
+        if len(units) > 1:
+            raise LogError("the axes are in different units; give them one", path=self.path)
+        named = units.pop()
+        return (self.unit or RAW) if named in (None, RAW) else str(named)
+
+
+def _axes(columns: dict[str, Column]) -> tuple[str, str, str]:
+    x, y, z = (columns[axis].header for axis in "xyz")
+    return x, y, z
+
+
+def find_dataset(
+    path: Path | str,
+    sensor_column: str | None = None,
+    *,
+    unit: str | None = None,
+    files: Sequence[str] | None = None,
+) -> Dataset | None:
+    """The dataset that a Parquet file or a folder of them is; None where it is none.
+
+    Parameters
+    ----------
+    path : a file, or a folder with all that is below; keys in the names of folders (`sensor=17/`)
+        are columns.
+    sensor_column : the column that tells sensors apart; without, one of `SENSOR_COLUMNS`.
+    unit : of the field where no column names one.
+    files : those of the folder that are its parts; without, all tables that are below.
+
+    Raises `LogError` where a column was named that is not there, `AgonicError` where two could be
+    meant.
+    """
+    path = Path(path)
+    readable, damaged = _readable(_parquet_files(path) if files is None else sorted(files))
+    if not readable:
+        return None
+    with connected() as db:
+        columns = _columns(db, path, readable)
+    sensor = _sensor_column(columns, sensor_column, path)
+    if sensor is None:
+        return None
+    return Dataset(
+        path=path, files=readable, sensor=sensor, columns=columns, unit=unit, damaged=damaged
+    )
+
+
+def without_damaged(dataset: Dataset) -> Dataset:
+    """The dataset without those of its files that cannot be read to their end.
+
+    Raises `LogError` where none is left.
+    """
+    damaged = list(dataset.damaged)
+    with connected() as db:
+        for file in dataset.files:
+            try:
+                used = ", ".join(map(quoted, (dataset.sensor, *dataset.headers)))
+                db.execute(f"select max(hash({used})) from {table([file])}").fetchall()
+            except database_error() as error:
+                other = type(error).__name__ == "BinderException"
+                why = "it lacks columns of the others, give it by itself: " if other else ""
+                damaged.append((file, why + _first_line(error)))
+    lost = {file for file, _ in damaged}
+    files = tuple(file for file in dataset.files if file not in lost)
+    if not files:
+        raise LogError(f"no file of it can be read: {damaged[0][1]}", path=dataset.path)
+    return replace(dataset, files=files, damaged=tuple(damaged))
+
+
+@contextmanager
+def connected(memory_MB: int = 400, threads: int = 2) -> Iterator[Any]:
+    """A DuckDB in memory, with bounds; what does not fit goes to a temporary folder."""
+    try:
+        import duckdb
+    except ImportError:
+        raise MissingExtraError("a dataset of many sensors", "fleet") from None
+    with TemporaryDirectory(prefix="agonic-") as folder, duckdb.connect() as db:
+        db.execute(f"set temp_directory = {literal(folder)}")
+        db.execute(f"set memory_limit = '{memory_MB}MB'; set threads = {threads}")
+        db.execute("set preserve_insertion_order = false; set enable_progress_bar = false")
+        db.execute("set TimeZone = 'UTC'")
+        yield db
+
+
+def table(files: Sequence[str]) -> str:
+    """The SQL of all rows of these files, with `file_row_number` and `filename`."""
+    names = ", ".join(map(literal, files))
+    return (
+        f"read_parquet([{names}], hive_partitioning = true, hive_types_autocast = false, "
+        "file_row_number = true, filename = true)"
+    )
+
+
+def quoted(name: str) -> str:
+    """A column's name in SQL.
+
+    >>> quoted('mag "x"')
+    '"mag ""x""\"'
+    """
+    return '"' + name.replace('"', '""') + '"'
+
+
+def literal(text: str) -> str:
+    """A text in SQL."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _parquet_files(path: Path) -> list[str]:
+    if path.is_file():
+        with path.open("rb") as stream:
+            return [str(path)] if stream.read(4) == b"PAR1" else []
+    if not path.is_dir():
+        raise LogError("there is no such file or folder", path=path)
+    return sorted(
+        str(file)
+        for file in path.rglob("*")
+        if file.suffix.lower() in _SUFFIXES
+        and not file.name.startswith((".", "_"))
+        and file.is_file()
+    )
+
+
+def _readable(files: Sequence[str]) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
+    """The files whose footer can be read, and the others with the reason."""
+    try:
+        from pyarrow import ArrowException
+        from pyarrow.parquet import read_metadata
+    except ImportError:
+        raise MissingExtraError("a dataset of many sensors", "fleet") from None
+    good, damaged = [], []
+    for file in files:
+        try:
+            rows = read_metadata(file).num_rows
+        except (ArrowException, OSError, UnicodeError) as error:
+            damaged.append((file, _first_line(error)))
+            continue
+        if rows:
+            good.append(file)
+    return tuple(good), tuple(damaged)
+
+
+def _columns(db: Any, path: Path, files: Sequence[str]) -> dict[str, str]:
+    try:
+        described = db.execute(f"describe select * from {table(files)}").fetchall()
+    except database_error() as error:
+        raise LogError(f"its files make no one table: {_first_line(error)}", path=path) from None
+    return {row[0]: str(row[1]) for row in described if row[0] not in _OURS}
+
+
+_OURS = ("filename", "file_row_number")
+
+
+def _sensor_column(columns: dict[str, str], given: str | None, path: Path) -> str | None:
+    if given is not None:
+        if given not in columns:
+            raise LogError(f"no column {given!r}; there are {', '.join(columns)}", path=path)
+        return given
+    known = {_plain(name) for name in SENSOR_COLUMNS}
+    found = [name for name in columns if _plain(name) in known]
+    if len(found) > 1:
+        raise AgonicError(
+            f"{path}: {' and '.join(found)} could both tell the sensors apart; say which "
+            "(--sensor-column)"
+        )
+    return found[0] if found else None
+
+
+def _plain(name: str) -> str:
+    return "".join(letter for letter in name.lower() if letter.isalnum())
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def database_error() -> type[Exception]:
+    import duckdb
+
+    return duckdb.Error

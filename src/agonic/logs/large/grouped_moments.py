@@ -1,0 +1,234 @@
+"""Sums over the readings of each sensor of a dataset, made inside DuckDB.
+
+Two passes: the first finds the middle and spread of each sensor's readings, the second sums the 35
+products of degree four about them. One pass about a common centre would lose, to rounding, about
+(distance of a bias / spread)⁴ of the digits that the noise is told by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.logs.columns import Column
+from agonic.logs.large.dataset import Channel, Dataset, quoted, table
+from agonic.maths.equation.moments import EXPONENTS
+
+Array = NDArray[np.float64]
+
+_UNIX_SECONDS = (1e9, 4.1e9)
+_NUMERIC = ("FLOAT", "DOUBLE", "DECIMAL", "INTEGER", "BIGINT", "U", "SMALLINT", "TINYINT")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grouped:
+    """What the rows of each of n sensors add up to, in the unit of the result.
+
+    `sensors` (n,) as the column has them, as texts; `count` (n,) readings, and `left_out` (n,)
+    rows without a finite one; `empty` sensors without any, with their rows; `nameless` rows that
+    name no sensor; `centre` (n, 3), `scale` (n,)
+    and `sums` (n, 35) as of `Moments`; `at_ends` (n,) readings at the ends of the range of any
+    axis; `magnitude` (n,) mean length of the readings and `spread` (n,) its standard deviation
+    over it; `start` (n,) Unix seconds and `duration_s` (n,), NaN where the clock does not tell;
+    `temperature_C` (n,) the mean.
+    """
+
+    sensors: NDArray[Any]
+    count: NDArray[np.int64]
+    left_out: NDArray[np.int64]
+    empty: tuple[tuple[str, int], ...]
+    nameless: int
+    centre: Array
+    scale: Array
+    sums: Array
+    at_ends: NDArray[np.int64]
+    magnitude: Array
+    spread: Array
+    start: Array
+    duration_s: Array
+    temperature_C: Array
+
+    def __len__(self) -> int:
+        return len(self.sensors)
+
+
+def summed(db: Any, dataset: Dataset, channel: Channel) -> Grouped:
+    """The sums of each sensor's readings, in order of the sensors' names.
+
+    Leaves the table `sensors` in the database `db`: id (0…n−1), sensor, count, centre, scale,
+    ends of the ranges, and the clock's first and last, for what is asked further.
+    """
+    _first_pass(db, dataset, channel)
+    known = db.execute("select * from sensors order by id").fetchnumpy()
+    count = _whole(known["count"])
+    sums = _second_pass(db, dataset, channel, len(count))
+    total, empty, nameless = _all_rows(db, dataset, count)
+    start, duration = _clock(known, dataset)
+    magnitude = _numbers(known["magnitude"])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = _numbers(known["magnitude_sd"]) / magnitude
+    centre = np.column_stack([_numbers(known[f"centre_{axis}"]) for axis in "xyz"])
+    return Grouped(
+        sensors=known["name"].astype(object),
+        count=count,
+        left_out=total - count,
+        empty=empty,
+        nameless=nameless,
+        centre=channel.factor * centre,
+        scale=channel.factor * _numbers(known["scale"]),
+        sums=sums[:, : len(EXPONENTS)],
+        at_ends=sums[:, -1].astype(np.int64),
+        magnitude=channel.factor * magnitude,
+        spread=spread,
+        start=start,
+        duration_s=duration,
+        temperature_C=_temperature(_numbers(known["temperature"]), dataset),
+    )
+
+
+def readings(dataset: Dataset, channel: Channel, *more: str) -> str:
+    """The SQL of the finite readings: sensor, x, y, z as doubles, and `more` expressions."""
+    names = zip("xyz", channel.axes, strict=True)
+    axes = [f"{quoted(header)}::double as {axis}" for axis, header in names]
+    columns = ", ".join((f"{quoted(dataset.sensor)} as sensor", *axes, *more))
+    finite = " and ".join(f"isfinite({axis})" for axis in "xyz")
+    return (
+        f"(select * from (select {columns} from {table(dataset.files)}) "
+        f"where {finite} and sensor is not null)"
+    )
+
+
+def clock(dataset: Dataset) -> str:
+    """The SQL of a number that grows with time: of the clock, or else the row's place in its file.
+
+    It is in seconds, but for a numeric column, which is taken as it is.
+    """
+    column = dataset.column("time")
+    if column is None:
+        return "file_row_number::double"
+    kind = dataset.columns[column.header]
+    if kind.startswith(_NUMERIC):
+        return f"{quoted(column.header)}::double"
+    if kind.startswith(("TIMESTAMP", "DATE")):
+        return f"epoch({quoted(column.header)})"
+    return f"epoch(try_cast({quoted(column.header)} as timestamptz))"
+
+
+def _first_pass(db: Any, dataset: Dataset, channel: Channel) -> None:
+    """The table `sensors`: middle, spread, range, clock and temperature of each."""
+    warm = dataset.column("temperature")
+    numeric = warm is not None and dataset.columns[warm.header].startswith(_NUMERIC)
+    degrees = f"{quoted(warm.header)}::double" if warm and numeric else "null::double"
+    size = "sqrt(x * x + y * y + z * z)"
+    ends = ", ".join(f"min({a}) as low_{a}, max({a}) as high_{a}" for a in "xyz")
+    centre = ", ".join(f"avg({a}) as centre_{a}" for a in "xyz")
+    scale = "sqrt(var_pop(x) + var_pop(y) + var_pop(z)) as scale"
+    source = readings(dataset, channel, f"{clock(dataset)} as t", f"{degrees} as warm")
+    db.execute("drop table if exists sensors")
+    db.execute(
+        "create temp table sensors as "
+        "select row_number() over (order by sensor) - 1 as id, sensor::varchar as name, * from ("
+        f"select sensor, count(*) as count, {centre}, {scale}, {ends}, avg({size}) as magnitude, "
+        f"stddev_pop({size}) as magnitude_sd, min(t) filter (isfinite(t)) as first, "
+        "max(t) filter (isfinite(t)) as last, "
+        "avg(warm) filter (isfinite(warm)) as temperature "
+        f"from {source} group by sensor) order by id"
+    )
+
+
+def _second_pass(db: Any, dataset: Dataset, channel: Channel, n: int) -> Array:
+    """The 35 sums about each sensor's own middle, and how many readings are at an end, (n, 36)."""
+    pairs = ", ".join(f"{p} * {q} as {p}{q}" for p, q in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    about = ", ".join(f"(r.{a} - centre_{a}) / scale as {a}" for a in "xyz")
+    ends = " or ".join(f"r.{a} = low_{a} or r.{a} = high_{a}" for a in "xyz")
+    products = ", ".join(f"sum({_product(e)}) as m{k}" for k, e in enumerate(EXPONENTS) if k)
+    return per_sensor(
+        db,
+        n,
+        "count(*) as m0, " + products + ", count_if(at_end) as m35",
+        f"select *, {pairs} from (select id, {about}, {ends} as at_end "
+        f"from {readings(dataset, channel)} r join sensors using (sensor) where scale > 0)",
+    )
+
+
+def _product(exponents: tuple[int, ...]) -> str:
+    """x^a y^b z^c by the products of two that are at hand.
+
+    >>> _product((3, 1, 0)), _product((0, 2, 1)), _product((0, 0, 1))
+    ('xx * xy', 'yy * z', 'z')
+    """
+    letters = "".join(axis * power for axis, power in zip("xyz", exponents, strict=True))
+    return " * ".join(filter(None, (letters[:2], letters[2:])))
+
+
+def per_sensor(db: Any, n: int, sums: str, source: str, by: str = "id") -> Array:
+    """What `sums` makes of the rows of `source` with the same `by`, 0…n−1; (n, k), 0 for none."""
+    found = db.execute(f"select {by} as by_id, {sums} from ({source}) group by by_id").fetchnumpy()
+    rows = _whole(found.pop("by_id"))
+    made = np.zeros((n, len(found)))
+    for k, column in enumerate(found.values()):
+        made[rows, k] = _numbers(column)
+    return made
+
+
+def _all_rows(
+    db: Any, dataset: Dataset, count: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], tuple[tuple[str, int], ...], int]:
+    """Rows of each sensor whatever they hold, sensors without a reading, and nameless rows."""
+    rows = db.execute(f"select count(*) from {table(dataset.files)}").fetchall()[0][0]
+    if rows == count.sum():
+        return count, (), 0
+    n = len(count)
+    every = f"select {quoted(dataset.sensor)} as sensor from {table(dataset.files)}"
+    total = per_sensor(db, n, "count(*)", f"select id from ({every}) join sensors using (sensor)")
+    empty = db.execute(
+        f"select sensor::varchar, count(*) from ({every}) anti join sensors using (sensor) "
+        "where sensor is not null group by sensor order by 1"
+    ).fetchall()
+    nameless = db.execute(f"select count(*) from ({every}) where sensor is null").fetchall()
+    return total[:, 0].astype(np.int64), tuple(empty), int(nameless[0][0])
+
+
+def _clock(known: dict[str, Any], dataset: Dataset) -> tuple[Array, Array]:
+    """Start in Unix seconds and duration of each sensor, NaN where the clock does not tell."""
+    first, last = _numbers(known["first"]), _numbers(known["last"])
+    column = dataset.column("time")
+    if column is None or not len(first):
+        return np.full(len(first), np.nan), np.full(len(first), np.nan)
+    per_second = _per_second(column, first, dataset)
+    first, last = first / per_second, last / per_second
+    low, high = _UNIX_SECONDS
+    dated = (first > low) & (first < high)
+    return np.where(dated, first, np.nan), last - first
+
+
+def _per_second(column: Column, first: Array, dataset: Dataset) -> float:
+    """How many of the clock's units a second has; by their size where the header does not say."""
+    if not dataset.columns[column.header].startswith(_NUMERIC):
+        return 1.0
+    if column.unit:
+        return 1 / column.quantity.units[column.unit][0]
+    middle = float(np.nanmedian(first)) if np.isfinite(first).any() else np.nan
+    low, high = _UNIX_SECONDS
+    for per_second in (1.0, 1e3, 1e6, 1e9):
+        if low < middle / per_second < high:
+            return per_second
+    return 1.0
+
+
+def _temperature(values: Array, dataset: Dataset) -> Array:
+    column = dataset.column("temperature")
+    factor, offset = column.quantity.units[column.unit] if column and column.unit else (1.0, 0.0)
+    return np.asarray(factor * values + offset)
+
+
+def _numbers(column: Any) -> Array:
+    """A column as float64, NaN where it is null."""
+    return np.asarray(np.ma.filled(np.ma.asarray(column, dtype=np.float64), np.nan))
+
+
+def _whole(column: Any) -> NDArray[np.int64]:
+    return np.asarray(np.ma.getdata(column), dtype=np.int64)

@@ -1,0 +1,239 @@
+"""A mission: a record in one file or many, longer than memory, read piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from agonic.errors import LogError
+from agonic.logs import parquet
+from agonic.logs.columns import identified
+from agonic.logs.large.blocks import ROWS as STRIP
+from agonic.logs.large.blocks import Strip, kept, layout, swept
+from agonic.logs.read import open_log
+from agonic.logs.table import log_of_table
+from agonic.provenance import Input, sha256_of
+from agonic.samples import COLUMNS, Samples
+
+ROWS = 262_144
+"""Rows in a piece: some tens of megabytes with all that is computed from them."""
+
+_HEAD = 16_384
+"""Rows that tell what the columns are."""
+_COMPANIONS = tuple(name for name in COLUMNS if name not in ("time", "field"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mission:
+    """The readings of one magnetometer over files that follow each other in time.
+
+    `files` with their checksums; `rows` how many they hold; `sensor`, `unit` as for `ag.read`;
+    `epoch` the UTC moment from which all times are counted, where it was given.
+    """
+
+    files: tuple[Path, ...]
+    inputs: tuple[Input, ...]
+    rows: int
+    sensor: str | int | None = None
+    unit: str | None = None
+    epoch: datetime | None = None
+    piece: int = ROWS
+    strip: int = STRIP
+
+    def pieces(self, without: tuple[str, ...] = ()) -> Iterator[Samples]:
+        """The readings in order of time, piece by piece, times counted from one epoch.
+
+        Parameters: `without`, columns of `Samples` that are not needed and not read.
+
+        Raises `LogError` where the files do not follow each other in time.
+        """
+        epoch, last = self.epoch, None
+        for path, source in zip(self.files, self.inputs, strict=True):
+            for samples in self._of_file(path, source, without):
+                epoch = epoch or samples.epoch
+                shifted = _counted_from(samples, epoch, given=self.epoch is not None)
+                if shifted.time is None:
+                    raise LogError("a mission needs times; this file has none", path=path)
+                if last is not None and shifted.time[0] <= last:
+                    raise _out_of_order(path)
+                last = float(shifted.time[-1])
+                yield shifted
+
+    def head(self) -> Samples:
+        """The first rows: name, unit, frame and epoch of all."""
+        return self._head(self.files[0], self.inputs[0])
+
+    def _head(self, path: Path, source: Input) -> Samples:
+        return next(replace(self, piece=_HEAD)._of_file(path, source, _COMPANIONS))
+
+    def sensors(self) -> tuple[str, ...]:
+        """The magnetometers that have columns of their own; none where a column names them."""
+        path = self.files[0]
+        if not _is_parquet(path):
+            return tuple(samples.name for samples in open_log(path, unit=self.unit).sensors)
+        table = next(parquet.batches(path, _HEAD))
+        if "sensor" in identified(table):
+            return ()
+        log = log_of_table(
+            table, path=path, source=self.inputs[0], format="Parquet table", unit=self.unit
+        )
+        return tuple(samples.name for samples in log.sensors)
+
+    def strips(self, *, timed: bool = True) -> Iterator[Strip]:
+        """The readings alone, in order of time, as few operations a row as there can be.
+
+        Parameters: `timed`, whether times are wanted and looked at.
+
+        Raises `LogError` where the files do not follow each other in time.
+        """
+        epoch, last = self.epoch, -np.inf
+        for path, source in zip(self.files, self.inputs, strict=True):
+            head = self._head(path, source)
+            epoch = epoch or head.epoch
+            shifted = _counted_from(head, epoch, given=self.epoch is not None)
+            shift = 0.0
+            if head.time is not None and shifted.time is not None:
+                shift = float(shifted.time[0] - head.time[0])
+                if shifted.time[0] <= last:
+                    raise _out_of_order(path)
+            elif len(self.files) > 1:
+                raise LogError("several files need times to follow each other", path=path)
+            for strip in self._strips_of_file(path, source, head, shift, timed):
+                if strip.time is not None and len(strip):
+                    last = float(strip.time[-1])
+                yield strip
+
+    def _strips_of_file(
+        self, path: Path, source: Input, head: Samples, shift: float, timed: bool
+    ) -> Iterator[Strip]:
+        of = None
+        if _is_parquet(path):
+            of = layout(next(parquet.batches(path, _HEAD)), head, self.unit)
+        if of is not None:
+            yield from swept(path, replace(of, begun=of.begun + shift), self.strip, timed=timed)
+            return
+        last = -np.inf
+        for samples in self._of_file(path, source, _COMPANIONS):
+            time = None if samples.time is None or not timed else samples.time + shift
+            x, y, z = samples.field.T
+            strip = kept(Strip((x, y, z), 1.0, time, samples.rejected), last)
+            if strip.time is not None and len(strip):
+                last = float(strip.time[-1])
+            yield strip
+
+    def _of_file(self, path: Path, source: Input, without: tuple[str, ...]) -> Iterator[Samples]:
+        chosen = 0 if self.sensor is None else self.sensor
+        if not _is_parquet(path):
+            whole = open_log(path, unit=self.unit).sensor(chosen)
+            rows = np.arange(len(whole))
+            for start in range(0, len(whole), self.piece):
+                yield whole.select(rows[start : start + self.piece])
+            return
+        for table in parquet.batches(path, self.piece, without):
+            log = log_of_table(
+                table, path=path, source=source, format="Parquet table", unit=self.unit
+            )
+            yield log.sensor(chosen)
+
+
+def open_mission(
+    paths: Iterable[Path | str],
+    *,
+    sensor: str | int | None = None,
+    unit: str | None = None,
+    date: str | None = None,
+    piece: int = ROWS,
+) -> Mission:
+    """A record in several files, to be read piece by piece; Parquet is never read whole.
+
+    Parameters
+    ----------
+    paths : the files, in order of time.
+    sensor, unit : as for `ag.read`.
+    date : of time zero (UTC), for files that count their times from no known moment.
+    piece : rows read at a time.
+
+    Returns a `Mission`; `fit_mission` and `fit_recording` take it.
+
+    Raises `LogError` where a file cannot be read.
+
+    Source: a reader of agonic's own over pyarrow's record batches.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "log.csv")
+    ...     _ = path.write_text("time_s,mag_x_nT,mag_y_nT,mag_z_nT\\n0,1,2,3\\n1,4,5,6\\n")
+    ...     [len(samples) for samples in open_mission([path], piece=1).pieces()]
+    [1, 1]
+    """
+    files = tuple(Path(path) for path in paths)
+    if not files:
+        raise LogError("no files were named")
+    missing = [file for file in files if not file.is_file()]
+    if missing:
+        raise LogError("there is no such file", path=missing[0])
+    counts = [_rows(file) for file in files]
+    inputs = tuple(
+        Input(name=file.name, sha256=sha256_of(file), count=count)
+        for file, count in zip(files, counts, strict=True)
+    )
+    epoch = None if date is None else _moment(date)
+    return Mission(
+        files=files,
+        inputs=inputs,
+        rows=sum(counts),
+        sensor=sensor,
+        unit=unit,
+        epoch=epoch,
+        piece=piece,
+    )
+
+
+def _out_of_order(path: Path) -> LogError:
+    return LogError(
+        "its readings do not come after those before; name the files in order of time, each once",
+        path=path,
+    )
+
+
+def is_long(paths: Sequence[Path], rows: int) -> bool:
+    """Whether files are several, or a Parquet table of more than so many rows."""
+    if len(paths) != 1:
+        return True
+    path = paths[0]
+    return path.is_file() and _is_parquet(path) and parquet.rows(path) > rows
+
+
+def _rows(path: Path) -> int:
+    return parquet.rows(path) if _is_parquet(path) else len(open_log(path).sensors[0])
+
+
+def _is_parquet(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return parquet.accepts(stream.read(4))
+
+
+def _counted_from(samples: Samples, epoch: datetime | None, *, given: bool) -> Samples:
+    """The samples with their times counted from an epoch; theirs must be known, unless given."""
+    if samples.time is None or samples.epoch == epoch:
+        return samples
+    if epoch is None or (samples.epoch is None and not given):
+        raise LogError("some of the files know their date and some do not; give the date")
+    if samples.epoch is None:
+        return replace(samples, epoch=epoch)
+    shift = (samples.epoch - epoch).total_seconds()
+    return replace(samples, time=samples.time + shift, epoch=epoch)
+
+
+def _moment(date: str) -> datetime:
+    try:
+        moment = datetime.fromisoformat(date)
+    except ValueError:
+        raise LogError(f"{date!r} is not a date such as 2026-05-01") from None
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -1,0 +1,42 @@
+"""NumPy archives, `.npz`: arrays named as the columns of a table are; see `columns`, `arrays`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from agonic.errors import LogError
+from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.log import Log
+from agonic.logs.stacked import table_of_arrays
+from agonic.logs.table import log_of_table
+from agonic.provenance import Input
+
+_ZIP = b"PK\x03\x04"
+_END_BYTES = 22
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file that starts with these bytes is a ZIP archive of NumPy arrays."""
+    length = int.from_bytes(head[26:28], "little")
+    return head.startswith(_ZIP) and head[30 : 30 + length].endswith(b".npy")
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that an archive is; `unit` is that of the field where no array names one."""
+    if _count(path) > MOST_COLUMNS:
+        raise LogError(f"it holds more than {MOST_COLUMNS} arrays: this is no log")
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    table, others = table_of_arrays(arrays)
+    return log_of_table(
+        table, path=path, source=source, format="NumPy archive", unit=unit, others=others
+    )
+
+
+def _count(path: Path) -> int:
+    """How many files the end record of the archive says there are, without reading the list."""
+    with path.open("rb") as stream:
+        stream.seek(-min(_END_BYTES, path.stat().st_size), 2)
+        return int.from_bytes(stream.read()[10:12], "little")

@@ -1,0 +1,142 @@
+"""Parquet tables, with pyarrow; columns are named as those of a text table are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from queue import Full, Queue
+from threading import Event, Thread
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError, MissingExtraError
+from agonic.logs.columns import positions, understood
+from agonic.logs.log import Log
+from agonic.logs.table import log_of_table
+from agonic.provenance import Input
+
+_MAGIC = b"PAR1"
+_LARGEST_FOOTER = 16_000_000
+"""Bytes; 200 are a column. Far more than a log needs, and refused before it costs anything."""
+
+
+_PLAIN = {"double", "float", *(f"{sign}int{8 << k}" for sign in ("", "u") for k in range(4))}
+_AHEAD = 2
+"""Batches that wait, decoded."""
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file that starts with these bytes is a Parquet file."""
+    return head.startswith(_MAGIC)
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a Parquet table is; `unit` is that of the field where no column names one."""
+    table, facts = tabulated(path)
+    return log_of_table(table, path=path, source=source, unit=unit, **facts)
+
+
+def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The columns that are understood, by header, and what to tell of the file."""
+    with _opened(path) as file:
+        schema = file.schema
+        headers = [schema.column(i).path for i in range(len(schema))]
+        wanted = positions(headers)
+        columns = file.read(columns=list(wanted.values())).flatten()
+    table = {
+        name: columns.column(name).to_numpy()
+        for name in columns.column_names
+        if name in wanted.values()
+    }
+    others = [header for i, header in enumerate(headers) if i not in wanted]
+    return table, {"format": "Parquet table", "others": others}
+
+
+def rows(path: Path) -> int:
+    """How many rows a Parquet table has, by its footer."""
+    with _opened(path) as file:
+        return int(file.metadata.num_rows)
+
+
+def batches(path: Path, size: int, without: tuple[str, ...] = ()) -> Iterator[dict[str, Any]]:
+    """The columns that are understood, `size` rows at a time.
+
+    `without` are columns of `Samples` to leave out. Pages are decoded as they are needed, so that
+    a row group as large as the file does no harm.
+    """
+    with _opened(path) as file:
+        schema = file.schema
+        wanted = [
+            name
+            for name in positions([schema.column(i).path for i in range(len(schema))]).values()
+            if (column := understood(name)) is None or column.quantity.column not in without
+        ]
+        for batch in file.iter_batches(batch_size=size, columns=wanted, use_threads=False):
+            yield _arrays(batch)
+
+
+def ahead(path: Path, size: int, headers: list[str]) -> Iterator[dict[str, NDArray[Any]]]:
+    """Some columns, `size` rows at a time, decoded ahead of whoever works on them.
+
+    A thread decodes the next few while the last are at work; nulls become NaN.
+    """
+    queue: Queue[dict[str, NDArray[Any]] | BaseException | None] = Queue(maxsize=_AHEAD)
+    stopped = Event()
+
+    def put(item: dict[str, NDArray[Any]] | BaseException | None) -> bool:
+        while not stopped.is_set():
+            try:
+                queue.put(item, timeout=0.1)
+            except Full:
+                continue
+            return True
+        return False
+
+    def decode() -> None:
+        try:
+            with _opened(path) as file:
+                for batch in file.iter_batches(batch_size=size, columns=headers):
+                    if not put(_arrays(batch)):
+                        return
+            put(None)
+        except BaseException as error:  # told to whoever waits for the rows
+            put(error)
+
+    reader = Thread(target=decode, daemon=True)
+    reader.start()
+    try:
+        while (item := queue.get()) is not None:
+            if isinstance(item, BaseException):
+                raise item
+            yield item
+    finally:
+        stopped.set()
+        reader.join()
+
+
+def _arrays(batch: Any) -> dict[str, NDArray[Any]]:
+    """The columns of a record batch; nulls become NaN."""
+    return {
+        name: _array(column) for name, column in zip(batch.schema.names, batch.columns, strict=True)
+    }
+
+
+def _array(column: Any) -> NDArray[Any]:
+    """A column as an array; plain numbers are not copied, and spare the import of pandas."""
+    if column.null_count == 0 and str(column.type) in _PLAIN:
+        return np.asarray(np.from_dlpack(column))
+    return np.asarray(column.to_numpy(zero_copy_only=False))
+
+
+def _opened(path: Path) -> Any:
+    try:
+        from pyarrow.parquet import ParquetFile
+    except ImportError:
+        raise MissingExtraError("reading a Parquet file", "tables") from None
+    with path.open("rb") as stream:
+        stream.seek(-min(8, path.stat().st_size), 2)
+        if int.from_bytes(stream.read(4), "little") > _LARGEST_FOOTER:
+            raise LogError("its list of columns is too long for a log, or damaged")
+    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 20)

@@ -1,0 +1,154 @@
+"""What a PX4 log holds beside the magnetometer: attitude, motion, power, place and clock.
+
+`vehicle_attitude.q` is w, x, y, z (Hamilton) and turns components in body axes (forward, right,
+down) into north, east, down. Names and units of the topics: PX4-Autopilot, msg/, of any version.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.logs.resample import resample
+
+FloatArray = NDArray[np.float64]
+Topic = Mapping[str, NDArray[Any]]
+Topics = Mapping[str, Topic]
+
+ATTITUDE, MOTION = "vehicle_attitude[0]", "sensor_combined[0]"
+GPS = ("vehicle_gps_position[0]", "sensor_gps[0]")
+ESTIMATED_PLACE = "vehicle_global_position[0]"
+BATTERY = "battery_status"
+CONTROLS, THRUST = "actuator_controls_0[0]", "vehicle_thrust_setpoint[0]"
+BESIDE = tuple(
+    name.removesuffix("[0]")
+    for name in (ATTITUDE, MOTION, *GPS, ESTIMATED_PLACE, BATTERY, CONTROLS, THRUST)
+)
+"""The topics that are read."""
+
+_UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_YEAR_2001_US, _YEAR_2096_US = 1e15, 4e15
+_LONGEST_RUN_US = 1e14  # three years; what lies above is damage
+
+
+def alongside(topics: Topics, time: FloatArray, rotation_bm: Rotation | None) -> dict[str, Any]:
+    """Attitude, motion, power and place at the times of the magnetometer.
+
+    Acceleration and rotation rate are logged in body axes; they are turned into those of the
+    magnetometer, and left out where the turn is not known.
+    """
+    attitude, motion = topics.get(ATTITUDE, {}), topics.get(MOTION, {})
+    columns: dict[str, Any] = dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"))
+    if (q := vector(attitude, *(f"q[{i}]" for i in range(4)))) is not None:
+        q[np.abs(np.linalg.norm(q, axis=1) - 1) > 0.1] = np.nan
+        for name, angle in zip(columns, euler_deg(q), strict=True):
+            columns[name] = resample(time_s(attitude), angle, time, period=360.0)
+    for name, logged in (("acceleration", "accelerometer_m_s2"), ("rotation_rate", "gyro_rad")):
+        body = vector(motion, *(f"{logged}[{i}]" for i in range(3)))
+        if body is not None and rotation_bm is not None:
+            columns[name] = resample(time_s(motion), rotation_bm.apply(body, inverse=True), time)
+    return columns | _power(topics, time) | _place(topics, time)
+
+
+def _power(topics: Topics, time: FloatArray) -> dict[str, Any]:
+    """Current of the first battery that measures one (negative: unknown), and throttle 0…1."""
+    columns: dict[str, Any] = {}
+    for name in sorted(name for name in topics if name.startswith(BATTERY)):
+        current = _scaled(topics[name], 1.0, "current_a")
+        if current is not None and (current > 0).any():
+            known = np.where(current >= 0, current, np.nan)
+            columns["current_A"] = resample(time_s(topics[name]), known, time)
+            break
+    controls, thrust = topics.get(CONTROLS, {}), topics.get(THRUST, {})
+    if "control[3]" in controls:
+        columns["throttle"] = resample(time_s(controls), controls["control[3]"], time)
+    elif (xyz := vector(thrust, "xyz[0]", "xyz[1]", "xyz[2]")) is not None:
+        columns["throttle"] = resample(time_s(thrust), np.linalg.norm(xyz, axis=1), time)
+    return columns
+
+
+def _place(topics: Topics, time: FloatArray) -> dict[str, Any]:
+    """Position from GPS where it has a three-dimensional fix, else the vehicle's estimate."""
+    for name in (*GPS, ESTIMATED_PLACE):
+        topic = topics.get(name, {})
+        latitude = _scaled(topic, 1e7, "lat", "latitude_deg")
+        longitude = _scaled(topic, 1e7, "lon", "longitude_deg")
+        altitude = _scaled(
+            topic, 1e3, "alt_ellipsoid", "altitude_ellipsoid_m", "alt", "altitude_msl_m"
+        )
+        if latitude is None or longitude is None:
+            continue
+        fixed = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180) & (latitude != 0)
+        if "fix_type" in topic:
+            fixed &= topic["fix_type"] >= 3
+        if fixed.any():
+            since = time_s(topic)[fixed]
+            return {
+                "latitude_deg": resample(since, latitude[fixed], time),
+                "longitude_deg": resample(since, longitude[fixed], time, period=360.0),
+                "altitude_m": None if altitude is None else resample(since, altitude[fixed], time),
+            }
+    return {}
+
+
+def _scaled(topic: Topic, per_unit: float, *names: str) -> FloatArray | None:
+    """The first of these columns that holds anything; older messages count whole numbers."""
+    for name in names:
+        if name in topic and topic[name].any():
+            whole = topic[name].dtype.kind in "iu"
+            return topic[name].astype(np.float64) / (per_unit if whole else 1.0)
+    return None
+
+
+def vector(topic: Topic, *names: str) -> FloatArray | None:
+    """These columns side by side, (n, …), if all are there."""
+    if not set(names) <= set(topic):
+        return None
+    return np.stack([topic[name] for name in names], axis=1).astype(np.float64)
+
+
+def temperature(topic: Topic, time: FloatArray) -> FloatArray | None:
+    """The sensor's own temperature, °C; zero throughout means that it has none."""
+    values = topic.get("temperature", np.zeros(0))
+    return resample(time, values, time) if np.nan_to_num(values).any() else None
+
+
+def time_s(topic: Topic) -> FloatArray:
+    """Seconds since boot: when it was sampled where that is logged, else when it was published."""
+    sampled = topic.get("timestamp_sample")
+    chosen = topic["timestamp"] if sampled is None or not sampled.all() else sampled
+    return chosen.astype(np.float64) / 1e6
+
+
+def utc_of_boot(topics: Topics) -> datetime | None:
+    """The median over the GPS messages that know the time, less the seconds since boot."""
+    for name in GPS:
+        topic = topics.get(name, {})
+        if "time_utc_usec" in topic:
+            utc = topic["time_utc_usec"].astype(np.float64)
+            boot = topic["timestamp"] + topic.get("timestamp_time_relative", 0.0)
+            known = (utc > _YEAR_2001_US) & (utc < _YEAR_2096_US) & (boot < _LONGEST_RUN_US)
+            if known.any():
+                return _UNIX_EPOCH + timedelta(microseconds=float(np.median((utc - boot)[known])))
+    return None
+
+
+def euler_deg(quat_wxyz: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Roll, pitch, heading in degrees, (n,) each, of q (n, 4) from body to north-east-down.
+
+    heading 0…360, of the yaw-pitch-roll sequence; q may have any length but zero.
+
+    >>> [a.round(9).tolist() for a in euler_deg([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])]
+    [[0.0], [0.0], [90.0]]
+    """
+    q = np.asarray(quat_wxyz, dtype=np.float64)
+    w, x, y, z = (q / np.linalg.norm(q, axis=-1, keepdims=True)).T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return np.degrees(roll), np.degrees(pitch), np.degrees(heading) % 360.0

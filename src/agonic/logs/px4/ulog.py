@@ -1,0 +1,205 @@
+"""Reading PX4 logs, `.ulg`, with pyulog.
+
+The magnetometers come out as their sensors measured them, in the sensors' own axes; what the
+vehicle corrects them with is kept as `logged`. Attitude and position are those of the autopilot.
+"""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stdout
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agonic.errors import LogError, MissingExtraError
+from agonic.logs.log import Log, Stream
+from agonic.logs.px4.parameters import Parameters, recover
+from agonic.logs.px4.topics import (
+    BESIDE,
+    FloatArray,
+    Topic,
+    Topics,
+    alongside,
+    temperature,
+    time_s,
+    utc_of_boot,
+    vector,
+)
+from agonic.logs.resample import ESTIMATED_ATTITUDE, misplaced, rate_Hz
+from agonic.provenance import Input
+from agonic.samples import Samples
+from agonic.units import NANOTESLA_PER
+
+RAW, CORRECTED, COMBINED = "sensor_mag", "vehicle_magnetometer", "sensor_combined"
+_GAUSS = tuple(f"magnetometer_ga[{i}]" for i in range(3))
+AXES = {RAW: ("x", "y", "z"), CORRECTED: _GAUSS, COMBINED: _GAUSS}
+"""The topics with a field, best first, and the columns that hold it, gauss."""
+
+_HEADER_SIZE = 3  # of a ULog message: length and type
+_SHORTEST_STEP_S = 5e-4  # repeated readings keep their time but for some microseconds
+_NO_NEW_READING = 0x7FFFFFFF  # as magnetometer_timestamp_relative
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file that starts with these bytes is a PX4 log.
+
+    >>> accepts(bytes.fromhex("554c6f67011235") + b"more"), accepts(b"FMT, 128, 89")
+    (True, False)
+    """
+    return head.startswith(b"ULog\x01\x12\x35")
+
+
+def read(path: Path, source: Input) -> Log:
+    """The magnetometers of a PX4 log with all that was recorded beside them.
+
+    Topics that have no bearing on a magnetometer are neither decoded nor listed. Raises `LogError`
+    where the file cannot be read or holds no magnetometer, `MissingExtraError` without pyulog.
+    """
+    ulog = _parsed(path)
+    topics = {f"{d.name}[{d.multi_id}]": d.data for d in ulog.data_list if "timestamp" in d.data}
+    names = _magnetometers(topics)
+    sensors, left_out = [], []
+    for name in names:
+        try:
+            sensors.append(_samples(name, topics, ulog.initial_parameters, source))
+        except LogError as error:
+            left_out.append(f"{name} was left out: {error}")
+    if not sensors:
+        reasons = f" ({'; '.join(left_out)})" if left_out else ""
+        raise LogError(
+            f"holds no readings of {RAW}, {CORRECTED} or {COMBINED}.magnetometer_ga{reasons}; "
+            "log sensor_mag and record again",
+            path=path,
+        )
+    others = {name: time_s(topic) for name, topic in sorted(topics.items()) if name not in names}
+    return Log(
+        path=path,
+        format="PX4 ULog",
+        source=source,
+        sensors=tuple(sensors),
+        stack="px4",
+        streams=tuple(
+            Stream(name=name, rows=len(time), rate_Hz=rate_Hz(time))
+            for name, time in others.items()
+        ),
+        notes=(*_notes(ulog), *left_out),
+    )
+
+
+def _parsed(path: Path) -> Any:
+    """The log as pyulog understands it, without what it prints on the way."""
+    try:
+        from pyulog import ULog
+    except ImportError:
+        raise MissingExtraError("reading a PX4 log", "px4") from None
+    with _Forward(path.open("rb", buffering=0)) as stream, redirect_stdout(io.StringIO()):
+        try:
+            return ULog(stream, (RAW, CORRECTED, *BESIDE))
+        except Exception as error:  # damage makes it fail in many ways
+            raise LogError(
+                f"cannot be read as a PX4 log ({error or type(error).__name__}); "
+                "fetch it again from the vehicle",
+                path=path,
+            ) from error
+
+
+class _Forward(io.BufferedReader):
+    """A file in which pyulog cannot go round in circles.
+
+    Where a file ends among its definitions, pyulog steps back by the length that the last message
+    claims, not by what is left of it, and meets the same bytes for ever (1.3.0, core.py,
+    `_read_file_definitions`). Here a step to before that message ends one byte after its start.
+    """
+
+    _since_header = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data = super().read(size)
+        self._since_header = len(data) + (0 if size == _HEADER_SIZE else self._since_header)
+        return data
+
+    def seek(self, target: int, whence: int = io.SEEK_SET, /) -> int:
+        if whence == io.SEEK_CUR and -target > self._since_header:
+            target = 1 - self._since_header
+        return super().seek(target, whence)
+
+
+def _magnetometers(topics: Topics) -> list[str]:
+    """The raw topics; where there is none, the corrected ones."""
+    for kind, columns in AXES.items():
+        names = [n for n in topics if n.startswith(f"{kind}[") and {*columns} <= {*topics[n]}]
+        if names:
+            return sorted(names)
+    return []
+
+
+@np.errstate(all="ignore")  # damaged numbers overflow; Samples leaves out what is not finite
+def _samples(name: str, topics: Topics, parameters: Parameters, source: Input) -> Samples:
+    """One magnetometer, with everything else at its rows."""
+    topic, time, wrong = _readings(topics[name])
+    gauss = vector(topic, *AXES[name.split("[")[0]])
+    if gauss is None or not len(time):
+        raise LogError("it has no new readings")
+    device_id = int(topic["device_id"][0]) if "device_id" in topic else None
+    recovered = recover(
+        gauss * NANOTESLA_PER["G"],
+        parameters,
+        in_body=not name.startswith(RAW),
+        device_id=device_id,
+        external="is_external" in topic and bool(topic["is_external"][0]),
+    )
+    columns = alongside(topics, time, recovered.rotation_bm)
+    attitude = () if columns["heading_deg"] is None else (ESTIMATED_ATTITUDE,)
+    return Samples(
+        field=recovered.raw,
+        time=time,
+        epoch=utc_of_boot(topics),
+        temperature=temperature(topic, time),
+        **columns,
+        name=name,
+        frame=recovered.frame,
+        device_id=device_id,
+        heading_estimated=bool(attitude),
+        corrected=recovered.corrected,
+        logged=recovered.logged,
+        notes=(*recovered.notes, *attitude),
+        source=replace(source, count=len(time)),
+        rejected={"time out of sequence": wrong} if wrong else {},
+    )
+
+
+def _readings(topic: Topic) -> tuple[Topic, FloatArray, int]:
+    """The new readings of one device, their times in seconds, and how many times made no sense.
+
+    An instance may change hands between devices: the one with most readings is taken.
+    """
+    time, rows = time_s(topic), np.arange(len(topic["timestamp"]))
+    if "device_id" in topic:
+        devices, counts = np.unique(topic["device_id"], return_counts=True)
+        rows = np.flatnonzero(topic["device_id"] == devices[counts.argmax()])
+    if (behind := topic.get("magnetometer_timestamp_relative")) is not None:
+        time = time + behind / 1e6
+        rows = np.flatnonzero(behind != _NO_NEW_READING)
+        rows = rows[np.diff(time[rows], prepend=-np.inf) > _SHORTEST_STEP_S]
+    wrong = misplaced(time[rows])
+    rows = rows[~wrong]
+    return {name: values[rows] for name, values in topic.items()}, time[rows], int(wrong.sum())
+
+
+def _notes(ulog: Any) -> tuple[str, ...]:
+    """Firmware, damage, gaps, and a correction that changed on the way."""
+    notes = []
+    if isinstance(version := ulog.msg_info_dict.get("ver_sw_release"), int):
+        notes.append("firmware PX4 v" + ".".join(str(version >> s & 255) for s in (24, 16, 8)))
+    if ulog.file_corruption:
+        notes.append("the file is damaged; what could be read was read")
+    if ulog.dropouts:
+        lost = sum(dropout.duration for dropout in ulog.dropouts)
+        notes.append(f"the logger dropped out {len(ulog.dropouts)} times, for {lost} ms in all")
+    changed = sorted({name for _, name, _ in ulog.changed_parameters if name.startswith("CAL_MAG")})
+    if changed:
+        notes.append(f"{', '.join(changed)} changed on the way; the first values were used")
+    return tuple(notes)

@@ -1,0 +1,180 @@
+"""CDF files of space missions, with cdflib; what variables are called is told in `spacecraft`."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError, MissingExtraError
+from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.log import Log
+from agonic.logs.space.variables import log_of_variables
+from agonic.provenance import Input
+
+VERSION_3, VERSION_2_6 = b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02"
+
+_EPOCH, _EPOCH16, _TT2000 = 31, 32, 33
+"""Data types of moments: ms since year 0; s and ps since year 0; ns since 2000, leap seconds in."""
+_YEAR_0_MS = 62_167_219_200_000
+"""Milliseconds from 0000-01-01 to 1970-01-01."""
+_MILLISECONDS_10000 = 315_569_520_000_000
+_MOST_DIMENSIONS = 10
+_SQUEEZED = 1100
+"""The most that gzip can shrink: a variable is no larger than this many times its file."""
+_READS = 100_000
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file that starts with these bytes is a CDF file, version 2.6 to 3.
+
+    >>> accepts(bytes.fromhex("cdf30001")), accepts(bytes.fromhex("43444601"))
+    (True, False)
+    """
+    return head.startswith((VERSION_3, VERSION_2_6))
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a CDF file is; `unit` is that of the field where the file does not say.
+
+    Raises `LogError` where it cannot be read or holds no magnetometer, `MissingExtraError`
+    without cdflib.
+    """
+    try:
+        import cdflib
+    except ImportError:
+        raise MissingExtraError("reading a CDF file", "space") from None
+    try:
+        with path.open("rb") as stream:
+            _check(stream)
+        file = cdflib.CDF(path)
+        file._f = _Bounded(file._f, _READS + path.stat().st_size)
+        info = file.cdf_info()
+        names = [*info.zVariables, *info.rVariables]
+    except LogError:
+        raise
+    except Exception as error:  # damage makes it fail in many ways
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise LogError(f"cannot be read as CDF ({reason}); fetch it again") from error
+    variables: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
+    notes: list[str] = []
+    for name in names:
+        try:
+            if (values := _values(file, name, path.stat().st_size)) is not None:
+                variables[name] = values
+                units[name] = _unit(file, name)
+        except Exception as error:
+            notes.append(f"{name} cannot be read ({type(error).__name__}): the file is damaged")
+    return log_of_variables(
+        variables, units, path=path, source=source, format="CDF", unit=unit, notes=tuple(notes)
+    )
+
+
+class _Bounded:
+    """A file that can be read only so often: damaged counts send cdflib round and round."""
+
+    def __init__(self, file: Any, reads: int):
+        self._file, self._left = file, reads
+
+    def read(self, *size: int) -> Any:
+        self._left -= 1
+        if self._left < 0:
+            raise EOFError("too many records")
+        return self._file.read(*size)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def _check(stream: BinaryIO) -> None:
+    """Refuse counts that no file has and that would keep cdflib busy for hours.
+
+    Global descriptor and chains of variables, as the CDF Internal Format Description lays them
+    out (version 3.9, sections 2.2 and 2.3). Compressed files have none to be seen.
+    """
+    head = stream.read(8)
+    if head[4:] != b"\0\0\xff\xff":
+        return
+    wide = head.startswith(VERSION_3)
+    offset, size = (">q", 8) if wide else (">i", 4)
+
+    def number(at: int, form: str = ">i") -> int:
+        stream.seek(max(at, 0))
+        data = stream.read(struct.calcsize(form))
+        if at < 0 or len(data) < struct.calcsize(form):
+            raise LogError("damaged: it ends among its descriptors; fetch it again")
+        return int(struct.unpack(form, data)[0])
+
+    descriptor = number(8 + size + 4, offset)
+    chains = [number(descriptor + size + 4 + k * size, offset) for k in range(2)]
+    counts = [number(descriptor + 5 * size + 4 + 4 * k) for k in range(5)]
+    r_variables, attributes, _, r_dimensions, z_variables = counts
+    for count in (r_variables, z_variables, attributes):
+        _refuse(count, MOST_COLUMNS, "variables or attributes")
+    _refuse(r_dimensions, _MOST_DIMENSIONS, "dimensions")
+    at = chains[1]
+    for _ in range(z_variables):
+        _refuse(number(at + (340 if wide else 128)), _MOST_DIMENSIONS, "dimensions")
+        at = number(at + size + 4, offset)
+
+
+def _refuse(count: int, most: int, what: str) -> None:
+    if not 0 <= count <= most:
+        raise LogError(f"damaged, or no log: it claims {count} {what}; fetch it again")
+
+
+def _values(file: Any, name: str, size: int) -> NDArray[Any] | None:
+    """The values of a variable, a row a record; moments as datetime64; `None` where it is none."""
+    info = file.vdr_info(name)
+    dimensions = [n for n, vary in zip(info.dim_sizes, info.dim_vary, strict=True) if vary]
+    each = int(np.prod(dimensions, dtype=np.int64)) * 16 * max(info.num_elements, 1)
+    if not 0 <= info.max_rec * each <= _SQUEEZED * size:
+        raise ValueError("more records than the file can hold")
+    if not info.record_vary or len(dimensions) > 1:
+        return None
+    values = moments(np.asarray(file.varget(name)), info.data_type)
+    return values if values.ndim else None
+
+
+def moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
+    """Values of one of CDF's three types of time as moments; those of other types as they are.
+
+    >>> moments(np.array([63_113_904_000_000.0, -1e31]), 31).tolist()
+    [datetime.datetime(2000, 1, 1, 0, 0), None]
+    """
+    if data_type == _TT2000:
+        return _of_tt2000(values)
+    if data_type == _EPOCH16:
+        return _of_epoch(values.real * 1e3 + values.imag * 1e-9)
+    return _of_epoch(values) if data_type == _EPOCH else values
+
+
+def _of_epoch(milliseconds: NDArray[np.float64]) -> NDArray[Any]:
+    """Milliseconds since year 0 as moments; what lies outside 0…9999 is no time."""
+    known = (milliseconds > 0) & (milliseconds < _MILLISECONDS_10000)
+    since_1970 = np.where(known, milliseconds, np.nan) - _YEAR_0_MS
+    microseconds = np.round(np.where(known, since_1970, 0.0) * 1e3).astype(np.int64)
+    stamps = microseconds.astype("datetime64[us]")
+    stamps[~known] = np.datetime64("NaT")
+    return stamps
+
+
+def _of_tt2000(nanoseconds: NDArray[np.int64]) -> NDArray[np.datetime64]:
+    """TT2000 as UTC, by cdflib's table of leap seconds."""
+    import cdflib
+
+    known = nanoseconds > np.iinfo(np.int64).min + 1_000
+    stamps = cdflib.cdfepoch.to_datetime(np.where(known, nanoseconds, 0))
+    stamps = np.atleast_1d(stamps).astype("datetime64[us]")
+    stamps[~known] = np.datetime64("NaT")
+    return np.asarray(stamps)
+
+
+def _unit(file: Any, name: str) -> str:
+    """What the file says of a variable's unit."""
+    said = {key.upper(): value for key, value in file.varattsget(name).items()}
+    return str(said.get("UNITS", "")).strip()

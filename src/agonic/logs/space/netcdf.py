@@ -1,0 +1,175 @@
+"""netCDF files: version 4, which is HDF5, with h5py; version 3 with SciPy.
+
+Times follow the CF conventions ("seconds since 2026-01-01"), as do scale, offset and fill value.
+Variables are named as columns are (`columns`) or as magnetic satellites name theirs (`spacecraft`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError, MissingExtraError
+from agonic.logs.clock import clock_of
+from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.log import Log
+from agonic.logs.space.hdf5 import check_heaps
+from agonic.logs.space.variables import log_of_variables
+from agonic.provenance import Input
+
+HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", (b"CDF\x01", b"CDF\x02")
+
+_SINCE = re.compile(r"\s*(?P<unit>[a-z]+)\s+since\s+(?P<start>.+)", re.IGNORECASE)
+_SECONDS = {"d": 86_400.0, "h": 3600.0, "mi": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_SPELLED = {"mil": "ms", "msec": "ms", "mic": "us", "usec": "us", "n": "ns", "min": "mi"}
+_ATTRIBUTES = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value")
+_DIMENSION = b"This is a netCDF dimension but not a netCDF variable"
+_MOST_BYTES = 4_000_000_000
+_MOST_EXTENT_S = 1e11
+
+Found = tuple[NDArray[Any], Mapping[str, Any]]
+"""The values of a variable and its attributes."""
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file that starts with these bytes is netCDF, or another HDF5 file.
+
+    >>> accepts(b"CDF\\x01"), accepts(bytes.fromhex("894844460d0a1a0a")), accepts(b"CDF\\x09")
+    (True, True, False)
+    """
+    return head.startswith((HDF5, *CLASSIC))
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a netCDF file is; `unit` is that of the field where the file does not say.
+
+    Raises `LogError` where it cannot be read or holds no magnetometer, `MissingExtraError` where
+    version 4 is to be read without h5py.
+    """
+    with path.open("rb") as stream:
+        classic = stream.read(4) in CLASSIC
+    try:
+        found, notes = _version_3(path) if classic else _version_4(path)
+    except (LogError, MissingExtraError):
+        raise
+    except Exception as error:  # damage makes both libraries fail in many ways
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise LogError(f"cannot be read as netCDF ({reason}); fetch it again") from error
+    variables: dict[str, NDArray[Any]] = {}
+    for name, (values, attributes) in found.items():
+        variables[name] = _decoded(values, attributes)
+    units = {name: _text(attributes.get("units", "")) for name, (_, attributes) in found.items()}
+    return log_of_variables(
+        variables, units, path=path, source=source, format="netCDF", unit=unit, notes=tuple(notes)
+    )
+
+
+def _version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
+    """The variables of one or two dimensions, those of groups by `group.name`, and notes."""
+    try:
+        import h5py
+    except ImportError:
+        raise MissingExtraError("reading a netCDF-4 file", "space") from None
+    check_heaps(path)
+    found: dict[str, Found] = {}
+    notes: list[str] = []
+    with h5py.File(path, "r") as file:
+        items = dict(file.items())
+        for group in [name for name, item in items.items() if isinstance(item, h5py.Group)]:
+            items |= {f"{group}.{name}": item for name, item in items.pop(group).items()}
+        if len(items) > MOST_COLUMNS:
+            raise LogError(f"it holds more than {MOST_COLUMNS} variables: this is no log")
+        for name, item in items.items():
+            if isinstance(name, bytes):
+                continue  # its name is no text: it is damaged
+            try:
+                if isinstance(item, h5py.Dataset) and 1 <= item.ndim <= 2 and _is_variable(item):
+                    found[str(name)] = np.asarray(item[()]), _attributes(item.attrs)
+            except Exception as error:
+                notes.append(f"{name} cannot be read ({type(error).__name__}): it is damaged")
+    return found, notes
+
+
+def _attributes(given: Any) -> dict[str, Any]:
+    """The attributes that matter, where they are numbers or texts.
+
+    HDF5 does not survive damaged ones of other kinds that have no fixed length.
+    """
+    types = {key: given.get_id(key).dtype for key in _ATTRIBUTES if key in given}
+    return {
+        key: given[key]
+        for key, kind in types.items()
+        if kind.kind != "O" or (kind.metadata or {}).get("vlen") is str
+    }
+
+
+def _is_variable(item: Any) -> bool:
+    """Not a mere dimension, and not larger than memory."""
+    named = "NAME" in item.attrs and item.attrs.get_id("NAME").dtype.kind == "S"
+    mere = named and item.attrs["NAME"].startswith(_DIMENSION)
+    return not mere and int(np.prod(item.shape, dtype=np.float64)) * 8 < _MOST_BYTES
+
+
+def _version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path, "r", mmap=False) as file:
+        return {
+            name: (np.array(variable.data), dict(vars(variable)["_attributes"]))
+            for name, variable in file.variables.items()
+            if 1 <= variable.data.ndim <= 2
+        }, []
+
+
+def _decoded(values: NDArray[Any], attributes: Mapping[str, Any]) -> NDArray[Any]:
+    """What the numbers stand for: unscaled, fill values missing, moments as datetime64."""
+    if values.dtype.kind in "OS":
+        return np.array([_text(value) for value in values.ravel()], dtype=object).reshape(
+            values.shape
+        )
+    if values.dtype.kind not in "fiu":
+        return values
+    numbers = values.astype(values.dtype.newbyteorder("="))
+    missing = [attributes[key] for key in ("_FillValue", "missing_value") if key in attributes]
+    scale = float(np.ravel(attributes.get("scale_factor", 1.0))[0])
+    offset = float(np.ravel(attributes.get("add_offset", 0.0))[0])
+    since = _SINCE.fullmatch(_text(attributes.get("units", "")))
+    if missing or since or (scale, offset) != (1.0, 0.0):
+        gone = np.isin(numbers, [value for m in missing for value in np.ravel(m)])
+        numbers = np.where(gone, np.nan, numbers * scale + offset)
+    return _moments(numbers, since) if since and numbers.ndim == 1 else numbers
+
+
+def _moments(numbers: NDArray[np.float64], since: re.Match[str]) -> NDArray[Any]:
+    """Numbers of days, hours, seconds … since a moment, as moments to the microsecond."""
+    word = since["unit"].lower()
+    name = next((ours for start, ours in _SPELLED.items() if word.startswith(start)), None)
+    name = name or next((n for n in ("ms", "us", "ns", "d", "h", "s") if word.startswith(n)), "")
+    _, start, _ = clock_of(np.array([_clean(since["start"])], dtype=object), None)
+    if start is None or name not in _SECONDS:
+        return numbers
+    seconds = numbers * _SECONDS[name]
+    known = np.abs(seconds) < _MOST_EXTENT_S
+    steps = np.round(np.where(known, seconds, 0.0) * 1e6).astype("timedelta64[us]")
+    stamps = np.datetime64(start.replace(tzinfo=None), "us") + steps
+    stamps[~known] = np.datetime64("NaT")
+    return np.asarray(stamps)
+
+
+def _clean(moment: str) -> str:
+    """A CF reference time as ISO 8601: without the name of the zone, with two-digit parts.
+
+    >>> _clean("2000-1-1 0:0:0 UTC")
+    '2000-01-01 00:00:00'
+    """
+    plain = re.sub(r"\s*(UTC|GMT|Z)\s*$", "", moment.strip(), flags=re.IGNORECASE)
+    return re.sub(r"(?<!\d)(\d)(?!\d)", r"0\1", plain) if "." not in plain else plain
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

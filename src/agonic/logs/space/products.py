@@ -1,0 +1,209 @@
+"""What magnetic satellites call their variables, as tables under the canonical names.
+
+Swarm, CryoSat-2, GRACE and CHAMP data as ESA and VirES write them, in CDF, netCDF or text:
+Timestamp; Latitude, Longitude and Radius, geocentric; vectors in nT named for their frame (`B_VFM`,
+`B_NEC`); `F`, the scalar instrument; `q_NEC_CRF`, which turns vectors of the star camera frame into
+north-east-centre, scalar last; and flags, where 255 is "no data" (Swarm Level 1b Product
+Definition, SW-RS-DSC-SY-0007; CDF format, SW-ID-GMV-GS-0006).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.errors import LogError
+from agonic.logs.log import Log, Stream
+from agonic.logs.space import scalar
+from agonic.logs.table import log_of_table
+from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
+from agonic.maths.rotations.attitude import angles_deg
+from agonic.provenance import Input
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+Variables = Mapping[str, NDArray[Any]]
+
+FRAMES = {"VFM": "m", "FGM": "m", "CRF": "c", "NEC": "n"}
+"""The letter of the axes in the name of a vector. NEC ends in the centre of the Earth, not in the
+nadir of the ellipsoid; NEC components are turned into north, east, down."""
+NO_DATA = 255
+NOMINAL = (0, 1)
+"""Flags of readings to trust; 1 is another mode of the scalar instrument."""
+
+_VECTOR = re.compile(rf"B_({'|'.join(FRAMES)})\d?")
+_ATTITUDE = "q_NEC_CRF"
+_SAME_TURN = 0.01
+"""Share of the field by which B_VFM and B_NEC may differ after the camera's attitude."""
+
+
+def is_spacecraft(variables: Variables) -> bool:
+    """Whether a vector is named as magnetic satellites name theirs.
+
+    >>> is_spacecraft({"B_NEC": np.zeros((1, 3))}), is_spacecraft({"mag_x_nT": np.zeros(1)})
+    (True, False)
+    """
+    return bool(_vectors(variables))
+
+
+def log_of_spacecraft(
+    variables: Variables, *, path: Path, source: Input, format: str, notes: tuple[str, ...] = ()
+) -> Log:
+    """The log that the variables are, a sensor for each vector, those in sensor axes first.
+
+    `variables` (n,), (n, 3) or (n, 4) by name, in nT, degrees and m; `Timestamp` as datetime64.
+    """
+    rows = len(variables[_vectors(variables)[0]])
+    fitting = {name: values for name, values in variables.items() if len(values) == rows}
+    shared, remarks, used = _shared(fitting)
+    sensors: list[Samples] = []
+    failures: list[str] = []
+    for name in _vectors(fitting):
+        try:
+            table, notes_of_it = _table(name, fitting, shared)
+            log = log_of_table(
+                table, path=path, source=source, format=format, remarks=(*remarks, *notes_of_it)
+            )
+        except LogError as error:
+            failures.append(f"{name}: {error}")
+            continue
+        sensors += [s.with_columns(name=_named(name, s.name)) for s in log.sensors]
+    if not sensors:
+        raise LogError(f"{'; '.join(failures)}; fetch the file again")
+    others = [n for n in variables if n not in {*used, *_vectors(fitting)}]
+    return Log(
+        path=path,
+        format=format,
+        source=source,
+        sensors=tuple(sensors),
+        streams=tuple(Stream(name=n, rows=len(variables[n])) for n in others),
+        notes=(*notes, *failures),
+    )
+
+
+def _vectors(variables: Variables) -> list[str]:
+    """The names of the vectors of a magnetometer, sensor axes first."""
+    names = [
+        name
+        for name, values in variables.items()
+        if _VECTOR.fullmatch(name) and values.ndim == 2 and values.shape[1] == 3
+    ]
+    return sorted(names, key=lambda name: list(FRAMES).index(name.split("_")[1][:3]))
+
+
+def _named(vector: str, label: str) -> str:
+    """The vector's name, after that of its spacecraft where there are several."""
+    return vector if label == "mag" else f"{label} {vector}"
+
+
+def _shared(variables: Variables) -> tuple[dict[str, NDArray[Any]], list[str], set[str]]:
+    """Time and place, flags, spacecraft: what goes with every vector; notes; and what was used."""
+    table: dict[str, NDArray[Any]] = {}
+    remarks: list[str] = []
+    if "Timestamp" in variables:
+        table["time"] = variables["Timestamp"]
+    places = ("Latitude", "Longitude", "Radius")
+    if all(name in variables for name in places):
+        latitude, longitude, height = from_geocentric(*(variables[name] for name in places))
+        table |= {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": height}
+        remarks.append("latitude and radius are geocentric: made geodetic")
+    craft = variables.get("Spacecraft")
+    if craft is not None and len(set(map(str, craft))) > 1:
+        table["sensor"] = craft
+    flags = {name: variables[name] for name in ("Flags_F", "Flags_B") if name in variables}
+    odd = np.zeros(len(next(iter(variables.values()))), dtype=bool)
+    for name, values in flags.items():
+        strange = ~np.isin(values, (*NOMINAL, NO_DATA))
+        odd |= strange
+        if strange.any():
+            remarks.append(f"{name} is above 1 in {strange.sum()} rows: flagged")
+    if flags:
+        table["flagged"] = odd.astype(float)
+    used = {"Timestamp", "Spacecraft", "F", _ATTITUDE, "Flags_q", *places, *flags}
+    return table, remarks, used
+
+
+def _table(
+    name: str, variables: Variables, shared: Mapping[str, NDArray[Any]]
+) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """The table of one vector, and notes on it."""
+    field = np.array(variables[name], dtype=np.float64)
+    notes: list[str] = []
+    gone = variables.get("Flags_B", np.zeros(len(field))) == NO_DATA
+    gone |= ~field.any(axis=1)  # a vector of three zeros stands for none too
+    if gone.any():
+        field[gone] = np.nan
+        notes.append(f"no data in {gone.sum()} rows: left out")
+    table = dict(shared)
+    letter = FRAMES[name.split("_")[1][:3]]
+    if letter != "n":
+        attitude, why = _attitude(name, variables, shared.get("latitude_deg"))
+        table |= attitude
+        notes += [why] if why else []
+    elif "latitude_deg" in shared:
+        field = _downwards(field, variables, shared["latitude_deg"])
+        notes.append("components of north, east, centre: turned into north, east, down")
+    if "F" in variables:
+        reading = np.array(variables["F"], dtype=np.float64)
+        reading[variables.get("Flags_F", np.zeros(len(reading))) == NO_DATA] = np.nan
+        field, beside, said = scalar.beside(field, reading)
+        table |= {} if beside is None else {"scalar_nT": beside}
+        notes += said
+    table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
+    table["frame"] = np.full(len(field), letter, dtype=object)
+    return table, notes
+
+
+def _downwards(field: Array, variables: Variables, latitude_deg: Array) -> Array:
+    """North, east, centre (n, 3) in the north, east, down of the geodetic latitudes."""
+    longitude = variables["Longitude"]
+    vectors_e = earth_fixed(field.T, directions(variables["Latitude"], longitude))
+    return north_east_down(vectors_e, directions(latitude_deg, longitude)).T
+
+
+def _attitude(
+    name: str, variables: Variables, latitude_deg: Array | None
+) -> tuple[dict[str, Array], str]:
+    """Roll, pitch and heading of the star camera frame, and a note."""
+    q = variables.get(_ATTITUDE)
+    if q is None or q.ndim != 2 or q.shape[1] != 4:
+        return {}, ""
+    q = np.array(q, dtype=np.float64)
+    size = np.linalg.norm(q, axis=1)
+    usable = np.asarray(np.abs(size - 1) < _SAME_TURN)
+    usable &= variables.get("Flags_q", np.zeros(len(q))) != NO_DATA
+    if not usable.any():
+        return {}, f"{_ATTITUDE} left out: it holds no attitude"
+    rot_nc = Rotation.from_quat(np.where(usable[:, None], q, [0.0, 0.0, 0.0, 1.0]))
+    if not _agree(rot_nc[usable], name, variables, usable):
+        return {}, f"{_ATTITUDE} left out: it does not take {name} to B_NEC"
+    if latitude_deg is not None:  # from the centre of the Earth to the nadir of the ellipsoid
+        tilt_deg = latitude_deg - variables["Latitude"]
+        rot_nc = Rotation.from_euler("y", tilt_deg[:, None], degrees=True) * rot_nc
+    angles = angles_deg(rot_nc.as_matrix())
+    columns = ("roll_deg", "pitch_deg", "heading_deg")
+    given = {c: np.where(usable, a, np.nan) for c, a in zip(columns, angles, strict=True)}
+    return given, "roll, pitch and heading are those of the star camera's frame"
+
+
+def _agree(rot_nc: Rotation, name: str, variables: Variables, rows: NDArray[np.bool_]) -> bool:
+    """Whether one constant turn takes the vector to B_NEC by way of the camera's attitude."""
+    known = variables.get("B_NEC")
+    if known is None:
+        return True
+    seen_c = rot_nc.apply(np.asarray(known[rows], np.float64), inverse=True)
+    field = np.asarray(variables[name][rows], np.float64)
+    usable = np.isfinite(seen_c).all(axis=1) & np.isfinite(field).all(axis=1)
+    seen_c, field = seen_c[usable], field[usable]
+    size = np.linalg.norm(field, axis=1)
+    if len(field) < 3 or not size.all():
+        return True
+    turn, _ = Rotation.align_vectors(seen_c, field)
+    apart = np.linalg.norm(turn.apply(field) - seen_c, axis=1)
+    return bool(np.median(apart / size) < _SAME_TURN)

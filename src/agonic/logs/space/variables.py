@@ -1,0 +1,117 @@
+"""Named variables with units, as CDF and netCDF files hold them, made into a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError, UnitError
+from agonic.logs.columns import understood
+from agonic.logs.log import Log
+from agonic.logs.space.products import is_spacecraft, log_of_spacecraft
+from agonic.logs.stacked import table_of_arrays
+from agonic.logs.table import log_of_table
+from agonic.provenance import Input
+from agonic.units import RAW, canonical, nanotesla_per
+
+Variables = Mapping[str, NDArray[Any]]
+
+FILL = 1e30
+"""Floating numbers of at least this size stand for missing ones in CDF (−1e31) and netCDF."""
+
+_SPELLINGS = {
+    "degrees_north": "deg",
+    "degrees_east": "deg",
+    "degree_north": "deg",
+    "degree_east": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "kelvin": "K",
+    "degree_celsius": "C",
+    "ampere": "A",
+    "meter": "m",
+    "metre": "m",
+    "meters": "m",
+    "metres": "m",
+    "kilometer": "km",
+}
+"""CF spellings of units, as column names spell them."""
+_LENGTHS_M = {"m": 1.0, "km": 1e3}
+
+
+def log_of_variables(
+    variables: Variables,
+    units: Mapping[str, str],
+    *,
+    path: Path,
+    source: Input,
+    format: str,
+    unit: str | None = None,
+    notes: tuple[str, ...] = (),
+) -> Log:
+    """The log that variables are: as magnetic satellites name them, or as a table's columns.
+
+    `units` of the variables by name, where the file says; moments are datetime64; `unit` is that
+    of the field where nothing else says it.
+    """
+    if not variables and notes:
+        raise LogError(f"{notes[0]}; fetch it again")
+    known = {name: _without_fill(values) for name, values in variables.items() if values.ndim}
+    spelled = {name: _SPELLINGS.get(text.strip().lower(), text) for name, text in units.items()}
+    if not known:
+        raise LogError("there are no variables in it; fetch the file again")
+    if is_spacecraft(known):
+        ours = {name: _in_our_unit(name, known[name], spelled.get(name, "")) for name in known}
+        return _of_spacecraft(ours, path=path, source=source, format=format, notes=notes)
+    headed = {
+        _header(name, values, spelled.get(name, "")): values for name, values in known.items()
+    }
+    table, others = table_of_arrays(_with_clock(headed, "time"))
+    return log_of_table(
+        table, path=path, source=source, format=format, unit=unit, others=others, notes=notes
+    )
+
+
+def _of_spacecraft(variables: Variables, **facts: Any) -> Log:
+    """The log of a satellite's variables; numbers beyond all bounds are damage."""
+    try:
+        with np.errstate(all="ignore"):
+            return log_of_spacecraft(_with_clock(variables, "Timestamp"), **facts)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        raise LogError(f"the numbers in it make no sense ({error}); fetch it again") from error
+
+
+def _without_fill(values: NDArray[Any]) -> NDArray[Any]:
+    if values.dtype.kind != "f":
+        return values
+    return np.where(np.abs(values) < FILL, values, np.nan)
+
+
+def _in_our_unit(name: str, values: NDArray[Any], unit: str) -> NDArray[Any]:
+    """Lengths in m and fields in nT; variables of other kinds as they are."""
+    if name == "Radius":
+        return values * _LENGTHS_M.get(unit, 1.0)
+    with suppress(UnitError):
+        if values.dtype.kind == "f" and canonical(unit) != RAW:
+            return values * nanotesla_per(unit)
+    return values
+
+
+def _with_clock(variables: Variables, name: str) -> dict[str, NDArray[Any]]:
+    """The variables with the first that holds moments under that name, unless it is taken."""
+    moments = [n for n, values in variables.items() if values.dtype.kind == "M"]
+    if not moments or name in moments:
+        return dict(variables)
+    return {name if n == moments[0] else n: values for n, values in variables.items()}
+
+
+def _header(name: str, values: NDArray[Any], unit: str) -> str:
+    """The name with the unit behind it, where that can be understood, as a column's header."""
+    headed = f"{name}_{unit}"
+    axis = "[0]" if values.ndim == 2 else ""
+    return headed if unit and understood(headed + axis) is not None else name

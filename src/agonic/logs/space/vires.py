@@ -1,0 +1,87 @@
+"""Text tables of the VirES service: satellite variables with vectors in braces, `{1;2;3}`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.logs.clock import UNIX, clock_of
+from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.log import Log
+from agonic.logs.space.variables import log_of_variables
+from agonic.provenance import Input
+
+_TIME, _CRAFT = "Timestamp", "Spacecraft"
+
+
+def accepts(head: bytes) -> bool:
+    """Whether the first lines of a file are a header with a time stamp and a row with a vector.
+
+    >>> accepts(b"Timestamp,F,B_NEC\\n2016-01-01T00:28:00Z,5.1,{3;4;0}\\n"), accepts(b"Timestamp,F")
+    (True, False)
+    """
+    header, _, rest = head.partition(b"\n")
+    row, _, _ = rest.partition(b"\n")
+    return _TIME.encode() in header.split(b",") and b"{" in row and b";" in row
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that such a table is; the service writes nT, degrees and metres.
+
+    Raises `LogError` where no vector is one of a magnetometer.
+    """
+    header, *lines = path.read_bytes().decode("latin-1").replace("\r\n", "\n").split("\n")
+    names = header.split(",")
+    if len(names) > MOST_COLUMNS:
+        raise LogError(f"{len(names)} columns: more than {MOST_COLUMNS} are no log")
+    rows = [cells for line in lines if len(cells := line.split(",")) == len(names)]
+    lost = sum(bool(line.strip()) for line in lines) - len(rows)
+    if not rows:
+        raise LogError("there is a header and no whole row below it; fetch it again")
+    notes = (f"{lost} rows are not whole: left out",) if lost else ()
+    variables = {
+        name: _column(name, cells)
+        for name, cells in zip(names, zip(*rows, strict=True), strict=True)
+    }
+    return log_of_variables(
+        {name: values for name, values in variables.items() if values is not None},
+        {},
+        path=path,
+        source=source,
+        format="VirES text table",
+        unit=unit,
+        notes=notes,
+    )
+
+
+def _column(name: str, cells: tuple[str, ...]) -> NDArray[Any] | None:
+    """Moments, texts, vectors (n, k) or numbers; `None` where vectors differ in length."""
+    if name == _CRAFT:
+        return np.array(cells, dtype=object)
+    if name == _TIME:
+        seconds, epoch, _ = clock_of(np.array(cells, dtype=object), None)
+        if seconds is None or epoch is None:
+            raise LogError(f"the time {cells[0][:40]!r} cannot be read; fetch the file again")
+        start = np.datetime64(UNIX.replace(tzinfo=None), "us")
+        return start + _microseconds(seconds + (epoch - UNIX).total_seconds())
+    parts = [cell.strip("{} ").split(";") for cell in cells]
+    width = max(set(map(len, parts)), key=[len(p) for p in parts].count)
+    values = [[_number(x) for x in p] if len(p) == width else [np.nan] * width for p in parts]
+    return np.array(values)[:, 0] if width == 1 else np.array(values)
+
+
+def _microseconds(seconds: NDArray[np.float64]) -> NDArray[Any]:
+    steps = np.round(np.nan_to_num(seconds) * 1e6).astype("timedelta64[us]")
+    steps[~np.isfinite(seconds)] = np.timedelta64("NaT")
+    return np.asarray(steps)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
