@@ -102,7 +102,7 @@ def calibrate_recording(
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.logs.large.mission import open_mission
-    >>> from agonic.io.write_csv import write_csv
+    >>> from agonic.exports.csv import write_csv
     >>> from agonic.simulation import simulate
     >>> with TemporaryDirectory() as folder:
     ...     path = write_csv(simulate("tumble").samples, Path(folder, "long.csv"))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from agonic.cli import run
+from agonic.exports.csv import write_csv
 from agonic.io.calfile import load
-from agonic.io.write_csv import write_csv
 from agonic.simulation.gravity import simulate_gravity
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
-from agonic.io.write_ardupilot import (
+from agonic.exports.ardupilot import (
     apply_ardupilot,
     ardupilot_parameters,
     parse_ardupilot,

@@ -8,7 +8,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
-from agonic.io.write_c import apply_c, parse_c, write_c
+from agonic.exports.c_header import apply_c, parse_c, write_c
 from agonic.provenance import Input, Provenance
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.01, 1.1, 0.05], [-0.04, 0.06, 1.0]])

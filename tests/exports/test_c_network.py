@@ -19,12 +19,12 @@ from agonic.calibration.network import Network
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning
+from agonic.exports.c_header import write_c
+from agonic.exports.firmware import write_firmware
+from agonic.exports.targets import TARGETS
+from agonic.exports.targets import write as write_target
 from agonic.fitting.network import fit_network
 from agonic.io.calfile import load, save
-from agonic.io.firmware import write_firmware
-from agonic.io.targets import TARGETS
-from agonic.io.targets import write as write_target
-from agonic.io.write_c import write_c
 from agonic.reference import Reference
 from agonic.simulation.network import simulate_nonaffine, simulate_paper
 from tests.exports.controller import compiled, library

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agonic.errors import AgonicError
-from agonic.io.write_csv import write_csv
+from agonic.exports.csv import write_csv
 from agonic.logs.read import read
 from agonic.samples import COLUMNS, VECTORS, Samples
 

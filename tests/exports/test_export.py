@@ -15,16 +15,16 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.exports.ardupilot import apply_ardupilot, ardupilot_parameters, parse_ardupilot
+from agonic.exports.c_header import apply_c, parse_c
+from agonic.exports.convert import banner, float32_text, in_frame, reduced, symmetric_part
+from agonic.exports.matlab import apply_matlab, parse_matlab
+from agonic.exports.motioncal import apply_motioncal, parse_motioncal
+from agonic.exports.px4 import apply_px4, parse_px4, px4_parameters
+from agonic.exports.ros import apply_ros, parse_ros
+from agonic.exports.table import apply_table, parse_table
+from agonic.exports.targets import SUFFIXES, TARGETS
 from agonic.io.calfile import save
-from agonic.io.export import banner, float32_text, in_frame, reduced, symmetric_part
-from agonic.io.targets import SUFFIXES, TARGETS
-from agonic.io.write_ardupilot import apply_ardupilot, ardupilot_parameters, parse_ardupilot
-from agonic.io.write_c import apply_c, parse_c
-from agonic.io.write_matlab import apply_matlab, parse_matlab
-from agonic.io.write_motioncal import apply_motioncal, parse_motioncal
-from agonic.io.write_px4 import apply_px4, parse_px4, px4_parameters
-from agonic.io.write_ros import apply_ros, parse_ros
-from agonic.io.write_table import apply_table, parse_table
 from agonic.provenance import Input, Provenance, sha256_of
 
 

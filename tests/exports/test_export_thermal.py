@@ -17,16 +17,16 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, UnitError, ValidityError
-from agonic.io.held import held, remainder
+from agonic.exports.ardupilot import apply_ardupilot, parse_ardupilot
+from agonic.exports.c_header import apply_c, parse_c, write_c
+from agonic.exports.fixed_temperature import held, remainder
+from agonic.exports.matlab import apply_matlab, parse_matlab, write_matlab
+from agonic.exports.motioncal import apply_motioncal, parse_motioncal
+from agonic.exports.px4 import apply_px4, parse_px4, px4_parameters, write_px4
+from agonic.exports.ros import apply_ros, parse_ros
+from agonic.exports.table import apply_table, parse_table, write_table
+from agonic.exports.targets import TARGETS, write
 from agonic.io.polynomials import affine_at, polynomials
-from agonic.io.targets import TARGETS, write
-from agonic.io.write_ardupilot import apply_ardupilot, parse_ardupilot
-from agonic.io.write_c import apply_c, parse_c, write_c
-from agonic.io.write_matlab import apply_matlab, parse_matlab, write_matlab
-from agonic.io.write_motioncal import apply_motioncal, parse_motioncal
-from agonic.io.write_px4 import apply_px4, parse_px4, px4_parameters, write_px4
-from agonic.io.write_ros import apply_ros, parse_ros
-from agonic.io.write_table import apply_table, parse_table, write_table
 from tests.exports.controller import STRICT, library
 
 RNG = np.random.default_rng(12)

@@ -16,11 +16,11 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
+from agonic.exports.firmware import DeclinationGrid, declination_grid, prediction, write_firmware
+from agonic.exports.firmware.plan import Plan
+from agonic.exports.firmware.prediction import predict
+from agonic.exports.firmware.selftest import attitudes, known_readings
 from agonic.headings import heading
-from agonic.io.firmware import DeclinationGrid, declination_grid, prediction, write_firmware
-from agonic.io.firmware.plan import Plan
-from agonic.io.firmware.prediction import predict
-from agonic.io.firmware.selftest import attitudes, known_readings
 from agonic.maths.rotations.attitude import rot_nb
 from tests.exports.controller import STRICT, Controller, compiled
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.io.firmware.ctext import filled
+from agonic.exports.firmware.ctext import filled
 from agonic.simulation import random_calibration
 from tests.exports.controller import library
 

@@ -7,7 +7,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
-from agonic.io.write_motioncal import (
+from agonic.exports.motioncal import (
     apply_motioncal,
     crc16,
     encode_motioncal,

@@ -7,7 +7,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
-from agonic.io.write_table import parse_table, write_table
+from agonic.exports.table import parse_table, write_table
 
 VARIANCE = np.arange(1.0, 10.0) ** 2
 COVARIANCE = np.diag(VARIANCE)

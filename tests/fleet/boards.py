@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from agonic.calibration.affine import Affine
+from agonic.exports.csv import write_csv
 from agonic.fleet.engine import Here
 from agonic.fleet.run import FleetRun, run_fleet
-from agonic.io.write_csv import write_csv
 from agonic.simulation import simulate
 
 ROWS = 300

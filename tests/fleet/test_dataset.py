@@ -9,11 +9,11 @@ import pytest
 from pyarrow.parquet import write_table
 
 from agonic.errors import AgonicError, LogError
+from agonic.exports.csv import write_csv
 from agonic.fitting.ellipsoid import fit_moments
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings
-from agonic.io.write_csv import write_csv
 from agonic.logs.large.dataset import connected, find_dataset
 from agonic.logs.large.grouped_moments import Grouped, summed
 from agonic.logs.large.grouped_residuals import residual_sums

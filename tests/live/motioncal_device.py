@@ -7,7 +7,7 @@ import threading
 import time
 import tty
 
-from agonic.io.write_motioncal import crc16
+from agonic.exports.motioncal import crc16
 from agonic.simulation import simulate
 
 

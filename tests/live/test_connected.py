@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError, LogError
-from agonic.io.write_csv import write_csv
+from agonic.exports.csv import write_csv
 from agonic.simulation import simulate
 from agonic.streams import Chunk, Said, open_source
 from agonic.streams.connected import Connected, LineDecoder

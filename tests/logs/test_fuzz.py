@@ -7,7 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from agonic.errors import AgonicError
-from agonic.io.write_csv import write_csv
+from agonic.exports.csv import write_csv
 from agonic.logs.log import Log
 from agonic.logs.read import open_log
 from agonic.samples import Samples

@@ -15,11 +15,11 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
 from agonic.cli import run
+from agonic.exports.csv import write_csv
 from agonic.field import wmm
 from agonic.headings import heading
 from agonic.io.calfile import save
 from agonic.io.setupfile import save_setup
-from agonic.io.write_csv import write_csv
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 from agonic.simulation import simulate

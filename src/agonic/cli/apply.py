@@ -27,7 +27,7 @@ def apply(
     from agonic.calibration.base import apply as correct
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import calibration_and_samples
-    from agonic.io.write_csv import write_csv
+    from agonic.exports.csv import write_csv
 
     corrected = correct(*calibration_and_samples(cal, log, sensor, unit))
     write_csv(corrected, out)

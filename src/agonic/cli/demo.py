@@ -27,8 +27,8 @@ def demo(
     from agonic.calibrated import calibrate
     from agonic.calibration.affine import PARAMETERS
     from agonic.cli.output import print_json, say
+    from agonic.exports.csv import write_csv
     from agonic.io.atomic import make_folder
-    from agonic.io.write_csv import write_csv
     from agonic.logs.read import open_log
     from agonic.maths.equation.gauge import entries
     from agonic.reference import Reference

@@ -12,8 +12,8 @@ from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
-    from agonic.io.export import Export
-    from agonic.io.firmware import DeclinationGrid
+    from agonic.exports.convert import Export
+    from agonic.exports.firmware import DeclinationGrid
 
 Source = Annotated[
     Path, typer.Argument(metavar="CAL|SETUP", help="A calibration file, or a setup for c.")
@@ -80,11 +80,11 @@ def export(
     A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading. A
     calibration that changes with temperature keeps doing so in c, px4, matlab and table.
     """
+    from agonic.exports.firmware import write_firmware
+    from agonic.exports.targets import SUFFIXES
+    from agonic.exports.targets import write as write_target
     from agonic.io.calfile import load, require_calibration
-    from agonic.io.firmware import write_firmware
     from agonic.io.setupfile import load_setup
-    from agonic.io.targets import SUFFIXES
-    from agonic.io.targets import write as write_target
     from agonic.logs.contents import read_bytes
 
     is_setup = not read_bytes(cal).lstrip().startswith(b"{")
@@ -126,9 +126,9 @@ def _placed(
     from datetime import UTC, datetime
 
     from agonic.cli.place import position
+    from agonic.exports.firmware import declination_grid
     from agonic.field.decimal_year import decimal_year
     from agonic.field.place import model_for
-    from agonic.io.firmware import declination_grid
 
     if declination is not None and not abs(declination) <= 180.0:
         raise AgonicError(f"--declination {declination:g} must lie within ±180°, east positive")
@@ -166,7 +166,7 @@ def _report(written: Export, as_json: bool) -> None:
     from dataclasses import asdict
 
     from agonic.cli.output import print_json, say
-    from agonic.io.firmware import Firmware
+    from agonic.exports.firmware import Firmware
 
     firmware = written if isinstance(written, Firmware) else None
     files = [str(file) for file in (firmware.files if firmware else (written.path,))]

@@ -281,8 +281,8 @@ def _sensor(kind: str, out: Path, sensor: Path | None, as_json: bool, **settings
     """One sensor: its table and its calibration."""
     from agonic import simulation
     from agonic.cli.output import print_json, say
+    from agonic.exports.csv import write_csv
     from agonic.io.calfile import save
-    from agonic.io.write_csv import write_csv
 
     calibration = None if sensor is None else _truth(sensor)
     made = simulation.simulate(kind, calibration=calibration, **settings)

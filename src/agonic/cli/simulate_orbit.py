@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 def orbit(out: Path, as_json: bool, **settings: Any) -> int:
     """Write the readings, the calibration from the ground, and what was true in each row."""
     from agonic.cli.output import print_json, say
+    from agonic.exports.csv import write_csv
     from agonic.io.calfile import save
-    from agonic.io.write_csv import write_csv
     from agonic.simulation.orbit import simulate_orbit
 
     made = simulate_orbit(**settings)

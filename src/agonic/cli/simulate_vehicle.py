@@ -15,8 +15,8 @@ def vehicle(
 ) -> int:
     """The sensors of a vehicle in one table, two or those of `whose`, and what undoes each."""
     from agonic.cli.output import print_json, say
+    from agonic.exports.csv import write_sensors
     from agonic.io.calfile import save
-    from agonic.io.write_csv import write_sensors
     from agonic.simulation import simulate_vehicle
 
     if whose:

@@ -108,7 +108,7 @@ def calibrate_fleet(
     --------
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.fleet.engine import Here
-    >>> from agonic.io.write_csv import write_csv
+    >>> from agonic.exports.csv import write_csv
     >>> from agonic.simulation import simulate
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_csv(simulate("sphere", n=300).samples, folder + "/board-7.csv")

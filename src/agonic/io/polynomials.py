@@ -22,7 +22,7 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.errors import AgonicError
-from agonic.io.export import steps_of
+from agonic.exports.convert import steps_of
 from agonic.maths.equation import polynomial
 
 Array = NDArray[np.float64]

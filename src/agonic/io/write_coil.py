@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from agonic.errors import AgonicError
+from agonic.exports.csv import write_csv
 from agonic.io.atomic import make_folder, write_atomically
 from agonic.io.calfile import save
 from agonic.io.coil_file import FILE_NAME
-from agonic.io.write_csv import write_csv
 from agonic.io.write_north import section_text
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD

@@ -10,11 +10,11 @@ from typing import NamedTuple
 from agonic.calibrated import Calibrated
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import UnitError
+from agonic.exports.targets import SUFFIXES, TARGETS
+from agonic.exports.targets import write as write_target
 from agonic.io.atomic import make_folder, write_atomically
 from agonic.io.calfile import save
 from agonic.io.setupfile import save_setup
-from agonic.io.targets import SUFFIXES, TARGETS
-from agonic.io.targets import write as write_target
 from agonic.report.html import render
 
 

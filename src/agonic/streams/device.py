@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from agonic.calibration.base import Calibration
-from agonic.io.write_motioncal import encode_motioncal, motioncal_packet
+from agonic.exports.motioncal import encode_motioncal, motioncal_packet
 
 ANSWER_S = 4.0
 """How long an answer is waited for."""

@@ -15,8 +15,8 @@ import numpy as np
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, MissingExtraError
-from agonic.io.targets import compass_number
-from agonic.io.write_ardupilot import ardupilot_parameters
+from agonic.exports.ardupilot import ardupilot_parameters
+from agonic.exports.targets import compass_number
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.parameters import recover
 from agonic.streams.clock import Clock

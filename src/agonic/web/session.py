@@ -9,8 +9,8 @@ from dataclasses import replace
 
 from agonic.calibrated import Calibrated, calibrate
 from agonic.errors import AgonicError
+from agonic.exports.csv import write_csv
 from agonic.io.atomic import make_folder
-from agonic.io.write_csv import write_csv
 from agonic.provenance import Input, sha256_of
 from agonic.report.folder import Written, file_stem, write_folder
 from agonic.samples import Samples

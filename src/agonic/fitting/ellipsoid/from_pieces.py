@@ -79,7 +79,7 @@ def fit_recording(
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.logs.large.mission import open_mission
-    >>> from agonic.io.write_csv import write_csv
+    >>> from agonic.exports.csv import write_csv
     >>> from agonic.simulation import simulate
     >>> made = simulate("tumble")
     >>> with TemporaryDirectory() as folder:

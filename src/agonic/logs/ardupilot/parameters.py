@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.errors import LogError
-from agonic.io.export import symmetric_of
-from agonic.io.write_ardupilot import LARGEST_SCALE
+from agonic.exports.ardupilot import LARGEST_SCALE
+from agonic.exports.convert import symmetric_of
 from agonic.logs.ardupilot.dataflash_binary import FloatArray, Index, Table
 from agonic.maths.equation.affine import correct
 from agonic.samples import Logged

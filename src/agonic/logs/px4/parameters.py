@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.io.export import symmetric_of
+from agonic.exports.convert import symmetric_of
 from agonic.maths.equation.affine import correct
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
+from agonic.exports.convert import Export, left_out, scaled_to, six_numbers, symmetric_of
+from agonic.exports.fixed_temperature import held
 from agonic.io.atomic import write_atomically
-from agonic.io.export import Export, left_out, scaled_to, six_numbers, symmetric_of
-from agonic.io.held import held
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

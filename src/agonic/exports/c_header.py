@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
+from agonic.exports.c_network import network_header
+from agonic.exports.c_network_parts import at_temperature, has_network
+from agonic.exports.c_thermal import thermal_header
+from agonic.exports.convert import Export, banner, float32_text, left_out, reduced, scaled_to
+from agonic.exports.firmware.ctext import comment
+from agonic.exports.fixed_temperature import held
 from agonic.io.atomic import write_atomically
-from agonic.io.c_network import network_header
-from agonic.io.c_network_parts import at_temperature, has_network
-from agonic.io.c_thermal import thermal_header
-from agonic.io.export import Export, banner, float32_text, left_out, reduced, scaled_to
-from agonic.io.firmware.ctext import comment
-from agonic.io.held import held
 from agonic.io.polynomials import changes
 from agonic.logs.contents import read_bytes
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.io.firmware.ctext import comment, filled, literal
-from agonic.io.firmware.grid import DeclinationGrid
-from agonic.io.firmware.plan import Plan
-from agonic.io.firmware.prediction import MEMBERS, Prediction, corrected, predict
-from agonic.io.firmware.sources import about
+from agonic.exports.firmware.ctext import comment, filled, literal
+from agonic.exports.firmware.grid import DeclinationGrid
+from agonic.exports.firmware.plan import Plan
+from agonic.exports.firmware.prediction import MEMBERS, Prediction, corrected, predict
+from agonic.exports.firmware.sources import about
 from agonic.io.polynomials import affine_at, changes
 from agonic.maths.rotations.attitude import rot_nb
 

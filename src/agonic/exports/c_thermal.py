@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.base import Calibration
-from agonic.io.export import banner, float32_text, left_out, reduced, scaled_to
-from agonic.io.firmware.ctext import braced, comment, filled
+from agonic.exports.convert import banner, float32_text, left_out, reduced, scaled_to
+from agonic.exports.firmware.ctext import braced, comment, filled
 from agonic.io.polynomials import RATE, Polynomials, polynomials
 
 Array = NDArray[np.float64]

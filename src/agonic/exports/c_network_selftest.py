@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH, signals
 from agonic.errors import AgonicWarning
-from agonic.io.c_network_parts import Parts
+from agonic.exports.c_network_parts import Parts
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]

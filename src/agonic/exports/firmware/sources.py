@@ -8,11 +8,11 @@ import numpy as np
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import signals
-from agonic.io.export import banner
-from agonic.io.firmware.ctext import braced, comment, filled, literal, whole
-from agonic.io.firmware.grid import UNIT, DeclinationGrid
-from agonic.io.firmware.plan import Plan
-from agonic.io.firmware.prediction import FAR, GRAVITY_SHARE, weakest
+from agonic.exports.convert import banner
+from agonic.exports.firmware.ctext import braced, comment, filled, literal, whole
+from agonic.exports.firmware.grid import UNIT, DeclinationGrid
+from agonic.exports.firmware.plan import Plan
+from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, weakest
 from agonic.io.polynomials import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__

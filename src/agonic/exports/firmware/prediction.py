@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.io.firmware.grid import DeclinationGrid
-from agonic.io.firmware.plan import Plan
+from agonic.exports.firmware.grid import DeclinationGrid
+from agonic.exports.firmware.plan import Plan
 from agonic.maths.rotations import tilt as kernel
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2, WEAKEST_HORIZONTAL
 

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
+from agonic.exports.convert import Export, banner, in_frame, left_out
+from agonic.exports.fixed_temperature import held
 from agonic.io.atomic import write_atomically
-from agonic.io.export import Export, banner, in_frame, left_out
-from agonic.io.held import held
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

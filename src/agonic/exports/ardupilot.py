@@ -19,8 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
-from agonic.io.atomic import write_atomically
-from agonic.io.export import (
+from agonic.exports.convert import (
     Export,
     banner,
     float32_text,
@@ -28,7 +27,8 @@ from agonic.io.export import (
     source_term,
     symmetric_of,
 )
-from agonic.io.held import held
+from agonic.exports.fixed_temperature import held
+from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.errors import AgonicError
-from agonic.io.export import float32_text
+from agonic.exports.convert import float32_text
 
 WIDTH = 96
 
@@ -67,7 +67,7 @@ def comment(lines: Iterable[str]) -> str:
 
 def filled(template: str, values: Mapping[str, str]) -> str:
     """A template of this package with each @key@ replaced."""
-    text = files("agonic.io.firmware").joinpath("templates", template).read_text("utf-8")
+    text = files("agonic.exports.firmware").joinpath("templates", template).read_text("utf-8")
     return re.sub(r"@(\w+)@", lambda key: values[key[1]], text)
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from agonic.calibration.base import Calibration
 from agonic.errors import check_choice
-from agonic.io.export import Export
-from agonic.io.write_ardupilot import write_ardupilot
-from agonic.io.write_c import write_c
-from agonic.io.write_matlab import write_matlab
-from agonic.io.write_motioncal import write_motioncal
-from agonic.io.write_px4 import write_px4
-from agonic.io.write_ros import write_ros
-from agonic.io.write_table import write_table
+from agonic.exports.ardupilot import write_ardupilot
+from agonic.exports.c_header import write_c
+from agonic.exports.convert import Export
+from agonic.exports.matlab import write_matlab
+from agonic.exports.motioncal import write_motioncal
+from agonic.exports.px4 import write_px4
+from agonic.exports.ros import write_ros
+from agonic.exports.table import write_table
 
 TARGETS: dict[str, Callable[..., Export]] = {
     "ardupilot": write_ardupilot,

@@ -14,10 +14,10 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
-from agonic.io.c_network_known import Known, known_readings
-from agonic.io.c_network_parts import Parts, parts_of
-from agonic.io.export import banner, float32_text
-from agonic.io.firmware.ctext import braced, comment, filled, literal
+from agonic.exports.c_network_parts import Parts, parts_of
+from agonic.exports.c_network_selftest import Known, known_readings
+from agonic.exports.convert import banner, float32_text
+from agonic.exports.firmware.ctext import braced, comment, filled, literal
 
 
 def network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:

@@ -17,7 +17,7 @@ from numpy.polynomial.chebyshev import chebpts1
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration
-from agonic.io.held import LEVELS, lag, remainder, require_within
+from agonic.exports.fixed_temperature import LEVELS, lag, remainder, require_within
 from agonic.io.polynomials import affine_at, range_C
 from agonic.units import NANOTESLA_PER
 

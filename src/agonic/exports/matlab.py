@@ -23,9 +23,9 @@ from scipy.io.matlab import MatReadError
 
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
+from agonic.exports.convert import Export, banner, left_out, reduced, scaled_to
+from agonic.exports.fixed_temperature import held
 from agonic.io.atomic import write_atomically
-from agonic.io.export import Export, banner, left_out, reduced, scaled_to
-from agonic.io.held import held
 from agonic.io.polynomials import RATE, changes, polynomials, range_C
 from agonic.logs.contents import read_bytes
 

@@ -7,15 +7,15 @@ from pathlib import Path
 
 from agonic.calibration.setup import Setup
 from agonic.errors import AgonicError
+from agonic.exports.c_network_parts import has_network
+from agonic.exports.convert import Export
+from agonic.exports.firmware.ctext import filled, require_identifier
+from agonic.exports.firmware.grid import DeclinationGrid
+from agonic.exports.firmware.plan import Plan
+from agonic.exports.firmware.selftest import selftest
+from agonic.exports.firmware.size import Size, measured
+from agonic.exports.firmware.sources import header, source
 from agonic.io.atomic import make_folder, write_atomically
-from agonic.io.c_network_parts import has_network
-from agonic.io.export import Export
-from agonic.io.firmware.ctext import filled, require_identifier
-from agonic.io.firmware.grid import DeclinationGrid
-from agonic.io.firmware.plan import Plan
-from agonic.io.firmware.selftest import selftest
-from agonic.io.firmware.size import Size, measured
-from agonic.io.firmware.sources import header, source
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,8 @@ from agonic.calibration.inputs import SOURCES, signals
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
-from agonic.io.export import composed
-from agonic.io.firmware.grid import DeclinationGrid
+from agonic.exports.convert import composed
+from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.io.polynomials import RATE, Polynomials, changes, polynomials, range_C, steady
 from agonic.maths.rotations.tilt import Order
 from agonic.units import RAW

@@ -22,8 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
-from agonic.io.atomic import write_atomically
-from agonic.io.export import (
+from agonic.exports.convert import (
     Export,
     banner,
     float32_text,
@@ -32,9 +31,10 @@ from agonic.io.export import (
     symmetric_of,
     turns,
 )
-from agonic.io.held import held
+from agonic.exports.fixed_temperature import held
+from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
+from agonic.io.atomic import write_atomically
 from agonic.io.polynomials import changes
-from agonic.io.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

@@ -15,7 +15,7 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.io.export import steps_of
+from agonic.exports.convert import steps_of
 from agonic.io.polynomials import Polynomials, polynomials, steady
 
 Array = NDArray[np.float64]

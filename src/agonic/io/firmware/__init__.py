@@ -1,6 +1,0 @@
-"""C99 for a controller: from readings to true heading, and a calibration that runs there."""
-
-from agonic.io.firmware.grid import DeclinationGrid as DeclinationGrid
-from agonic.io.firmware.grid import declination_grid as declination_grid
-from agonic.io.firmware.writer import Firmware as Firmware
-from agonic.io.firmware.writer import write_firmware as write_firmware
