@@ -52,6 +52,10 @@ from agonic.exports.table import write_table as write_table
 from agonic.field import igrf as igrf
 from agonic.field import wmm as wmm
 from agonic.field import wmmhr as wmmhr
+from agonic.files.calibration import load as load
+from agonic.files.calibration import save as save
+from agonic.files.setup import load_setup as load_setup
+from agonic.files.setup import save_setup as save_setup
 from agonic.fit import Fit as Fit
 from agonic.fitting.alignment import AlignmentFit as AlignmentFit
 from agonic.fitting.alignment import AlignmentPlan as AlignmentPlan
@@ -99,15 +103,11 @@ from agonic.history import Drift as Drift
 from agonic.history import History as History
 from agonic.history import departures as departures
 from agonic.history import drift as drift
-from agonic.io.calfile import load as load
-from agonic.io.calfile import save as save
 from agonic.io.campaign import read_campaign as read_campaign
 from agonic.io.coil_file import read_coil as read_coil
 from agonic.io.north_file import read_north as read_north
 from agonic.io.read_di_flux import read_di_flux as read_di_flux
 from agonic.io.session_file import read_session as read_session
-from agonic.io.setupfile import load_setup as load_setup
-from agonic.io.setupfile import save_setup as save_setup
 from agonic.io.swing import read_swing as read_swing
 from agonic.io.write_campaign import write_campaign as write_campaign
 from agonic.io.write_coil import write_coil as write_coil

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agonic.cli import run
-from agonic.io.calfile import load
+from agonic.files.calibration import load
 
 
 @pytest.fixture(autouse=True)

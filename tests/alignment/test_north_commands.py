@@ -8,7 +8,7 @@ import pytest
 
 from agonic.cli import run
 from agonic.exports.csv import write_csv
-from agonic.io.calfile import load
+from agonic.files.calibration import load
 from agonic.simulation.gravity import simulate_gravity
 
 

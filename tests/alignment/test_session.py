@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
+from agonic.files.calibration import save
 from agonic.fitting.alignment import fit_alignment
-from agonic.io.calfile import save
 from agonic.io.session_file import read_session
 from agonic.io.star_table import read_stars
 from agonic.io.write_session import write_session

@@ -16,7 +16,7 @@ from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning, LogError, ValidityError
-from agonic.io.calfile import load, save, schema
+from agonic.files.calibration import load, save, schema
 
 BIAS = np.array([[100.0, -200.0, 50.0], [800.0, 0.0, -300.0], [10.0, 20.0, 30.0]])
 MATRIX = np.array(

@@ -14,7 +14,7 @@ from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
 from agonic.cli import run
 from agonic.exports.px4 import parse_px4
-from agonic.io.setupfile import save_setup
+from agonic.files.setup import save_setup
 
 FILES = ["compass.c", "compass.h", "compass_fit.c", "compass_fit.h", "compass_selftest.c"]
 LEVEL_NORTH = "{.raw = {{19100.0f, 0.0f, 45600.0f}}}"

@@ -23,8 +23,8 @@ from agonic.exports.c_header import write_c
 from agonic.exports.firmware import write_firmware
 from agonic.exports.targets import TARGETS
 from agonic.exports.targets import write as write_target
+from agonic.files.calibration import load, save
 from agonic.fitting.network import fit_network
-from agonic.io.calfile import load, save
 from agonic.reference import Reference
 from agonic.simulation.network import simulate_nonaffine, simulate_paper
 from tests.exports.controller import compiled, library

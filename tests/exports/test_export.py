@@ -24,7 +24,7 @@ from agonic.exports.px4 import apply_px4, parse_px4, px4_parameters
 from agonic.exports.ros import apply_ros, parse_ros
 from agonic.exports.table import apply_table, parse_table
 from agonic.exports.targets import SUFFIXES, TARGETS
-from agonic.io.calfile import save
+from agonic.files.calibration import save
 from agonic.provenance import Input, Provenance, sha256_of
 
 

@@ -26,7 +26,7 @@ from agonic.exports.px4 import apply_px4, parse_px4, px4_parameters, write_px4
 from agonic.exports.ros import apply_ros, parse_ros
 from agonic.exports.table import apply_table, parse_table, write_table
 from agonic.exports.targets import TARGETS, write
-from agonic.io.polynomials import affine_at, polynomials
+from agonic.files.polynomials import affine_at, polynomials
 from tests.exports.controller import STRICT, library
 
 RNG = np.random.default_rng(12)

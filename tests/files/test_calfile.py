@@ -17,8 +17,8 @@ from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, LogError
+from agonic.files.calibration import encode, load, save, schema
 from agonic.fit import Fit
-from agonic.io.calfile import encode, load, save, schema
 from agonic.provenance import Input, Provenance
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)

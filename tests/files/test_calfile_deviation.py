@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError, LogError
+from agonic.files.calibration import load, require_calibration, save, schema
 from agonic.fitting.deviation import fit_deviation
-from agonic.io.calfile import load, require_calibration, save, schema
 
 
 @pytest.fixture

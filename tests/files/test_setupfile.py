@@ -13,8 +13,8 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import LogError
-from agonic.io.calfile import save
-from agonic.io.setupfile import load_setup, save_setup
+from agonic.files.calibration import save
+from agonic.files.setup import load_setup, save_setup
 
 
 @pytest.fixture(autouse=True)
@@ -76,7 +76,7 @@ def test_the_default_setup_is_read_back_too() -> None:
 def test_the_page_s_own_example_is_a_setup() -> None:
     import textwrap
 
-    from agonic.io import setupfile
+    from agonic.files import setup as setupfile
 
     save(affine(), "MAG1.json")
     save(CARD, "MAG1-card.json")

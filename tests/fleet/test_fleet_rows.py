@@ -9,9 +9,9 @@ import pytest
 
 from agonic.calibrated import Calibrated
 from agonic.cli import run
+from agonic.files.calibration import load
 from agonic.fleet import work
 from agonic.fleet.settings import FleetSettings
-from agonic.io.calfile import load
 from agonic.logs.read import sensors
 from agonic.population import read_population
 from tests.fleet.boards import run_here, write_bad, write_boards

@@ -11,7 +11,7 @@ import agonic as ag
 from agonic.calibration.interference import Interference, mean_of
 from agonic.calibration.setup import Compass, Setup
 from agonic.cli import run
-from agonic.io.setupfile import load_setup, save_setup
+from agonic.files.setup import load_setup, save_setup
 
 LATE_S = 0.100
 

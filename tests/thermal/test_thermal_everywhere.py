@@ -17,9 +17,9 @@ from agonic.calibration.thermal import Thermal
 from agonic.cli import run
 from agonic.exports.csv import write_csv
 from agonic.field import wmm
+from agonic.files.calibration import save
+from agonic.files.setup import save_setup
 from agonic.headings import heading
-from agonic.io.calfile import save
-from agonic.io.setupfile import save_setup
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 from agonic.simulation import simulate

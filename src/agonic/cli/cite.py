@@ -16,7 +16,7 @@ def cite(cal: CalibrationPath, as_json: Json = False) -> int:
     """List the software, the methods' sources and the inputs of a calibration."""
     from agonic.citations import citation
     from agonic.cli.output import print_json, say
-    from agonic.io.calfile import load
+    from agonic.files.calibration import load
 
     provenance = load(cal).provenance
     sources = {key: citation(key) for key in provenance.method}

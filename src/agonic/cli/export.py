@@ -83,8 +83,8 @@ def export(
     from agonic.exports.firmware import write_firmware
     from agonic.exports.targets import SUFFIXES
     from agonic.exports.targets import write as write_target
-    from agonic.io.calfile import load, require_calibration
-    from agonic.io.setupfile import load_setup
+    from agonic.files.calibration import load, require_calibration
+    from agonic.files.setup import load_setup
     from agonic.logs.contents import read_bytes
 
     is_setup = not read_bytes(cal).lstrip().startswith(b"{")

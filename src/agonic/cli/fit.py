@@ -244,7 +244,7 @@ def _run(
 def _told(result: Calibrated, out: Path | None, as_json: bool) -> int:
     """Write the calibration where it can be used, and say what came of it."""
     from agonic.cli.output import print_json, say
-    from agonic.io.calfile import save
+    from agonic.files.calibration import save
     from agonic.report.record import record
     from agonic.report.text import summary
 

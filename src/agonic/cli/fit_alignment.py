@@ -39,8 +39,8 @@ def alignment(
 ) -> int:
     """The rotation between star sensor and magnetometer, from a session of many orientations."""
     from agonic.cli.output import print_json, say
+    from agonic.files.calibration import save
     from agonic.fitting.alignment import fit_alignment
-    from agonic.io.calfile import save
     from agonic.io.session_file import read_session
     from agonic.report.alignment import alignment_text
 

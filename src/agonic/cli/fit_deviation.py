@@ -118,8 +118,8 @@ def _of_log(
 ) -> Swing:
     """The swing that a log with a heading of its own is."""
     from agonic.cli.pair import beside_second
+    from agonic.files.setup import load_setup
     from agonic.headings.swung import swung
-    from agonic.io.setupfile import load_setup
     from agonic.io.swing import Swing
     from agonic.logs.read import open_log
 
@@ -190,7 +190,7 @@ def _written(path: Path, fit: DeviationFit, text: str, paper: str, shown: dict[s
 
 
 def _saved(calibration: Any, out: Path) -> str:
-    from agonic.io.calfile import save
+    from agonic.files.calibration import save
 
     return str(save(calibration, out))
 

@@ -35,8 +35,8 @@ def gravity(
     """The rotation from magnetometer to accelerometer, from orientations at rest."""
     from agonic.cli.output import print_json, say
     from agonic.errors import AgonicError
+    from agonic.files.calibration import load, require_calibration, save
     from agonic.fitting.gravity import fit_gravity
-    from agonic.io.calfile import load, require_calibration, save
     from agonic.report.north import gravity_text
 
     _, sensors = log_and_sensors(log, sensor, unit, between)

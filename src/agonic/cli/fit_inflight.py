@@ -93,8 +93,8 @@ def inflight(
     """Bias, gains or all nine numbers from the field that is known on the way."""
     from agonic.cli.output import print_json, say
     from agonic.errors import AgonicError
+    from agonic.files.calibration import load, require_calibration, save
     from agonic.fitting.inflight import fit_inflight
-    from agonic.io.calfile import load, require_calibration, save
     from agonic.logs.large.mission import is_long
 
     settings: dict[str, Any] = {

@@ -75,9 +75,9 @@ def network(
     from agonic.cli.fit import _sensor
     from agonic.cli.output import print_json, say
     from agonic.cli.progress import progress
+    from agonic.files.calibration import save
     from agonic.fitting.network import choose_network, fit_network
     from agonic.io.atomic import write_atomically
-    from agonic.io.calfile import save
     from agonic.report.network_chart import table_chart, training_chart
     from agonic.report.network_page import network_page
 
@@ -161,7 +161,7 @@ def _matched(samples: Samples, table: Path, unit: str | None) -> tuple[Samples, 
 def _base(text: str) -> Any:
     """What --base names."""
     from agonic.errors import AgonicError
-    from agonic.io.calfile import load
+    from agonic.files.calibration import load
 
     if text in ("affine", "none"):
         return None if text == "none" else text

@@ -52,8 +52,8 @@ def north(
 def _gyro(session: Path, out: Path | None, report: Path | None, as_json: bool) -> int:
     from agonic.cli.output import print_json, say
     from agonic.errors import AgonicError
+    from agonic.files.calibration import save
     from agonic.fitting.north import fit_north
-    from agonic.io.calfile import save
     from agonic.io.north_file import read_north
     from agonic.report.north import north_text
     from agonic.report.north_page import north_page

@@ -129,8 +129,8 @@ def _bar(what: str) -> Iterator[Callable[[str, float], None] | None]:
 
 def _written(result: CalibratedCampaign, out: Path) -> dict[str, list[str]]:
     """A calibration file for every sensor that was not refused, by sensor."""
+    from agonic.files.calibration import save
     from agonic.io.atomic import make_folder
-    from agonic.io.calfile import save
 
     home = make_folder(out)
     return {

@@ -56,9 +56,9 @@ def heading(
     """
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import beside_second
+    from agonic.files.setup import load_setup
     from agonic.headings import heading as find
     from agonic.io.atomic import write_atomically
-    from agonic.io.setupfile import load_setup
     from agonic.logs.read import open_log
 
     recording = open_log(log, unit=unit)

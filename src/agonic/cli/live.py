@@ -138,7 +138,7 @@ def _require_writable(folder: Path) -> None:
 def _before(paths: list[Path]) -> dict[str, Affine]:
     """Calibrations by the name of their sensor."""
     from agonic.calibration.affine import Affine
-    from agonic.io.calfile import load
+    from agonic.files.calibration import load
 
     found: dict[str, Affine] = {}
     for path in paths:

@@ -45,8 +45,8 @@ def report(
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import calibration_and_samples
     from agonic.cli.place import expected
+    from agonic.files.calibration import load, require_calibration
     from agonic.io.atomic import write_atomically
-    from agonic.io.calfile import load, require_calibration
     from agonic.report.html import render
     from agonic.report.network_page import network_of
     from agonic.report.record import record
@@ -181,7 +181,7 @@ def _network(
 
 def own_log(cal: Path) -> Path:
     """The log that a calibration was made from, where it still lies nearby unchanged."""
-    from agonic.io.calfile import load
+    from agonic.files.calibration import load
     from agonic.provenance import sha256_of
 
     inputs = load(cal).provenance.inputs

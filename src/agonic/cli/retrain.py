@@ -84,7 +84,7 @@ def retrain(
     """
     from agonic.cli.fit_network import _known
     from agonic.cli.output import print_json, say
-    from agonic.io.calfile import save
+    from agonic.files.calibration import save
     from agonic.retrainer import Retrainer
 
     given = {
@@ -163,7 +163,7 @@ def _started(
 
     from agonic.calibration.retraining import RetrainerParams
     from agonic.cli.fit_network import _target
-    from agonic.io.calfile import load
+    from agonic.files.calibration import load
     from agonic.retrainer import Retrainer
 
     settings: dict[str, Any] = {"target": given["target"] or _target(samples, known)}

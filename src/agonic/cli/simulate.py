@@ -282,7 +282,7 @@ def _sensor(kind: str, out: Path, sensor: Path | None, as_json: bool, **settings
     from agonic import simulation
     from agonic.cli.output import print_json, say
     from agonic.exports.csv import write_csv
-    from agonic.io.calfile import save
+    from agonic.files.calibration import save
 
     calibration = None if sensor is None else _truth(sensor)
     made = simulation.simulate(kind, calibration=calibration, **settings)
@@ -325,7 +325,7 @@ def _check_kind(kind: str) -> None:
 def _truth(path: Path) -> Affine:
     """A calibration whose readings are to be made."""
     from agonic.calibration.affine import Affine
-    from agonic.io.calfile import load
+    from agonic.files.calibration import load
 
     found = load(path)
     if not isinstance(found, Affine):

@@ -13,7 +13,7 @@ def orbit(out: Path, as_json: bool, **settings: Any) -> int:
     """Write the readings, the calibration from the ground, and what was true in each row."""
     from agonic.cli.output import print_json, say
     from agonic.exports.csv import write_csv
-    from agonic.io.calfile import save
+    from agonic.files.calibration import save
     from agonic.simulation.orbit import simulate_orbit
 
     made = simulate_orbit(**settings)

@@ -16,7 +16,7 @@ def vehicle(
     """The sensors of a vehicle in one table, two or those of `whose`, and what undoes each."""
     from agonic.cli.output import print_json, say
     from agonic.exports.csv import write_sensors
-    from agonic.io.calfile import save
+    from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle
 
     if whose:

@@ -106,8 +106,8 @@ def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> 
     """What is asked for and is not what the tracker was started with."""
     import numpy as np
 
+    from agonic.files.calibration import load
     from agonic.fitting.tracking import start
-    from agonic.io.calfile import load
 
     asked = {name: value for name, value in settings.items() if value is not None}
     walk = asked.pop("walk", AUTO)
@@ -171,8 +171,8 @@ def _started(
     from typing import cast
 
     from agonic.calibration.tracking import TrackerParams
+    from agonic.files.calibration import load
     from agonic.fitting.tracking import choose_walk
-    from agonic.io.calfile import load
     from agonic.tracker import Tracker
 
     calibration = None if ground is None else cast(Any, load(ground))

@@ -16,7 +16,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.exports.convert import steps_of
-from agonic.io.polynomials import Polynomials, polynomials, steady
+from agonic.files.polynomials import Polynomials, polynomials, steady
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agonic.calibration.base import Calibration
 from agonic.exports.convert import banner, float32_text, left_out, reduced, scaled_to
 from agonic.exports.firmware.ctext import braced, comment, filled
-from agonic.io.polynomials import RATE, Polynomials, polynomials
+from agonic.files.polynomials import RATE, Polynomials, polynomials
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from agonic.calibration.interference import Interference, signals
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
-from agonic.io.calfile import encode, require_calibration
+from agonic.files.calibration import encode, require_calibration
 
 Array = NDArray[np.float64]
 

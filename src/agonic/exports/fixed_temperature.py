@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, ValidityError
 from agonic.exports.convert import scaled_to
-from agonic.io.calfile import require_calibration
-from agonic.io.polynomials import affine_at, changes, range_C, signals
+from agonic.files.calibration import require_calibration
+from agonic.files.polynomials import affine_at, changes, range_C, signals
 
 Array = NDArray[np.float64]
 

@@ -33,8 +33,8 @@ from agonic.exports.convert import (
 )
 from agonic.exports.fixed_temperature import held
 from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
+from agonic.files.polynomials import changes
 from agonic.io.atomic import write_atomically
-from agonic.io.polynomials import changes
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

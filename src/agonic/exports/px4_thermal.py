@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from agonic.calibration.base import Calibration
 from agonic.exports.fixed_temperature import LEVELS, lag, remainder, require_within
-from agonic.io.polynomials import affine_at, range_C
+from agonic.files.polynomials import affine_at, range_C
 from agonic.units import NANOTESLA_PER
 
 Array = NDArray[np.float64]

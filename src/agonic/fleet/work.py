@@ -13,11 +13,11 @@ from typing import Any
 from agonic.calibrated import Calibrated, calibrate, calibrate_recording
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.field.place import reference_for
+from agonic.files.calibration import save
 from agonic.fleet.inputs import SINGLE
 from agonic.fleet.rows import refused, row_of
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.io.atomic import make_folder
-from agonic.io.calfile import save
 from agonic.logs.large.mission import is_long, open_mission
 from agonic.logs.log import Log
 from agonic.logs.read import open_log

@@ -49,7 +49,7 @@ from agonic.campaign.profile import Profile
 from agonic.campaign.sensors import Sensor
 from agonic.campaign.standard import standard_stations
 from agonic.errors import LogError
-from agonic.io.sections import read_toml, section, tried
+from agonic.files.toml_sections import read_toml, section, tried
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.units import canonical
 

@@ -50,11 +50,11 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.errors import AgonicError, LogError
-from agonic.io.calfile import load
+from agonic.files.calibration import load
+from agonic.files.toml_sections import read_toml, section
 from agonic.io.coil_sections import SECTIONS, AlignmentSection, AttitudeSection, CoilSection
 from agonic.io.north_file import files_missing, not_positive
 from agonic.io.north_sections import Head
-from agonic.io.sections import read_toml, section
 from agonic.io.session_file import calibration_of, north_east_down, samples_of
 from agonic.io.session_sections import SiteSection
 from agonic.maths.rotations.attitude import rot_nb

@@ -43,6 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
+from agonic.files.toml_sections import read_toml, section
 from agonic.io.north_sections import (
     SECTIONS,
     GyroSection,
@@ -50,7 +51,6 @@ from agonic.io.north_sections import (
     PlatformSection,
     SightingSection,
 )
-from agonic.io.sections import read_toml, section
 from agonic.io.session_file import calibration_of, north_east_down, pier_of, samples_of
 from agonic.logs.auxiliary import numbers
 from agonic.provenance import Input, sha256_of

@@ -14,8 +14,8 @@ from msgspec import Struct
 
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retraining, Window
 from agonic.errors import AgonicError, LogError
+from agonic.files.calibration import decode, encode
 from agonic.io.atomic import write_atomically
-from agonic.io.calfile import decode, encode
 from agonic.logs.contents import read_bytes
 from agonic.maths.estimation import cusum
 

@@ -52,8 +52,8 @@ from numpy.typing import NDArray
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
-from agonic.io.calfile import load, require_calibration
-from agonic.io.sections import read_toml, section, tried
+from agonic.files.calibration import load, require_calibration
+from agonic.files.toml_sections import read_toml, section, tried
 from agonic.io.session_sections import (
     NEEDED,
     SECTIONS,

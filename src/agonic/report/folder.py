@@ -12,9 +12,9 @@ from agonic.calibration.setup import Compass, Setup
 from agonic.errors import UnitError
 from agonic.exports.targets import SUFFIXES, TARGETS
 from agonic.exports.targets import write as write_target
+from agonic.files.calibration import save
+from agonic.files.setup import save_setup
 from agonic.io.atomic import make_folder, write_atomically
-from agonic.io.calfile import save
-from agonic.io.setupfile import save_setup
 from agonic.report.html import render
 
 

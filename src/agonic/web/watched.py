@@ -181,7 +181,7 @@ class Watched:
 def calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Affine | None:
     """The calibration of a sensor that was given, or was written to the folder before."""
     from agonic.errors import AgonicError
-    from agonic.io.calfile import load
+    from agonic.files.calibration import load
     from agonic.report.folder import file_stem
 
     if name in given:

@@ -47,9 +47,9 @@ from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup, Tilt
 from agonic.calibration.setup import mistakes as out_of_range
 from agonic.errors import AgonicError, LogError
+from agonic.files.calibration import load, save
+from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
 from agonic.io.atomic import write_atomically
-from agonic.io.calfile import load, save
-from agonic.io.setup_sections import ATTRIBUTES, SECTIONS, CompassSection
 from agonic.logs.contents import read_bytes
 from agonic.maths.rotations.tilt import Order
 

@@ -27,9 +27,7 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError
-from agonic.fit import Fit
-from agonic.io.atomic import write_atomically
-from agonic.io.calrecords import (
+from agonic.files.calibration_schema import (
     AffineRecord,
     AlignmentRecord,
     AnyRecord,
@@ -41,6 +39,8 @@ from agonic.io.calrecords import (
     ProvenanceRecord,
     ThermalRecord,
 )
+from agonic.fit import Fit
+from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.provenance import Provenance
 
