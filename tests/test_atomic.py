@@ -5,8 +5,8 @@ import stat
 
 import pytest
 
+from agonic.atomic import write_atomically
 from agonic.errors import AgonicError
-from agonic.io.atomic import write_atomically
 
 
 def test_replaces_what_was_there_and_leaves_nothing_else(tmp_path):

@@ -24,11 +24,11 @@ def demo(
 ) -> int:
     """Simulate a hand-turned sensor with outliers, calibrate it, and compare with the truth."""
     from agonic import simulation
+    from agonic.atomic import make_folder
     from agonic.calibrated import calibrate
     from agonic.calibration.affine import PARAMETERS
     from agonic.cli.output import print_json, say
     from agonic.exports.csv import write_csv
-    from agonic.io.atomic import make_folder
     from agonic.logs.read import open_log
     from agonic.maths.equation.gauge import entries
     from agonic.reference import Reference

@@ -172,8 +172,8 @@ def _declination(read: Swing, given: float | None) -> float | None:
 
 def _written(path: Path, fit: DeviationFit, text: str, paper: str, shown: dict[str, Any]) -> str:
     """The card in the form that its name asks for."""
+    from agonic.atomic import write_atomically
     from agonic.errors import AgonicError
-    from agonic.io.atomic import write_atomically
     from agonic.report.card_chart import picture
     from agonic.report.card_page import card_page
 

@@ -144,7 +144,7 @@ def _samples(
 
 def _page(out: Path, fit: InflightFit, samples: Samples | None, title: str) -> str:
     """The report beside the calibration."""
-    from agonic.io.atomic import write_atomically
+    from agonic.atomic import write_atomically
     from agonic.report.inflight_page import inflight_page
 
     page = inflight_page(fit, samples, title=title)

@@ -72,12 +72,12 @@ def network(
     as_json: Json = False,
 ) -> int:
     """A network where no affine calibration is enough; it is written only where it is better."""
+    from agonic.atomic import write_atomically
     from agonic.cli.fit import _sensor
     from agonic.cli.output import print_json, say
     from agonic.cli.progress import progress
     from agonic.files.calibration import save
     from agonic.fitting.network import choose_network, fit_network
-    from agonic.io.atomic import write_atomically
     from agonic.report.network_chart import table_chart, training_chart
     from agonic.report.network_page import network_page
 

@@ -92,8 +92,8 @@ def _sheet(sheet: Path, field: float | None, report: Path | None, as_json: bool)
 
 def reported(path: Path | None, text: Callable[[], str], page: Callable[[], str]) -> list[str]:
     """The report in the form that its name asks for."""
+    from agonic.atomic import write_atomically
     from agonic.errors import AgonicError
-    from agonic.io.atomic import write_atomically
 
     if path is None:
         return []

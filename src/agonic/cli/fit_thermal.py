@@ -129,8 +129,8 @@ def _bar(what: str) -> Iterator[Callable[[str, float], None] | None]:
 
 def _written(result: CalibratedCampaign, out: Path) -> dict[str, list[str]]:
     """A calibration file for every sensor that was not refused, by sensor."""
+    from agonic.atomic import make_folder
     from agonic.files.calibration import save
-    from agonic.io.atomic import make_folder
 
     home = make_folder(out)
     return {
@@ -144,7 +144,7 @@ def _reported(
     result: CalibratedCampaign, out: Path, title: str, files: dict[str, list[str]]
 ) -> str:
     """The page about all sensors, beside the calibrations."""
-    from agonic.io.atomic import write_atomically
+    from agonic.atomic import write_atomically
     from agonic.report.thermal_page import campaign_page
 
     title = result.campaign.description.name or title

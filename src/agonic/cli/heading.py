@@ -54,11 +54,11 @@ def heading(
     heading, standard error, that of the tilt, disagreement between sensors, the sensor that was
     used, and flags. Exit status 1 where no heading can be trusted at all.
     """
+    from agonic.atomic import write_atomically
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import beside_second
     from agonic.files.setup import load_setup
     from agonic.headings import heading as find
-    from agonic.io.atomic import write_atomically
     from agonic.logs.read import open_log
 
     recording = open_log(log, unit=unit)

@@ -95,7 +95,7 @@ def _one(kept: History, sensor: str, at: datetime | None, out: Path | None, as_j
 
 
 def _page(found: Drift, out: Path) -> str:
-    from agonic.io.atomic import write_atomically
+    from agonic.atomic import write_atomically
     from agonic.report.history_page import history_page
 
     return str(write_atomically(out, history_page(found)))

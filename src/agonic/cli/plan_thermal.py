@@ -112,8 +112,8 @@ def _written(plan: ThermalPlan, out: Path | None) -> list[str]:
 
 def _template(plan: ThermalPlan, folder: Path | None) -> list[str]:
     """The folder for the recordings, with the description to go with them."""
+    from agonic.atomic import make_folder
     from agonic.errors import AgonicError
-    from agonic.io.atomic import make_folder
     from agonic.io.campaign_file import FILE_NAME
     from agonic.io.write_campaign import write_description
 

@@ -41,12 +41,12 @@ def report(
 
     One over temperature, or a network, is shown without a log too: its numbers and range.
     """
+    from agonic.atomic import write_atomically
     from agonic.calibrated import judge
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import calibration_and_samples
     from agonic.cli.place import expected
     from agonic.files.calibration import load, require_calibration
-    from agonic.io.atomic import write_atomically
     from agonic.report.html import render
     from agonic.report.network_page import network_of
     from agonic.report.record import record
@@ -88,10 +88,10 @@ def _thermal(
     """The page of a calibration over temperature; with a log also what it does to it."""
     from dataclasses import asdict
 
+    from agonic.atomic import write_atomically
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import calibration_and_samples
     from agonic.cli.place import expected
-    from agonic.io.atomic import write_atomically
     from agonic.report.thermal_page import thermal_page
     from agonic.verification import verify
 
@@ -142,10 +142,10 @@ def _network(
     """The page of a network; with a log also what it does to it, and where it is guarded."""
     from dataclasses import asdict
 
+    from agonic.atomic import write_atomically
     from agonic.cli.output import print_json, say
     from agonic.cli.pair import calibration_and_samples
     from agonic.cli.place import expected
-    from agonic.io.atomic import write_atomically
     from agonic.report.network_page import network_file_page
     from agonic.verification import verify
 

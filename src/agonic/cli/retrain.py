@@ -199,7 +199,7 @@ def _new(retrainer: Retrainer, samples: Samples) -> Any:
 
 
 def _page(path: Path, retrainer: Retrainer, seen: Corrected, title: str) -> str:
-    from agonic.io.atomic import write_atomically
+    from agonic.atomic import write_atomically
     from agonic.report.retrain_page import retrain_page
 
     return str(write_atomically(path, retrain_page(retrainer, seen, title=title)))

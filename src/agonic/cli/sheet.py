@@ -10,8 +10,8 @@ def written_as_named(
     file: Path | None, what: str, *, page: Callable[[], str], text: Callable[[], str]
 ) -> list[str]:
     """The file that was written, .html or .txt; none where none was asked for."""
+    from agonic.atomic import write_atomically
     from agonic.errors import AgonicError
-    from agonic.io.atomic import write_atomically
 
     if file is None:
         return []

@@ -47,8 +47,8 @@ def write_truth(made: SimulatedSession, folder: Path) -> Path:
     """The rotations, the pier difference, bias and matrix, as JSON."""
     import json
 
+    from agonic.atomic import make_folder, write_atomically
     from agonic.cli.output import plain
-    from agonic.io.atomic import make_folder, write_atomically
     from agonic.maths.rotations.frames import ARCSEC_RAD
 
     facts = {

@@ -106,8 +106,8 @@ def write_truth(made: SimulatedCampaign, folder: Path) -> list[Path]:
     """What the readings really depend on: sensors, turns of the box, the field over time."""
     import json
 
+    from agonic.atomic import make_folder, write_atomically
     from agonic.cli.output import plain
-    from agonic.io.atomic import make_folder, write_atomically
 
     facts = {
         "schema": "agonic/campaign-truth@1",

@@ -52,8 +52,8 @@ def _coil(out: Path, settings: dict[str, Any]) -> tuple[list[Path], dict[str, An
 def _truth(out: Path, kind: str, facts: dict[str, Any]) -> Path:
     import json
 
+    from agonic.atomic import make_folder, write_atomically
     from agonic.cli.output import plain
-    from agonic.io.atomic import make_folder, write_atomically
 
     home = make_folder(out / "truth")
     text = json.dumps(plain({"schema": f"agonic/{kind}-truth@1", **facts}), indent=1)

@@ -44,7 +44,7 @@ def write_truth(made: SimulatedOrbit, path: Path) -> Path:
 
     import numpy as np
 
-    from agonic.io.atomic import write_atomically
+    from agonic.atomic import write_atomically
 
     groups = {"bias": made.bias, "field": made.field_n, "external": made.external_n}
     compass = ("north", "east", "down")

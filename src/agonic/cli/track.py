@@ -189,7 +189,7 @@ def _started(
 
 def _page(path: Path, tracker: Tracker, found: Coefficients, new: Samples, title: str) -> str:
     """The report about the readings of the log that are new."""
-    from agonic.io.atomic import write_atomically
+    from agonic.atomic import write_atomically
     from agonic.report.inflight_page import track_page
 
     return str(write_atomically(path, track_page(tracker, found, new, title=title)))

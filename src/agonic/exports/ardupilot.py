@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.exports.convert import (
@@ -28,7 +29,6 @@ from agonic.exports.convert import (
     symmetric_of,
 )
 from agonic.exports.fixed_temperature import held
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.exports.c_network import network_header
@@ -25,7 +26,6 @@ from agonic.exports.convert import Export, banner, float32_text, left_out, reduc
 from agonic.exports.firmware.ctext import comment
 from agonic.exports.fixed_temperature import held
 from agonic.files.polynomials import changes
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 
 Float32 = NDArray[np.float32]

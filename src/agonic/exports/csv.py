@@ -11,8 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from agonic.atomic import write_atomically
 from agonic.errors import AgonicError
-from agonic.io.atomic import write_atomically
 from agonic.logs.quantities import canonical_header
 from agonic.samples import VECTORS, Samples
 

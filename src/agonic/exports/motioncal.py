@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
 from agonic.exports.convert import Export, left_out, scaled_to, six_numbers, symmetric_of
 from agonic.exports.fixed_temperature import held
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.exports.convert import (
@@ -34,7 +35,6 @@ from agonic.exports.convert import (
 from agonic.exports.fixed_temperature import held
 from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
 from agonic.files.polynomials import changes
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
@@ -17,7 +18,6 @@ from agonic.errors import LogError
 from agonic.exports.convert import Export, banner, left_out, reduced
 from agonic.exports.fixed_temperature import held
 from agonic.files.polynomials import RATE, changes, polynomials
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.maths.equation.affine import join, model_basis, split
 

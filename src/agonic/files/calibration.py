@@ -18,6 +18,7 @@ import numpy as np
 from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
+from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Validity
@@ -40,7 +41,6 @@ from agonic.files.calibration_schema import (
     ThermalRecord,
 )
 from agonic.fit import Fit
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.provenance import Provenance
 

@@ -41,6 +41,7 @@ import msgspec
 import msgspec.structs
 from msgspec import Struct
 
+from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
@@ -49,7 +50,6 @@ from agonic.calibration.setup import mistakes as out_of_range
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, save
 from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.maths.rotations.tilt import Order
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Engine, Lost
 from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find, identified
@@ -21,7 +22,6 @@ from agonic.fleet.local import Processes
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.fleet.work import Done, calibrate_log, sentence, unread
 from agonic.history import History
-from agonic.io.atomic import make_folder, write_atomically
 from agonic.population import (
     Compared,
     Duplicate,

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from agonic.atomic import make_folder
 from agonic.calibrated import Calibrated, calibrate, calibrate_recording
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.field.place import reference_for
@@ -17,7 +18,6 @@ from agonic.files.calibration import save
 from agonic.fleet.inputs import SINGLE
 from agonic.fleet.rows import refused, row_of
 from agonic.fleet.settings import FleetSettings, digest
-from agonic.io.atomic import make_folder
 from agonic.logs.large.mission import is_long, open_mission
 from agonic.logs.log import Log
 from agonic.logs.read import open_log

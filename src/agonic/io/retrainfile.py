@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
+from agonic.atomic import write_atomically
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retraining, Window
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import decode, encode
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.maths.estimation import cusum
 

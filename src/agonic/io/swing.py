@@ -23,9 +23,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agonic.atomic import write_atomically
 from agonic.calibration.deviation import POINTS
 from agonic.errors import LogError
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_text
 from agonic.provenance import Input, sha256_of
 

@@ -12,12 +12,12 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
-from agonic.io.atomic import write_atomically
 from agonic.logs.contents import read_bytes
 from agonic.maths.estimation.kalman import Belief
 from agonic.maths.rotations.polar import turned

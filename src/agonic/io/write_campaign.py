@@ -12,9 +12,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.campaign.description import Description
 from agonic.errors import AgonicError, MissingExtraError, check_choice
-from agonic.io.atomic import make_folder, write_atomically
 from agonic.io.campaign_file import FILE_NAME
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples

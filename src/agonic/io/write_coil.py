@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
 from agonic.files.calibration import save
-from agonic.io.atomic import make_folder, write_atomically
 from agonic.io.coil_file import FILE_NAME
 from agonic.io.write_north import section_text
 from agonic.maths.rotations.attitude import angles_deg

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError, MissingExtraError
-from agonic.io.atomic import make_folder, write_atomically
 
 ROW_GROUP = 500_000
 """Rows of a Parquet file that are written, and read, together."""

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.exports.csv import write_csv
 from agonic.files.calibration import save
-from agonic.io.atomic import make_folder, write_atomically
 from agonic.io.north_file import FILE_NAME, TABLES
 from agonic.io.north_sections import GyroSection
 from agonic.session.north import NorthSession

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.exports.csv import write_csv
 from agonic.files.calibration import save
-from agonic.io.atomic import make_folder, write_atomically
 from agonic.io.session_file import FILE_NAME
 from agonic.io.star_table import text_of_stars
 from agonic.session import Session

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
+from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
-from agonic.io.atomic import write_atomically
 from agonic.live.state import LiveParams, LiveState
 from agonic.logs.contents import read_bytes
 

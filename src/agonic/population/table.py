@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from agonic.atomic import write_atomically
 from agonic.errors import LogError, MissingExtraError
-from agonic.io.atomic import write_atomically
 from agonic.population.population import COLUMNS, Population, dtype_of
 
 SCHEMA = b"agonic/population@1"

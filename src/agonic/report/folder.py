@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.calibrated import Calibrated
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import UnitError
@@ -14,7 +15,6 @@ from agonic.exports.targets import SUFFIXES, TARGETS
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import save
 from agonic.files.setup import save_setup
-from agonic.io.atomic import make_folder, write_atomically
 from agonic.report.html import render
 
 

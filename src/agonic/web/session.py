@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from agonic.atomic import make_folder
 from agonic.calibrated import Calibrated, calibrate
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
-from agonic.io.atomic import make_folder
 from agonic.provenance import Input, sha256_of
 from agonic.report.folder import Written, file_stem, write_folder
 from agonic.samples import Samples

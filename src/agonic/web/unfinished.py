@@ -9,8 +9,8 @@ from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
+from agonic.atomic import make_folder
 from agonic.errors import AgonicError
-from agonic.io.atomic import make_folder
 from agonic.live import LiveFit, LiveParams, LiveState
 from agonic.live.statefile import save_state
 from agonic.report.folder import file_stem

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Setup
 from agonic.errors import AgonicError
 from agonic.exports.c_network_parts import has_network
@@ -15,7 +16,6 @@ from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.selftest import selftest
 from agonic.exports.firmware.size import Size, measured
 from agonic.exports.firmware.sources import header, source
-from agonic.io.atomic import make_folder, write_atomically
 
 
 @dataclass(frozen=True, kw_only=True)

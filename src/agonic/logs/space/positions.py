@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.worldfield import ELEMENTS
-from agonic.io.atomic import write_atomically
 from agonic.logs.columns import Column, understood
 from agonic.logs.contents import read_text
 
