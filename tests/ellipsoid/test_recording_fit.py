@@ -12,7 +12,8 @@ import pytest
 from pyarrow.parquet import write_table
 
 import agonic as ag
-from agonic.cli import long, run
+from agonic.cli import run
+from agonic.console import out_of_core
 from agonic.fitting.ellipsoid import passes, scan
 from agonic.kernels import ellipsoid_sums
 from agonic.logs.large.mission import Mission, open_mission
@@ -249,7 +250,7 @@ def test_a_magnitude_for_each_row_is_refused(write) -> None:
 
 
 def test_commands_read_a_long_table_piece_by_piece(write, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(long, "IN_MEMORY", 10_000)
+    monkeypatch.setattr(out_of_core, "IN_MEMORY", 10_000)
     monkeypatch.setattr(scan, "MOST", 5000)
     log = str(write(readings(30_000, 21)).files[0])
     folder = tmp_path / "out"

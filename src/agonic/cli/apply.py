@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.cli.options import CalibrationPath, Json, LogPath, Sensor, Unit
+from agonic.console.options import CalibrationPath, Json, LogPath, Sensor, Unit
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,8 +25,8 @@ def apply(
 ) -> int:
     """Correct a log's readings and write them with everything recorded beside them."""
     from agonic.calibration.base import apply as correct
-    from agonic.cli.output import print_json, say
-    from agonic.cli.pair import calibration_and_samples
+    from agonic.console.calibration_and_log import calibration_and_samples
+    from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
 
     corrected = correct(*calibration_and_samples(cal, log, sensor, unit))

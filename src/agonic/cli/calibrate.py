@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.cli.options import (
+from agonic.console.options import (
     At,
     Between,
     Date,
@@ -66,8 +66,8 @@ def calibrate(
     autopilot the log came from. Exit status 1 where a sensor was refused or a check failed. A
     Parquet table of more than five million rows is read piece by piece.
     """
-    from agonic.cli.long import log_of, missions
-    from agonic.cli.output import print_json, say
+    from agonic.console.out_of_core import log_of, missions
+    from agonic.console.output import print_json, say
     from agonic.errors import check_choice
     from agonic.report.folder import write_folder
     from agonic.report.record import record
@@ -86,7 +86,7 @@ def calibrate(
     written = write_folder(results, folder, title=recording.source.name, stack=recording.stack)
     if store is not None:
         from agonic.cli.history import keep
-        from agonic.cli.place import position
+        from agonic.console.place import position
         from agonic.fleet.settings import FleetSettings
 
         asked = FleetSettings(
@@ -118,7 +118,7 @@ def _of(
 
     def run() -> Calibrated:
         from agonic.calibrated import calibrate as run_in_memory
-        from agonic.cli.place import expected
+        from agonic.console.place import expected
 
         reference, settings = expected(samples, at, date, field)
         return run_in_memory(samples, reference, kind=method, **settings)  # type: ignore[arg-type]
@@ -128,14 +128,14 @@ def _of(
 
 def _of_mission(mission: Mission, at: str | None, date: str | None, field: float | None) -> _Job:
     """A sensor of a recording longer than memory, and what calibrates it."""
-    from agonic.cli.long import calibrated
+    from agonic.console.out_of_core import calibrated
 
     return mission.head().name, lambda: calibrated(mission, at, date, field)
 
 
 def _results(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[dict[str, object]]]:
     """The sensors that could be fitted, and records of those that could not."""
-    from agonic.cli.progress import progress
+    from agonic.console.progress import progress
     from agonic.errors import CoverageError
     from agonic.report.record import unfitted
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from agonic.cli.options import CalibrationPath, Json
+from agonic.console.options import CalibrationPath, Json
 
 
 def add_to(app: typer.Typer) -> None:
@@ -15,7 +15,7 @@ def add_to(app: typer.Typer) -> None:
 def cite(cal: CalibrationPath, as_json: Json = False) -> int:
     """List the software, the methods' sources and the inputs of a calibration."""
     from agonic.citations import citation
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.files.calibration import load
 
     provenance = load(cal).provenance

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.cli.options import Json
+from agonic.console.options import Json
 
 
 def add_to(app: typer.Typer) -> None:
@@ -27,7 +27,7 @@ def demo(
     from agonic.atomic import make_folder
     from agonic.calibrated import calibrate
     from agonic.calibration.affine import PARAMETERS
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
     from agonic.logs.read import open_log
     from agonic.maths.equation.gauge import entries

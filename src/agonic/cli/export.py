@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import Date, Json
+from agonic.console.options import Date, Json
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def _placed(
     from dataclasses import replace
     from datetime import UTC, datetime
 
-    from agonic.cli.place import position
+    from agonic.console.place import position
     from agonic.exports.firmware import declination_grid
     from agonic.field.decimal_year import decimal_year
     from agonic.field.place import model_for
@@ -165,7 +165,7 @@ def _report(written: Export, as_json: bool) -> None:
     """Say what was written and how large it is."""
     from dataclasses import asdict
 
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.exports.firmware import Firmware
 
     firmware = written if isinstance(written, Firmware) else None

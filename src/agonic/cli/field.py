@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.cli.options import Date, Json
+from agonic.console.options import Date, Json
 from agonic.errors import AgonicError, LogError, ValidityError
 
 if TYPE_CHECKING:
@@ -70,8 +70,8 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
     """The elements at one place."""
     from datetime import UTC, datetime
 
-    from agonic.cli.output import print_json, say
-    from agonic.cli.place import position
+    from agonic.console.output import print_json, say
+    from agonic.console.place import position
     from agonic.field.decimal_year import decimal_year
 
     when = date or datetime.now(UTC).date().isoformat()
@@ -105,7 +105,7 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
 
 def _table(path: Path, date: str | None, model: str | None, out: Path | None, as_json: bool) -> int:
     """The elements at every point of a table, each by the model that holds then."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.logs.space.positions import header_of, read_points, text_of_points, write_points
 
     points = read_points(path, date)

@@ -18,7 +18,7 @@ from agonic.cli import (
     fit_north,
     fit_thermal,
 )
-from agonic.cli.options import (
+from agonic.console.options import (
     At,
     Between,
     Date,
@@ -97,7 +97,7 @@ def ellipsoid(
     as_json: Json = False,
 ) -> int:
     """Bias and matrix from the magnitude alone."""
-    from agonic.cli.long import calibrated, missions
+    from agonic.console.out_of_core import calibrated, missions
 
     settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
     settings["soft_iron_sd"] = soft_iron_sd or None
@@ -234,7 +234,7 @@ def _run(
 ) -> int:
     """Fit, verify, write, and say so."""
     from agonic.calibrated import calibrate
-    from agonic.cli.place import expected
+    from agonic.console.place import expected
 
     reference, of_place = expected(samples, *place)
     result = calibrate(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
@@ -243,7 +243,7 @@ def _run(
 
 def _told(result: Calibrated, out: Path | None, as_json: bool) -> int:
     """Write the calibration where it can be used, and say what came of it."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.files.calibration import save
     from agonic.report.record import record
     from agonic.report.text import summary

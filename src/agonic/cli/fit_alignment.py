@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import Json
+from agonic.console.options import Json
 
 if TYPE_CHECKING:
     from agonic.fitting.alignment import AlignmentFit
@@ -38,7 +38,7 @@ def alignment(
     as_json: Json = False,
 ) -> int:
     """The rotation between star sensor and magnetometer, from a session of many orientations."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.files.calibration import save
     from agonic.fitting.alignment import fit_alignment
     from agonic.io.session_file import read_session
@@ -59,7 +59,7 @@ def alignment(
 
 def _reported(fit: AlignmentFit, report: Path | None) -> list[str]:
     """The report in the form that its name asks for."""
-    from agonic.cli.sheet import written_as_named
+    from agonic.console.printed_page import written_as_named
     from agonic.report.alignment import alignment_text
     from agonic.report.alignment_page import alignment_page
 

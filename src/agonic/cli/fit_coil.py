@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.cli.fit_north import Report, reported
-from agonic.cli.options import Json
+from agonic.console.options import Json
 
 if TYPE_CHECKING:
     from agonic.fitting.coil import CoilFit
@@ -27,7 +27,7 @@ def coil(
     as_json: Json = False,
 ) -> int:
     """The axis of a coil in every known frame, its constant and linearity, from reversals."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.fitting.coil import fit_coil
     from agonic.io.coil_file import read_coil
     from agonic.report.coil_page import coil_page

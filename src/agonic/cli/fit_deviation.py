@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import Between, Json, Sensor, Unit, stretch
+from agonic.console.options import Between, Json, Sensor, Unit, stretch
 
 if TYPE_CHECKING:
     from agonic.fitting.deviation import DeviationFit
@@ -74,7 +74,7 @@ def deviation(
     import math
 
     from agonic.calibration.deviation import Deviation
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.errors import AgonicError
     from agonic.fitting.deviation import fit_deviation
     from agonic.io.swing import read_swing
@@ -117,7 +117,7 @@ def _of_log(
     log: Path, setup: Path, sensor: str | None, unit: str | None, between: str | None
 ) -> Swing:
     """The swing that a log with a heading of its own is."""
-    from agonic.cli.pair import beside_second
+    from agonic.console.calibration_and_log import beside_second
     from agonic.files.setup import load_setup
     from agonic.headings.swung import swung
     from agonic.io.swing import Swing

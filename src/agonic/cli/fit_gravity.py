@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.cli.fit_north import Out
-from agonic.cli.options import Between, Json, LogPath, Sensor, Unit, log_and_sensors
+from agonic.console.options import Between, Json, LogPath, Sensor, Unit, log_and_sensors
 
 if TYPE_CHECKING:
     from agonic.fitting.gravity import GravityFit
@@ -33,7 +33,7 @@ def gravity(
     as_json: Json = False,
 ) -> int:
     """The rotation from magnetometer to accelerometer, from orientations at rest."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.errors import AgonicError
     from agonic.files.calibration import load, require_calibration, save
     from agonic.fitting.gravity import fit_gravity

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Between, Date, Json, Sensor, Unit
+from agonic.console.options import At, Between, Date, Json, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.fitting.inflight import InflightFit
@@ -91,7 +91,7 @@ def inflight(
     as_json: Json = False,
 ) -> int:
     """Bias, gains or all nine numbers from the field that is known on the way."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.errors import AgonicError
     from agonic.files.calibration import load, require_calibration, save
     from agonic.fitting.inflight import fit_inflight
@@ -171,7 +171,7 @@ def _mission(
     settings: dict[str, Any],
 ) -> InflightFit:
     """The fit of a record that is read piece by piece."""
-    from agonic.cli.progress import counting
+    from agonic.console.progress import counting
     from agonic.fitting.inflight import fit_mission
     from agonic.logs.large.mission import open_mission
 
@@ -185,7 +185,7 @@ def _mission(
 def _reference(
     samples: Samples, at: str | None, date: str | None, scalar: bool | None
 ) -> Reference | None:
-    from agonic.cli.place import expected, scalar_reference
+    from agonic.console.place import expected, scalar_reference
 
     taught = scalar_reference(samples, scalar)
     return taught or expected(samples, at, date, None)[0]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.cli.options import Json, LogPath, Sensor, Unit, log_and_sensors
+from agonic.console.options import Json, LogPath, Sensor, Unit, log_and_sensors
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -27,7 +27,7 @@ def latency(
     """How late the readings are beside the attitude or the gyro of the log."""
     from typing import Any, cast
 
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.fitting.latency import fit_latency
 
     _, sensors = log_and_sensors(log, sensor, unit)

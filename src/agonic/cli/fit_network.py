@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Between, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.options import At, Between, Date, Json, LogPath, Magnitude, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.fitting.network import NetworkChoice, NetworkFit
@@ -74,8 +74,8 @@ def network(
     """A network where no affine calibration is enough; it is written only where it is better."""
     from agonic.atomic import write_atomically
     from agonic.cli.fit import _sensor
-    from agonic.cli.output import print_json, say
-    from agonic.cli.progress import progress
+    from agonic.console.output import print_json, say
+    from agonic.console.progress import progress
     from agonic.files.calibration import save
     from agonic.fitting.network import choose_network, fit_network
     from agonic.report.network_chart import table_chart, training_chart
@@ -117,7 +117,7 @@ def _known(
     samples: Samples, table: Path | None, unit: str | None, place: tuple[Any, Any, Any]
 ) -> tuple[Samples, Reference]:
     """The rows whose field is known, and that field."""
-    from agonic.cli.place import expected
+    from agonic.console.place import expected
     from agonic.errors import AgonicError
 
     if table is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import Json, Magnitude
+from agonic.console.options import Json, Magnitude
 
 if TYPE_CHECKING:
     from agonic.fitting.north import DiFluxFit, NorthFit
@@ -50,7 +50,7 @@ def north(
 
 
 def _gyro(session: Path, out: Path | None, report: Path | None, as_json: bool) -> int:
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.errors import AgonicError
     from agonic.files.calibration import save
     from agonic.fitting.north import fit_north
@@ -73,7 +73,7 @@ def _gyro(session: Path, out: Path | None, report: Path | None, as_json: bool) -
 
 
 def _sheet(sheet: Path, field: float | None, report: Path | None, as_json: bool) -> int:
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.fitting.north import fit_di_flux
     from agonic.io.read_di_flux import read_di_flux
     from agonic.report.north import di_flux_text

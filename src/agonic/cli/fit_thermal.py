@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import Json
+from agonic.console.options import Json
 
 if TYPE_CHECKING:
     from agonic.calibrated_campaign import CalibratedCampaign, CalibratedSensor
@@ -65,8 +65,8 @@ def thermal(
     looked at.
     """
     from agonic.calibrated_campaign import calibrate_campaign
-    from agonic.cli.output import print_json, say
-    from agonic.cli.progress import progress
+    from agonic.console.output import print_json, say
+    from agonic.console.progress import progress
     from agonic.io.campaign import read_campaign
     from agonic.report.thermal_text import summary
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Date, Json, Magnitude, Sensor, Unit
+from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.fleet.engine import Engine
@@ -98,8 +98,8 @@ def fleet(
     Writes fleet.parquet, a row for each sensor and log, and report.html. A bad log is a row with
     its reason, never a stop. Exit status 1 where too many have no calibration.
     """
-    from agonic.cli.output import print_json, say
-    from agonic.cli.place import position
+    from agonic.console.output import print_json, say
+    from agonic.console.place import position
     from agonic.fleet.run import run_fleet
     from agonic.fleet.settings import FleetSettings
 
@@ -145,7 +145,7 @@ def _engine(engine: str | None, scheduler: str | None, workers: int | None) -> E
 @contextmanager
 def _telling() -> Iterator[Any]:
     """Progress on a terminal; an interruption is told as what it costs, which is nothing."""
-    from agonic.cli.progress import paced
+    from agonic.console.progress import paced
     from agonic.errors import AgonicError
 
     heard = threading.current_thread() is threading.main_thread()

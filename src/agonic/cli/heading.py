@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Date, Json, LogPath, Sensor, Unit
+from agonic.console.options import At, Date, Json, LogPath, Sensor, Unit
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -55,8 +55,8 @@ def heading(
     used, and flags. Exit status 1 where no heading can be trusted at all.
     """
     from agonic.atomic import write_atomically
-    from agonic.cli.output import print_json, say
-    from agonic.cli.pair import beside_second
+    from agonic.console.calibration_and_log import beside_second
+    from agonic.console.output import print_json, say
     from agonic.files.setup import load_setup
     from agonic.headings import heading as find
     from agonic.logs.read import open_log
@@ -133,7 +133,7 @@ def placed(samples: Samples, at: str | None, date: str | None) -> Samples:
 
     import numpy as np
 
-    from agonic.cli.place import position
+    from agonic.console.place import position
 
     changed: dict[str, Any] = {}
     if date is not None:

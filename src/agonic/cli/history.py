@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.cli.options import Json
+from agonic.console.options import Json
 
 if TYPE_CHECKING:
     from agonic.calibrated import Calibrated
@@ -64,8 +64,8 @@ def history(
 
 
 def _all(kept: History, as_json: bool) -> int:
-    from agonic.cli.output import print_json, say
-    from agonic.cli.progress import counting
+    from agonic.console.output import print_json, say
+    from agonic.console.progress import counting
     from agonic.history import departures, drifting
     from agonic.report.history_record import listed, listing
 
@@ -81,7 +81,7 @@ def _all(kept: History, as_json: bool) -> int:
 
 
 def _one(kept: History, sensor: str, at: datetime | None, out: Path | None, as_json: bool) -> int:
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.history import beside, departures, drift
     from agonic.report.history_record import lines, record
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agonic.cli.options import Json, LogPath, Unit
+from agonic.console.options import Json, LogPath, Unit
 
 if TYPE_CHECKING:
     from agonic.logs.log import Log
@@ -20,7 +20,7 @@ def add_to(app: typer.Typer) -> None:
 
 def info(log: LogPath, unit: Unit = None, as_json: Json = False) -> int:
     """List the magnetometers of a log, their rates, units and oddities, and what else is there."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.logs.read import open_log
 
     recording = open_log(log, unit=unit)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Date, Json, Magnitude, Sensor, Unit
+from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
 from agonic.errors import AgonicError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _expected(
     """What the field should be: as told, by the log that is replayed, or by the simulation."""
     import numpy as np
 
-    from agonic.cli.place import expected
+    from agonic.console.place import expected
     from agonic.reference import Reference
     from agonic.samples import Samples
     from agonic.streams.played import Played
@@ -155,7 +155,7 @@ def _on_page(session: Session, listen: str | None, port: int) -> int:
         from agonic.web.server import serve
     except ImportError:
         raise MissingExtraError("the live page", "live") from None
-    from agonic.cli.output import say
+    from agonic.console.output import say
 
     def ready(address: str) -> None:
         say(f"Live      {address}")
@@ -171,7 +171,7 @@ def _in_terminal(session: Session, as_json: bool) -> int:
     import sys
     import time
 
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.report.record import record, unfitted
     from agonic.report.text import summary
 

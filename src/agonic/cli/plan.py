@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from agonic.cli import plan_alignment, plan_thermal
-from agonic.cli.options import Json
+from agonic.console.options import Json
 
 
 def add_to(app: typer.Typer) -> None:
@@ -39,7 +39,7 @@ def swing(
 ) -> int:
     """The headings of a compass swing, in order, and how well they will tell the deviation."""
     from agonic.calibration.deviation import PARAMETERS, heading_name
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.fitting.deviation import plan_swing
     from agonic.io.swing import write_form
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.cli.options import Date, Json
+from agonic.console.options import Date, Json
 
 if TYPE_CHECKING:
     from agonic.fitting.alignment import AlignmentPlan
@@ -52,7 +52,7 @@ def alignment(
     as_json: Json = False,
 ) -> int:
     """Orientations for a wanted standard error, and what they will tell."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.fitting.alignment import plan_alignment
     from agonic.report.alignment import plan_text
 
@@ -98,7 +98,7 @@ def _field(at: str, date: str | None) -> list[float]:
     """The field at the observatory by the world model, north, east, down, nT."""
     from datetime import UTC, datetime
 
-    from agonic.cli.place import position
+    from agonic.console.place import position
     from agonic.field import wmm
 
     when = date or datetime.now(UTC).date().isoformat()
@@ -108,7 +108,7 @@ def _field(at: str, date: str | None) -> list[float]:
 
 def _written(plan: AlignmentPlan, out: Path | None) -> list[str]:
     """The plan in the form that its name asks for."""
-    from agonic.cli.sheet import written_as_named
+    from agonic.console.printed_page import written_as_named
     from agonic.report.alignment import plan_text
     from agonic.report.alignment_page import plan_page
 

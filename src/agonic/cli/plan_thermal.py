@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import Json
+from agonic.console.options import Json
 
 if TYPE_CHECKING:
     from agonic.campaign import ThermalPlan
@@ -57,7 +57,7 @@ def thermal(
 ) -> int:
     """Stations, chamber profile, time, disk space, and the standard errors to expect."""
     from agonic.campaign import Profile, plan_thermal
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.report.plan import plan_text
 
     lowest, highest = _ends(range_)
@@ -103,7 +103,7 @@ def _ends(text: str) -> tuple[float, float]:
 
 def _written(plan: ThermalPlan, out: Path | None) -> list[str]:
     """The plan in the form that its name asks for."""
-    from agonic.cli.sheet import written_as_named
+    from agonic.console.printed_page import written_as_named
     from agonic.report.plan import plan_text
     from agonic.report.plan_page import plan_page
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.cli.options import At, CalibrationPath, Date, Json, Magnitude, Sensor, Unit
+from agonic.console.options import At, CalibrationPath, Date, Json, Magnitude, Sensor, Unit
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -43,9 +43,9 @@ def report(
     """
     from agonic.atomic import write_atomically
     from agonic.calibrated import judge
-    from agonic.cli.output import print_json, say
-    from agonic.cli.pair import calibration_and_samples
-    from agonic.cli.place import expected
+    from agonic.console.calibration_and_log import calibration_and_samples
+    from agonic.console.output import print_json, say
+    from agonic.console.place import expected
     from agonic.files.calibration import load, require_calibration
     from agonic.report.html import render
     from agonic.report.network_page import network_of
@@ -89,9 +89,9 @@ def _thermal(
     from dataclasses import asdict
 
     from agonic.atomic import write_atomically
-    from agonic.cli.output import print_json, say
-    from agonic.cli.pair import calibration_and_samples
-    from agonic.cli.place import expected
+    from agonic.console.calibration_and_log import calibration_and_samples
+    from agonic.console.output import print_json, say
+    from agonic.console.place import expected
     from agonic.report.thermal_page import thermal_page
     from agonic.verification import verify
 
@@ -143,9 +143,9 @@ def _network(
     from dataclasses import asdict
 
     from agonic.atomic import write_atomically
-    from agonic.cli.output import print_json, say
-    from agonic.cli.pair import calibration_and_samples
-    from agonic.cli.place import expected
+    from agonic.console.calibration_and_log import calibration_and_samples
+    from agonic.console.output import print_json, say
+    from agonic.console.place import expected
     from agonic.report.network_page import network_file_page
     from agonic.verification import verify
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def retrain(
     retraining was rejected because of its readings, a change is not learned yet, or nothing runs.
     """
     from agonic.cli.fit_network import _known
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.files.calibration import save
     from agonic.retrainer import Retrainer
 

@@ -17,8 +17,8 @@ from agonic.cli import (
     simulate_orbit,
     simulate_vehicle,
 )
-from agonic.cli.options import Json
 from agonic.cli.simulate_campaign import FAULTS
+from agonic.console.options import Json
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -280,7 +280,7 @@ def _defects(outliers: float, step: float, clip: float, seed: int) -> list[Defec
 def _sensor(kind: str, out: Path, sensor: Path | None, as_json: bool, **settings: Any) -> int:
     """One sensor: its table and its calibration."""
     from agonic import simulation
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def alignment(out: Path, *, as_json: bool, **settings: Any) -> int:
     """Write session.toml with its tables, and the truth in a folder of its own."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.io.write_session import write_session
     from agonic.simulation.session import simulate_session
 
@@ -48,7 +48,7 @@ def write_truth(made: SimulatedSession, folder: Path) -> Path:
     import json
 
     from agonic.atomic import make_folder, write_atomically
-    from agonic.cli.output import plain
+    from agonic.console.output import plain
     from agonic.maths.rotations.frames import ARCSEC_RAD
 
     facts = {

@@ -25,7 +25,7 @@ def campaign(
     as_json: bool,
 ) -> int:
     """Write the recordings, their campaign.toml, and the truth in a folder of its own."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.io.write_campaign import write_campaign
     from agonic.simulation.campaign import simulate_campaign
 
@@ -107,7 +107,7 @@ def write_truth(made: SimulatedCampaign, folder: Path) -> list[Path]:
     import json
 
     from agonic.atomic import make_folder, write_atomically
-    from agonic.cli.output import plain
+    from agonic.console.output import plain
 
     facts = {
         "schema": "agonic/campaign-truth@1",

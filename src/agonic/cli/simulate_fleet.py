@@ -16,7 +16,7 @@ def fleet(
     out: Path, *, sensors: str, format: str, seed: int, as_json: bool, **settings: Any
 ) -> int:
     """Write the logs or the dataset, and beside them the truth."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.errors import check_choice
     from agonic.io.write_fleet import write_truth
     from agonic.simulation.fleet import simulate_fleet
@@ -74,7 +74,7 @@ def _dataset(made: SimulatedFleet, out: Path) -> Path:
 
 def _counted(items: Iterator[T], total: int, what: str) -> Iterator[T]:
     """The items, shown on a bar as they pass."""
-    from agonic.cli.progress import counting
+    from agonic.console.progress import counting
 
     with counting(total) as told:
         for done, item in enumerate(items, start=1):

@@ -13,7 +13,7 @@ KINDS = ("paper", "paper-space", "nonaffine")
 
 def network(kind: str, out: Path, as_json: bool, *, n: int, noise: float | None, seed: int) -> int:
     """The readings as one table, and the known field as another, FILE.reference.csv."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
 
     made = _simulated(kind, n, noise, seed)

@@ -10,7 +10,7 @@ KINDS = ("north", "coil")
 
 def session(kind: str, out: Path, *, as_json: bool, seed: int, noise: float | None) -> int:
     """Write the session's description with its tables, and the truth in a folder of its own."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
 
     settings = {"seed": seed} | ({} if noise is None else {"noise": noise})
     files, truth = (_north if kind == "north" else _coil)(out, settings)
@@ -53,7 +53,7 @@ def _truth(out: Path, kind: str, facts: dict[str, Any]) -> Path:
     import json
 
     from agonic.atomic import make_folder, write_atomically
-    from agonic.cli.output import plain
+    from agonic.console.output import plain
 
     home = make_folder(out / "truth")
     text = json.dumps(plain({"schema": f"agonic/{kind}-truth@1", **facts}), indent=1)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def orbit(out: Path, as_json: bool, **settings: Any) -> int:
     """Write the readings, the calibration from the ground, and what was true in each row."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.simulation.orbit import simulate_orbit

@@ -14,7 +14,7 @@ def vehicle(
     out: Path, defects: list[Defect], whose: list[Affine], as_json: bool, **settings: Any
 ) -> int:
     """The sensors of a vehicle in one table, two or those of `whose`, and what undoes each."""
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.exports.csv import write_sensors
     from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.cli.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit, log_and_sensors
+from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit, log_and_sensors
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def track(
     Readings that were seen before, or are flagged, are passed over. Exit status 1 where the bias
     jumped or is not to be trusted.
     """
-    from agonic.cli.output import print_json, say
+    from agonic.console.output import print_json, say
     from agonic.tracker import Tracker
 
     settings = {"solve": solve, "walk": walk, "noise": noise, "external_sd": external}
@@ -148,7 +148,7 @@ def _reference(
     samples: Samples, at: str | None, date: str | None, field: float | None, scalar: bool | None
 ) -> Reference:
     """The magnitude of the field at each reading."""
-    from agonic.cli.place import expected, scalar_reference
+    from agonic.console.place import expected, scalar_reference
     from agonic.field.place import lacking
 
     taught = None if field is not None else scalar_reference(samples, scalar)

@@ -6,16 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from agonic.cli.options import (
-    At,
-    CalibrationPath,
-    Date,
-    Json,
-    LogPath,
-    Magnitude,
-    Sensor,
-    Unit,
-)
+from agonic.console.options import At, CalibrationPath, Date, Json, LogPath, Magnitude, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.verification import Check
@@ -39,9 +30,9 @@ def verify(
     """Check a calibration on a log. Exit status 1 where a check failed."""
     from dataclasses import asdict
 
-    from agonic.cli.output import print_json, say
-    from agonic.cli.pair import calibration_and_samples
-    from agonic.cli.place import expected
+    from agonic.console.calibration_and_log import calibration_and_samples
+    from agonic.console.output import print_json, say
+    from agonic.console.place import expected
     from agonic.verification import verify as check
 
     calibration, samples = calibration_and_samples(cal, log, sensor, unit)

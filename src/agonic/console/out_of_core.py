@@ -47,8 +47,8 @@ def calibrated(
 ) -> Calibrated:
     """The calibration of a mission, with the field of the place."""
     from agonic.calibrated import calibrate_recording
-    from agonic.cli.place import expected
-    from agonic.cli.progress import counting
+    from agonic.console.place import expected
+    from agonic.console.progress import counting
 
     reference, of_place = expected(mission.head(), at, date, field)
     with counting(mission.rows) as told:
