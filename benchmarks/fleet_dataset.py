@@ -20,8 +20,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow.parquet import ParquetWriter
 
+from agonic.ellipsoid import fit_moments
 from agonic.errors import AgonicError
-from agonic.fitting.ellipsoid import fit_moments
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.settings import FleetSettings
 from agonic.moments import Moments

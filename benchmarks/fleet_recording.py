@@ -130,14 +130,14 @@ def likelihood(path: Path) -> Spent:
 
 def interpreted(path: Path) -> Spent:
     """Maximum likelihood without numba."""
-    from agonic.kernels import ellipsoid_sums
+    from agonic.ellipsoid.maths import block_sums
 
-    ellipsoid_sums._compiled = lambda: None  # type: ignore[assignment]
+    block_sums._compiled = lambda: None  # type: ignore[assignment]
     return _fitted(path, "likelihood")
 
 
 def _fitted(path: Path, method: str) -> Spent:
-    from agonic.fitting.ellipsoid import fit_recording
+    from agonic.ellipsoid import fit_recording
     from agonic.logs.large.mission import Mission
     from agonic.logs.parquet import rows
     from agonic.provenance import Input

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import agonic as ag
-from agonic.fitting.ellipsoid.solve import Method
+from agonic.ellipsoid.solve import Method
 from benchmarks import textbook
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import agonic as ag
-from agonic.fitting.ellipsoid.solve import Method
+from agonic.ellipsoid.solve import Method
 from benchmarks import tables
 from benchmarks.peers import ESTIMATORS
 from benchmarks.scenarios import MAGNITUDE, Case, draw

@@ -28,6 +28,9 @@ from agonic.campaign import Campaign as Campaign
 from agonic.campaign import check_campaign as check_campaign
 from agonic.campaign import plan_thermal as plan_thermal
 from agonic.coverage import Coverage as Coverage
+from agonic.ellipsoid import fit_ellipsoid as fit_ellipsoid
+from agonic.ellipsoid import fit_moments as fit_moments
+from agonic.ellipsoid import fit_recording as fit_recording
 from agonic.errors import AgonicError as AgonicError
 from agonic.errors import AgonicWarning as AgonicWarning
 from agonic.errors import ConvergenceError as ConvergenceError
@@ -71,9 +74,6 @@ from agonic.fitting.deviation import DeviationFit as DeviationFit
 from agonic.fitting.deviation import SwingPlan as SwingPlan
 from agonic.fitting.deviation import fit_deviation as fit_deviation
 from agonic.fitting.deviation import plan_swing as plan_swing
-from agonic.fitting.ellipsoid import fit_ellipsoid as fit_ellipsoid
-from agonic.fitting.ellipsoid import fit_moments as fit_moments
-from agonic.fitting.ellipsoid import fit_recording as fit_recording
 from agonic.fitting.gravity import GravityFit as GravityFit
 from agonic.fitting.gravity import fit_gravity as fit_gravity
 from agonic.fitting.inflight import InflightFit as InflightFit

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.base import Calibration
+from agonic.ellipsoid import against_gravity, ellipsoid_alone, fit_ellipsoid
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
 from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
-from agonic.fitting.ellipsoid import against_gravity, ellipsoid_alone, fit_ellipsoid
 from agonic.fitting.latency import LatencyFit, fit_latency, undelayed
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from agonic.ellipsoid import fit_moments, many_sensors
+from agonic.ellipsoid.many_sensors import Fits, fit_many
 from agonic.errors import AgonicError, CoverageError
-from agonic.fitting.ellipsoid import fit_moments, from_many
-from agonic.fitting.ellipsoid.from_many import Fits, fit_many
 from agonic.moments import Moments
 from agonic.reference import Reference
 
@@ -61,7 +61,7 @@ def together(fleet: list[Moments], *more: object, **settings: object) -> Fits:
     ],
 )
 def test_each_is_what_fit_moments_finds(fleet, reference, settings, monkeypatch):
-    monkeypatch.setattr(from_many, "_SLAB", 70)
+    monkeypatch.setattr(many_sensors, "_SLAB", 70)
     many = together(fleet, reference, **settings)
     alone = {name: value for name, value in settings.items() if name != "threads"}
     refused = 0

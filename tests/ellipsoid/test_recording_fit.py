@@ -14,8 +14,8 @@ from pyarrow.parquet import write_table
 import agonic as ag
 from agonic.cli import run
 from agonic.console import out_of_core
-from agonic.fitting.ellipsoid import passes, scan
-from agonic.kernels import ellipsoid_sums
+from agonic.ellipsoid import large_scan, large_solve
+from agonic.ellipsoid.maths import block_sums
 from agonic.logs.large.mission import Mission, open_mission
 from agonic.maths.equation import likelihood
 from agonic.maths.estimation import batch_scores, leastsq
@@ -93,7 +93,7 @@ def test_the_numbers_are_those_of_memory_however_it_is_cut(write, strays) -> Non
     memory = ag.fit_ellipsoid(ag.Samples(field=field), REFERENCE)
     fit = ag.fit_recording(mission, REFERENCE)
     assert fit.n == memory.n == 200_000
-    assert len(fit.residuals) == len(fit.weights) == scan.MOST
+    assert len(fit.residuals) == len(fit.weights) == large_scan.MOST
     assert apart(fit, memory) < 0.01  # to which the search in memory goes on
     exact = minimum(field, fit, robust=strays > 0)
     assert np.abs((fit.calibration.bias - exact) / fit.sd[:3]).max() < 1e-4
@@ -115,18 +115,18 @@ def test_the_compiled_sums_are_those_of_the_kernels(robust, kind) -> None:
     pytest.importorskip("numba")
     field = readings(10_007, 1).astype(kind)
     field[::500] *= 1.05
-    frame = ellipsoid_sums.Frame(np.array([2900.0, -450.0, 20.0]), 5.1e4)
+    frame = block_sums.Frame(np.array([2900.0, -450.0, 20.0]), 5.1e4)
     params = np.array([1e-3, 0, 2e-4, 1.0, 1.01, 0.99, 1e-3, 0, -2e-3])
     both = []
     for compiled in (False, True):
-        sums = ellipsoid_sums.Sums.empty(1)
-        ellipsoid_sums.add(
+        sums = block_sums.Sums.empty(1)
+        block_sums.add(
             sums,
             0,
             tuple(field.T),
             frame,
             params,
-            ellipsoid_sums.Assumed(0.01, robust),
+            block_sums.Assumed(0.01, robust),
             compiled=compiled,
         )
         both.append(sums)
@@ -140,13 +140,13 @@ def test_compiled_passes_give_the_same_fit(write, monkeypatch) -> None:
     pytest.importorskip("numba")
     mission = write(readings(60_000, 5))
     plain = ag.fit_recording(mission, REFERENCE)
-    monkeypatch.setattr(passes, "COMPILE_FROM", 0)
+    monkeypatch.setattr(large_solve, "COMPILE_FROM", 0)
     assert apart(ag.fit_recording(mission, REFERENCE), plain) < 1e-6
 
 
 @pytest.mark.parametrize("ar", [0.0, 0.9])
 def test_errors_are_what_the_standard_errors_say(write, monkeypatch, ar) -> None:
-    monkeypatch.setattr(scan, "MOST", 3000)
+    monkeypatch.setattr(large_scan, "MOST", 3000)
     z = []
     for seed in range(16):
         fit = ag.fit_recording(write(readings(20_000, 100 + seed, ar=ar)), REFERENCE, model="full")
@@ -168,7 +168,7 @@ def test_the_same_rows_are_left_out_as_in_memory(write, monkeypatch) -> None:
     field = np.minimum(field, 51_000.0)
     field[20_000:23_000, 2] = field[20_000, 2]
     memory = ag.fit_ellipsoid(ag.Samples(field=field, time=time), REFERENCE)
-    monkeypatch.setattr(scan, "MOST", 20_000)
+    monkeypatch.setattr(large_scan, "MOST", 20_000)
     for method in ("likelihood", "adjusted"):
         fit = ag.fit_recording(write(field, time), REFERENCE, method=method)
         assert fit.n == memory.n
@@ -177,7 +177,7 @@ def test_the_same_rows_are_left_out_as_in_memory(write, monkeypatch) -> None:
 
 
 def test_a_magnet_in_the_third_hour_of_ten_is_found(write, monkeypatch) -> None:
-    monkeypatch.setattr(scan, "MOST", 20_000)
+    monkeypatch.setattr(large_scan, "MOST", 20_000)
     n = 180_000
     field, time = readings(n, 11), np.arange(n) / 5.0  # ten hours
     field[n // 5 : 3 * n // 10] += [1500.0, -1000.0, 500.0]
@@ -233,7 +233,7 @@ def test_files_units_and_clocks_are_those_of_the_samples(write, tmp_path) -> Non
 
 
 def test_memory_stays(write, monkeypatch) -> None:
-    monkeypatch.setattr(scan, "MOST", 5000)
+    monkeypatch.setattr(large_scan, "MOST", 5000)
     peaks = []
     for n in (100_000, 400_000):
         mission = replace(write(readings(n, 1)), strip=8192)
@@ -251,7 +251,7 @@ def test_a_magnitude_for_each_row_is_refused(write) -> None:
 
 def test_commands_read_a_long_table_piece_by_piece(write, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(out_of_core, "IN_MEMORY", 10_000)
-    monkeypatch.setattr(scan, "MOST", 5000)
+    monkeypatch.setattr(large_scan, "MOST", 5000)
     log = str(write(readings(30_000, 21)).files[0])
     folder = tmp_path / "out"
     assert run(["calibrate", log, "--field", "50000", "-o", str(folder), "--json"]) == 0

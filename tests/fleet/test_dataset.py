@@ -8,9 +8,9 @@ import pyarrow as pa
 import pytest
 from pyarrow.parquet import write_table
 
+from agonic.ellipsoid import fit_moments
 from agonic.errors import AgonicError, LogError
 from agonic.exports.csv import write_csv
-from agonic.fitting.ellipsoid import fit_moments
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.fitting.ellipsoid import against_gravity, fit_ellipsoid
+from agonic.ellipsoid import against_gravity, fit_ellipsoid
 from agonic.health import misnamed
 from agonic.maths.rotations.mounting import right_angles, vertical_misfit
 from agonic.simulation import simulate, simulate_vehicle

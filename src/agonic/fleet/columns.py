@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.coverage import Coverage
-from agonic.fitting.ellipsoid.assemble import accuracy, unscaled
-from agonic.fitting.ellipsoid.from_many import Fits
-from agonic.fitting.ellipsoid.solve import in_words
+from agonic.ellipsoid.calibration import accuracy, unscaled
+from agonic.ellipsoid.many_sensors import Fits
+from agonic.ellipsoid.solve import in_words
 from agonic.health import Finding, misscaled, undetermined, verdict_of
 from agonic.health.finding import sentences
 from agonic.health.readings import left_out

@@ -13,9 +13,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.ellipsoid.many_sensors import fit_many
 from agonic.errors import LogError, check_choice
 from agonic.field.place import reference_for
-from agonic.fitting.ellipsoid.from_many import fit_many
 from agonic.fleet.by_rows import Task, refined
 from agonic.fleet.columns import Columns, blank, columns_of
 from agonic.fleet.doubts import doubts

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.fitting.ellipsoid.from_many import Fits
-from agonic.fitting.ellipsoid.solve import SIGNIFICANT
+from agonic.ellipsoid.many_sensors import Fits
+from agonic.ellipsoid.solve import SIGNIFICANT
 from agonic.health import FEWEST
 from agonic.health.mounting import VERTICAL_DOUBTFUL
 from agonic.health.scale import GAIN

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.coverage import Coverage, cover
+from agonic.ellipsoid.calibration import Scale, calibration
+from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
-from agonic.fitting.ellipsoid.assemble import Scale, calibration
-from agonic.fitting.ellipsoid.solve import Found as Solved
 from agonic.kernels.voxels import Voxels
 from agonic.live.guidance import Guidance, guidance
 from agonic.live.state import LiveParams, LiveState

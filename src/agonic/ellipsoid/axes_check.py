@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from agonic.ellipsoid.calibration import finished
 from agonic.fit import Fit
-from agonic.fitting.ellipsoid.assemble import finished
 from agonic.health import misnamed
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.coverage import cover
-from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.fit import Fit
-from agonic.fitting.ellipsoid.assemble import (
+from agonic.ellipsoid.calibration import (
     CITATIONS,
     Gauge,
     Scale,
@@ -21,7 +19,9 @@ from agonic.fitting.ellipsoid.assemble import (
     scale_finding,
     settings,
 )
-from agonic.fitting.ellipsoid.solve import Model, algebraic, choose
+from agonic.ellipsoid.solve import Model, algebraic, choose
+from agonic.errors import AgonicError, CoverageError, check_choice
+from agonic.fit import Fit
 from agonic.health import undetermined
 from agonic.maths.equation import moments as kernel
 from agonic.moments import Moments

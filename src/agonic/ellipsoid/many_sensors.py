@@ -10,10 +10,9 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.fitting.ellipsoid.assemble import Gauge
-from agonic.fitting.ellipsoid.from_moments import STILL, middle, still
-from agonic.fitting.ellipsoid.solve import (
+from agonic.ellipsoid.calibration import Gauge
+from agonic.ellipsoid.moments_fit import STILL, middle, still
+from agonic.ellipsoid.solve import (
     DISCERNIBLE,
     SIGNIFICANT,
     SMALLER,
@@ -23,6 +22,7 @@ from agonic.fitting.ellipsoid.solve import (
     no_ellipsoid,
     too_few,
 )
+from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import FEWEST
 from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation import moments as kernel

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.coverage import cover
+from agonic.ellipsoid.calibration import finished, remarks, scale_finding
+from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest
-from agonic.fitting.ellipsoid.assemble import finished, remarks, scale_finding
-from agonic.fitting.ellipsoid.solve import Found
 from agonic.health import Evidence, Finding, examine, examine_taught, inspect, usable_rows
 from agonic.maths.equation import likelihood
 from agonic.maths.equation.affine import correct

@@ -11,17 +11,9 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.fit import Fit, ModelTest
-from agonic.fitting.ellipsoid.assemble import (
-    CITATIONS,
-    Gauge,
-    Scale,
-    calibration,
-    settings,
-)
-from agonic.fitting.ellipsoid.evaluate import rows_of, with_evidence
-from agonic.fitting.ellipsoid.solve import (
+from agonic.ellipsoid.calibration import CITATIONS, Gauge, Scale, calibration, settings
+from agonic.ellipsoid.evidence import rows_of, with_evidence
+from agonic.ellipsoid.solve import (
     Fixed,
     Found,
     Method,
@@ -31,6 +23,8 @@ from agonic.fitting.ellipsoid.solve import (
     likelihood,
     no_ellipsoid,
 )
+from agonic.errors import AgonicError, CoverageError, check_choice
+from agonic.fit import Fit, ModelTest
 from agonic.health import FEWEST, inspect, usable_rows
 from agonic.maths.equation import likelihood as ellipsoid
 from agonic.maths.equation import moments

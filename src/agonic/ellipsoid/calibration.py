@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
+from agonic.ellipsoid.solve import Found
 from agonic.fit import Fit, ModelTest
-from agonic.fitting.ellipsoid.solve import Found
 from agonic.health import Finding, figure, gravest_first, misscaled
 from agonic.maths.equation import gauge as gauges
 from agonic.reference import Reference

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.fitting.ellipsoid.assemble import Scale
-from agonic.fitting.ellipsoid.scan import Progress, Recording, Scan, segments
-from agonic.fitting.ellipsoid.solve import Fixed, Found
-from agonic.kernels import ellipsoid_sums
-from agonic.kernels.ellipsoid_sums import Assumed, Frame, Sums
+from agonic.ellipsoid.calibration import Scale
+from agonic.ellipsoid.large_scan import Progress, Recording, Scan, segments
+from agonic.ellipsoid.maths import block_sums
+from agonic.ellipsoid.maths.block_sums import Assumed, Frame, Sums
+from agonic.ellipsoid.solve import Fixed, Found
 from agonic.maths.equation import gauge, likelihood
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.estimation import batch_scores, leastsq
@@ -57,7 +57,7 @@ def maximised(
     step goes to the minimum. The noise, whether any reading stands out, and how long errors last
     are those of all readings in the pass before.
     """
-    change = ellipsoid_sums.reduction(model)
+    change = block_sums.reduction(model)
     prior = likelihood.soft_iron_prior(model, soft_iron_sd)
     params, lasts = start.solution.params, start.noise.correlation
     strays_count_nothing = start.noise.loss.weight(np.array([1e6]))[0] == 0.0
@@ -117,9 +117,7 @@ def _summed(
     compiled = scan.rows >= COMPILE_FROM
     for part in segments(recording, scan, lambda done: told(f"iteration {number}", done)):
         frame = Frame(scale.centre, scale.size, part.factor)
-        ellipsoid_sums.add(
-            sums, part.stretch, part.columns, frame, params, assumed, compiled=compiled
-        )
+        block_sums.add(sums, part.stretch, part.columns, frame, params, assumed, compiled=compiled)
     return sums._replace(score=sums.score[: -(-scan.rows // scan.stretch)])
 
 

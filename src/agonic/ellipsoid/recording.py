@@ -9,22 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.base import Validity
+from agonic.ellipsoid.calibration import CITATIONS, Gauge, Scale, calibration, finished, settings
+from agonic.ellipsoid.evidence import rows_of, with_evidence
+from agonic.ellipsoid.fit import Asked, normalised
+from agonic.ellipsoid.large_scan import Progress, Recording, Scan, scanned
+from agonic.ellipsoid.large_solve import Whole, maximised
+from agonic.ellipsoid.moments_fit import middle
+from agonic.ellipsoid.solve import Fixed, Found, Model, algebraic, choose
 from agonic.errors import AgonicError, check_choice
 from agonic.fit import Fit, ModelTest
-from agonic.fitting.ellipsoid.assemble import (
-    CITATIONS,
-    Gauge,
-    Scale,
-    calibration,
-    finished,
-    settings,
-)
-from agonic.fitting.ellipsoid.evaluate import rows_of, with_evidence
-from agonic.fitting.ellipsoid.from_moments import middle
-from agonic.fitting.ellipsoid.from_samples import Asked, normalised
-from agonic.fitting.ellipsoid.passes import Whole, maximised
-from agonic.fitting.ellipsoid.scan import Progress, Recording, Scan, scanned
-from agonic.fitting.ellipsoid.solve import Fixed, Found, Model, algebraic, choose
 from agonic.health import FEWEST, Finding, left_out, strayed, usable_rows, wandered
 from agonic.maths.equation import likelihood
 from agonic.provenance import Provenance
