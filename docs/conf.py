@@ -8,8 +8,8 @@ sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 os.environ["COLUMNS"] = "88"  # help texts are as wide on every terminal
 
 from agonic import calibrated, verification
+from agonic.attitude import evidence as attitude
 from agonic.ellipsoid import solve
-from agonic.fitting.attitude import evidence as attitude
 from agonic.health import evidence, mounting, readings
 from agonic.version import __version__
 

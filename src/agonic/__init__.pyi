@@ -4,6 +4,12 @@ Type checkers read this file as it stands; `__init__.py` reads it to load a name
 first used.
 """
 
+from agonic.attitude import fit_interference as fit_interference
+from agonic.attitude import fit_levelled as fit_levelled
+from agonic.attitude import fit_vector as fit_vector
+from agonic.attitude.latency import LatencyFit as LatencyFit
+from agonic.attitude.latency import fit_latency as fit_latency
+from agonic.attitude.latency import undelayed as undelayed
 from agonic.calibrated import Calibrated as Calibrated
 from agonic.calibrated import calibrate as calibrate
 from agonic.calibrated_campaign import CalibratedCampaign as CalibratedCampaign
@@ -65,9 +71,6 @@ from agonic.fitting.alignment import AlignmentPlan as AlignmentPlan
 from agonic.fitting.alignment import error_budget as error_budget
 from agonic.fitting.alignment import fit_alignment as fit_alignment
 from agonic.fitting.alignment import plan_alignment as plan_alignment
-from agonic.fitting.attitude import fit_interference as fit_interference
-from agonic.fitting.attitude import fit_levelled as fit_levelled
-from agonic.fitting.attitude import fit_vector as fit_vector
 from agonic.fitting.coil import CoilFit as CoilFit
 from agonic.fitting.coil import fit_coil as fit_coil
 from agonic.fitting.deviation import DeviationFit as DeviationFit
@@ -79,9 +82,6 @@ from agonic.fitting.gravity import fit_gravity as fit_gravity
 from agonic.fitting.inflight import InflightFit as InflightFit
 from agonic.fitting.inflight import fit_inflight as fit_inflight
 from agonic.fitting.inflight import fit_mission as fit_mission
-from agonic.fitting.latency import LatencyFit as LatencyFit
-from agonic.fitting.latency import fit_latency as fit_latency
-from agonic.fitting.latency import undelayed as undelayed
 from agonic.fitting.network import NetworkChoice as NetworkChoice
 from agonic.fitting.network import NetworkFit as NetworkFit
 from agonic.fitting.network import choose_network as choose_network

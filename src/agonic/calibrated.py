@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply, beside
 from agonic.calibration.interference import Interference, stacked
@@ -17,7 +18,6 @@ from agonic.choice import Choice, Kind, choose
 from agonic.ellipsoid import Recording, ellipsoid_alone, evidence, fit_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.fitting.latency import LatencyFit
 from agonic.maths.rotations.angles import angle_deg
 from agonic.reference import Reference
 from agonic.samples import Samples

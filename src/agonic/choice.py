@@ -10,12 +10,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.attitude import fit_interference, fit_levelled, fit_vector
+from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.calibration.base import Calibration
 from agonic.ellipsoid import against_gravity, ellipsoid_alone, fit_ellipsoid
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
-from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
-from agonic.fitting.latency import LatencyFit, fit_latency, undelayed
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.attitude import fit_interference, fit_levelled, fit_vector
 from agonic.field.place import field_along
-from agonic.fitting.attitude import fit_interference, fit_levelled, fit_vector
 from agonic.maths.equation.gauge import entries
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg

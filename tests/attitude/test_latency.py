@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.attitude.latency import fit_latency, undelayed
 from agonic.errors import AgonicError, CoverageError
-from agonic.fitting.latency import fit_latency, undelayed
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
 from agonic.simulation import magnet_attached, simulate, with_outliers

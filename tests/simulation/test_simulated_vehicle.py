@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import agonic as ag
+from agonic.attitude.latency import fit_latency, undelayed
 from agonic.cli import run
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_sensors
-from agonic.fitting.latency import fit_latency, undelayed
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation import SimulatedVehicle, simulate_vehicle

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from agonic.attitude import command
 from agonic.cli import (
     fit_alignment,
     fit_coil,
     fit_deviation,
     fit_gravity,
     fit_inflight,
-    fit_latency,
     fit_network,
     fit_north,
     fit_thermal,
@@ -68,7 +68,7 @@ def add_to(app: typer.Typer) -> None:
         kinds.command(kind.__name__)(kind)
     fit_deviation.add_to(kinds)
     fit_inflight.add_to(kinds)
-    fit_latency.add_to(kinds)
+    command.add_to(kinds)
     fit_network.add_to(kinds)
     fit_thermal.add_to(kinds)
     fit_alignment.add_to(kinds)

@@ -58,7 +58,7 @@ def beside_second(calibration: Calibration, samples: Samples, log: Log) -> Sampl
 
 def on_time(calibration: Calibration, samples: Samples) -> Samples:
     """The samples, each at the moment it was measured by the latency that the calibration knows."""
-    from agonic.fitting.latency import undelayed
+    from agonic.attitude.latency import undelayed
 
     late = getattr(calibration, "latency_s", 0.0)
     if not late or samples.time is None or len(samples) < 2:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels import latency
+from agonic.attitude.maths import latency
 from agonic.maths.rotations.attitude import integrated, rot_nb
 from agonic.simulation import simulate
 

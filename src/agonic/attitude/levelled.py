@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from agonic.attitude.fit import fitted
+from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.fit import Fit
-from agonic.fitting.attitude.assemble import fitted
-from agonic.fitting.attitude.settings import Gauge, Model, Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -27,8 +27,8 @@ def latency(
     """How late the readings are beside the attitude or the gyro of the log."""
     from typing import Any, cast
 
+    from agonic.attitude.latency import fit_latency
     from agonic.console.output import print_json, say
-    from agonic.fitting.latency import fit_latency
 
     _, sensors = log_and_sensors(log, sensor, unit)
     fits = {

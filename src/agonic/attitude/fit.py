@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.attitude import calibration
+from agonic.attitude.evidence import with_evidence
+from agonic.attitude.problem import normalise
+from agonic.attitude.settings import Settings
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.fitting.attitude import restored
-from agonic.fitting.attitude.evidence import with_evidence
-from agonic.fitting.attitude.normalised import normalise
-from agonic.fitting.attitude.settings import Settings
 from agonic.health import FEWEST, figure, usable_rows
 from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC
@@ -55,7 +55,7 @@ def fitted(
         if tests[0].p_value > TURN_SIGNIFICANT:
             problem = problem._replace(gauge=SYMMETRIC)
             estimate = _estimated(problem, usable, settings)
-    affine = restored.calibration(estimate, problem, scale, samples, settings, name)
+    affine = calibration.calibration(estimate, problem, scale, samples, settings, name)
     return with_evidence(affine, estimate, problem, scale, samples, usable, tests, settings)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from agonic.attitude.fit import fitted
+from agonic.attitude.second_sensor import placement
+from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.fitting.attitude.assemble import fitted
-from agonic.fitting.attitude.placement import placement
-from agonic.fitting.attitude.settings import Gauge, Model, Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.attitude import calibration
+from agonic.attitude.problem import Scale
+from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage, cover
 from agonic.fit import Channel, Fit, ModelTest
-from agonic.fitting.attitude import restored
-from agonic.fitting.attitude.normalised import Scale
-from agonic.fitting.attitude.settings import Settings
 from agonic.health import (
     Evidence,
     Finding,
@@ -54,7 +54,7 @@ def with_evidence(
     """The fit with residuals of every row, coverage, findings and remarks."""
     weights = np.zeros(len(samples))
     weights[usable] = estimate.weight
-    plain = restored.effective(estimate, problem, scale, samples)
+    plain = calibration.effective(estimate, problem, scale, samples)
     cleaned = samples.field - attitude_aided.added(problem, estimate.solution.params) * scale.size
     coverage = _coverage(plain, cleaned, weights > 0, problem, settings)
     channels = _channels(estimate, problem, scale.size)

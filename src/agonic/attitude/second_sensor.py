@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.attitude.fit import fitted
+from agonic.attitude.settings import Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.fitting.attitude.assemble import fitted
-from agonic.fitting.attitude.settings import Settings
 from agonic.health import Finding, figure
 from agonic.reference import Reference
 from agonic.samples import Samples

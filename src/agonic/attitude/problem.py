@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.attitude.settings import Settings
 from agonic.calibration.interference import stacked
 from agonic.errors import AgonicError, CoverageError, LogError
-from agonic.fitting.attitude.settings import Settings
 from agonic.maths.equation import attitude_aided
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.attitude.problem import Scale
+from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.calibration.interference import Interference, signals
-from agonic.fitting.attitude.normalised import Scale
-from agonic.fitting.attitude.settings import Settings
 from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.equation.attitude_aided import Estimate, Problem
 from agonic.provenance import Provenance

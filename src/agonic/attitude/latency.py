@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Slerp
 
+from agonic.attitude.maths import latency as kernel
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import Finding, figure, sentences
-from agonic.kernels import latency as kernel
 from agonic.maths.rotations.attitude import angles_deg, rot_nb, yaw_pitch_roll
 from agonic.samples import Samples
 

@@ -1,7 +1,0 @@
-"""Calibrations taught by the attitude: levelled, vector, and with the interference on board."""
-
-from agonic.fitting.attitude.interference import fit_interference
-from agonic.fitting.attitude.levelled import fit_levelled
-from agonic.fitting.attitude.vector import fit_vector
-
-__all__ = ["fit_interference", "fit_levelled", "fit_vector"]
