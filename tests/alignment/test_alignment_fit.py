@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.session import Pier, observe, published_earth_rotation
+from agonic.alignment.simulation.session import SimulatedSession, simulate_session, unknown_pier
+from agonic.alignment.star_sensor import AlignmentFit, error_budget, fit_alignment, plan_alignment
 from agonic.errors import AgonicError, CoverageError, UnitError, ValidityError
-from agonic.fitting.alignment import AlignmentFit, error_budget, fit_alignment, plan_alignment
 from agonic.maths.equation import alignment as kernel
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, from_323_deg
-from agonic.session import Pier, observe, published_earth_rotation
-from agonic.simulation.session import SimulatedSession, simulate_session, unknown_pier
 from tests.alignment.nights import MATRIX, at_other_times, names
 
 FIELD = 49_509.0

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.fitting.alignment import fit_alignment
-from agonic.session import Pier, Session, Site, published_earth_rotation
-from agonic.simulation.session import simulate_session
+from agonic.alignment.session import Pier, Session, Site, published_earth_rotation
+from agonic.alignment.simulation.session import simulate_session
+from agonic.alignment.star_sensor import fit_alignment
 from tests.alignment.nights import MATRIX, at_other_times, names
 
 

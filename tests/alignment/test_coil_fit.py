@@ -7,12 +7,12 @@ import erfa
 import numpy as np
 import pytest
 
+from agonic.alignment.coil import fit_coil
+from agonic.alignment.session import published_earth_rotation
+from agonic.alignment.simulation.coil import simulate_coil
 from agonic.errors import AgonicError, CoverageError
-from agonic.fitting.coil import fit_coil
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import rot_en
-from agonic.session import published_earth_rotation
-from agonic.simulation.coil import simulate_coil
 
 
 def pulled(error, covariance) -> float:

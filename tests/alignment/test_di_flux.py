@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agonic.alignment.files.read_coil import read_coil
+from agonic.alignment.files.read_di_flux import read_di_flux
+from agonic.alignment.files.read_north import read_north
+from agonic.alignment.files.write_coil import write_coil
+from agonic.alignment.files.write_north import write_north
+from agonic.alignment.north import fit_di_flux
+from agonic.alignment.simulation.coil import simulate_coil
+from agonic.alignment.simulation.north import simulate_north
 from agonic.errors import AgonicError, LogError
-from agonic.fitting.north import fit_di_flux
-from agonic.io.coil_file import read_coil
-from agonic.io.north_file import read_north
-from agonic.io.read_di_flux import read_di_flux
-from agonic.io.write_coil import write_coil
-from agonic.io.write_north import write_north
-from agonic.simulation.coil import simulate_coil
-from agonic.simulation.north import simulate_north
 
 HEAD = "# MagPy Absolutes\n# Abs-TheoUnit: gon\n# Abs-AzimuthMark: 200\n"
 SHEETS = {

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.gravity import fit_gravity
+from agonic.alignment.maths import gravity as kernel
+from agonic.alignment.simulation.gravity import simulate_gravity
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import apply
 from agonic.errors import LogError
-from agonic.fitting.gravity import fit_gravity
-from agonic.kernels import gravity as kernel
-from agonic.simulation.gravity import simulate_gravity
 
 
 def turn_between(a, b):

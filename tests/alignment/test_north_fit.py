@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths import di_flux as kernel
+from agonic.alignment.north import fit_di_flux, fit_north
+from agonic.alignment.session.north import NorthSession, Sighting
+from agonic.alignment.simulation.di_flux import simulate_di_flux
+from agonic.alignment.simulation.north import simulate_north
 from agonic.errors import AgonicError, CoverageError
-from agonic.fitting.north import fit_di_flux, fit_north
-from agonic.kernels import di_flux as kernel
 from agonic.maths.rotations.frames import ARCSEC_RAD
-from agonic.session.north import NorthSession, Sighting
-from agonic.simulation.di_flux import simulate_di_flux
-from agonic.simulation.north import simulate_north
 
 
 def test_every_method_is_honest_and_the_sinusoid_best() -> None:

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.files.read_session import read_session
+from agonic.alignment.files.star_table import read_stars
+from agonic.alignment.files.write_session import write_session
+from agonic.alignment.simulation.session import SimulatedSession, simulate_session
+from agonic.alignment.star_sensor import fit_alignment
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import save
-from agonic.fitting.alignment import fit_alignment
-from agonic.io.session_file import read_session
-from agonic.io.star_table import read_stars
-from agonic.io.write_session import write_session
 from agonic.maths.rotations.frames import ARCSEC_RAD
-from agonic.simulation.session import SimulatedSession, simulate_session
 
 
 @pytest.fixture

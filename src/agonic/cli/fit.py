@@ -7,17 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from agonic.alignment.commands import fit_alignment, fit_coil, fit_gravity, fit_north
 from agonic.attitude import command
-from agonic.cli import (
-    fit_alignment,
-    fit_coil,
-    fit_deviation,
-    fit_gravity,
-    fit_inflight,
-    fit_network,
-    fit_north,
-    fit_thermal,
-)
+from agonic.cli import fit_deviation, fit_inflight, fit_network, fit_thermal
 from agonic.console.options import (
     At,
     Between,

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from agonic.cli import plan_alignment, plan_thermal
+from agonic.alignment.commands import plan_alignment
+from agonic.cli import plan_thermal
 from agonic.console.options import Json
 
 

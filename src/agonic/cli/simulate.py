@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from agonic.alignment.commands import simulate_alignment, simulate_north
 from agonic.cli import (
-    simulate_alignment,
     simulate_campaign,
     simulate_fleet,
     simulate_network,
-    simulate_north,
     simulate_orbit,
     simulate_vehicle,
 )

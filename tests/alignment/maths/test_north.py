@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels import north
+from agonic.alignment.maths import north
 
 ARCSEC = 1 / 3600
 

@@ -1,0 +1,309 @@
+"""`fit_coil`: the magnetic axis and the constant of a coil, from current reversals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from agonic.alignment.coil.result import CoilFit, Direction, Level
+from agonic.alignment.maths import coil_axis as kernel
+from agonic.alignment.maths.coil_axis import Estimate, Stretch
+from agonic.alignment.session import published_earth_rotation
+from agonic.alignment.session.coil import CoilSession
+from agonic.alignment.session.session import unix_of
+from agonic.calibration.base import beside
+from agonic.errors import CoverageError, ValidityError
+from agonic.health import Finding, figure
+from agonic.maths.rotations.angles import angle_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD, cross_matrix, rot_en
+
+Array = NDArray[np.float64]
+
+METHOD = ("harbin-2018",)
+SAME_CURRENT = 0.02
+"""Share of the largest current by which stretches of one level may differ."""
+FEWEST, MOST_DRIFT = 6, 16
+RARE = 1e-3
+STANDS_OUT = 4.0
+CORRELATED = 2.0
+
+
+def fit_coil(session: CoilSession) -> CoilFit:
+    """The magnetic axis of a coil in every frame that is known, and its constant.
+
+    With the current at +I and −I, (B₊ − B₋)/2I is the coil's vector k by the ampere: the ambient
+    field and the magnetometer's bias cancel. The means of all stretches of constant current give
+
+        y_j = k I_j + q I_j² + drift(t_j) + ambient_j,
+
+    by least squares, so any order and sizes of the current serve. The ambient's changes are those
+    of the reference, turned into the magnetometer's axes where alignment and attitude are known and
+    fitted otherwise; what is left of drift is a polynomial as long as it pays.
+
+    Parameters
+    ----------
+    session : readings with the current, and the chain to the frames wanted (`read_coil`).
+
+    Returns a `CoilFit`. Raises `CoverageError` where the current changes too rarely.
+
+    Source: patent CN 108871301 B.
+
+    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> made = simulate_coil(seed=2)
+    >>> fit = fit_coil(made.session)
+    >>> fit.reversals, bool(fit.axis_sd_arcsec < 1.0)
+    (100, True)
+    """
+    seen = _stretches(session)
+    level = _levels(seen.current)
+    even = int(level.max()) > 0
+    drift = kernel.drift_needed(seen, MOST_DRIFT, even=even)
+    found = kernel.estimate(seen, drift, even=even)
+    time = _middle(session)
+    fit = CoilFit(
+        session=session,
+        stretches=seen,
+        estimate=found,
+        directions=_directions(session, found, time),
+        time=time,
+    )
+    away, away_sd = _geometry(fit)
+    fit = replace(fit, geometric_deg=away, geometric_sd_arcsec=away_sd)
+    if even:
+        levels, p = _linearity(fit, level)
+        fit = replace(fit, levels=levels, p_linear=p)
+    return replace(fit, findings=tuple(_findings(fit)), remarks=_remarks(fit))
+
+
+def _stretches(session: CoilSession) -> Stretch:
+    """Means over constant current, the ambient field taken out where its axes are known."""
+    samples, reference = session.magnetometer, session.reference
+    field = samples.field
+    if session.calibration is not None:
+        field = session.calibration.correct(field, **beside(session.calibration, samples))
+    assert samples.time is not None, "checked with the session"
+    assert samples.current_A is not None, "checked with the session"
+    alongside = None
+    if reference is not None:
+        now, then = unix_of(samples), unix_of(reference)
+        alongside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
+        onto_m = _onto_m(session)
+        if onto_m is not None:
+            field, alongside = field - alongside @ onto_m.T, None
+    step = SAME_CURRENT * float(np.abs(samples.current_A).max())
+    seen = kernel.stretches(
+        samples.time, samples.current_A, field, alongside, session.settle_s, step
+    )
+    if len(seen.time) < FEWEST:
+        raise CoverageError(
+            f"the current has {len(seen.time)} stretches",
+            undetermined="drift and coil together",
+            turns=f"switch it to and fro, {FEWEST} times at least",
+        )
+    return seen
+
+
+def _onto_m(session: CoilSession) -> Array | None:
+    """North-east-down into the magnetometer's axes, where that is known."""
+    if session.attitude is None:
+        return None
+    return np.asarray(_onto_p(session).T @ session.attitude.rot_pn)
+
+
+def _onto_p(session: CoilSession) -> Array:
+    """Magnetometer axes into the platform's."""
+    if session.alignment is None:
+        return np.eye(3)
+    return np.asarray(session.alignment.rotation.as_matrix())
+
+
+def _levels(current: Array) -> NDArray[np.int64]:
+    """The number of each stretch's size of current, from the smallest; −1 for none."""
+    size = np.abs(current)
+    near = SAME_CURRENT * float(size.max())
+    order = np.argsort(size)
+    step = np.diff(size[order], prepend=0.0) > near
+    number = np.empty(len(size), dtype=np.int64)
+    number[order] = np.cumsum(step) - 1
+    return number
+
+
+def _middle(session: CoilSession) -> float | None:
+    """The middle of the measurement, UTC seconds since 1970, where it is dated."""
+    if session.magnetometer.epoch is None:
+        return None
+    return float(unix_of(session.magnetometer)[[0, -1]].mean())
+
+
+def _directions(session: CoilSession, found: Estimate, time: float | None) -> dict[str, Direction]:
+    """The axis in all frames to which the chain leads."""
+    size = float(np.linalg.norm(found.linear))
+    axis = found.linear / size
+    across = np.eye(3) - np.outer(axis, axis)
+    covariance = across @ np.diag(found.covariance[:, 0, 0]) @ across / size**2
+    known = {"m": Direction(frame="m", axis=axis, covariance=covariance)}
+    last = known["m"]
+    if session.alignment is not None:
+        spread = session.alignment.covariance
+        last = _turned(last, session.alignment.frame_out, _onto_p(session), spread)
+        known[last.frame] = last
+    attitude = session.attitude
+    if attitude is None:
+        return known
+    # the attitude's error stands in the platform's axes, before the turn into north-east-down
+    tilted = _turned(last, last.frame, np.eye(3), attitude.covariance)
+    known["n"] = _turned(tilted, "n", attitude.rot_pn.T, None)
+    if session.site is not None:
+        fixed = rot_en(session.site.latitude_deg, session.site.longitude_deg)
+        known["e"] = _turned(known["n"], "e", fixed, None)
+        rot_ie = _rot_ie(time)
+        if rot_ie is not None:
+            known["i"] = _turned(known["e"], "i", rot_ie, None)
+    return known
+
+
+def _rot_ie(time: float | None) -> Array | None:
+    """Earth-fixed into inertial components; `None` where the moment or the Earth is not known."""
+    if time is None:
+        return None
+    try:
+        return np.asarray(published_earth_rotation().rot_ei([time])[0].T)
+    except ValidityError:
+        return None
+
+
+def _turned(given: Direction, frame: str, matrix: Array, spread: Array | None) -> Direction:
+    """In other axes; `spread` is the covariance of the turn's own rotation vector there."""
+    axis = matrix @ given.axis
+    covariance = matrix @ given.covariance @ matrix.T
+    if spread is not None:
+        cross = cross_matrix(axis)
+        covariance = covariance + cross @ spread @ cross.T
+    return Direction(frame=frame, axis=axis, covariance=covariance)
+
+
+def _geometry(fit: CoilFit) -> tuple[float | None, float | None]:
+    """The angle to the axis as drawn, and its standard error."""
+    session = fit.session
+    if session.geometric_axis is None:
+        return None, None
+    drawn = session.geometric_axis / np.linalg.norm(session.geometric_axis)
+    here = fit.directions[session.geometric_frame]
+    away = here.axis - drawn * (here.axis @ drawn)
+    length = float(np.linalg.norm(away))
+    sd = here.sd_arcsec
+    if length > 2 * sd * ARCSEC_RAD:  # nearer, the angle has no direction of its own
+        # the angle grows as the axis moves away from the drawn one, square to the axis itself
+        along = away - here.axis * (away @ here.axis)
+        along = along / np.linalg.norm(along)
+        sd = float(np.sqrt(along @ here.covariance @ along)) / ARCSEC_RAD
+    return float(angle_deg(here.axis, drawn)), sd
+
+
+def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...], float]:
+    """The constant at each level, and how often by chance they differ so much."""
+    each, sd = kernel.by_level(fit.stretches, fit.estimate.drift, level)
+    along, error = each @ fit.axis, np.sqrt((sd**2) @ fit.axis**2)
+    mean = float((along / error**2).sum() / (1 / error**2).sum())
+    chi2 = float((((along - mean) / error) ** 2).sum())
+    sizes = [float(np.abs(fit.stretches.current[level == k]).mean()) for k in range(len(along))]
+    levels = tuple(
+        Level(current_A=size, constant=float(a), sd=float(e), departure=float(a - mean))
+        for size, a, e in zip(sizes, along, error, strict=True)
+    )
+    return levels, float(chdtrc(len(along) - 1, chi2))
+
+
+def _findings(fit: CoilFit) -> list[Finding]:
+    """What is wrong or worth knowing."""
+    said = []
+    if (fit.stretches.current > 0).all() or (fit.stretches.current < 0).all():
+        said.append(
+            Finding(
+                "one polarity",
+                "check",
+                "the current never changes its sign, so what is even in it does not cancel",
+                "reverse it",
+            )
+        )
+    if fit.session.reference is None:
+        said.append(
+            Finding(
+                "no reference",
+                "note",
+                "the drift of the ambient field is only what a smooth curve makes of it",
+                "record a reference beside it",
+            )
+        )
+    site = fit.session.site
+    if "e" in fit.directions and site is not None and site.coordinates == "geodetic":
+        said.append(
+            Finding(
+                "geodetic coordinates",
+                "check",
+                "the site's coordinates are geodetic: north "
+                "and down may be off by up to 20″, the deflection of the vertical",
+                "give astronomical coordinates",
+            )
+        )
+    if "e" in fit.directions and "i" not in fit.directions:
+        said.append(
+            Finding(
+                "no inertial axis",
+                "note",
+                "the readings have no date for which the Earth's "
+                "rotation is known, so there is no inertial axis",
+                "give times as dates, or install a newer astropy-iers-data",
+            )
+        )
+    if fit.p_linear < RARE:
+        worst = max(fit.levels, key=lambda level: abs(level.departure / level.sd))
+        said.append(
+            Finding(
+                "nonlinear",
+                "check",
+                f"at {figure(worst.current_A, 3)} A the constant is off "
+                f"by {figure(1e6 * worst.departure / fit.constant)} ppm",
+                "check shunt and source, and the magnetometer's linearity",
+            )
+        )
+    even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
+    if spread.any() and (even**2 / spread).max() > STANDS_OUT**2:
+        largest = float(np.abs(fit.stretches.current).max())
+        said.append(
+            Finding(
+                "even in the current",
+                "note",
+                "reversing does not reverse "
+                f"{figure(float(np.linalg.norm(even)) * largest**2)} nT at {largest:g} A",
+                "look for heating, or iron near the coil; the axis is free of it",
+            )
+        )
+    if fit.estimate.correlation.max() > CORRELATED:
+        said.append(
+            Finding(
+                "correlated residuals",
+                "check",
+                "stretches are alike in what is left, "
+                f"{figure(float(fit.estimate.correlation.max()))} counting as one",
+                "reverse the current more often, or put the reference nearer",
+            )
+        )
+    return said
+
+
+def _remarks(fit: CoilFit) -> tuple[str, ...]:
+    """How good it is."""
+    said = [
+        f"{figure(fit.constant, 7)} nT/A ± {figure(fit.constant_sd)}, the axis known to "
+        f"{figure(fit.axis_sd_arcsec)}″ in the magnetometer's axes from {fit.reversals} reversals"
+    ]
+    if fit.geometric_deg is not None and fit.geometric_sd_arcsec is not None:
+        said.append(
+            f"it is {figure(3600 * fit.geometric_deg, 4)}″ ± {figure(fit.geometric_sd_arcsec)}″ "
+            "from the axis as drawn"
+        )
+    return tuple(said)

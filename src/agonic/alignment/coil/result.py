@@ -1,0 +1,106 @@
+"""`CoilFit`: where a coil's field points, and how much of it an ampere gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.alignment.maths.coil_axis import Estimate, Stretch
+from agonic.alignment.session.coil import CoilSession
+from agonic.health import Finding, Judged
+from agonic.maths.rotations.frames import ARCSEC_RAD
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Direction:
+    """The axis (3,) in the axes of a frame's letter, with the covariance (3, 3) of the vector."""
+
+    frame: str
+    axis: Array
+    covariance: Array
+
+    @property
+    def sd_arcsec(self) -> float:
+        """Standard error of the direction about its worst axis."""
+        return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance)[-1], 0.0)) / ARCSEC_RAD)
+
+    @property
+    def angles_deg(self) -> tuple[float, float]:
+        """Azimuth and elevation in north-east-down; else longitude and latitude on the sphere:
+        right ascension and declination in inertial axes."""
+        x, y, z = self.axis
+        up = -z if self.frame == "n" else z
+        return float(np.degrees(np.arctan2(y, x)) % 360), float(np.degrees(np.arcsin(up)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """The coil at one size of the current: constant, and how far from that of all, nT/A."""
+
+    current_A: float
+    constant: float
+    sd: float
+    departure: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoilFit(Judged):
+    """The result of `fit_coil`.
+
+    Parameters
+    ----------
+    estimate : the coil's vector by the ampere in the magnetometer's axes, with its covariance.
+    directions : the axis in every frame that the session leads to, by letter: m magnetometer, b or
+        c platform, n north-east-down, e Earth-fixed, i inertial at `time`.
+    geometric_deg, geometric_sd_arcsec : the angle to the axis as drawn.
+    levels : the constant at each size of the current. p_linear : how often they differ so much by
+        chance.
+    """
+
+    session: CoilSession
+    stretches: Stretch
+    estimate: Estimate
+    directions: dict[str, Direction]
+    geometric_deg: float | None = None
+    geometric_sd_arcsec: float | None = None
+    levels: tuple[Level, ...] = ()
+    p_linear: float = 1.0
+    time: float | None = None
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """How many stretches of constant current."""
+        return len(self.stretches.time)
+
+    @property
+    def reversals(self) -> int:
+        """How often the current changed its sign."""
+        sign = np.sign(self.stretches.current)
+        return int((np.diff(sign[sign != 0]) != 0).sum())
+
+    @property
+    def axis(self) -> Array:
+        """The unit vector (3,) in the magnetometer's axes."""
+        return self.directions["m"].axis
+
+    @property
+    def axis_sd_arcsec(self) -> float:
+        """Its standard error about the worst axis."""
+        return self.directions["m"].sd_arcsec
+
+    @property
+    def constant(self) -> float:
+        """The coil constant, nT/A."""
+        return float(np.linalg.norm(self.estimate.linear))
+
+    @property
+    def constant_sd(self) -> float:
+        """Its standard error, with that of the current's scale."""
+        along = float(np.sqrt(self.axis**2 @ self.estimate.covariance[:, 0, 0]))
+        return float(np.hypot(along, self.session.current_sd * self.constant))

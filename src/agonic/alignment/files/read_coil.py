@@ -1,0 +1,221 @@
+"""coil.toml: a coil whose current is reversed before a magnetometer, and how its axes are known.
+
+name = "Helmholtz coil 2"
+
+[coil]
+name = "coil"
+axis = [0, 0, 1]                # as drawn; may be left out
+frame = "b"                     # of that: m magnetometer, b or c platform, n north-east-down
+settle_s = 0                    # readings so soon after a change of current are left out
+current_sd = 1e-5               # of the current's scale, relative
+
+[magnetometer]
+file = "magnetometer.csv"       # with current_A; calibration = "mag.json" as in session.toml
+
+[reference]
+file = "reference.csv"          # axes = "NED", ENU or NWU; the section may be left out
+
+[alignment]
+file = "cal.json"               # from agonic fit alignment or agonic fit north
+
+[attitude]                      # of the platform, while the coil was on:
+roll_deg = 0.4                  # forward, right, down (frame b): from levels and an azimuth, or
+pitch_deg = -0.7
+heading_deg = 63.0
+level_sd_arcsec = 2
+heading_sd_arcsec = 3
+ra_deg = 310.2                  # what a star sensor reads (frame c), at a time
+dec_deg = 41.0
+rot_deg = 12.5
+utc = "2024-03-12T21:00:00Z"
+across_sd_arcsec = 1
+about_sd_arcsec = 5
+
+[site]
+latitude_deg = 52.0725          # for Earth-fixed and inertial axes
+longitude_deg = 12.6750
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.alignment.files.coil_schema import (
+    SECTIONS,
+    AlignmentSection,
+    AttitudeSection,
+    CoilSection,
+)
+from agonic.alignment.files.north_schema import Head
+from agonic.alignment.files.read_north import files_missing, not_positive
+from agonic.alignment.files.read_session import calibration_of, north_east_down, samples_of
+from agonic.alignment.files.session_schema import SiteSection
+from agonic.alignment.session import Site, published_earth_rotation
+from agonic.alignment.session.coil import Attitude, CoilSession
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain
+from agonic.errors import AgonicError, LogError
+from agonic.files.calibration import load
+from agonic.files.toml_sections import read_toml, section
+from agonic.maths.rotations.attitude import rot_nb
+from agonic.maths.rotations.frames import ARCSEC_RAD, rot_ci, rot_en
+from agonic.provenance import Input, sha256_of
+
+Array = NDArray[np.float64]
+
+FILE_NAME = "coil.toml"
+
+
+LEVELLED = ("roll_deg", "pitch_deg", "heading_deg")
+STELLAR = ("ra_deg", "dec_deg", "rot_deg", "utc")
+
+
+def read_coil(path: Path | str) -> CoilSession:
+    """The session that a coil.toml describes, with its tables.
+
+    Parameters
+    ----------
+    path : the file, or the folder that it is in.
+
+    Returns a `CoilSession`. Raises `LogError` that names every mistake of the description at once,
+    and `AgonicError` where its parts do not belong together.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.alignment.files.write_coil import write_coil
+    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = write_coil(simulate_coil(reversals=4).session, folder)
+    ...     read_coil(folder).geometric_axis.tolist()
+    [0.0, 0.0, 1.0]
+    """
+    given = Path(path)
+    file = given / FILE_NAME if given.is_dir() else given
+    head, parts = _described(read_toml(file), file)
+    home, sources = file.parent, list[Input]()
+    coil, reference = parts["coil"] or CoilSection(), parts["reference"]
+    magnetometer = samples_of(parts["magnetometer"], home, sources)
+    alignment, before = _alignment(parts["alignment"], home, sources)
+    calibration = calibration_of(parts["magnetometer"], home) or before
+    return CoilSession(
+        name=head.name,
+        coil=coil.name,
+        magnetometer=magnetometer,
+        reference=None
+        if reference is None
+        else north_east_down(samples_of(reference, home, sources), reference.axes),
+        calibration=calibration,
+        geometric_axis=None if coil.axis is None else np.array(coil.axis),
+        geometric_frame=coil.frame,
+        settle_s=coil.settle_s,
+        current_sd=coil.current_sd,
+        alignment=alignment,
+        attitude=_attitude(parts["attitude"], _site(parts["site"])),
+        site=_site(parts["site"]),
+        sources=tuple(sources),
+    )
+
+
+def _described(table: Mapping[str, Any], file: Path) -> tuple[Head, dict[str, Any]]:
+    """What the description says, or every mistake in it."""
+    mistakes: list[str] = []
+    plain = {key: value for key, value in table.items() if key not in SECTIONS}
+    head = section(plain, Head, "the file", mistakes, tuple(SECTIONS))
+    parts = {
+        name: section(table.get(name), kind, f"[{name}]", mistakes)
+        for name, kind in SECTIONS.items()
+    }
+    if "magnetometer" not in table:
+        mistakes.append("there is no section [magnetometer]")
+    mistakes += files_missing(parts, file.parent)
+    mistakes += not_positive(parts)
+    if parts["attitude"] is not None:
+        mistakes += _attitude_amiss(parts["attitude"], parts["site"] is not None)
+    coil = parts["coil"]
+    if coil is not None and coil.axis is not None and not np.any(coil.axis):
+        mistakes.append("[coil] axis has no length")
+    if mistakes or head is None:
+        raise LogError("; ".join(mistakes), path=file)
+    return head, parts
+
+
+def _attitude_amiss(part: AttitudeSection, site: bool) -> list[str]:
+    """Angles that are missing, or of both kinds."""
+    levelled = [name for name in LEVELLED if getattr(part, name) is not None]
+    stellar = [name for name in STELLAR if getattr(part, name) is not None]
+    wanted = f"{', '.join(LEVELLED)}, or {', '.join(STELLAR)}"
+    if bool(levelled) == bool(stellar):
+        return [f"[attitude] needs {wanted}, one of the two"]
+    missing = sorted(set(LEVELLED if levelled else STELLAR) - {*levelled, *stellar})
+    said = [f"[attitude] needs {', '.join(missing)} too"] if missing else []
+    if stellar and not site:
+        said.append("[attitude] of a star sensor needs a [site]")
+    if part.utc is not None and _moment(part.utc) is None:
+        said.append(f"[attitude] utc {part.utc!r} is no time such as 2024-03-12T21:00:00Z")
+    return said
+
+
+def _moment(text: str) -> float | None:
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _site(part: SiteSection | None) -> Site | None:
+    if part is None:
+        return None
+    return Site(
+        latitude_deg=part.latitude_deg,
+        longitude_deg=part.longitude_deg,
+        coordinates=part.coordinates,
+    )
+
+
+def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | None:
+    """North-east-down into the platform's axes: by levels and azimuth, or by the stars."""
+    if part is None:
+        return None
+    if part.utc is None:
+        level, turn = part.level_sd_arcsec, part.heading_sd_arcsec
+        # small errors: levels about the platform's own axes, the azimuth about down
+        rotation = rot_nb(part.roll_deg or 0.0, part.pitch_deg or 0.0, part.heading_deg or 0.0).T
+        down = rotation[:, 2]
+        flat = np.eye(3) - np.outer(down, down)
+        covariance = (level**2 * flat + turn**2 * np.outer(down, down)) * ARCSEC_RAD**2
+        return Attitude(rot_pn=rotation, covariance=covariance, frame="b")
+    unix = _moment(part.utc)
+    assert site is not None, "checked with the description"
+    assert unix is not None, "checked with the description"
+    rot_ei = published_earth_rotation().rot_ei([unix])[0]
+    sd = np.array([part.across_sd_arcsec, part.across_sd_arcsec, part.about_sd_arcsec])
+    star = rot_ci(part.ra_deg or 0.0, part.dec_deg or 0.0, part.rot_deg or 0.0)
+    return Attitude(
+        rot_pn=star @ rot_ei.T @ rot_en(site.latitude_deg, site.longitude_deg),
+        covariance=np.diag(sd**2) * ARCSEC_RAD**2,
+        frame="c",
+    )
+
+
+def _alignment(
+    part: AlignmentSection | None, home: Path, sources: list[Input]
+) -> tuple[Alignment | None, Calibration | None]:
+    """The alignment, and what corrects the readings before it where both are one chain."""
+    if part is None:
+        return None, None
+    file = home / part.file
+    found = load(file)
+    sources.append(Input(name=part.file, sha256=sha256_of(file), count=1))
+    if isinstance(found, Alignment):
+        return found, None
+    if isinstance(found, Chain) and isinstance(found.steps[-1], Alignment):
+        before = found.steps[:-1]
+        return found.steps[-1], before[0] if len(before) == 1 else Chain(steps=before)
+    raise AgonicError(f"{file} is a {found.kind}, no alignment; fit one, or leave [alignment] out")

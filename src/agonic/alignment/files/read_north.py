@@ -1,0 +1,244 @@
+"""north.toml: what a gyrotheodolite read, what was sighted, and a platform turned beside it.
+
+name = "Pier 4, 12 March"
+
+[gyro]
+constant_arcsec = -35           # true north less the gyro's
+constant_sd_arcsec = 1
+reading_sd_arcsec = 4           # of the circle; without: told by the spread
+time_sd_s = 0.1                 # of a stopped time; without: told by the spread
+transit_constant = 0.00374      # c, degrees per unit of amplitude and s; without: from settings
+
+[reversal]
+file = "reversal.csv"           # reading_deg or reading_gon: the turning points in order
+
+[transit]
+file = "transit.csv"            # setting_deg (or _gon), east_s, west_s, amplitude_east, …_west
+
+[swing]
+file = "swing.csv"              # time_s, reading_deg (or _gon)
+
+[[sighting]]
+name = "mark"
+readings_deg = [348.7418, 168.7421]   # or readings_gon; one face or both
+mirror = false                  # true: the theodolite looks into a mirror, whose normal points back
+
+[platform]
+file = "platform.csv"           # orientation, reading_deg (or _gon), roll_deg, pitch_deg
+circle_sd_arcsec = 2
+level_sd_arcsec = 2
+mirror = true
+
+[magnetometer], [reference], [pier]   as in session.toml
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.alignment.files.north_schema import (
+    SECTIONS,
+    GyroSection,
+    Head,
+    PlatformSection,
+    SightingSection,
+)
+from agonic.alignment.files.read_session import calibration_of, north_east_down, pier_of, samples_of
+from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.errors import LogError
+from agonic.files.toml_sections import read_toml, section
+from agonic.logs.auxiliary import numbers
+from agonic.provenance import Input, sha256_of
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+FILE_NAME = "north.toml"
+GON_DEG = 0.9
+
+
+TABLES = {
+    "reversal": ("reading_deg",),
+    "transit": ("setting_deg", "east_s", "west_s", "amplitude_east", "amplitude_west"),
+    "swing": ("time_s", "reading_deg"),
+    "platform": ("orientation", "reading_deg", "roll_deg", "pitch_deg"),
+}
+"""Columns of the tables; angles of the circle in gon too."""
+
+
+def read_north(path: Path | str) -> NorthSession:
+    """The session that a north.toml describes, with its tables.
+
+    Parameters
+    ----------
+    path : the file, or the folder that it is in.
+
+    Returns a `NorthSession`, angles in degrees. Raises `LogError` that names every mistake of the
+    description at once, and `AgonicError` where its parts do not belong together.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.alignment.files.write_north import write_north
+    >>> from agonic.alignment.simulation.north import simulate_north
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = write_north(simulate_north(orientations=0).session, folder)
+    ...     len(read_north(folder).turning_deg)
+    8
+    """
+    given = Path(path)
+    file = given / FILE_NAME if given.is_dir() else given
+    home = file.parent
+    head, parts, sightings = _described(read_toml(file), file)
+    sources: list[Input] = []
+    tables = {
+        name: _table(home / parts[name].file, names, sources)
+        for name, names in TABLES.items()
+        if parts[name] is not None
+    }
+    gyro = parts["gyro"] or GyroSection()
+    magnetometer, reference = parts["magnetometer"], parts["reference"]
+    return NorthSession(
+        name=head.name,
+        turning_deg=tables["reversal"]["reading_deg"] if "reversal" in tables else None,
+        transits=Transits(**tables["transit"]) if "transit" in tables else None,
+        swing=SwingRecord(**tables["swing"]) if "swing" in tables else None,
+        reading_sd_arcsec=gyro.reading_sd_arcsec,
+        time_sd_s=gyro.time_sd_s,
+        transit_constant=gyro.transit_constant,
+        transit_constant_sd=gyro.transit_constant_sd,
+        constant_arcsec=gyro.constant_arcsec,
+        constant_sd_arcsec=gyro.constant_sd_arcsec,
+        sightings=sightings,
+        platform=_platform(tables, parts["platform"]),
+        magnetometer=None if magnetometer is None else samples_of(magnetometer, home, sources),
+        reference=None
+        if reference is None
+        else north_east_down(samples_of(reference, home, sources), reference.axes),
+        pier=pier_of(parts["pier"]),
+        calibration=None if magnetometer is None else calibration_of(magnetometer, home),
+        noise=None if magnetometer is None else magnetometer.noise_nT,
+        reference_noise=None if reference is None else reference.noise_nT,
+        sources=tuple(sources),
+    )
+
+
+def _described(
+    table: Mapping[str, Any], file: Path
+) -> tuple[Head, dict[str, Any], tuple[Sighting, ...]]:
+    """What the description says, or every mistake in it."""
+    mistakes: list[str] = []
+    known = (*SECTIONS, "sighting")
+    plain = {key: value for key, value in table.items() if key not in known}
+    head = section(plain, Head, "the file", mistakes, known)
+    parts = {
+        name: section(table.get(name), kind, f"[{name}]", mistakes)
+        for name, kind in SECTIONS.items()
+    }
+    mistakes += files_missing(parts, file.parent)
+    mistakes += not_positive(parts)
+    sightings = _sightings(table.get("sighting", []), mistakes)
+    if mistakes or head is None:
+        raise LogError("; ".join(mistakes), path=file)
+    return head, parts, sightings
+
+
+def files_missing(parts: Mapping[str, Any], home: Path) -> list[str]:
+    """Tables that sections name and that are not there."""
+    return [
+        f"[{name}]: there is no file {part.file} in {home}"
+        for name, part in parts.items()
+        if part is not None and hasattr(part, "file") and not (home / part.file).is_file()
+    ]
+
+
+def not_positive(parts: Mapping[str, Any]) -> list[str]:
+    """Standard deviations and noises that are below 0."""
+    return [
+        f"[{name}] {key} is {value:g}; it must not be below 0"
+        for name, part in parts.items()
+        for key in (() if part is None else part.__struct_fields__)
+        if ("_sd" in key or key.startswith(("sd_", "noise")))
+        and isinstance(value := getattr(part, key), float | int)
+        and value < 0
+    ]
+
+
+def _sightings(given: Any, mistakes: list[str]) -> tuple[Sighting, ...]:
+    if not isinstance(given, list):
+        mistakes.append("sightings are written [[sighting]], once for each")
+        return ()
+    made = []
+    for number, each in enumerate(given, start=1):
+        part = section(each, SightingSection, f"[[sighting]] {number}", mistakes)
+        if part is None:
+            continue
+        if (part.readings_deg is None) == (part.readings_gon is None):
+            mistakes.append(f"[[sighting]] {number} needs readings_deg or readings_gon")
+            continue
+        degrees = part.readings_deg or [GON_DEG * value for value in part.readings_gon or []]
+        if not degrees:
+            mistakes.append(f"[[sighting]] {number} has no readings")
+            continue
+        made.append(Sighting(name=part.name, reading_deg=np.array(degrees), mirror=part.mirror))
+    return tuple(made)
+
+
+def _platform(tables: Mapping[str, Columns], part: PlatformSection | None) -> Platform | None:
+    if part is None:
+        return None
+    columns = tables["platform"]
+    return Platform(
+        orientation=columns["orientation"].astype(np.int64),
+        reading_deg=columns["reading_deg"],
+        roll_deg=columns["roll_deg"],
+        pitch_deg=columns["pitch_deg"],
+        circle_sd_arcsec=part.circle_sd_arcsec,
+        level_sd_arcsec=part.level_sd_arcsec,
+        mirror=part.mirror,
+    )
+
+
+def _table(path: Path, names: tuple[str, ...], sources: list[Input]) -> Columns:
+    """The columns of a table by name, angles in degrees; every column that is missing is named."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"cannot be read: {error}", path=path) from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    rows = [[cell.strip() for cell in row] for row in csv.reader(lines)]
+    header, cells = (rows[0], rows[1:]) if rows else ([], [])
+    found = {name: _header_of(name, header) for name in names}
+    if missing := [name for name, at in found.items() if at is None]:
+        raise LogError(
+            f"has no column {', '.join(missing)} among {', '.join(header) or 'nothing'}", path=path
+        )
+    for number, row in enumerate(cells, start=2):
+        if len(row) != len(header):
+            raise LogError(f"{len(row)} cells below {len(header)} columns", path=path, row=number)
+    if not cells:
+        raise LogError("has no rows below its header", path=path)
+    sources.append(Input(name=path.name, sha256=sha256_of(path), count=len(cells)))
+    return {name: _column(cells, at, name, path) for name, at in found.items() if at is not None}
+
+
+def _header_of(name: str, header: list[str]) -> tuple[int, float] | None:
+    """Where a column stands, and what makes degrees of it."""
+    if name in header:
+        return header.index(name), 1.0
+    in_gon = name.replace("_deg", "_gon")
+    return (header.index(in_gon), GON_DEG) if in_gon != name and in_gon in header else None
+
+
+def _column(cells: list[list[str]], at: tuple[int, float], name: str, path: Path) -> Array:
+    column, factor = at
+    values = numbers(np.array([row[column] for row in cells]))
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        row = int(bad[0])
+        raise LogError(f"{name} is {cells[row][column]!r}, no number", path=path, row=row + 2)
+    return values * factor

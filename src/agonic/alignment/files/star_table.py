@@ -1,0 +1,190 @@
+"""The table of a star sensor: times, numbers of the orientations, attitudes and their errors.
+
+time_s, epoch_unix      seconds and what they count from; or Unix seconds; or utc, ISO 8601
+orientation             the number of the static orientation (also station)
+ra_deg, dec_deg, rot_deg                  R3(Rot) R2(90° − Dec) R3(Ra), J2000; or
+quat_w, quat_x, quat_y, quat_z            Hamilton, unit
+across_sd_arcsec, about_sd_arcsec         of one attitude, across and about the boresight; or
+cov_xx_arcsec2, cov_yy_…, cov_zz_…, cov_xy_…, cov_xz_…, cov_yz_…
+"""
+
+from __future__ import annotations
+
+import csv
+from io import StringIO
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.alignment.session import StarReadings
+from agonic.errors import LogError
+from agonic.logs.auxiliary import numbers
+from agonic.logs.clock import clock_of
+from agonic.logs.contents import read_text
+from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
+
+Array = NDArray[np.float64]
+Turns = Literal["ci", "ic"]
+
+TIMES = ("time_s", "utc", "time", "unix_s")
+NUMBERS = ("orientation", "station")
+ANGLES = ("ra_deg", "dec_deg", "rot_deg")
+QUATERNION = ("quat_w", "quat_x", "quat_y", "quat_z")
+SDS = ("across_sd_arcsec", "about_sd_arcsec")
+COVARIANCE = tuple(f"cov_{pair}_arcsec2" for pair in ("xx", "yy", "zz", "xy", "xz", "yz"))
+_LENGTH = 1e-3
+"""How far a unit quaternion's length may be from one."""
+
+
+def read_stars(path: Path, turns: Turns = "ci") -> StarReadings:
+    """The attitudes in a table, times as they stand there.
+
+    `turns` says what a quaternion does to components: "ci" takes inertial ones into the star
+    sensor's, "ic" the other way. Raises `LogError` naming the row or the columns that are missing.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "star.csv")
+    ...     _ = file.write_text("utc,orientation,ra_deg,dec_deg,rot_deg\\n"
+    ...                         "2024-03-12T20:00:00Z,1,90,0,0\\n2024-03-12T20:00:01Z,1,90,0,0\\n")
+    ...     read_stars(file).boresight_i[0].round(9).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    table = _table(path)
+    orientation = _numbers(table, _one_of(table, NUMBERS, "the orientation's number", path), path)
+    if (orientation != np.round(orientation)).any():
+        raise LogError("orientations are whole numbers", path=path)
+    return StarReadings(
+        time=_times(table, path),
+        orientation=orientation.astype(np.int64),
+        rot_ci=_attitudes(table, turns, path),
+        covariance=_covariances(table, path),
+    )
+
+
+def _table(path: Path) -> dict[str, list[str]]:
+    """The columns by header, as text."""
+    text = read_text(path, "a CSV table of attitudes")
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    rows = list(csv.reader(lines))
+    if len(rows) < 2:
+        raise LogError("there is no row of attitudes below a header", path=path)
+    header = [name.strip() for name in rows[0]]
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) != len(header):
+            raise LogError(f"{len(row)} cells below {len(header)} columns", path=path, row=number)
+    return {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(header)}
+
+
+def _one_of(table: dict[str, list[str]], names: tuple[str, ...], what: str, path: Path) -> str:
+    found = next((name for name in names if name in table), None)
+    if found is None:
+        raise LogError(
+            f"no column with {what} ({' or '.join(names)}) among {', '.join(table)}", path=path
+        )
+    return found
+
+
+def _numbers(table: dict[str, list[str]], name: str, path: Path) -> Array:
+    """A column of numbers; the first that is none is an error."""
+    values = numbers(np.array(table[name]))
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        row = int(bad[0])
+        raise LogError(f"{name} is {table[name][row]!r}, no number", path=path, row=row + 2)
+    return values
+
+
+def _times(table: dict[str, list[str]], path: Path) -> Array:
+    """Seconds since 1970, in the time scale of the table."""
+    name = _one_of(table, TIMES, "times", path)
+    texts = np.array(table[name])
+    plain = numbers(texts)
+    if name != "utc" and np.isfinite(plain).all():
+        if "epoch_unix" in table:
+            return np.asarray(plain + _numbers(table, "epoch_unix", path))
+        if np.median(plain) > 1e8:
+            return plain
+    seconds, epoch, _ = clock_of(texts if not np.isfinite(plain).all() else plain, 1.0)
+    if seconds is None or epoch is None or not np.isfinite(seconds).all():
+        raise LogError(
+            f"column {name} has no dates; give utc as 2024-03-12T20:00:00Z, Unix seconds, or "
+            "epoch_unix beside it",
+            path=path,
+        )
+    return np.asarray(seconds + epoch.timestamp())
+
+
+def _attitudes(table: dict[str, list[str]], turns: Turns, path: Path) -> Array:
+    """Inertial components into the star sensor's, (n, 3, 3)."""
+    if all(name in table for name in QUATERNION):
+        w, x, y, z = (_numbers(table, name, path) for name in QUATERNION)
+        quaternions = np.stack([x, y, z, w], axis=1)
+        length = np.linalg.norm(quaternions, axis=1)
+        off = int(np.abs(length - 1).argmax())
+        if abs(length[off] - 1) > _LENGTH:
+            raise LogError(
+                f"the quaternion has the length {length[off]:.4g}, not 1", path=path, row=off + 2
+            )
+        turned = Rotation.from_quat(quaternions)
+        return np.asarray((turned if turns == "ci" else turned.inv()).as_matrix())
+    missing = [name for name in ANGLES if name not in table]
+    if missing:
+        raise LogError(
+            f"no attitudes: there is no {', '.join(missing)}, nor {', '.join(QUATERNION)}",
+            path=path,
+        )
+    ra, dec, rot = (_numbers(table, name, path) for name in ANGLES)
+    high = int(np.abs(dec).argmax())
+    if abs(dec[high]) > 90:
+        raise LogError(
+            f"dec_deg is {dec[high]:g}: a declination lies between −90 and 90, and "
+            "is no polar distance",
+            path=path,
+            row=high + 2,
+        )
+    return rot_ci(ra, dec, rot)
+
+
+def _covariances(table: dict[str, list[str]], path: Path) -> Array | None:
+    """Covariances (n, 3, 3), rad², or `None` where the table has none."""
+    if all(name in table for name in COVARIANCE):
+        xx, yy, zz, xy, xz, yz = (_numbers(table, name, path) for name in COVARIANCE)
+        whole = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return np.asarray(np.moveaxis(whole, -1, 0) * ARCSEC_RAD**2)
+    if all(name in table for name in SDS):
+        across, about = (_numbers(table, name, path) for name in SDS)
+        return diagonal(across, about)
+    return None
+
+
+def diagonal(across_sd_arcsec: Array, about_sd_arcsec: Array) -> Array:
+    """Covariances (n, 3, 3), rad², of standard deviations across and about the boresight."""
+    variance = np.stack([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec], axis=-1) ** 2
+    return np.asarray(variance[..., None] * np.eye(3) * ARCSEC_RAD**2)
+
+
+def text_of_stars(star: StarReadings) -> str:
+    """The table of attitudes as `read_stars` reads it back, to a tenth of a microarcsecond."""
+    alpha, beta, gamma = angles_323_deg(star.rot_ci).T
+    columns = {
+        "unix_s": [f"{t:.6f}" for t in star.time],
+        "orientation": [str(number) for number in star.orientation.tolist()],
+        "ra_deg": [f"{value % 360:.14g}" for value in alpha],
+        "dec_deg": [f"{90 - value:.14g}" for value in beta],
+        "rot_deg": [f"{value % 360:.14g}" for value in gamma],
+    }
+    if star.covariance is not None:
+        parts = np.array(
+            [star.covariance[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        )
+        cells = [[f"{v:.12g}" for v in part / ARCSEC_RAD**2] for part in parts]
+        columns |= dict(zip(COVARIANCE, cells, strict=True))
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return stream.getvalue()

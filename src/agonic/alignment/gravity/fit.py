@@ -1,0 +1,242 @@
+"""`fit_gravity`: the rotation from a magnetometer to an accelerometer, by gravity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.alignment.maths import gravity as kernel
+from agonic.alignment.maths.gravity import Estimate
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration, beside
+from agonic.calibration.chain import Chain
+from agonic.errors import LogError
+from agonic.health import Finding, Judged, figure
+from agonic.maths.rotations.tilt import down_of_force
+from agonic.provenance import Input, Provenance
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+METHOD = ("kok-2016",)
+FEWEST = 6
+OPEN_DEG, LOOSE_DEG = 5.0, 1.0
+"""Standard errors of the turn above which it is not determined, and is worth a word."""
+MISFIT = 0.02
+"""Share of the field that the vertical component may scatter by."""
+ODD_GRAVITY = 0.03
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GravityFit(Judged):
+    """The result of `fit_gravity`.
+
+    Parameters
+    ----------
+    calibration : field_b = rotation.apply(field_m), b the accelerometer's axes; after the
+        magnetometer's own calibration where one was given.
+    estimate : rotation, vertical intensity, bias, covariance, residuals by orientation.
+    down, field : (k, 3) of the orientations at rest. magnitude : of the field, nT or raw.
+    """
+
+    calibration: Alignment | Chain
+    estimate: Estimate
+    down: Array
+    field: Array
+    magnitude: float
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """How many orientations."""
+        return len(self.down)
+
+    @property
+    def rot_bm(self) -> Array:
+        """Magnetometer components into the accelerometer's, (3, 3)."""
+        return self.estimate.rotation
+
+    @property
+    def angle_deg(self) -> float:
+        """By how much the two are turned against each other."""
+        return float(np.degrees(Rotation.from_matrix(self.rot_bm).magnitude()))
+
+    @property
+    def sd_deg(self) -> Array:
+        """Standard errors (3,) of the turn about the accelerometer's axes."""
+        return np.asarray(np.degrees(np.sqrt(np.diag(self.estimate.covariance)[:3])))
+
+    @property
+    def worst_sd_deg(self) -> float:
+        """About the axis about which it is known least."""
+        turn = self.estimate.covariance[:3, :3]
+        if not np.isfinite(turn).all():
+            return float("inf")
+        return float(np.degrees(np.sqrt(np.linalg.eigvalsh(turn)[-1])))
+
+    @property
+    def inclination_deg(self) -> float:
+        """Of the field, down positive, by magnetometer and accelerometer alone."""
+        return float(np.degrees(np.arcsin(np.clip(self.estimate.vertical / self.magnitude, -1, 1))))
+
+
+def fit_gravity(
+    samples: Samples, calibration: Calibration | None = None, *, bias: bool = False
+) -> GravityFit:
+    """The rotation from a magnetometer's axes to those of an accelerometer on the same body.
+
+    At one place the angle between field and gravity is constant, so in every orientation at rest
+    d · R (m − b) = Z, with d the direction of down that the accelerometer reads.
+
+    Parameters
+    ----------
+    samples : with acceleration; the orientations at rest are those of `station`, or are found.
+    calibration : of the magnetometer, applied first. bias : whether a bias is sought as well.
+
+    Returns a `GravityFit`, refused where the orientations leave the turn open. Raises `LogError`
+    without acceleration or with too few orientations at rest.
+
+    Source: M. Kok, T. B. Schön, IEEE Sensors Journal 16(14), 2016: the constant inner product of
+    field and gravity.
+
+    >>> from agonic.alignment.simulation.gravity import simulate_gravity
+    >>> made = simulate_gravity(seed=1)
+    >>> fit = fit_gravity(made.samples)
+    >>> fit.n, bool(fit.worst_sd_deg < 0.1)
+    (24, True)
+    """
+    if samples.acceleration is None:
+        raise LogError(f"{samples.name} was logged without acceleration; record the accelerometer")
+    field = samples.field
+    if calibration is not None:
+        field = calibration.correct(field, **beside(calibration, samples))
+    down, means, gravity = _orientations(samples, samples.acceleration, field)
+    need = FEWEST + (3 if bias else 0)
+    if len(down) < need:
+        raise LogError(
+            f"{len(down)} orientations at rest were found and {need} are needed; hold the body "
+            "still for two seconds on each side, and tilted between"
+        )
+    found = kernel.estimate(down, means, bias=bias)
+    fit = GravityFit(
+        calibration=_calibration(samples, calibration, found, bias),
+        estimate=found,
+        down=down,
+        field=means,
+        magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
+    )
+    judged = replace(fit, findings=tuple(_findings(fit, gravity)))
+    return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(fit))
+
+
+def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, Array, Array]:
+    """Down (k, 3), field (k, 3) and the size of gravity (k,) of the orientations at rest."""
+    if samples.station is not None:
+        number = samples.station.astype(np.int64)
+    elif samples.time is None:
+        raise LogError("what stands still is told by times; log them, or number the stations")
+    else:
+        number = kernel.still(samples.time, force, field)
+    rows = [number == k for k in np.unique(number[number >= 0])]
+    if not rows:
+        return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
+    forces = np.array([force[own].mean(axis=0) for own in rows])
+    return (
+        down_of_force(forces),
+        np.array([field[own].mean(axis=0) for own in rows]),
+        np.linalg.norm(forces, axis=1),
+    )
+
+
+def _calibration(
+    samples: Samples, calibration: Calibration | None, found: Estimate, bias: bool
+) -> Alignment | Chain:
+    provenance = Provenance(
+        inputs=() if samples.source is None else (samples.source,),
+        settings={"fit": "gravity", "bias": bias},
+        method=METHOD,
+    )
+    if samples.source is None:
+        provenance = replace(provenance, inputs=(Input.of_array(samples.name, samples.field),))
+    unit = samples.unit if calibration is None else calibration.unit_out
+    turn = Alignment(
+        rotation=Rotation.from_matrix(found.rotation),
+        covariance=found.covariance[:3, :3],
+        unit_in=unit,
+        frame_in="m",
+        frame_out="b",
+        sensor=samples.name,
+        provenance=provenance,
+    )
+    if calibration is None:
+        return turn
+    steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
+    return Chain(steps=(*steps, turn), provenance=provenance)
+
+
+def _findings(fit: GravityFit, gravity: Array) -> list[Finding]:
+    """What is wrong or worth knowing."""
+    said = []
+    undetermined = not fit.worst_sd_deg < OPEN_DEG
+    left = float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
+    if left > MISFIT:
+        said.append(
+            Finding(
+                "vertical varies",
+                "refuse" if undetermined else "check",
+                "the vertical field "
+                f"scatters by {figure(100 * left)} % of the field between orientations",
+                "calibrate the magnetometer first, and keep away from iron",
+            )
+        )
+    elif undetermined:
+        said.append(
+            Finding(
+                "turn undetermined",
+                "refuse",
+                f"{fit.n} orientations leave the turn about {_axis(fit)} open",
+                "hold it still also nose up, on either side and upside down, and in between",
+            )
+        )
+    elif fit.worst_sd_deg > LOOSE_DEG:
+        said.append(
+            Finding(
+                "turn loose",
+                "check",
+                f"the turn about {_axis(fit)} is known to {figure(fit.worst_sd_deg)}° only",
+                "add orientations far from the others",
+            )
+        )
+    uneven = float(np.ptp(gravity) / gravity.mean())
+    if uneven > ODD_GRAVITY:
+        said.append(
+            Finding(
+                "uneven gravity",
+                "check",
+                "the accelerometer reads gravity as "
+                f"{figure(100 * uneven)} % larger one way than another",
+                "calibrate it; its bias tilts every orientation",
+            )
+        )
+    return said
+
+
+def _axis(fit: GravityFit) -> str:
+    """The accelerometer's axis, in words, about which the turn is known least."""
+    turn = fit.estimate.covariance[:3, :3]
+    if not np.isfinite(turn).all():
+        return "all axes"
+    worst = np.linalg.eigh(turn)[1][:, -1]
+    return f"({', '.join(f'{part:.2f}' for part in worst)}) of the accelerometer's axes"
+
+
+def _remarks(fit: GravityFit) -> tuple[str, ...]:
+    return (
+        f"the magnetometer is turned by {figure(fit.angle_deg, 3)}° against the accelerometer, "
+        f"known to {figure(fit.worst_sd_deg)}° about its worst axis from {fit.n} orientations",
+        f"the field dips by {fit.inclination_deg:.2f}°",
+    )

@@ -1,0 +1,223 @@
+"""How a magnetometer sits on a platform whose azimuth and tilt a theodolite and levels tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from agonic.alignment.session.north import NorthSession, Platform
+from agonic.alignment.session.session import unix_of
+from agonic.calibration.base import beside
+from agonic.errors import AgonicError
+from agonic.maths.equation import alignment as kernel
+from agonic.maths.equation.alignment import SIZE, Given, Unknowns
+from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.attitude import down_b, rot_nb
+from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+AZIMUTH = 5
+"""Place of the turn about down that all azimuths share, among the unknowns of the kernel."""
+ROUNDS = 5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Aligned:
+    """The rotation (3, 3) from platform (forward, right, down) to magnetometer components.
+
+    `covariance` (3, 3) rad², magnetometer axes; `residuals` (k, 3) nT with what
+    the noise explains, `residuals_sd` (k, 3); `heading_deg` (k,) true.
+    """
+
+    rot_mb: Array
+    covariance: Array
+    residuals: Array
+    residuals_sd: Array
+    heading_deg: Array
+    orientation: NDArray[np.int64]
+    chi2: float
+    freedom: int
+
+    @property
+    def sd_arcsec(self) -> Array:
+        """Standard errors (3,) about the magnetometer's axes."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)) / ARCSEC_RAD)
+
+    @property
+    def worst_sd_arcsec(self) -> float:
+        """About the axis about which it is known least."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]) / ARCSEC_RAD)
+
+    @property
+    def p_value(self) -> float:
+        """How often residuals would be at least as large by chance."""
+        return float(chdtrc(self.freedom, self.chi2)) if self.freedom > 0 else 1.0
+
+
+def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> Aligned:
+    """The alignment of a session's magnetometer with its platform, R_mb.
+
+    The residual is that of the star sensor's, W (raw − b) − R_mb R_bn H (B_ref + O), with the
+    platform's attitude R_bn from azimuth and levels. What north is wrong by turns all azimuths
+    alike: a turn of H about down with north's standard error as its prior.
+    """
+    platform = session.platform
+    assert platform is not None, "asked for only with a platform"
+    heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
+    given = _given(session, platform, heading)
+    at = kernel.start()._replace(offset=np.asarray(session.pier.difference, dtype=np.float64))
+    at = at._replace(rot_mc=kernel.nearest_rotation(kernel.expected_c(at, given), given.field))
+    magnitude = float(np.linalg.norm(given.reference, axis=1).mean())
+    held = _held(session, north_sd_arcsec)
+    free = np.flatnonzero(held != np.inf)
+    unit = kernel.units(magnitude)[free]
+    base, start = at, at
+    for _ in range(ROUNDS):
+        white = kernel.whitener(kernel.spread(at, given))
+        solution = leastsq.solve(
+            partial(_pieces, base, given, white, free, unit),
+            np.zeros(len(free)),
+            scale=1.0,
+            prior=partial(_prior, held[free], unit, _away(base, start)[free]),
+            tolerance=1e-6,
+        )
+        at = base = base.moved(_whole(solution.params / unit, free))
+        if np.abs(solution.params).max() < 1e-7 * magnitude:
+            break
+    return _result(at, start, given, held, free, heading, platform)
+
+
+def _result(
+    at: Unknowns,
+    start: Unknowns,
+    given: Given,
+    held: Array,
+    free: NDArray[np.intp],
+    heading: Array,
+    platform: Platform,
+) -> Aligned:
+    known = kernel.information(at, given)[np.ix_(free, free)] + np.diag(held[free])
+    residuals, _ = kernel.residual(at, given)
+    spread = kernel.spread(at, given)
+    white = (kernel.whitener(spread) @ residuals[:, :, None])[:, :, 0]
+    chi2 = float((white**2).sum() + (held[free] * _away(at, start)[free] ** 2).sum())
+    freedom = residuals.size - 3
+    wider = max(chi2 / freedom, 1.0) if freedom > 0 and chdtrc(freedom, chi2) < 0.01 else 1.0
+    return Aligned(
+        rot_mb=at.rot_mc,
+        covariance=wider * leastsq.inverse(known)[:3, :3],
+        residuals=residuals,
+        residuals_sd=np.sqrt(np.diagonal(spread, axis1=1, axis2=2)),
+        heading_deg=heading % 360.0,
+        orientation=platform.orientation,
+        chi2=chi2,
+        freedom=freedom,
+    )
+
+
+def _held(session: NorthSession, north_sd_arcsec: float) -> Array:
+    """Information (18,) believed before: 0 where nothing is, infinite where the value is exact."""
+    held = np.full(SIZE, np.inf)
+    held[:3] = 0.0
+    if north_sd_arcsec > 0:
+        held[AZIMUTH] = (north_sd_arcsec * ARCSEC_RAD) ** -2
+    if session.pier.sd:
+        held[6:9] = session.pier.sd**-2
+    return held
+
+
+def _away(at: Unknowns, start: Unknowns) -> Array:
+    """How far the unknowns are from what was believed, (18,)."""
+    away = np.zeros(SIZE)
+    away[AZIMUTH] = float(np.arctan2(at.rot_nr[1, 0], at.rot_nr[0, 0]))
+    away[6:9] = at.offset - start.offset
+    return away
+
+
+def _prior(held: Array, unit: Array, away: Array, params: Array) -> tuple[Array, Array]:
+    root = np.sqrt(held)
+    return root * (away + params / unit), np.diag(root / unit)
+
+
+def _pieces(
+    base: Unknowns, given: Given, white: Array, free: NDArray[np.intp], unit: Array, params: Array
+) -> list[tuple[Array, Array]]:
+    residuals, jacobian = kernel.residual(base.moved(_whole(params / unit, free)), given)
+    scaled = white @ (jacobian[:, :, free] / unit)
+    return [((white @ residuals[:, :, None]).ravel(), scaled.reshape(-1, len(free)))]
+
+
+def _whole(step: Array, free: NDArray[np.intp]) -> Array:
+    whole = np.zeros(SIZE)
+    whole[free] = step
+    return whole
+
+
+def _given(session: NorthSession, platform: Platform, heading_deg: Array) -> Given:
+    """Means of every orientation, its attitude and what that is uncertain by."""
+    magnetometer, reference = session.magnetometer, session.reference
+    assert magnetometer is not None, "checked with the session"
+    assert reference is not None, "checked with the session"
+    rows = _rows(magnetometer, platform)
+    raw = magnetometer.field
+    if session.calibration is not None:
+        raw = session.calibration.correct(raw, **beside(session.calibration, magnetometer))
+    now, then = unix_of(magnetometer), unix_of(reference)
+    alongside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
+    counts = np.array([len(own) for own in rows])
+    turn = np.swapaxes(rot_nb(platform.roll_deg, platform.pitch_deg, heading_deg), -1, -2)
+    noise = session.noise or _scatter(raw, rows, "magnetometer")
+    beside_noise = session.reference_noise or _scatter(alongside, rows, "reference")
+    return Given(
+        np.array([raw[own].mean(axis=0) for own in rows]),
+        np.array([alongside[own].mean(axis=0) for own in rows]),
+        turn,
+        _attitude_covariance(platform),
+        noise / np.sqrt(counts),
+        beside_noise / np.sqrt(counts),
+    )
+
+
+def _rows(magnetometer: Samples, platform: Platform) -> list[NDArray[np.intp]]:
+    """The magnetometer's rows of each orientation."""
+    station = magnetometer.station
+    if station is None:
+        raise AgonicError("the magnetometer's table says no orientation; add a column orientation")
+    rows = [np.flatnonzero(station == number) for number in platform.orientation]
+    without = [str(n) for n, own in zip(platform.orientation, rows, strict=True) if not len(own)]
+    if without:
+        raise AgonicError(f"orientation {', '.join(without)} has no readings of the magnetometer")
+    return rows
+
+
+def _attitude_covariance(platform: Platform) -> Array:
+    """Covariance (k, 3, 3), rad², platform axes: roll about x, pitch about y as it was before
+    rolling, azimuth about down."""
+    roll = np.radians(platform.roll_deg)
+    zero = np.zeros_like(roll)
+    about = np.stack(
+        [
+            np.stack([zero + 1.0, zero, zero], axis=-1),
+            np.stack([zero, np.cos(roll), -np.sin(roll)], axis=-1),
+            down_b(platform.roll_deg, platform.pitch_deg),
+        ],
+        axis=-1,
+    )
+    level, circle = platform.level_sd_arcsec, platform.circle_sd_arcsec
+    sd = np.array([level, level, circle]) * ARCSEC_RAD
+    return np.asarray((about * sd**2) @ np.swapaxes(about, -1, -2))
+
+
+def _scatter(values: Array, rows: list[NDArray[np.intp]], name: str) -> float:
+    """Standard deviation of a reading on one axis within the orientations."""
+    squares = sum(float(((values[own] - values[own].mean(axis=0)) ** 2).sum()) for own in rows)
+    freedom = 3 * sum(len(own) - 1 for own in rows)
+    if freedom < 6:
+        raise AgonicError(f"the noise of the {name} is neither stated nor shown; give noise_nT")
+    return float(np.sqrt(squares / freedom))

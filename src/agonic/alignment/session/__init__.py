@@ -1,0 +1,19 @@
+"""A session: instruments set up at one place in many orientations, and what they read."""
+
+from agonic.alignment.session.consistent import check_session
+from agonic.alignment.session.earth import EarthRotation, published_earth_rotation
+from agonic.alignment.session.observed import Observed, observe
+from agonic.alignment.session.session import Mounting, Pier, Session, Site, StarReadings
+
+__all__ = [
+    "EarthRotation",
+    "Mounting",
+    "Observed",
+    "Pier",
+    "Session",
+    "Site",
+    "StarReadings",
+    "check_session",
+    "observe",
+    "published_earth_rotation",
+]

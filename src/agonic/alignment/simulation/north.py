@@ -1,0 +1,231 @@
+"""`simulate_north`: a night with a gyrotheodolite beside a turned platform, and its truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from agonic.alignment.maths.north import swung_deg
+from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.maths.equation.alignment import turned
+from agonic.maths.rotations.attitude import rot_nb
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+FIELD_N = (18_870.0, 1_390.0, 45_750.0)
+TURN_S, READINGS = 40, 20
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedNorth:
+    """A session and its truth: north on the circle, the mark's azimuth, degrees, and R_mb."""
+
+    session: NorthSession
+    north_deg: float
+    mark_azimuth_deg: float
+    rot_mb: Array
+
+
+def simulate_north(
+    *,
+    north_deg: float = 137.2418,
+    period_s: float = 420.0,
+    amplitude_deg: float = 1.2,
+    decay_per_s: float = 6e-5,
+    periods: float = 4.0,
+    step_s: float = 5.0,
+    reading_sd_arcsec: float = 4.0,
+    time_sd_s: float = 0.1,
+    constant_arcsec: float = -35.0,
+    constant_sd_arcsec: float = 1.0,
+    mark_azimuth_deg: float = 211.5,
+    orientations: int = 8,
+    noise: float = 0.5,
+    reference_noise: float = 0.3,
+    circle_sd_arcsec: float = 2.0,
+    level_sd_arcsec: float = 2.0,
+    begins: datetime = datetime(2024, 3, 12, 20, 0, tzinfo=UTC),
+    seed: int = 0,
+) -> SimulatedNorth:
+    """A gyro read by its turning points, by transits and all the time; a mark; a platform.
+
+    Parameters
+    ----------
+    north_deg : true north on the circle; the gyro swings about `constant_arcsec` less.
+    period_s, amplitude_deg, decay_per_s, periods, step_s : the swing and its record.
+    reading_sd_arcsec, time_sd_s : of a reading of the circle and of a stopped time.
+    orientations : of the platform, 0 for none; it is turned about the vertical, tilted a little.
+    noise, reference_noise : nT; circle_sd_arcsec, level_sd_arcsec : of its azimuth and tilt.
+
+    Source: the equation of the gyro's swing, as in `fit_north`.
+
+    >>> made = simulate_north()
+    >>> len(made.session.turning_deg), len(made.session.platform.orientation)
+    (8, 8)
+    """
+    rng = np.random.default_rng(seed)
+    sd = reading_sd_arcsec / 3600.0
+    gyro = north_deg - (constant_arcsec + constant_sd_arcsec * rng.standard_normal()) / 3600.0
+    phase = rng.uniform(0, 2 * np.pi)
+    swing = np.array(
+        [
+            gyro,
+            amplitude_deg * np.cos(phase),
+            amplitude_deg * np.sin(phase),
+            decay_per_s,
+            2 * np.pi / period_s,
+        ]
+    )
+    time = np.arange(0.0, periods * period_s, step_s)
+    marks = north_deg + mark_azimuth_deg + np.array([0.0, 180.0, 0.0, 180.0])
+    rot_mb, platform, magnetometer, reference = _platform(
+        orientations,
+        north_deg,
+        noise,
+        reference_noise,
+        circle_sd_arcsec,
+        level_sd_arcsec,
+        begins,
+        rng,
+    )
+    return SimulatedNorth(
+        session=NorthSession(
+            name="simulated",
+            turning_deg=_turning(swing, periods * period_s, rng, sd),
+            transits=_transits(swing, period_s, time_sd_s, rng, sd),
+            swing=SwingRecord(
+                time_s=time,
+                reading_deg=swung_deg(swing, time) + sd * rng.standard_normal(len(time)),
+            ),
+            reading_sd_arcsec=reading_sd_arcsec,
+            time_sd_s=time_sd_s,
+            constant_arcsec=constant_arcsec,
+            constant_sd_arcsec=constant_sd_arcsec,
+            sightings=(
+                Sighting(name="mark", reading_deg=(marks + sd * rng.standard_normal(4)) % 360.0),
+            ),
+            platform=platform,
+            magnetometer=magnetometer,
+            reference=reference,
+            noise=noise,
+            reference_noise=reference_noise,
+        ),
+        north_deg=north_deg,
+        mark_azimuth_deg=mark_azimuth_deg,
+        rot_mb=rot_mb,
+    )
+
+
+def _turning(swing: Array, span_s: float, rng: np.random.Generator, sd: float) -> Array:
+    """Readings at the turning points of a span."""
+    _, p, q, decay, omega = swing
+    # u̇ = 0: tan(ωt − φ) = −λ/ω with p cos ωt + q sin ωt = A cos(ωt − φ)
+    first = (np.arctan2(q, p) - np.arctan2(decay, omega)) / omega % (np.pi / omega)
+    at = np.arange(first, span_s, np.pi / omega)
+    return swung_deg(swing, at) + sd * rng.standard_normal(len(at))
+
+
+def _transits(
+    swing: Array, period_s: float, time_sd_s: float, rng: np.random.Generator, sd: float
+) -> Transits:
+    """Two transits at each of two settings, a swing apart, amplitudes in degrees."""
+    settings = swing[0] + np.array([-0.11, -0.11, 0.16, 0.16]) + 0.02 * rng.standard_normal(4)
+    settings[1], settings[3] = settings[0], settings[2]
+    rows = [
+        _passages(swing, setting, 2 * k * period_s, period_s, time_sd_s, rng, sd)
+        for k, setting in enumerate(settings)
+    ]
+    east, west, high, low = np.array(rows).T
+    return Transits(
+        setting_deg=settings, east_s=east, west_s=west, amplitude_east=high, amplitude_west=low
+    )
+
+
+def _passages(
+    swing: Array,
+    setting: float,
+    begins: float,
+    period: float,
+    time_sd: float,
+    rng: np.random.Generator,
+    sd: float,
+) -> tuple[float, float, float, float]:
+    """Times east and west of a setting and the amplitudes about it, from three passages."""
+
+    def away(t: float) -> float:
+        return float(swung_deg(swing, np.array([t]))[0]) - setting
+
+    grid = np.linspace(begins, begins + 2.2 * period, 441)
+    side = np.array([away(t) for t in grid])
+    crossed = np.flatnonzero(np.diff(np.sign(side)) != 0)
+    crossed = crossed[side[crossed] < 0][:1].tolist() + [
+        k for k in crossed if k > crossed[side[crossed] < 0][0]
+    ]
+    exact = [brentq(away, grid[k], grid[k + 1]) for k in crossed[:3]]
+    stopped = np.array(exact) + time_sd * rng.standard_normal(3)
+    turns = [swung_deg(swing, np.linspace(exact[k], exact[k + 1], 201)) - setting for k in (0, 1)]
+    high, low = turns[0].max(), -turns[1].min()
+    read = sd * rng.standard_normal(2)
+    return (
+        float(stopped[1] - stopped[0]),
+        float(stopped[2] - stopped[1]),
+        float(high + read[0]),
+        float(low + read[1]),
+    )
+
+
+def _platform(
+    count: int,
+    north_deg: float,
+    noise: float,
+    reference_noise: float,
+    circle_sd: float,
+    level_sd: float,
+    begins: datetime,
+    rng: np.random.Generator,
+) -> tuple[Array, Platform | None, Samples | None, Samples | None]:
+    """A platform turned about the vertical, with its magnetometer and the reference."""
+    rot_mb = turned(rng.uniform(-0.5, 0.5, 3))
+    if not count:
+        return rot_mb, None, None, None
+    heading = np.arange(count) * 360.0 / count + rng.uniform(-5, 5, count)
+    roll, pitch = rng.uniform(-3, 3, (2, count))
+    number = np.repeat(np.arange(count), READINGS)
+    seconds = np.asarray(
+        number * (READINGS + TURN_S) + np.tile(np.arange(READINGS), count) + 5, dtype=np.float64
+    )
+    clock = np.arange(seconds[-1] + TURN_S)
+    waves = np.sin(2 * np.pi * clock[:, None] / [2400.0, 3100.0, 5100.0] + rng.uniform(0, 6, 3))
+    beside = np.asarray(FIELD_N) + 15.0 * waves
+    at = beside[seconds.astype(int)]
+    true_b = np.einsum("nji,nj->ni", rot_nb(roll, pitch, heading)[number], at)
+    tilt = level_sd / 3600 * rng.standard_normal((2, count))
+    read = heading + circle_sd / 3600 * rng.standard_normal(count)
+    platform = Platform(
+        orientation=np.arange(count) + 1,
+        reading_deg=(read + north_deg + 180.0) % 360.0,
+        roll_deg=roll + tilt[0],
+        pitch_deg=pitch + tilt[1],
+        circle_sd_arcsec=circle_sd,
+        level_sd_arcsec=level_sd,
+        mirror=True,
+    )
+    magnetometer = Samples(
+        field=true_b @ rot_mb.T + noise * rng.standard_normal(true_b.shape),
+        time=seconds,
+        epoch=begins,
+        station=(number + 1).astype(np.float64),
+        name="magnetometer",
+    )
+    reference = Samples(
+        field=beside + reference_noise * rng.standard_normal(beside.shape),
+        time=clock,
+        epoch=begins,
+        name="reference",
+    )
+    return rot_mb, platform, magnetometer, reference

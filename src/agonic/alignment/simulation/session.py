@@ -1,0 +1,205 @@
+"""`simulate_session`: a night at an observatory with a star sensor, and what is true of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.alignment.session import (
+    Mounting,
+    Pier,
+    Session,
+    Site,
+    StarReadings,
+    published_earth_rotation,
+)
+from agonic.alignment.session.observed import seen_turn
+from agonic.maths.equation.alignment import turned
+from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+NIEMEGK = Site(latitude_deg=52.0725, longitude_deg=12.6750)
+FIELD_N = (18_870.0, 1_390.0, 45_750.0)
+"""North, east and down at Niemegk in 2024, rounded, nT."""
+MOUNTING_DEG = (37.0, 64.0, -112.0)
+TURN_S, OFFSET_S = 40, 0.25
+_VARIATION = 30.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedSession:
+    """A session and its truth: rotations, the field's offset, bias and matrix of the magnetometer.
+
+    `rot_mc` turns star sensor components into the magnetometer's; `reference_turn` (3,) is the
+    small rotation, rad, of the reference's axes about north, east and down.
+    """
+
+    session: Session
+    rot_mc: Array
+    reference_turn: Array
+    offset: Array
+    bias: Array
+    matrix: Array
+
+
+def simulate_session(
+    *,
+    orientations: int | Sequence[Sequence[float]] = 24,
+    readings: int = 20,
+    noise: float = 0.5,
+    reference_noise: float = 0.3,
+    across_sd_arcsec: float = 3.0,
+    about_sd_arcsec: float = 20.0,
+    site: Site = NIEMEGK,
+    field_n: ArrayLike = FIELD_N,
+    mounting_deg: Sequence[float] = MOUNTING_DEG,
+    mounting_sd_deg: float = 0.3,
+    reference_turn_arcsec: ArrayLike = (0.0, 0.0, 0.0),
+    pier: ArrayLike = (0.0, 0.0, 0.0),
+    bias: ArrayLike = (0.0, 0.0, 0.0),
+    matrix: ArrayLike | None = None,
+    refraction: str = "present",
+    aberration: str = "present",
+    lowest_elevation_deg: float = 35.0,
+    begins: datetime = datetime(2024, 3, 12, 20, 0, tzinfo=UTC),
+    seed: int = 0,
+) -> SimulatedSession:
+    """A magnetometer and a star sensor turned through many orientations beside a reference.
+
+    Parameters
+    ----------
+    orientations : how many, drawn at random above `lowest_elevation_deg`; or azimuth, elevation and
+        roll of each, degrees. readings : of each instrument in each.
+    noise, reference_noise : nT a reading and axis; across_sd_arcsec, about_sd_arcsec : of an
+        attitude across and about the boresight.
+    field_n : mean field at the reference, nT; it varies by some tens of nT in the night.
+    mounting_deg : the nominal 3-2-3 angles; the true ones differ by `mounting_sd_deg` at random.
+    reference_turn_arcsec : of the reference's axes about north, east, down.
+    pier : field at the magnetometer less that at the reference, nT. bias, matrix : of the
+        magnetometer, field = matrix @ (raw − bias), symmetric.
+    refraction, aberration : "present" where the star sensor leaves them in its attitudes.
+
+    Returns the session as an observer would have it, and its truth.
+
+    >>> made = simulate_session(orientations=6, readings=5)
+    >>> len(made.session.star), made.session.orientations.tolist()
+    (30, [1, 2, 3, 4, 5, 6])
+    """
+    rng = np.random.default_rng(seed)
+    rot = _orientations(orientations, lowest_elevation_deg, rng)
+    nominal = from_323_deg(*mounting_deg)
+    rot_mc = turned(np.radians(mounting_sd_deg) * rng.standard_normal(3)) @ nominal
+    w = np.eye(3) if matrix is None else np.asarray(matrix, dtype=np.float64)
+    turn = np.asarray(reference_turn_arcsec, dtype=np.float64) * ARCSEC_RAD
+    number = np.repeat(np.arange(len(rot)), readings).astype(np.int64)
+    clock = _clock(len(rot), readings)
+    seconds = clock.astype(np.float64)
+    beside = np.asarray(field_n) + _varied(np.arange(clock[-1] + TURN_S, dtype=np.float64), rng)
+    offset, zero = np.asarray(pier, dtype=np.float64), np.asarray(bias, dtype=np.float64)
+    true_c = np.einsum("nij,jk,nk->ni", rot[number], turned(turn), beside[clock] + offset)
+    raw = true_c @ rot_mc.T @ np.linalg.inv(w).T + zero
+    session = Session(
+        name="simulated",
+        site=site,
+        star=_stars(
+            site,
+            rot[number],
+            begins.timestamp() + seconds + OFFSET_S,
+            number + 1,
+            np.array([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec]) * ARCSEC_RAD,
+            (refraction, aberration),
+            rng,
+        ),
+        magnetometer=Samples(
+            field=raw + noise * rng.standard_normal(raw.shape),
+            time=seconds,
+            epoch=begins,
+            station=(number + 1).astype(np.float64),
+            name="magnetometer",
+        ),
+        reference=Samples(
+            field=beside + reference_noise * rng.standard_normal(beside.shape),
+            time=np.arange(len(beside), dtype=np.float64),
+            epoch=begins,
+            name="reference",
+        ),
+        pier=Pier(difference=offset),
+        mounting=_mounting(mounting_deg),
+        noise=noise or 1e-6,
+        reference_noise=reference_noise or 1e-6,
+    )
+    return SimulatedSession(
+        session=session, rot_mc=rot_mc, reference_turn=turn, offset=offset, bias=zero, matrix=w
+    )
+
+
+def _mounting(angles_deg: Sequence[float]) -> Mounting:
+    alpha, beta, gamma = angles_deg
+    return Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma)
+
+
+def unknown_pier(made: SimulatedSession) -> SimulatedSession:
+    """The same session, its observer not knowing the difference between the piers."""
+    return replace(made, session=replace(made.session, pier=Pier()))
+
+
+def _orientations(
+    given: int | Sequence[Sequence[float]], lowest_deg: float, rng: np.random.Generator
+) -> Array:
+    """North-east-down into star sensor components, (k, 3, 3)."""
+    if not isinstance(given, int):
+        azimuth, elevation, roll = np.asarray(given, dtype=np.float64).T
+        return rot_cn(azimuth, elevation, roll)
+    height = rng.uniform(np.sin(np.radians(lowest_deg)), 1.0, given)
+    azimuth, roll = rng.uniform(0, 360, (2, given))
+    return rot_cn(azimuth, np.degrees(np.arcsin(height)), roll)
+
+
+def _clock(count: int, readings: int) -> NDArray[np.int64]:
+    """Whole seconds of every reading: one a second, and time to turn in between."""
+    begin = np.arange(count) * (readings + TURN_S)
+    return np.asarray((begin[:, None] + np.arange(readings)).ravel() + 5)
+
+
+def _varied(time: Array, rng: np.random.Generator) -> Array:
+    """The field's slow variation (n, 3), nT."""
+    periods = np.array([2_400.0, 5_100.0, 13_000.0])
+    size = _VARIATION * rng.standard_normal((3, 3)) / 2
+    phase = rng.uniform(0, 2 * np.pi, (3, 3))
+    waves = np.sin(2 * np.pi * time[:, None, None] / periods[:, None] + phase)
+    return np.asarray((size * waves).sum(axis=1))
+
+
+def _stars(
+    site: Site,
+    rot_cn: Array,
+    time: Array,
+    number: NDArray[np.int64],
+    sd: Array,
+    effects: tuple[str, str],
+    rng: np.random.Generator,
+) -> StarReadings:
+    """What the star sensor reports: attitudes with noise, turned by aberration and refraction."""
+    rot_ei = published_earth_rotation().rot_ei(time)
+    rot_ni = rot_en(site.latitude_deg, site.longitude_deg).T @ rot_ei
+    noise = Rotation.from_rotvec(sd * rng.standard_normal((len(time), 3))).as_matrix()
+    true_ci = noise @ rot_cn @ rot_ni
+    star = StarReadings(
+        time=time,
+        orientation=number,
+        rot_ci=true_ci,
+        covariance=np.broadcast_to(np.diag(np.maximum(sd, 1e-6 * ARCSEC_RAD) ** 2), true_ci.shape),
+        refraction=effects[0],
+        aberration=effects[1],
+    )
+    for _ in range(4):  # where it believes to look decides by how much it is turned
+        turn = seen_turn(site, star, rot_ei)
+        star = replace(star, rot_ci=true_ci @ turn)
+    return star

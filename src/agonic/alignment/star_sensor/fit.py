@@ -1,0 +1,146 @@
+"""`fit_alignment`: the rotation from a star sensor to a magnetometer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.alignment.session import Session, check_session, observe
+from agonic.alignment.star_sensor.evidence import judged
+from agonic.alignment.star_sensor.result import AlignmentFit
+from agonic.alignment.star_sensor.solve import Solved, solved
+from agonic.calibration.affine import Affine
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration, Validity
+from agonic.calibration.chain import Chain
+from agonic.errors import check_choice
+from agonic.maths.equation.alignment import GROUPS
+from agonic.provenance import Input, Provenance
+
+Array = NDArray[np.float64]
+
+METHOD = ("harbin-2018", "iers-2010")
+OWN = slice(GROUPS["bias"].start, GROUPS["matrix"].stop)
+
+
+def fit_alignment(
+    session: Session,
+    *,
+    solve: Sequence[str] = ("alignment",),
+    wanted_sd_arcsec: float = 2.0,
+) -> AlignmentFit:
+    """The rotation from the axes of a star sensor to those of a magnetometer on one platform.
+
+    Of every orientation of the platform the residual
+
+        W (raw − bias) − R_mc R_ci R_ie R_en H (B_ref + O)
+
+    is made as small as its noise by Levenberg–Marquardt: R_ci is what the star sensor reads, R_ie
+    the Earth's orientation (ERFA with the tables of the IERS), R_en the site, H the axes of the
+    reference and O the difference of the field between the piers. R_mc, and what else is solved
+    for, changes by small rotation vectors, so no angle is singular.
+
+    Parameters
+    ----------
+    session : readings and site (`read_session`).
+    solve : "alignment", and further "reference" (its axes), "pier" (O), "bias" and "matrix" (of the
+        magnetometer, symmetric). What the session knows with a standard deviation joins by itself.
+    wanted_sd_arcsec : above this the fit says which orientations to add.
+
+    Returns an `AlignmentFit`; its findings say what is undetermined, and which usual mistake would
+    explain a bad fit. Raises `AgonicError` for readings that cannot belong together, and
+    `ValidityError` where the table of the Earth's rotation ends before the session.
+
+    Source: patent CN 108871301 B, equations 1 to 11; IERS Conventions 2010, chapter 5.
+
+    >>> from agonic.alignment.simulation.session import simulate_session
+    >>> made = simulate_session(seed=1)
+    >>> fit = fit_alignment(made.session)
+    >>> fit.verdict, bool(fit.worst_sd_arcsec < 2.0)
+    ('good', True)
+    """
+    for group in solve:
+        check_choice("solve", group, tuple(GROUPS))
+    asked = tuple(group for group in GROUPS if group in solve or group == "alignment")
+    checked = check_session(session)
+    observed = observe(checked)
+    solution = solved(checked, observed, asked)
+    fit = AlignmentFit(
+        calibration=_calibration(checked, solution, asked),
+        session=checked,
+        observed=observed,
+        solution=solution,
+        solve=asked,
+    )
+    return judged(fit, wanted_sd_arcsec)
+
+
+def _calibration(session: Session, solution: Solved, solve: tuple[str, ...]) -> Alignment | Chain:
+    """From the magnetometer's readings to the field in the star sensor's axes."""
+    provenance = Provenance(
+        inputs=session.sources
+        or (
+            Input.of_array(session.star.name, session.star.rot_ci.reshape(-1, 9)),
+            Input.of_array(session.magnetometer.name, session.magnetometer.field),
+            Input.of_array(session.reference.name, session.reference.field),
+        ),
+        settings=_settings(session, solve),
+        method=METHOD,
+    )
+    turn = _turn(session, solution, provenance)
+    steps: list[Calibration] = []
+    if session.calibration is not None:
+        known = session.calibration
+        steps += known.steps if isinstance(known, Chain) else (known,)
+    if {"bias", "matrix"} & set(solve):
+        steps.append(_own(session, solution, provenance))
+    if not steps:
+        return turn
+    return Chain(steps=(*steps, turn), provenance=provenance)  # type: ignore[arg-type]
+
+
+def _turn(session: Session, solution: Solved, provenance: Provenance) -> Alignment:
+    """field_c = rotation.apply(field_m), R_cm = R_mcᵀ: a turn δ of R_mc is −R_cm δ of R_cm."""
+    back = solution.unknowns.rot_mc.T
+    return Alignment(
+        rotation=Rotation.from_matrix(back),
+        covariance=back @ solution.covariance[:3, :3] @ back.T,
+        frame_in="m",
+        frame_out="c",
+        sensor=session.magnetometer.name,
+        provenance=provenance,
+    )
+
+
+def _own(session: Session, solution: Solved, provenance: Provenance) -> Affine:
+    """The magnetometer's own bias and matrix, as the session corrects them."""
+    return Affine(
+        bias=solution.unknowns.bias,
+        matrix=solution.unknowns.matrix,
+        covariance=solution.covariance[OWN, OWN],
+        magnitude=solution.magnitude,
+        noise=session.noise,
+        sensor=session.magnetometer.name,
+        validity=Validity(largest_reading=float(np.abs(session.magnetometer.field).max())),
+        provenance=replace(provenance),
+    )
+
+
+def _settings(session: Session, solve: tuple[str, ...]) -> dict[str, Any]:
+    """What was chosen, for the provenance."""
+    site = session.site
+    return {
+        "fit": "alignment",
+        "solve": ", ".join(solve),
+        "latitude_deg": site.latitude_deg,
+        "longitude_deg": site.longitude_deg,
+        "coordinates": site.coordinates,
+        "date": session.date,
+        "refraction": session.star.refraction,
+        "aberration": session.star.aberration,
+    }

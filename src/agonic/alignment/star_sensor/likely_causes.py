@@ -1,0 +1,110 @@
+"""Which of the usual mistakes would explain a session that fits badly."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.alignment.session import Session, observe
+from agonic.alignment.star_sensor.known_mistakes import Mistake, mistakes
+from agonic.alignment.star_sensor.solve import Solved, given_of, rotation_vector, solved
+from agonic.errors import AgonicError
+from agonic.maths.equation import alignment as kernel
+
+FAR_BETTER = 0.5
+"""A mistake is named where undoing it leaves less than this share of the misfit."""
+TRIED, FEW = 8, 1
+"""How many are tried on the whole session, and on how many readings of an orientation first."""
+AS_GOOD = 1.5
+"""Others are named beside the best whose misfit is not larger than this many times its own."""
+
+
+def misfit(session: Session, result: Solved) -> float:
+    """χ² of the residuals and of the way from the nominal mounting, over the freedom."""
+    away = 0.0
+    if session.mounting is not None:
+        turn = rotation_vector(result.unknowns.rot_mc @ session.mounting.rot_mc.T)
+        away = float(turn @ turn) / np.radians(session.mounting.sd_deg) ** 2
+    return (result.chi2 + away) / max(result.freedom, 1)
+
+
+def likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Mistake]:
+    """The mistakes that would explain the misfit, the best first; none where none does.
+
+    All are tried on a few readings of each orientation; the most promising on the whole session.
+    """
+    few = _few(session)
+    promising = sorted(
+        ((_promise(few, mistake, solve), k, mistake) for k, mistake in enumerate(mistakes(few))),
+        key=lambda one: one[:2],
+    )
+    order = [k for left, k, _ in promising[:TRIED] if np.isfinite(left)]
+    whole = list(mistakes(session))
+    tried = []
+    for mistake in (whole[k] for k in order):
+        try:
+            changed = mistake.undo(session)
+            left = misfit(changed, solved(changed, observe(changed), solve))
+        except (AgonicError, ValueError, np.linalg.LinAlgError):
+            continue
+        tried.append((left, mistake))
+    best = min((left for left, _ in tried), default=np.inf)
+    if not best < FAR_BETTER * now:
+        return []
+    close = [(left, mistake) for left, mistake in tried if left <= AS_GOOD * best]
+    return [mistake for _, mistake in sorted(close, key=lambda pair: pair[0])]
+
+
+def _few(session: Session) -> Session:
+    """The session with the first readings of each orientation only."""
+    star, readings = session.star, session.magnetometer
+    assert readings.station is not None, "checked when the session is"
+    own, theirs = _first(star.orientation), _first(readings.station)
+    return replace(
+        session,
+        star=replace(
+            star,
+            time=star.time[own],
+            orientation=star.orientation[own],
+            rot_ci=star.rot_ci[own],
+            covariance=np.broadcast_to(np.eye(3), (len(own), 3, 3)),
+        ),
+        magnetometer=readings.select(theirs),
+        noise=1.0,
+        reference_noise=1.0,
+    )
+
+
+def _first(numbers: NDArray[Any]) -> NDArray[np.intp]:
+    """The rows of the first readings of each orientation."""
+    return np.sort(np.concatenate([np.flatnonzero(numbers == n)[:FEW] for n in np.unique(numbers)]))
+
+
+def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
+    """What is left, nT rms, with the mistake undone, of the best rotation and way to nominal.
+
+    Where bias or matrix are solved for, any linear map of the field stands for the rotation.
+    """
+    try:
+        changed = mistake.undo(few)
+        given = given_of(observe(changed))
+    except (AgonicError, ValueError, np.linalg.LinAlgError):
+        return np.inf
+    at = kernel.start()._replace(offset=np.asarray(changed.pier.difference, dtype=np.float64))
+    expected = kernel.expected_c(at, given)
+    turn = kernel.nearest_rotation(expected, given.field)
+    away = 0.0
+    if changed.mounting is not None:
+        vector = rotation_vector(turn @ changed.mounting.rot_mc.T)
+        beyond = np.linalg.norm(vector) - 4 * np.radians(changed.mounting.sd_deg)
+        away = float(max(beyond, 0.0)) * float(np.linalg.norm(given.reference[0]))
+    if {"bias", "matrix"} & set(solve) and len(expected) > 6:
+        design = np.column_stack([expected, np.ones(len(expected))])
+        left = given.field - design @ np.linalg.lstsq(design, given.field, rcond=None)[0]
+    else:
+        left = given.field - expected @ turn.T
+    return float(np.sqrt((left**2).mean() + away**2))
