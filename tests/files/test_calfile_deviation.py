@@ -9,7 +9,7 @@ import pytest
 
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, require_calibration, save, schema
-from agonic.fitting.deviation import fit_deviation
+from agonic.headings.deviation import fit_deviation
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ import pytest
 
 from agonic.calibration.deviation import Deviation
 from agonic.errors import AgonicError
-from agonic.fitting.deviation import fit_deviation
-from agonic.report.card import card_text, coefficient_rows, judgement, power_state, rows
-from agonic.report.card_chart import LEFT, RIGHT, WIDTH, chart, picture
-from agonic.report.card_page import card_page
+from agonic.headings.deviation import fit_deviation
+from agonic.headings.report.card import card_text, coefficient_rows, judgement, power_state, rows
+from agonic.headings.report.chart import LEFT, RIGHT, WIDTH, chart, picture
+from agonic.headings.report.page import card_page
 
 ROSE = np.arange(0, 360, 45.0)
 HANDBOOK = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])

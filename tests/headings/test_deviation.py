@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 import agonic as ag
 from agonic.errors import AgonicError, CoverageError
-from agonic.fitting.deviation import fit_deviation, plan_swing
+from agonic.headings.deviation import fit_deviation, plan_swing
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.maths.rotations.deviation import basis
 

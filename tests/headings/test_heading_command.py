@@ -10,12 +10,12 @@ import pytest
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
 from agonic.cli import run
-from agonic.cli.heading import COLUMNS
 from agonic.ellipsoid import fit_ellipsoid
 from agonic.exports.csv import write_csv
 from agonic.field import wmm
 from agonic.files.calibration import save
 from agonic.files.setup import save_setup
+from agonic.headings.commands.heading import COLUMNS
 from agonic.logs.read import sensors
 from agonic.reference import Reference
 from agonic.simulation import magnet_attached, simulate

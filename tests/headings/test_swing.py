@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.io.swing import read_swing, write_form
+from agonic.headings.files.swing import read_swing, write_form
 
 ROSE = np.arange(0, 360, 45.0)
 

@@ -10,8 +10,8 @@ import typer
 from agonic.console.options import Between, Json, Sensor, Unit, stretch
 
 if TYPE_CHECKING:
-    from agonic.fitting.deviation import DeviationFit
-    from agonic.io.swing import Swing
+    from agonic.headings.deviation import DeviationFit
+    from agonic.headings.files.swing import Swing
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -76,9 +76,9 @@ def deviation(
     from agonic.calibration.deviation import Deviation
     from agonic.console.output import print_json, say
     from agonic.errors import AgonicError
-    from agonic.fitting.deviation import fit_deviation
-    from agonic.io.swing import read_swing
-    from agonic.report.card import card_text
+    from agonic.headings.deviation import fit_deviation
+    from agonic.headings.files.swing import read_swing
+    from agonic.headings.report.card import card_text
 
     if current is not None and not math.isfinite(current):
         raise AgonicError(f"--current {current} is no current")
@@ -119,8 +119,8 @@ def _of_log(
     """The swing that a log with a heading of its own is."""
     from agonic.console.calibration_and_log import beside_second
     from agonic.files.setup import load_setup
-    from agonic.headings.swung import swung
-    from agonic.io.swing import Swing
+    from agonic.headings.compass_swing import swung
+    from agonic.headings.files.swing import Swing
     from agonic.logs.read import open_log
 
     compasses = load_setup(setup)
@@ -174,8 +174,8 @@ def _written(path: Path, fit: DeviationFit, text: str, paper: str, shown: dict[s
     """The card in the form that its name asks for."""
     from agonic.atomic import write_atomically
     from agonic.errors import AgonicError
-    from agonic.report.card_chart import picture
-    from agonic.report.card_page import card_page
+    from agonic.headings.report.chart import picture
+    from agonic.headings.report.page import card_page
 
     kind = path.suffix.lower()
     if kind in (".html", ".htm"):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.calibration.deviation import PARAMETERS
 from agonic.errors import AgonicError
-from agonic.fitting.deviation.from_headings import level_terms
+from agonic.headings.deviation.fit import level_terms
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations import deviation as kernel
 

@@ -13,8 +13,8 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
 from agonic.headings.attitude import LEVEL
-from agonic.headings.indicated import Indicated
-from agonic.headings.surroundings import Surroundings
+from agonic.headings.compass_heading import Indicated
+from agonic.headings.expected_field import Surroundings
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.units import RAW
 

@@ -13,10 +13,10 @@ from scipy.special import chdtrc
 from agonic.calibration.deviation import PARAMETERS, Deviation, east_west, heading_name
 from agonic.errors import AgonicError
 from agonic.fit import Estimated
-from agonic.fitting.deviation.evidence import Evidence, examine
-from agonic.fitting.deviation.readings import Readings, complete
+from agonic.headings.deviation.evidence import Evidence, examine
+from agonic.headings.deviation.readings import Readings, complete
+from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure
-from agonic.kernels import swing
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.provenance import Input, Provenance
@@ -128,7 +128,7 @@ def fit_deviation(
         freedom=None if as_stated else _freedom(solved),
         power_state=power_state,
         current_A=current_A,
-        largest_gap_deg=swing.largest_gap_deg(swing.visited(readings.compass)),
+        largest_gap_deg=swing_plan.largest_gap_deg(swing_plan.visited(readings.compass)),
         largest_heel_deg=_largest(readings.tilt),
         sensor=sensor,
         provenance=Provenance(inputs=(whence,), settings=asked, method=CITATIONS),

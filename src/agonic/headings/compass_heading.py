@@ -13,8 +13,8 @@ from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass
 from agonic.errors import FrameError, LogError, UnitError
 from agonic.headings.attitude import LEVEL, Attitude
+from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, passed, steps_of, unknowns, variances
-from agonic.headings.surroundings import Surroundings
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
 from agonic.samples import VECTORS, Samples

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, stdtr
 
 from agonic.calibration.deviation import Deviation, heading_name
+from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure, gravest_first
-from agonic.kernels import swing
 from agonic.maths.estimation.leastsq import correlation_length
 from agonic.maths.rotations import deviation as kernel
 
@@ -78,12 +78,12 @@ def listed(headings_deg: Array) -> str:
 
 def _headings(evidence: Evidence) -> Finding | None:
     """Headings that do not go round, or too few of them."""
-    headings = swing.visited(evidence.compass_deg)
+    headings = swing_plan.visited(evidence.compass_deg)
     n, terms = len(headings), evidence.card.terms
-    gap = swing.largest_gap_deg(headings)
-    amplified = swing.amplification(headings, evidence.level)
+    gap = swing_plan.largest_gap_deg(headings)
+    amplified = swing_plan.amplification(headings, evidence.level)
     half = gap >= GAP_REFUSED_DEG and terms != "A"
-    missing = swing.missing_deg(headings, evidence.level, 2.0)
+    missing = swing_plan.missing_deg(headings, evidence.level, 2.0)
     move = f"steer also {listed(missing)}" if len(missing) else "steer twice as many headings"
     seen = f"what was steered ({n} heading{'' if n == 1 else 's'}, widest gap {gap:.0f}°)"
     if half or amplified > AMPLIFIED_REFUSED:

@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.calibration.deviation import Deviation, east_west, heading_name
 from agonic.errors import AgonicError
-from agonic.fitting.deviation import DeviationFit
+from agonic.headings.deviation import DeviationFit
 from agonic.report.digits import NO_BREAK, grouped, with_sd
 from agonic.report.text import SIGNS
 from agonic.report.verdict import MEANINGS, sentence

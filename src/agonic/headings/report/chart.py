@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.deviation import POINTS, Deviation, heading_name
-from agonic.fitting.deviation import DeviationFit
-from agonic.report.card import LIMITS, judgement
+from agonic.headings.deviation import DeviationFit
+from agonic.headings.report.card import LIMITS, judgement
 from agonic.report.documents import static
 from agonic.report.markup import Markup, element
 from agonic.report.strips import Axis

@@ -8,11 +8,8 @@ from typing import Literal, get_args
 
 from agonic.calibration.deviation import Deviation, east_west, heading_name
 from agonic.errors import check_choice
-from agonic.fitting.deviation import DeviationFit
-from agonic.health import figure
-from agonic.report import tables
-from agonic.report.blocks import header
-from agonic.report.card import (
+from agonic.headings.deviation import DeviationFit
+from agonic.headings.report.card import (
     WITHOUT_STATE,
     coefficient_rows,
     degrees3,
@@ -21,7 +18,10 @@ from agonic.report.card import (
     rows,
     verdict_words,
 )
-from agonic.report.card_chart import NARROW, chart, chart_style
+from agonic.headings.report.chart import NARROW, chart, chart_style
+from agonic.health import figure
+from agonic.report import tables
+from agonic.report.blocks import header
 from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
 

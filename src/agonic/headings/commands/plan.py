@@ -41,8 +41,8 @@ def swing(
     """The headings of a compass swing, in order, and how well they will tell the deviation."""
     from agonic.calibration.deviation import PARAMETERS, heading_name
     from agonic.console.output import print_json, say
-    from agonic.fitting.deviation import plan_swing
-    from agonic.io.swing import write_form
+    from agonic.headings.deviation import plan_swing
+    from agonic.headings.files.swing import write_form
 
     plan = plan_swing(headings, heel_deg=heel, noise_deg=noise_deg, terms=terms, rounds=rounds)
     tilts = None if heel is None else plan.roll_deg

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
-from agonic.headings.from_samples import heading
+from agonic.headings.compute import heading
 from agonic.health.finding import figure
 from agonic.samples import Samples
 

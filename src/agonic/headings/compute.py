@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import LogError
 from agonic.headings.attitude import Attitude, attitude
-from agonic.headings.indicated import (
+from agonic.headings.compass_heading import (
     UNKNOWN_SD_DEG,
     Indicated,
     Readings,
     indicated,
     readings_at,
 )
-from agonic.headings.judged import chosen, disagreeing, disagreement_deg, judged
-from agonic.headings.record import FLAGS, Heading
-from agonic.headings.surroundings import Surroundings, surroundings
+from agonic.headings.disagreement import chosen, disagreeing, disagreement_deg, judged
+from agonic.headings.expected_field import Surroundings, surroundings
+from agonic.headings.result import FLAGS, Heading
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import RAW, WEAKEST_HORIZONTAL
