@@ -19,9 +19,9 @@ from tests.fitting.orbits import ARCSEC, SENSOR, coefficients, efficient, precis
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
-from agonic.fitting.inflight import fit_mission
+from agonic.inflight.fit import fit_mission
+from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.logs.large.mission import open_mission
-from agonic.simulation.orbit import simulate_orbit
 from benchmarks import tables
 
 Array = NDArray[np.float64]

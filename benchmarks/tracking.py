@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from agonic.calibration.tracking import TrackerParams, TrackerState
-from agonic.fitting.tracking import start, update
-from agonic.simulation import simulate_orbit
+from agonic.inflight.simulation.orbit import simulate_orbit
+from agonic.inflight.tracking import start, update
 from benchmarks import tables
 from benchmarks.speed import median_s
 

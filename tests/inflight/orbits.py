@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 import agonic as ag
 from agonic.calibration.thermal import Thermal
-from agonic.fitting.inflight import fit_inflight
+from agonic.inflight.fit import fit_inflight
+from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.maths.rotations.attitude import rot_nb
-from agonic.simulation.orbit import SimulatedOrbit, simulate_orbit
 
 Array = NDArray[np.float64]
 

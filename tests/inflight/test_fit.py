@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.calibration.affine import Affine
-from agonic.fitting.inflight import fit_inflight
+from agonic.inflight.fit import fit_inflight
 from agonic.maths.earth.earth_rotation import sidereal_rad
 
 START = datetime(2024, 3, 1, tzinfo=UTC)

@@ -13,15 +13,15 @@ import agonic as ag
 from agonic.calibration.affine import Affine
 from agonic.calibration.tracking import TrackerParams
 from agonic.cli import run
-from agonic.fitting.inflight import fit_inflight
+from agonic.inflight.fit import fit_inflight
+from agonic.inflight.report.causes import explained
+from agonic.inflight.report.ground import compared
+from agonic.inflight.report.page import inflight_page, track_page
+from agonic.inflight.report.record import lasting_of, of_inflight
+from agonic.inflight.simulation.orbit import simulate_orbit
+from agonic.inflight.tracker import Tracker
 from agonic.report.digits import MINUS, NO_BREAK, THIN
-from agonic.report.inflight_causes import explained
-from agonic.report.inflight_ground import compared
-from agonic.report.inflight_page import inflight_page, track_page
-from agonic.report.inflight_record import lasting_of, of_inflight
 from agonic.simulation import simulate
-from agonic.simulation.orbit import simulate_orbit
-from agonic.tracker import Tracker
 
 MOVED = np.array([1500.0, -800.0, 400.0])
 

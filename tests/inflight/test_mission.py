@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.fitting.inflight import fit_mission, honest, scan
+from agonic.inflight.fit import covariance, fit_mission, large_scan
 from agonic.logs.large.mission import open_mission
 
 
@@ -45,7 +45,7 @@ def ground_of(made: ag.SimulatedOrbit) -> ag.Affine:
 
 
 def test_out_of_core_gives_what_memory_gives(made, monkeypatch) -> None:
-    monkeypatch.setattr(scan, "MOST", 4000)
+    monkeypatch.setattr(large_scan, "MOST", 4000)
     ground, told = ground_of(made), []
     whole = ag.fit_inflight(made.samples, ground=ground, drift_knots=0, latitude_deg=(-80, 80))
     recording = Pieces(made.samples, 7000)
@@ -72,7 +72,7 @@ def test_out_of_core_gives_what_memory_gives(made, monkeypatch) -> None:
 
 
 def test_a_spline_and_temperature_terms_go_over_pieces(monkeypatch) -> None:
-    monkeypatch.setattr(scan, "MOST", 5000)
+    monkeypatch.setattr(large_scan, "MOST", 5000)
     made = ag.simulate_orbit(
         n=20_000,
         rate_Hz=0.2,
@@ -156,8 +156,8 @@ def test_files_are_read_in_pieces_and_in_order(made, tmp_path) -> None:
 
 def test_memory_does_not_grow_with_the_record(made, tmp_path, monkeypatch) -> None:
     """Three times the rows, the same peak, but for the rows that are kept."""
-    monkeypatch.setattr(scan, "MOST", 2000)
-    monkeypatch.setattr(honest, "STRETCHES", 1000)
+    monkeypatch.setattr(large_scan, "MOST", 2000)
+    monkeypatch.setattr(covariance, "STRETCHES", 1000)
     ground, peaks = ground_of(made), []
     for n in (8000, 24_000):
         folder = tmp_path / str(n)

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.errors import AgonicError
+from agonic.inflight.simulation.kepler import EQUATOR_M, GRAVITATION_M3_S2, Orbit, state_i
+from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.maths.earth.geodesy import directions, earth_fixed, earth_fixed_position
 from agonic.maths.rotations.attitude import rot_nb
-from agonic.simulation.kepler import EQUATOR_M, GRAVITATION_M3_S2, Orbit, state_i
-from agonic.simulation.orbit import SimulatedOrbit, simulate_orbit
 
 nT = 1.0
 

@@ -12,7 +12,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
-from agonic.fitting.inflight.pointing import eclipse, local_vertical_nb
+from agonic.inflight.fit.pointing import eclipse, local_vertical_nb
 from agonic.maths.rotations.attitude import rot_nb
 from tests.inflight.orbits import ARCSEC, SENSOR, coefficients, efficient, precise, rescaled
 

@@ -8,7 +8,8 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
-from agonic.simulation import simulate, simulate_orbit
+from agonic.inflight.simulation.orbit import simulate_orbit
+from agonic.simulation import simulate
 
 FIELD = ["--field", "50000"]
 

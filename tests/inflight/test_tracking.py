@@ -11,12 +11,13 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.calibration.tracking import TrackerParams
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
-from agonic.fitting.tracking import choose_walk, start, update
+from agonic.inflight.simulation.orbit import simulate_orbit
+from agonic.inflight.tracker import Tracker
+from agonic.inflight.tracking import choose_walk, start, update
 from agonic.maths.equation import gauge
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.estimation import leastsq
-from agonic.simulation import random_calibration, simulate, simulate_orbit
-from agonic.tracker import Tracker
+from agonic.simulation import random_calibration, simulate
 
 NOISE = 100.0
 PARAMS = TrackerParams(noise=NOISE)

@@ -29,7 +29,7 @@ COMMANDS = {
     "field": "agonic.cli.field",
     "plan": "agonic.headings.commands.plan",
     "simulate": "agonic.cli.simulate",
-    "track": "agonic.cli.track",
+    "track": "agonic.inflight.commands.track",
     "retrain": "agonic.cli.retrain",
     "cite": "agonic.cli.cite",
     "demo": "agonic.cli.demo",

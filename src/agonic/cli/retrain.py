@@ -150,7 +150,7 @@ def _require_nothing(given: dict[str, Any], state: Path) -> None:
 
 def _sensor(log: Path, sensor: str | None, unit: str | None, followed: str = "") -> Samples:
     """The sensor that was asked for, or the one that is followed, or the log's only one."""
-    from agonic.cli.track import _sensor as chosen
+    from agonic.inflight.commands.track import _sensor as chosen
 
     return chosen(log, sensor, unit, followed)
 

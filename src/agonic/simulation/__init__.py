@@ -1,5 +1,7 @@
 """Simulated magnetometers whose calibration is known, and the defects that real logs have."""
 
+from agonic.inflight.simulation.kepler import Orbit
+from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.simulation.defects import (
     Defect,
     clipped,
@@ -17,8 +19,6 @@ from agonic.simulation.defects import (
 )
 from agonic.simulation.draws import random_calibration
 from agonic.simulation.fleet import SimulatedFleet, simulate_fleet
-from agonic.simulation.kepler import Orbit
-from agonic.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.simulation.sensor import Simulated, kinds, simulate
 from agonic.simulation.vehicle import SimulatedVehicle, simulate_vehicle
 

@@ -1,0 +1,118 @@
+"""The covariance of an estimate whose errors last: each kind of residual says how."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.inflight.maths import inflight
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.correlated_errors import STRETCHES, Lasting, Sums, lasting, scatter
+from agonic.maths.estimation.noise import Noise
+
+Array = NDArray[np.float64]
+
+
+class Honest(NamedTuple):
+    """A covariance, for how many readings each counts as one, and what lasts, by kind."""
+
+    covariance: Array
+    correlation: dict[str, float]
+    errors: dict[str, tuple[Lasting, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """Stretches of `step_s` from `start`."""
+
+    start: float
+    step_s: float
+    count: int
+
+    @classmethod
+    def of(cls, start: float, stop: float, step_s: float) -> Clock:
+        """At most `STRETCHES` of at least `step_s`."""
+        step = max((stop - start) / STRETCHES, step_s)
+        return cls(start=start, step_s=step, count=int((stop - start) / step) + 2)
+
+    def stretch(self, time: Array) -> NDArray[np.intp]:
+        """The number of the stretch of each time."""
+        return np.floor((time - self.start) / self.step_s).astype(np.intp)
+
+
+def honest(
+    source: inflight.Source,
+    params: Array,
+    layout: inflight.Layout,
+    noise: dict[str, Noise],
+    sds: dict[str, float],
+    held: Array,
+    lasts: float,
+    clock: Clock,
+    outside: bool,
+) -> Honest:
+    """The covariance at the minimum, one more pass a kind.
+
+    Parameters: `sds` as `flight.residual` takes them; `held` (m, m) the prior's information;
+    `lasts`, how many readings counted as one when the data were weighed against it; `outside`,
+    whether rows know the direction of the field.
+
+    With D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the scatter of its gradient by noise,
+    which need not be the same everywhere, and E_c by errors that last:
+
+        A = Σ D_c/ν + H,   B = Σ (S_c + E_c)/ν² + H,   covariance A⁻¹BA⁻¹.
+    """
+    bread, white, errors = held.copy(), {}, {}
+    extra: dict[str, Array] = {}
+    for kind, of in noise.items():
+        sums, normal, squares = _summed(
+            source, kind, params, layout, of, sds[kind], clock, outside and kind == "magnitude"
+        )
+        curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
+        freedom = normal.total / max(normal.total - len(params), 1)
+        bread += normal.information * curved / lasts
+        white[kind] = freedom * squares / of.sd**4
+        errors[kind] = lasting(sums, of.sd**2, clock.step_s)
+        extra[kind] = scatter(sums, errors[kind], clock.step_s) / of.sd**4
+    inverse = leastsq.inverse(bread)
+    plain = {kind: inverse @ (part / lasts**2) @ inverse for kind, part in white.items()}
+    added = {kind: inverse @ (part / lasts**2) @ inverse for kind, part in extra.items()}
+    correlation = {
+        kind: 1.0
+        + float(np.trace(added[kind][:3, :3]) / max(np.trace(plain[kind][:3, :3]), 1e-300))
+        for kind in noise
+    }
+    total = np.sum([*plain.values(), *added.values(), inverse @ held @ inverse], axis=0)
+    return Honest((total + total.T) / 2, correlation, errors)
+
+
+def _summed(
+    source: inflight.Source,
+    kind: str,
+    params: Array,
+    layout: inflight.Layout,
+    noise: Noise,
+    sd: float,
+    clock: Clock,
+    outside: bool,
+) -> tuple[Sums, leastsq.Normal, Array]:
+    """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
+    squares = np.zeros((len(params), len(params)))
+    sums = Sums.empty(clock.count, len(params), (1, 3, 3) if outside else (1, 3))
+
+    def watch(rows: inflight.Rows, residuals: Array, jacobian: Array) -> None:
+        weights = noise.loss.weight((residuals / noise.sd) ** 2)
+        directions = [np.ones((len(residuals), 1)), jacobian[:, :3]]
+        if outside:
+            assert rows.outside is not None
+            directions.append(rows.outside)
+        scored = jacobian * (weights * residuals)[:, None]
+        squares[:] += scored.T @ scored
+        sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions)
+
+    seen = inflight.pieces(source, kind, layout, sd, watch)
+    normal = leastsq.accumulate(seen, params, noise.loss, noise.sd, keep=False)
+    return sums, normal, squares

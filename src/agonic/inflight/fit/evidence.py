@@ -1,0 +1,172 @@
+"""What a fit in flight is worth: what is undetermined, left out, or wrong with the reference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.health import Finding, figure, gravest_first, inspect, misscaled
+from agonic.inflight.fit.likely_causes import impossible_track, likely_cause
+from agonic.inflight.fit.result import InflightFit
+from agonic.maths.equation.coverage import nearest_axis
+from agonic.samples import Samples
+
+if TYPE_CHECKING:
+    from agonic.inflight.fit.problem import Task
+
+Array = NDArray[np.float64]
+
+SUSPICIOUS = 0.003
+"""Scatter over the field's magnitude from which the usual mistakes are tried."""
+MOSTLY = 0.8
+"""Share of the residual that lasts from which the same is done, however small it is."""
+LARGE = 0.015
+"""Scatter over the field's magnitude from which the reference itself is doubted."""
+UNDETERMINED = 0.02
+"""Standard error of a bias over the magnitude from which it is called undetermined."""
+STRAYS_DOUBTFUL = 0.1
+ATTITUDE_DOUBTFUL_DEG = 5.0
+
+
+def examined(fit: InflightFit, task: Task, samples: Samples) -> InflightFit:
+    """The fit with findings, refusals first, and remarks."""
+    found = [
+        *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
+        *_reference(fit, task, samples),
+        *_scale(fit),
+        *_axes(samples),
+        *_undetermined(fit, task.magnitude),
+        *_strays(fit),
+        *_attitude(fit),
+    ]
+    fit = replace(fit, findings=gravest_first(found))
+    return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, task))
+
+
+def _reference(fit: InflightFit, task: Task, samples: Samples) -> list[Finding]:
+    """A track that cannot be, or a residual that a common mistake would explain."""
+    impossible = impossible_track(samples)
+    if impossible is not None:
+        return [Finding("track", "refuse", *impossible)]
+    mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
+    if fit.noise < SUSPICIOUS * task.magnitude and not mostly_lasting:
+        return []
+    cause = likely_cause(fit, task, samples)
+    what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"
+    if cause is None and fit.noise < LARGE * task.magnitude:
+        return []
+    if cause is None:
+        return [
+            Finding(
+                "reference",
+                "check",
+                f"{what}: much more than models err by",
+                "check times, positions, units and the date; look for currents on board",
+            )
+        ]
+    return [Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)]
+
+
+def _scale(fit: InflightFit) -> list[Finding]:
+    """A wrong unit."""
+    scale = misscaled(float(np.trace(fit.after.matrix)) / 3, fit.after.unit_in)
+    return [] if scale is None else [scale]
+
+
+def _axes(samples: Samples) -> list[Finding]:
+    """Readings that were turned into axes of the Earth."""
+    if samples.frame != "n":
+        return []
+    return [
+        Finding(
+            "axes of the Earth",
+            "check",
+            "the readings are components north, east and down, so what is found is no bias and no "
+            "gain of a sensor",
+            "give the readings in the axes of the sensor",
+        )
+    ]
+
+
+def _undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
+    """A direction of the bias that the track never showed."""
+    variances, axes = np.linalg.eigh(fit.covariance[:3, :3])
+    worst = float(np.sqrt(max(variances[-1], 0.0)))
+    if worst < UNDETERMINED * magnitude:
+        return []
+    axis = nearest_axis(axes[:, -1])
+    return [
+        Finding(
+            "bias undetermined",
+            "refuse" if worst > 5 * UNDETERMINED * magnitude else "check",
+            f"the bias near {axis} is known to {figure(worst)} nT only",
+            "use a longer record, or one in which the spacecraft turns; solve for the bias alone",
+        )
+    ]
+
+
+def _strays(fit: InflightFit) -> list[Finding]:
+    believed = fit.weights[fit.weights > 0]
+    share = 1.0 - len(believed) / max(fit.n, 1)
+    if share <= STRAYS_DOUBTFUL:
+        return []
+    return [
+        Finding(
+            "left out in flight",
+            "check",
+            f"{figure(100 * share)} % of the readings do not fit and were left out",
+            "exclude the times when torquers or transmitters were on",
+        )
+    ]
+
+
+def _attitude(fit: InflightFit) -> list[Finding]:
+    """An attitude that the field contradicts."""
+    if fit.direction_error_deg is None:
+        return []
+    middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
+    if middle < ATTITUDE_DOUBTFUL_DEG:
+        return []
+    return [
+        Finding(
+            "attitude in flight",
+            "check" if middle < 4 * ATTITUDE_DOUBTFUL_DEG else "refuse",
+            f"the field misses its direction by {figure(middle)}° (median)",
+            "check the attitude: its order of turns, its sign, its time; fit the magnitude alone",
+        )
+    ]
+
+
+def _remarks(fit: InflightFit, task: Task) -> tuple[str, ...]:
+    """How good the result is, in words."""
+    sd = fit.sd
+    said = [f"the bias is known to {figure(float(sd[:3].max()))} nT"]
+    if task.ground is not None:
+        said.append(
+            f"it has moved by {figure(float(np.linalg.norm(fit.change.bias)))} nT since the ground"
+        )
+    if fit.drift.changes:
+        ends, _ = fit.drift.at(np.array([fit.drift.start, fit.drift.stop]))
+        said.append(
+            f"it drifted by {figure(float(np.linalg.norm(ends[1] - ends[0])))} nT over the record"
+        )
+    if fit.direction_error_deg is not None:
+        middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
+        said.append(f"the field misses its direction by {figure(middle)}° (median)")
+    said.append(f"residuals are {figure(fit.noise)} nT{_lasts(fit)}")
+    return tuple(said)
+
+
+def _lasts(fit: InflightFit) -> str:
+    """What of the residuals lasts, and what that costs."""
+    if fit.correlation < 1.05:
+        return ""
+    of = (
+        f", {figure(fit.lasting_nT)} of them lasting {figure(fit.lasting_s)} s,"
+        if fit.lasting_s
+        else ""
+    )
+    return f"{of} and {figure(fit.correlation)} readings count as one"

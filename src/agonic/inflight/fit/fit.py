@@ -1,0 +1,167 @@
+"""`fit_inflight`: bias, gains or all nine numbers from the field that is known on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.base import Calibration, apply
+from agonic.errors import AgonicError, check_choice
+from agonic.field.place import field_along, lacking
+from agonic.inflight.fit import evidence, result_of
+from agonic.inflight.fit.pointing import outside, toward
+from agonic.inflight.fit.problem import Attitude, Settings, Solve, Task, kept, require_enough
+from agonic.inflight.fit.result import InflightFit
+from agonic.inflight.fit.solve import found
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+def fit_inflight(
+    samples: Samples,
+    reference: Reference | None = None,
+    *,
+    ground: Calibration | None = None,
+    solve: Solve | None = None,
+    drift_knots: int | Literal["auto"] = "auto",
+    exclude: ArrayLike | None = None,
+    latitude_deg: tuple[float, float] | None = None,
+    residual_limit: float | None = None,
+    temperature_degree: int = 0,
+    matrix_rate: bool = False,
+    sources: Sequence[str] = (),
+    attitude: Attitude = "none",
+    gain_sd: float = 0.01,
+    soft_iron_sd: float | None = 0.1,
+    robust: bool = True,
+    seed: int = 0,
+) -> InflightFit:
+    """A calibration brought up to date, or made, against the geomagnetic model.
+
+    With u the field by the ground calibration, minimises over bias c, matrix M and their terms
+
+        Σ ρ(r/σ)/ν + |prior|²/2,   r = (|M (u − c)| − F) / |Mᵀû|,
+
+    c = c₀ + spline(t) + powers of temperature + currents, M alike. With the attitude two more kinds
+    of residual across the field join, each with a noise of its own. Errors of the model last: what
+    of the residuals does, and how long, enters every standard error.
+
+    Parameters
+    ----------
+    samples : readings with times; with a track and a date where no reference is given. Rows that
+        are `flagged` are left out.
+    reference : the field on the way, or a scalar instrument's reading (`Reference.magnitude`);
+        default: the world model along the samples' own track. With the attitude directions are
+        those of the world model where the reference is a magnitude.
+    ground : the calibration made on the ground (affine, thermal, or a chain): its shape in
+        temperature stays, what is solved for moves on top of it.
+    solve : "bias", "gains" (bias and three gains) or "full" (all nine); default "bias" with a
+        ground calibration and "full" without.
+    drift_knots : intervals of the spline of the bias in time; 0 for a constant bias, "auto" for as
+        many as make unseen readings fit better.
+    exclude : (n,) true for rows to leave out; `latitude_deg` (low, high) keeps rows between these
+        latitudes; `residual_limit` leaves out readings farther off than so many nT.
+    temperature_degree : order of polynomials in temperature of the bias and of what is solved for
+        of the matrix; 0 for none. The calibration is then a `Thermal`.
+    matrix_rate : let the matrix change steadily with time; the calibration is that at the end.
+    sources : what disturbs on board, recorded in the samples: "current_A", "throttle", "second";
+        the calibration is then an `Interference`.
+    attitude : "logged": roll, pitch and heading teach as well, and the turn from the sensor to them
+        is found; "nadir": they are those of a spacecraft that keeps one side to the Earth, from its
+        track; "none".
+    gain_sd : how far gains and cross terms may have moved since the ground, as a share.
+    soft_iron_sd : prior on soft iron where there is no ground calibration.
+
+    Returns an `InflightFit`. Raises `CoverageError` where the readings cannot determine it,
+    `AgonicError` without a reference or a track, `LogError` where a column is missing.
+
+    Source: Olsen et al. (2003) for the scalar calibration in orbit, Earth Planets Space 55, 11–18;
+    Huber (1981) for loss and covariance; Markley (1988) for the first turn.
+
+    Examples
+    --------
+    >>> from agonic.simulation import simulate
+    >>> made = simulate("tumble", n=4000, noise=50.0)
+    >>> from dataclasses import replace
+    >>> ground = replace(made.truth, bias=made.truth.bias + [800.0, -300.0, 500.0])
+    >>> fit = fit_inflight(made.samples, Reference.constant(50_000.0), ground=ground)
+    >>> bool(np.abs(fit.calibration.bias - made.truth.bias).max() < 10.0)
+    True
+    """
+    if isinstance(sources, str):
+        raise AgonicError(f'sources is "{sources}"; give a list of columns, as ["current_A"]')
+    settings = Settings(
+        solve=solve or ("full" if ground is None else "bias"),
+        drift_knots=drift_knots,
+        latitude_deg=latitude_deg,
+        residual_limit=residual_limit,
+        temperature_degree=temperature_degree,
+        matrix_rate=matrix_rate,
+        sources=tuple(sources),
+        attitude=attitude,
+        gain_sd=gain_sd,
+        soft_iron_sd=soft_iron_sd,
+        robust=robust,
+        seed=seed,
+    )
+    result = found(_task(samples, reference, ground, exclude, settings))
+    return evidence.examined(result_of.fit(result, samples), result.task, samples)
+
+
+def _task(
+    samples: Samples,
+    reference: Reference | None,
+    ground: Calibration | None,
+    exclude: ArrayLike | None,
+    settings: Settings,
+) -> Task:
+    """What is to be fitted, or an error that says what is missing."""
+    _check(samples, ground, settings)
+    along = reference
+    if reference is None or (settings.attitude != "none" and reference.kind != "vector"):
+        expected = field_along(samples)
+        if expected is None:
+            raise AgonicError(
+                f"the field on the way is not known: {lacking(samples)}; give a reference, "
+                "positions (they can come from two-line elements), or --date"
+            )
+        along = expected.reference
+    assert along is not None
+    wanted = (reference or along).magnitudes(len(samples))
+    magnitude = float(wanted.mean())
+    left_out = None if exclude is None else np.asarray(exclude, dtype=bool)
+    believed = kept(samples, left_out, settings.latitude_deg)
+    require_enough(believed)
+    return Task(
+        samples=samples if ground is None else apply(ground, samples),
+        wanted=np.broadcast_to(wanted / magnitude, len(samples)),
+        magnitude=magnitude,
+        believed=believed,
+        ground=ground,
+        settings=settings,
+        toward=toward(samples, along, settings.attitude),
+        turn=np.eye(3),
+        outside=outside(samples, along),
+    )
+
+
+def _check(samples: Samples, ground: Calibration | None, settings: Settings) -> None:
+    check_choice("solve", settings.solve, get_args(Solve))
+    check_choice("attitude", settings.attitude, get_args(Attitude))
+    if samples.time is None:
+        raise AgonicError("a fit in flight needs times; the log has none")
+    if ground is None and settings.solve != "full":
+        raise AgonicError(
+            f'solve="{settings.solve}" moves a ground calibration; give one, or solve "full"'
+        )
+    if settings.temperature_degree < 0:
+        raise AgonicError(
+            f"temperature_degree is {settings.temperature_degree}; 0 is none, 1 a straight line"
+        )
+    if settings.residual_limit is not None and not settings.residual_limit > 0:
+        raise AgonicError(f"residual_limit is {settings.residual_limit}; it is in nT, above 0")

@@ -1,0 +1,183 @@
+"""The first pass over a record of any length: magnitudes, and rows for the fit in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from datetime import timedelta
+from typing import IO, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError, LogError
+from agonic.field.decimal_year import decimal_year
+from agonic.field.place import lacking, model_for
+from agonic.inflight.fit.pointing import outside
+from agonic.inflight.fit.problem import Settings, kept, require_enough
+from agonic.samples import COLUMNS, Samples
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, int], None]
+
+MOST = 200_000
+"""Rows that are kept in memory for the start, the choice of the spline, and the record."""
+TRACK = ("latitude_deg", "longitude_deg", "altitude_m", "flagged", "scalar")
+"""Columns that only the first pass needs."""
+
+
+class Recording(Protocol):
+    """Readings piece by piece, the same each time; `agonic.logs.large.mission.Mission` is one."""
+
+    @property
+    def rows(self) -> int: ...
+
+    def pieces(self, without: tuple[str, ...] = ()) -> Iterator[Samples]: ...
+
+
+class Known(NamedTuple):
+    """The magnitude at readings (n,), NaN where one is left out, and the direction (n, 3) of the
+    field in Earth-fixed axes, NaN where it is not known."""
+
+    magnitudes: Array
+    outside: Array | None
+
+
+def write_known(cache: IO[bytes], known: Known) -> None:
+    """Append to the cache."""
+    n = len(known.magnitudes)
+    outside = np.full((n, 3), np.nan) if known.outside is None else known.outside
+    known.magnitudes.tofile(cache)
+    outside.astype(np.float32).tofile(cache)
+
+
+def read_known(cache: IO[bytes], n: int) -> Known:
+    """The next n readings of the cache, as they were written."""
+    magnitudes = np.fromfile(cache, count=n)
+    outside = np.fromfile(cache, dtype=np.float32, count=3 * n).reshape(n, 3)
+    return Known(magnitudes, None if np.isnan(outside[0, 0]) else outside.astype(np.float64))
+
+
+class Scan(NamedTuple):
+    """What the first pass found: rows every `stride`-th with what is known there, how many readings
+    take part, seconds between two, and what later passes need not read."""
+
+    samples: Samples
+    magnitudes: Array
+    outside: Array | None
+    stride: int
+    taking_part: int
+    step_s: float
+    without: tuple[str, ...]
+
+
+def scanned(
+    recording: Recording, cache: IO[bytes], scalar: bool, settings: Settings, told: Progress
+) -> Scan:
+    """The first pass: magnitudes into the cache, and rows for the fit in memory."""
+    magnitude = _scalar if scalar else _Model()
+    thin, done, count, clean, step = _Thin(), 0, 0, True, 0.0
+    for samples in recording.pieces():
+        if samples.time is None:
+            raise AgonicError("a fit in flight needs times; the log has none")
+        if not step and len(samples) > 1:
+            step = float(np.median(np.diff(samples.time)))
+        known = magnitude(samples)
+        values = np.where(kept(samples, None, settings.latitude_deg), known.magnitudes, np.nan)
+        known = known._replace(magnitudes=values)
+        write_known(cache, known)
+        thin.add(samples, known)
+        clean &= not samples.rejected
+        done += len(samples)
+        count += int(np.isfinite(values).sum())
+        told("world model", done)
+    if not done:
+        raise LogError("the record is empty")
+    require_enough(np.ones(count, dtype=bool))
+    samples, known = thin.whole()
+    return Scan(samples, *known, thin.stride, count, step, TRACK if clean else ())
+
+
+class _Model:
+    """The world model along pieces of a track, the same model for all of them."""
+
+    def __init__(self) -> None:
+        self._model: Any = None
+
+    def __call__(self, samples: Samples) -> Known:
+        if samples.latitude_deg is None or samples.longitude_deg is None or samples.epoch is None:
+            raise AgonicError(
+                f"the field on the way is not known: {lacking(samples)}; give --date, or a scalar "
+                "instrument"
+            )
+        if samples.altitude_m is None:
+            samples = samples.with_columns(altitude_m=np.zeros(len(samples)))
+        if self._model is None:
+            assert samples.time is not None
+            assert samples.epoch is not None
+            begun = samples.epoch + timedelta(seconds=float(samples.time[0]))
+            self._model = model_for(float(decimal_year(begun)))
+        reference = self._model.along(samples)
+        return Known(reference.magnitudes(len(samples)), outside(samples, reference))
+
+
+def _scalar(samples: Samples) -> Known:
+    if samples.scalar is None:
+        raise AgonicError("the record holds no scalar instrument (column scalar_nT)")
+    return Known(samples.scalar, None)
+
+
+class _Thin:
+    """Rows of a record at even steps, never many more than `MOST`."""
+
+    def __init__(self) -> None:
+        self.stride, self._seen = 1, 0
+        self._parts: list[_Part] = []
+        self._last: _Part | None = None
+
+    def add(self, samples: Samples, known: Known) -> None:
+        """Take the rows of a piece whose turn it is."""
+        whole = _Part(samples, known, self._seen + np.arange(len(samples)))
+        self._parts += whole.every(self.stride)
+        self._last = whole.select(np.array([len(samples) - 1]))
+        self._seen += len(samples)
+        while sum(len(part.number) for part in self._parts) > MOST:
+            self.stride *= 2
+            self._parts = [few for part in self._parts for few in part.every(self.stride)]
+
+    def whole(self) -> tuple[Samples, Known]:
+        """All of them and the last row of the record, in one."""
+        parts = list(self._parts)
+        if self._last is not None and parts[-1].number[-1] != self._last.number[0]:
+            parts.append(self._last)
+        columns = {
+            name: np.concatenate([getattr(part.samples, name) for part in parts])
+            for name in COLUMNS
+            if all(getattr(part.samples, name) is not None for part in parts)
+        }
+        gone = {name: None for name in COLUMNS if name not in columns}
+        samples = parts[0].samples.with_columns(**columns, **gone)
+        outsides = [part.known.outside for part in parts if part.known.outside is not None]
+        known = Known(
+            np.concatenate([part.known.magnitudes for part in parts]),
+            np.concatenate(outsides) if len(outsides) == len(parts) else None,
+        )
+        return samples, known
+
+
+class _Part(NamedTuple):
+    """Rows of a piece, with what is known of them and their number in the record."""
+
+    samples: Samples
+    known: Known
+    number: NDArray[np.intp]
+
+    def select(self, rows: NDArray[np.intp]) -> _Part:
+        """Some of the rows."""
+        magnitudes, outside_e = self.known
+        some = Known(magnitudes[rows], None if outside_e is None else outside_e[rows])
+        return _Part(self.samples.select(rows), some, self.number[rows])
+
+    def every(self, stride: int) -> list[_Part]:
+        """Those whose number is a multiple; none, or one part."""
+        rows = np.flatnonzero(self.number % stride == 0)
+        return [self.select(rows)] if len(rows) else []

@@ -1,0 +1,227 @@
+"""What could be wrong with a track or a clock, tried on a few readings of the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from datetime import UTC, timedelta
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError
+from agonic.field.place import field_along
+from agonic.health import figure
+from agonic.maths.earth.earth_rotation import sidereal_rad
+from agonic.maths.earth.geodesy import FLATTENING
+from agonic.maths.estimation.leastsq import robust_scale
+from agonic.maths.rotations.angles import wrapped_deg
+from agonic.samples import Samples
+
+if TYPE_CHECKING:
+    from agonic.inflight.fit.problem import Task
+    from agonic.inflight.fit.result import InflightFit
+
+Array = NDArray[np.float64]
+
+EARTH_RADIUS_M = 6_371_200.0
+ORBITAL_M_S = 3000.0
+LOWEST_ORBIT_M = 80_000.0
+FLAT2 = (1.0 - FLATTENING) ** 2
+"""tan of a geocentric latitude on the ellipsoid over that of the geodetic one."""
+SOME = 400
+FAR_BETTER = 0.5
+"""A cause is named when it would leave less than this share of what is unexplained."""
+
+
+class Cause(NamedTuple):
+    """What would explain the residual, and what to do."""
+
+    words: str
+    move: str
+
+
+def impossible_track(samples: Samples) -> Cause | None:
+    """A track as fast as an orbit at a height where nothing orbits."""
+    latitude, longitude, time = samples.latitude_deg, samples.longitude_deg, samples.time
+    if latitude is None or longitude is None or time is None or len(time) < 3:
+        return None
+    altitude = np.zeros(len(time)) if samples.altitude_m is None else samples.altitude_m
+    east = np.diff(np.unwrap(longitude, period=360.0)) * np.cos(np.radians(latitude[1:]))
+    speed = np.radians(np.hypot(np.diff(latitude), east)) * EARTH_RADIUS_M / np.diff(time)
+    if np.median(speed) < ORBITAL_M_S or np.median(altitude) > LOWEST_ORBIT_M:
+        return None
+    return Cause(
+        f"the track moves at {figure(float(np.median(speed)) / 1000)} km/s at a height of "
+        f"{figure(float(np.median(altitude)) / 1000)} km, where nothing orbits",
+        "give altitudes in metres above the ellipsoid",
+    )
+
+
+def likely_cause(fit: InflightFit, task: Task, samples: Samples) -> Cause | None:
+    """The usual mistake that explains the residual best, or None where none does."""
+    rows = np.flatnonzero(task.believed)
+    rows = rows[np.linspace(0, len(rows) - 1, min(SOME, len(rows))).astype(int)]
+    some = samples.with_columns(field=task.samples.field, unit="nT").select(rows)
+    if some.latitude_deg is None or some.longitude_deg is None:
+        return None
+    now = _misfit(some)
+    best, found = FAR_BETTER * now, None
+    for cause, change in _mistakes(some):
+        try:
+            left = _misfit(change(some))
+        except (AgonicError, ValueError):
+            continue
+        if left < best:
+            best, found = left, cause
+    return found
+
+
+def _misfit(samples: Samples) -> float:
+    """The share of the changes of F² that no quadratic in the readings explains, 0…1.
+
+    |W (raw − b)|² = F² is linear in ten coefficients: enough to tell a right track from a wrong.
+    """
+    expected = field_along(samples)
+    if expected is None:
+        return float("inf")
+    raw = samples.field
+    f = np.broadcast_to(expected.reference.magnitudes(len(raw)), len(raw))
+    scale = float(f.mean())
+    x, y, z = (raw - raw.mean(axis=0)).T / scale
+    design = np.column_stack([x * x, y * y, z * z, x * y, x * z, y * z, x, y, z, np.ones(len(raw))])
+    square = (f / scale) ** 2
+    solution = np.linalg.lstsq(design, square, rcond=None)[0]
+    left = robust_scale(square - design @ solution, design.shape[1])
+    return left / max(float(square.std()), 1e-12)
+
+
+def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+    """The usual mistakes, each with the change that would undo it."""
+    yield from _of_time()
+    yield from _of_place(samples)
+    yield from _of_altitude(samples)
+    yield from _of_date(samples)
+
+
+def _of_time() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+    for seconds, words in (
+        (18.0, "18 s (GPS time taken for UTC)"),
+        (-18.0, "−18 s (UTC taken for GPS time)"),
+        (37.0, "37 s (TAI taken for UTC)"),
+        (3600.0, "an hour"),
+        (-3600.0, "an hour"),
+        (43200.0, "twelve hours"),
+        (-43200.0, "twelve hours"),
+    ):
+        yield (
+            Cause(f"positions {words} off in time would explain it", "check the time scale"),
+            _shifted(seconds),
+        )
+
+
+def _of_place(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+    latitude, longitude = samples.latitude_deg, samples.longitude_deg
+    assert latitude is not None
+    assert longitude is not None
+    yield (
+        Cause("longitudes counted west would explain it", "count longitude positive east"),
+        lambda s: s.with_columns(longitude_deg=-longitude),
+    )
+    yield (
+        Cause("latitude and longitude exchanged would explain it", "exchange the two columns"),
+        lambda s: s.with_columns(latitude_deg=np.clip(longitude, -90, 90), longitude_deg=latitude),
+    )
+    yield (
+        Cause("latitudes with the sign reversed would explain it", "count latitude positive north"),
+        lambda s: s.with_columns(latitude_deg=-latitude),
+    )
+    if samples.epoch is not None:
+        yield (
+            Cause(
+                "longitudes among the stars (inertial axes) would explain it",
+                "turn positions into Earth-fixed axes with the sidereal time",
+            ),
+            _earth_fixed,
+        )
+    yield (
+        Cause("geocentric latitudes would explain it", "give geodetic latitudes"),
+        lambda s: s.with_columns(
+            latitude_deg=np.degrees(
+                np.arctan(np.tan(np.radians(np.clip(latitude, -89.99, 89.99))) / FLAT2)
+            )
+        ),
+    )
+    if np.abs(latitude).max() < 1.6 and np.abs(longitude).max() < 6.4:
+        yield (
+            Cause("positions in radians would explain it", "give positions in degrees"),
+            lambda s: s.with_columns(
+                latitude_deg=np.degrees(latitude), longitude_deg=np.degrees(longitude)
+            ),
+        )
+
+
+def _earth_fixed(samples: Samples) -> Samples:
+    """The track if its longitudes were right ascensions."""
+    assert samples.epoch is not None
+    assert samples.longitude_deg is not None
+    epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
+    turned = np.degrees(sidereal_rad(epoch.timestamp() + np.asarray(samples.time)))
+    return samples.with_columns(longitude_deg=(samples.longitude_deg - turned + 180) % 360 - 180)
+
+
+def _shifted(seconds: float) -> Callable[[Samples], Samples]:
+    """The track as it would be if the positions were recorded so many seconds later."""
+
+    def change(samples: Samples) -> Samples:
+        assert samples.time is not None
+        then = samples.time + seconds
+        within = (then >= samples.time[0]) & (then <= samples.time[-1])
+        if within.sum() < 0.3 * len(then):
+            raise ValueError("the shift leaves too little of the track")
+        moved = {
+            name: np.interp(then, samples.time, np.unwrap(values, period=360.0))
+            for name in ("latitude_deg", "longitude_deg", "altitude_m")
+            if (values := getattr(samples, name)) is not None
+        }
+        moved["longitude_deg"] = wrapped_deg(moved["longitude_deg"])
+        return samples.with_columns(**moved).select(within)
+
+    return change
+
+
+def _of_altitude(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+    altitude = samples.altitude_m
+    if altitude is None:
+        altitude = np.zeros(len(samples))
+    if altitude.max() < 3000.0:
+        yield (
+            Cause("altitudes in kilometres would explain it", "give altitudes in metres"),
+            lambda s: s.with_columns(altitude_m=altitude * 1000.0),
+        )
+        yield (
+            Cause("an orbit some 400 km high would explain it", "add the altitude"),
+            lambda s: s.with_columns(altitude_m=np.full(len(s), 4e5)),
+        )
+    if altitude.min() > 3e6:
+        yield (
+            Cause(
+                "distances from the Earth's centre taken for altitudes would explain it",
+                "give the height above the ellipsoid",
+            ),
+            lambda s: s.with_columns(altitude_m=altitude - EARTH_RADIUS_M),
+        )
+
+
+def _of_date(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+    """Only decades change the field by so much."""
+    if samples.epoch is None:
+        return
+    epoch = samples.epoch
+    for years in (-50, -30, -20, -10, 10, 20, 30, 50):
+        then = epoch + timedelta(days=365.25 * years)
+        if 1900 <= then.year < 2030:
+            yield (
+                Cause(f"a date near {then.year} would explain it", "check the date of the log"),
+                lambda s, then=then: s.with_columns(epoch=then),  # type: ignore[misc]
+            )

@@ -1,0 +1,173 @@
+"""`fit_mission`: a fit in flight over more readings than memory holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from tempfile import TemporaryFile
+from typing import IO, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.base import Calibration, apply
+from agonic.errors import AgonicError, check_choice
+from agonic.inflight.fit import evidence, result_of
+from agonic.inflight.fit.covariance import Clock
+from agonic.inflight.fit.large_scan import Known, Progress, Recording, Scan, read_known, scanned
+from agonic.inflight.fit.problem import Settings, Solve, Task, require_enough
+from agonic.inflight.fit.result import InflightFit
+from agonic.inflight.fit.solve import Estimate, Found, found, prior_of, residuals_of, with_honest
+from agonic.inflight.maths import inflight
+from agonic.maths.estimation import leastsq
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+def fit_mission(
+    recording: Recording,
+    *,
+    scalar: bool = False,
+    ground: Calibration | None = None,
+    solve: Solve | None = None,
+    drift_knots: int | Literal["auto"] = "auto",
+    latitude_deg: tuple[float, float] | None = None,
+    temperature_degree: int = 0,
+    matrix_rate: bool = False,
+    sources: Sequence[str] = (),
+    gain_sd: float = 0.01,
+    soft_iron_sd: float | None = 0.1,
+    robust: bool = True,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> InflightFit:
+    """`fit_inflight` over a record of any length, by the magnitude, piece by piece.
+
+    The first pass evaluates the world model along the track and keeps the field in a temporary
+    file, 20 bytes a reading; some 100 000 rows evenly over the record are fitted in memory and
+    settle what the terms are. Then each iteration is one pass that adds up the normal equations of
+    all readings, and a last pass reads off how long errors last.
+
+    Parameters
+    ----------
+    recording : what gives the readings: `ag.open_mission(paths)`.
+    scalar : against the scalar instrument in the record instead of the world model.
+    progress : called with the name of the pass and the rows done in it.
+
+    The others as in `fit_inflight`. Rows of the result are every `thinned`-th.
+
+    Returns an `InflightFit`. Raises `CoverageError` where the readings cannot determine it,
+    `AgonicError` without a track or a date, `LogError` where pieces do not follow in time.
+
+    Source: normal equations in pieces, see docs/theory/inflight; Huber (1981) for the covariance.
+
+    Examples
+    --------
+    >>> from agonic.inflight.simulation.orbit import simulate_orbit
+    >>> made = simulate_orbit(n=4000, rate_Hz=0.1, thermal=0.0, external=0.0, pointing="tumble")
+    >>> class Halves:
+    ...     rows = 4000
+    ...     def pieces(self, without=()):
+    ...         for half in (np.arange(2000), np.arange(2000, 4000)):
+    ...             yield made.samples.select(half)
+    >>> fit = fit_mission(Halves(), drift_knots=0)
+    >>> bool(np.abs(fit.change.bias - made.bias[-1]).max() < 5 * fit.sd[:3].max()), fit.n
+    (True, 4000)
+    """
+    settings = Settings(
+        solve=solve or ("full" if ground is None else "bias"),
+        drift_knots=drift_knots,
+        latitude_deg=latitude_deg,
+        residual_limit=None,
+        temperature_degree=temperature_degree,
+        matrix_rate=matrix_rate,
+        sources=tuple(sources),
+        attitude="none",
+        gain_sd=gain_sd,
+        soft_iron_sd=soft_iron_sd,
+        robust=robust,
+        seed=seed,
+    )
+    check_choice("solve", settings.solve, get_args(Solve))
+    if ground is None and settings.solve != "full":
+        raise AgonicError(
+            f'solve="{settings.solve}" moves a ground calibration; give one, or solve "full"'
+        )
+    told = progress or (lambda _name, _rows: None)
+    with TemporaryFile() as cache:
+        scan = scanned(recording, cache, scalar, settings, told)
+        thin = found(_task_of(scan, ground, settings))
+        whole = _solved(recording, cache, scan, thin, told)
+    return _restored(scan, thin, whole)
+
+
+def _task_of(scan: Scan, ground: Calibration | None, settings: Settings) -> Task:
+    """The fit in memory."""
+    believed = np.isfinite(scan.magnitudes)
+    require_enough(believed)
+    magnitude = float(scan.magnitudes[believed].mean())
+    return Task(
+        samples=scan.samples if ground is None else apply(ground, scan.samples),
+        wanted=np.where(believed, scan.magnitudes, magnitude) / magnitude,
+        magnitude=magnitude,
+        believed=believed,
+        ground=ground,
+        settings=settings,
+        toward=None,
+        turn=np.eye(3),
+        outside=scan.outside,
+    )
+
+
+def _solved(
+    recording: Recording, cache: IO[bytes], scan: Scan, thin: Found, told: Progress
+) -> Estimate:
+    """The estimate from all readings, noise and terms as the rows in memory had them."""
+    estimate, task = thin.estimate, thin.task
+    loss = leastsq.tukey() if task.settings.robust else leastsq.squares()
+    noise = estimate.noise["magnitude"]._replace(loss=loss)
+    passes = 0
+
+    def source() -> Iterator[inflight.Rows]:
+        nonlocal passes
+        passes, done = passes + 1, 0
+        cache.seek(0)
+        for samples in recording.pieces(scan.without):
+            rows = _rows(task, estimate, samples, read_known(cache, len(samples)))
+            if len(rows.points):
+                yield rows
+            done += len(samples)
+            told(f"iteration {passes}", done)
+
+    plain = inflight.pieces(source, "magnitude", estimate.layout, noise.sd)
+    channel = leastsq.Channel(plain, noise.sd, loss, noise.correlation, keep=False)
+    solution = leastsq.solve_together(
+        [channel], estimate.solution.params, prior=prior_of(task, estimate.layout), tolerance=3e-2
+    )
+    time = task.time[task.believed]
+    clock = Clock.of(float(time[0]), float(time[-1]), scan.step_s)
+    whole = estimate._replace(solution=solution, noise={"magnitude": noise})
+    return with_honest(task, whole, source, clock)
+
+
+def _rows(task: Task, estimate: Estimate, samples: Samples, known: Known) -> inflight.Rows:
+    """The readings of a piece that take part, as the kernel takes them."""
+    ground = task.ground
+    here = replace(
+        task,
+        samples=samples if ground is None else apply(ground, samples),
+        wanted=known.magnitudes / task.magnitude,
+        outside=known.outside,
+    )
+    rows, usable = here.rows(estimate.terms), np.isfinite(known.magnitudes)
+    return rows if usable.all() else rows.select(usable)
+
+
+def _restored(scan: Scan, thin: Found, whole: Estimate) -> InflightFit:
+    """The record of the fit, with the residuals of the rows that were kept."""
+    seen = residuals_of(thin.task, whole, "magnitude")[thin.task.believed]
+    result = thin._replace(estimate=whole._replace(residuals={"magnitude": seen}))
+    fit = result_of.fit(result, scan.samples)
+    fit = replace(fit, correlation_s=fit.correlation * scan.step_s, thinned=scan.stride)
+    return replace(evidence.examined(fit, thin.task, scan.samples), n=scan.taking_part)

@@ -1,0 +1,138 @@
+"""Attitude along a track: as logged, or one side kept to the Earth; and the shadow of the Earth."""
+
+from __future__ import annotations
+
+from datetime import UTC
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import AgonicError, LogError
+from agonic.inflight.fit.problem import Attitude, Toward
+from agonic.maths.earth.earth_rotation import sidereal_rad, turned
+from agonic.maths.earth.eclipse import shadowed
+from agonic.maths.earth.geodesy import (
+    directions,
+    earth_fixed,
+    earth_fixed_position,
+    north_east_down,
+)
+from agonic.maths.rotations.attitude import rot_nb
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+LOWEST_ORBIT_M = 80_000.0
+
+
+def toward(samples: Samples, reference: Reference, attitude: Attitude) -> Toward | None:
+    """Where the field should point in the axes of the attitude; None without attitude."""
+    if attitude == "none":
+        return None
+    if reference.kind != "vector" or reference.frame != "n":
+        raise AgonicError(
+            "a fit with the attitude needs the field's components north, east, down: positions and "
+            "a date, or Reference.vector(…, frame='n')"
+        )
+    nb = local_vertical_nb(samples) if attitude == "nadir" else _logged(samples)
+    field_n = np.broadcast_to(reference.values, (len(samples), 3))
+    aim_n = field_n / np.linalg.norm(field_n, axis=1)[:, None]
+    level = np.maximum(np.hypot(aim_n[:, 0], aim_n[:, 1]), 1e-12)
+    side_n = np.stack([-aim_n[:, 1] / level, aim_n[:, 0] / level, np.zeros(len(samples))], axis=1)
+    return Toward(aim=np.einsum("nji,nj->ni", nb, aim_n), side=np.einsum("nji,nj->ni", nb, side_n))
+
+
+def _logged(samples: Samples) -> Array:
+    angles = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
+    if samples.heading_estimated:
+        raise LogError(
+            f"{samples.name}: the heading is a filter's estimate that follows the magnetometer; "
+            "it cannot teach it"
+        )
+    if any(angle is None for angle in angles):
+        raise LogError(
+            f"{samples.name}: the log holds no attitude (roll_deg, pitch_deg, heading_deg); fit "
+            'the magnitude alone, or attitude="nadir" where one side keeps to the Earth'
+        )
+    return rot_nb(*angles)  # type: ignore[arg-type]
+
+
+def local_vertical_nb(samples: Samples) -> Array:
+    """Attitude of a spacecraft that keeps one side to the Earth, (n, 3, 3): z to the centre of the
+    Earth, y against the normal of the orbit, x ahead.
+
+    The normal at each row is that of the plane through the positions before and after it among the
+    stars, so that no velocity is needed and gaps do no harm.
+
+    Raises `LogError` without positions, times and a date.
+    """
+    position = _position_i(samples)
+    if position is None or len(samples) < 3:
+        raise LogError(
+            f"{samples.name}: an attitude from the track needs positions, altitude, times and a "
+            "date"
+        )
+    radial, sidereal = position
+    before = np.concatenate([radial[:, :1], radial[:, :-1]], axis=1)
+    after = np.concatenate([radial[:, 1:], radial[:, -1:]], axis=1)
+    down = -radial / np.linalg.norm(radial, axis=0)
+    right = np.cross(after, before, axis=0)
+    right -= down * (right * down).sum(axis=0)
+    size = np.linalg.norm(right, axis=0)
+    if not (size > 0).all():
+        raise LogError(f"{samples.name}: positions repeat, so they give no direction of flight")
+    right /= size
+    assert samples.latitude_deg is not None
+    assert samples.longitude_deg is not None
+    where = directions(samples.latitude_deg, samples.longitude_deg)
+    axes = [np.cross(right, down, axis=0), right, down]
+    columns = [north_east_down(turned(axis, sidereal), where) for axis in axes]
+    return np.moveaxis(np.stack(columns, axis=1), -1, 0)
+
+
+def outside(samples: Samples, reference: Reference) -> Array | None:
+    """The direction of the field in Earth-fixed axes (n, 3); None where it is not known."""
+    if reference.kind != "vector" or reference.frame != "n":
+        return None
+    if samples.latitude_deg is None or samples.longitude_deg is None:
+        return None
+    unit_n = reference.values / np.linalg.norm(reference.values, axis=1)[:, None]
+    where = directions(samples.latitude_deg, samples.longitude_deg)
+    return earth_fixed(np.broadcast_to(unit_n, (len(samples), 3)).T, where).T
+
+
+def eclipse(samples: Samples) -> NDArray[np.bool_] | None:
+    """Whether each row is in the shadow of the Earth, (n,); None where that cannot be told."""
+    track = _track(samples)
+    if track is None or np.median(track[2]) < LOWEST_ORBIT_M:
+        return None
+    return shadowed(*track, _unix(samples))
+
+
+def _position_i(samples: Samples) -> tuple[Array, Array] | None:
+    """Inertial positions (3, n), m, and sidereal time (n,), rad; None without track or date."""
+    track = _track(samples)
+    if track is None:
+        return None
+    latitude, longitude, altitude = track
+    position_e = earth_fixed_position(directions(latitude, longitude), altitude)
+    sidereal = sidereal_rad(_unix(samples))
+    return turned(position_e, -sidereal), sidereal
+
+
+def _track(samples: Samples) -> tuple[Array, Array, Array] | None:
+    """Latitude, longitude and altitude; None where one of them, or times or date, are missing."""
+    latitude, longitude, altitude = samples.latitude_deg, samples.longitude_deg, samples.altitude_m
+    if samples.time is None or samples.epoch is None:
+        return None
+    if latitude is None or longitude is None or altitude is None:
+        return None
+    return latitude, longitude, altitude
+
+
+def _unix(samples: Samples) -> Array:
+    assert samples.epoch is not None
+    assert samples.time is not None
+    epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
+    return samples.time + epoch.timestamp()

@@ -1,0 +1,84 @@
+"""What is believed before the flight: the ground calibration, and how far things may have moved."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration
+from agonic.inflight.maths.inflight import Layout
+from agonic.maths.equation.affine import model_basis
+from agonic.maths.estimation import leastsq
+
+Array = NDArray[np.float64]
+
+FIXED = 1e-9
+"""Standard deviation of what is not solved for, as a share of the gain: as good as fixed."""
+TERM_SD = 0.5
+"""Standard deviation of each term of the bias over the field."""
+MATRIX_TERM_SD = 0.05
+"""Standard deviation of each term of an entry of the matrix."""
+UNIT = np.array([1.0, 1, 1, 0, 0, 0])
+FREED = {"bias": 0, "gains": 3, "full": 6}
+
+
+def matrix_sd(ground: Calibration | None, solve: str, gain_sd: float) -> Array:
+    """Standard deviations (6,) of xx yy zz xy xz yz of the change about identity.
+
+    With a ground calibration: what it was uncertain by and `gain_sd`, by which gains may have moved
+    since. Diagonal and other entries that are not solved for are held.
+    """
+    sd = np.full(6, gain_sd)
+    if isinstance(ground, Affine) and ground.covariance is not None:
+        gain = float(np.trace(ground.matrix)) / 3
+        sd = np.hypot(sd, np.sqrt(np.diag(ground.covariance)[3:9]) / gain)
+    sd[FREED[solve] :] = FIXED
+    return sd
+
+
+def prior(
+    layout: Layout,
+    ground: Calibration | None,
+    solve: str,
+    gain_sd: float,
+    soft_iron_sd: float | None,
+) -> leastsq.Prior:
+    """Gaussian prior on the matrix and on all terms; bias and turn are free.
+
+    Residuals (S − identity)/sd over the six symmetric entries with a ground calibration,
+    (S/g − identity)/soft_iron_sd with g = tr S/3 without, and coefficients over their own.
+    """
+    m, c = layout.parameters, layout.constants
+    shape = np.zeros((6, m))
+    shape[:, :c] = _symmetric() @ model_basis("full", layout.gauge)
+    mean = shape[:3].mean(axis=0)
+    sd = np.full(6, soft_iron_sd or np.inf)
+    if ground is not None:
+        sd = matrix_sd(ground, solve, gain_sd)
+    held = np.where(np.arange(6) < FREED[solve], MATRIX_TERM_SD, FIXED)
+    term_sd = np.concatenate(
+        [np.full(3 * layout.bias_terms, TERM_SD), np.repeat(held, layout.matrix_terms)]
+    )
+
+    def residuals(params: Array) -> tuple[Array, Array]:
+        gain = 1.0 if ground is not None else float(mean @ params)
+        entries = shape @ params / gain
+        jacobian = np.zeros((6 + m - c, m))
+        jacobian[:6] = shape / gain
+        if ground is None:
+            jacobian[:6] -= np.outer(entries, mean) / gain
+        jacobian[:6] /= sd[:, None]
+        jacobian[6:, c:] = np.diag(1 / term_sd)
+        return np.concatenate([(entries - UNIT) / sd, params[c:] / term_sd]), jacobian
+
+    return residuals
+
+
+def _symmetric() -> Array:
+    """From the twelve local numbers to xx yy zz xy xz yz of the symmetric part, (6, 12)."""
+    onto = np.zeros((6, 12))
+    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+        onto[k, 3 + 3 * i + j] += 0.5
+        onto[k, 3 + 3 * j + i] += 0.5
+    return onto

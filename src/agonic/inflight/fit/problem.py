@@ -1,0 +1,119 @@
+"""What is to be fitted: the readings after the ground calibration, and what is known of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.base import Calibration
+from agonic.errors import AgonicError, CoverageError
+from agonic.health import FEWEST, usable_rows
+from agonic.inflight.fit.terms import Terms, terms_of
+from agonic.inflight.maths import inflight
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Solve = Literal["bias", "gains", "full"]
+Attitude = Literal["none", "logged", "nadir"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What was asked for; see `fit_inflight`."""
+
+    solve: Solve
+    drift_knots: int | Literal["auto"]
+    latitude_deg: tuple[float, float] | None
+    residual_limit: float | None
+    temperature_degree: int
+    matrix_rate: bool
+    sources: tuple[str, ...]
+    attitude: Attitude
+    gain_sd: float
+    soft_iron_sd: float | None
+    robust: bool
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Toward:
+    """Directions in the axes of the attitude (n, 3): of the field, and level across it."""
+
+    aim: Array
+    side: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Task:
+    """`samples` after the ground calibration; `wanted` (n,) over `magnitude`; rows `believed`;
+    where the attitude teaches, `toward`, and `turn` from sensor axes to those of the attitude;
+    `outside` (n, 3) the direction of the field in Earth-fixed axes, where it is known."""
+
+    samples: Samples
+    wanted: Array
+    magnitude: float
+    believed: Mask
+    ground: Calibration | None
+    settings: Settings
+    toward: Toward | None
+    turn: Array
+    outside: Array | None
+
+    @property
+    def time(self) -> Array:
+        """Seconds, (n,)."""
+        assert self.samples.time is not None, "checked when the fit began"
+        return self.samples.time
+
+    def terms(self, intervals: int) -> Terms:
+        """The terms with so many intervals of the bias in time."""
+        asked = self.settings
+        return terms_of(
+            self.samples,
+            intervals,
+            degree=asked.temperature_degree,
+            of_matrix=asked.solve != "bias",
+            rate=asked.matrix_rate,
+            sources=asked.sources,
+        )
+
+    def rows(self, terms: Terms) -> inflight.Rows:
+        """All readings as the kernel takes them."""
+        toward = self.toward
+        return inflight.Rows(
+            points=self.samples.field / self.magnitude,
+            wanted=self.wanted,
+            aim=None if toward is None else toward.aim @ self.turn,
+            side=None if toward is None else toward.side @ self.turn,
+            bias_terms=terms.of_bias(self.samples),
+            matrix_terms=terms.of_matrix(self.samples),
+            time=self.time,
+            outside=self.outside,
+        )
+
+
+def kept(samples: Samples, exclude: Mask | None, latitude_deg: tuple[float, float] | None) -> Mask:
+    """The rows that take part: usable, not flagged, not excluded, within the latitudes."""
+    rows = usable_rows(samples.field)
+    if samples.flagged is not None:
+        rows &= samples.flagged == 0
+    if exclude is not None:
+        if exclude.shape != rows.shape:
+            raise AgonicError(f"exclude has {exclude.shape} values for {len(rows)} readings")
+        rows &= ~exclude
+    if latitude_deg is not None:
+        if samples.latitude_deg is None:
+            raise AgonicError("latitudes were asked for and the log has no positions")
+        low, high = latitude_deg
+        rows &= (samples.latitude_deg >= low) & (samples.latitude_deg <= high)
+    return rows
+
+
+def require_enough(rows: Mask) -> None:
+    """Raise `CoverageError` where too few rows are left."""
+    if rows.sum() < FEWEST:
+        raise CoverageError(f"{int(rows.sum())} readings are left, too few for a fit")

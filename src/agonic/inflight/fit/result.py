@@ -1,0 +1,112 @@
+"""`InflightFit`: a calibration made in flight, and what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain
+from agonic.calibration.thermal import Thermal
+from agonic.fit import Channel
+from agonic.health import Finding, Judged
+from agonic.inflight.fit.drift import Drift
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InflightFit(Judged):
+    """The result of `fit_inflight`.
+
+    Parameters
+    ----------
+    calibration : the ground calibration brought up to date, or the one that was made, with the bias
+        of the last reading.
+    change : what was found in flight: field = matrix @ (ground field − bias), with covariance; at
+        the mean temperature of the record.
+    ground : the calibration made on the ground, or None.
+    before, after : the ground calibration and the one of flight at the mean temperature and the
+        end of the record, both from readings to field: what to compare. `before` is None where
+        there was no ground calibration.
+    drift : how the bias changed over the record; `bias_at` evaluates it.
+    n : how many readings taught the fit.
+    time, epoch : (n,) s since `epoch` (None where the log has no date).
+    latitude_deg, temperature, eclipse : (n,) beside the residuals, each None where the log cannot
+        tell; `eclipse` is true in the shadow of the Earth.
+    thinned : 1; after a fit out of core the rows of this record are every `thinned`-th.
+    field : (n, 3) the field of every reading, with the bias of its time.
+    residuals : (n,) magnitude less that of the reference, nT.
+    weights : (n,) what the robust loss left of each reading, 0 for rows that were excluded.
+    channels : residuals (n,) by kind, nT, each with its own noise and correlation: "magnitude",
+        and with the attitude "azimuth" and "dip".
+    alignment : with the attitude, the rotation from sensor axes to those of the attitude, with its
+        covariance, rad²; else None.
+    direction_error_deg : (n,) angle between field and reference, in one set of axes; else None.
+    sources, sources_sd : (3, k) nT that a unit of each of `source_names` adds to a reading (three
+        columns for "second"), and standard errors.
+    noise : standard deviation of a residual, nT: the sensor's noise and the model's error together.
+    correlation, correlation_s : how many readings, and seconds, count as one for the bias, for
+        errors of the model last.
+    lasting_nT, lasting_s : of the noise the part that lasts, and how long; 0 where none was seen.
+    solve : what was estimated: "bias", "gains" or "full".
+    held_out : rms of residuals that the fit had not seen, nT, by the number of knots tried.
+    """
+
+    calibration: Affine | Thermal | Chain
+    change: Affine
+    drift: Drift
+    n: int
+    time: Array
+    field: Array
+    residuals: Array
+    weights: Array
+    noise: float
+    correlation: float
+    correlation_s: float
+    condition: float
+    iterations: int
+    converged: bool
+    solve: str
+    held_out: dict[int, float]
+    after: Affine
+    before: Affine | None = None
+    ground: Calibration | None = None
+    epoch: datetime | None = None
+    latitude_deg: Array | None = None
+    temperature: Array | None = None
+    eclipse: NDArray[np.bool_] | None = None
+    thinned: int = 1
+    channels: Mapping[str, Channel] = dataclass_field(default_factory=dict)
+    alignment: Alignment | None = None
+    direction_error_deg: Array | None = None
+    lasting_nT: float = 0.0
+    lasting_s: float = 0.0
+    source_names: tuple[str, ...] = ()
+    sources: Array = dataclass_field(default_factory=lambda: np.zeros((3, 0)))
+    sources_sd: Array = dataclass_field(default_factory=lambda: np.zeros((3, 0)))
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (9, 9) of `change`: bias x y z at the end, then matrix xx yy zz xy xz yz."""
+        covariance = self.change.covariance
+        assert covariance is not None, "a fit always carries a covariance"
+        return covariance
+
+    @property
+    def sd(self) -> Array:
+        """Standard errors (9,) of the same."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def bias_at(self, time: ArrayLike) -> tuple[Array, Array]:
+        """The bias found in flight at times (k,) of the record, nT, and its standard error."""
+        return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))

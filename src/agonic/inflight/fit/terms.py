@@ -1,0 +1,144 @@
+"""What bias and matrix may depend on: time, temperature, and currents on board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.interference import signals, stacked
+from agonic.errors import CoverageError, LogError
+from agonic.inflight.fit.drift import knots_between, spline
+from agonic.maths.equation import polynomial
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terms:
+    """The terms of a record, so that any piece of it can be given its own.
+
+    Of the bias in order: the spline in time, powers of temperature from the first, and `sources`
+    over their `spread`. Of the matrix: the same powers where `matrix_degree` says so, and with
+    `rate` the time, 0 at the end and −1 at the start. `start` and `stop` are those of the record.
+    """
+
+    start: float
+    stop: float
+    knots: Array
+    middle: Array
+    degree: int
+    matrix_degree: int
+    rate: bool
+    centre_C: float
+    half_range_C: float
+    sources: tuple[str, ...]
+    spread: Array
+
+    @property
+    def splines(self) -> int:
+        """Columns of the spline."""
+        return len(self.middle)
+
+    @property
+    def bias_count(self) -> int:
+        """Terms of the bias."""
+        return self.splines + self.degree + len(self.spread)
+
+    @property
+    def matrix_count(self) -> int:
+        """Terms of the matrix."""
+        return self.matrix_degree + self.rate
+
+    @property
+    def last(self) -> Array:
+        """The terms of the bias at the end, at the middle temperature, with nothing switched on."""
+        at_stop = spline(np.array([self.stop]), self.knots)[0] - self.middle
+        return np.concatenate([at_stop, np.zeros(self.bias_count - self.splines)])
+
+    def of_bias(self, samples: Samples) -> Array:
+        """The terms of the bias of each row, (n, k)."""
+        assert samples.time is not None
+        parts = [spline(samples.time, self.knots) - self.middle, self._powers(samples, self.degree)]
+        if self.sources:
+            parts.append(stacked(self.sources, samples.columns()) / self.spread)
+        return np.concatenate(parts, axis=1)
+
+    def of_matrix(self, samples: Samples) -> Array:
+        """The terms of the matrix of each row, (n, l)."""
+        assert samples.time is not None
+        parts = [self._powers(samples, self.matrix_degree)]
+        if self.rate:
+            parts.append(((samples.time - self.stop) / (self.stop - self.start))[:, None])
+        return np.concatenate(parts, axis=1)
+
+    def _powers(self, samples: Samples, degree: int) -> Array:
+        if not degree:
+            return np.zeros((len(samples), 0))
+        x = polynomial.scaled(samples.temperature, self.centre_C, self.half_range_C)  # type: ignore[arg-type]
+        return polynomial.powers(x, degree)[:, 1:]
+
+
+def terms_of(
+    samples: Samples,
+    intervals: int,
+    *,
+    degree: int,
+    of_matrix: bool,
+    rate: bool,
+    sources: tuple[str, ...],
+) -> Terms:
+    """The terms of a record with so many intervals of the bias in time."""
+    assert samples.time is not None
+    start, stop = float(samples.time[0]), float(samples.time[-1])
+    knots = knots_between(start, stop, intervals)
+    low, high = _range(samples, degree)
+    return Terms(
+        start=start,
+        stop=stop,
+        knots=knots,
+        middle=spline(samples.time, knots).mean(axis=0),
+        degree=degree,
+        matrix_degree=degree if of_matrix else 0,
+        rate=rate and of_matrix,
+        centre_C=(low + high) / 2,
+        half_range_C=max((high - low) / 2, 1e-6),
+        sources=sources,
+        spread=_spread(samples, sources),
+    )
+
+
+def _range(samples: Samples, degree: int) -> tuple[float, float]:
+    """Between which temperatures the record lies."""
+    if samples.temperature is None:
+        if degree:
+            raise LogError("terms in temperature were asked for and the log has no temperature")
+        return 0.0, 0.0
+    return float(samples.temperature.min()), float(samples.temperature.max())
+
+
+def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
+    """Standard deviations of what disturbs on board."""
+    if not sources:
+        return np.zeros(0)
+    missing = [name for name in sources if name not in samples.columns()]
+    if missing:
+        raise LogError(
+            f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
+            "recorded beside the readings"
+        )
+    values = stacked(sources, samples.columns())
+    spread = np.asarray(values.std(axis=0))
+    still = [
+        name
+        for name, sd, mean in zip(signals(sources), spread, values.mean(axis=0), strict=True)
+        if sd <= 1e-9 * (abs(mean) + 1e-9)
+    ]
+    if still:
+        raise CoverageError(
+            f"{', '.join(still)} never changes, so what it does to the readings cannot be told "
+            "from the bias; fit without it"
+        )
+    return spread

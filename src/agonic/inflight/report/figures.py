@@ -1,0 +1,242 @@
+"""Figures of a flight: residuals over time and along other quantities, the bias, the map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.inflight.report.record import Course, Flight
+from agonic.report.digits import grouped
+from agonic.report.figures import along_time
+from agonic.report.markup import Markup, element
+from agonic.report.strips import (
+    BINS,
+    Axis,
+    Columns,
+    arrows,
+    band,
+    level,
+    line,
+    marked,
+    path,
+    plot,
+    right,
+    robust_limit,
+    spread,
+)
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+PER_COLUMN = 25
+"""Readings that a column needs on average before its quartiles are drawn."""
+MOST_SHADOWS = 60
+"""Stretches of shadow beyond which they are too narrow to be drawn."""
+CELLS = (90, 45)
+"""Cells of the map, across and down."""
+SHADES = 5
+"""Steps of colour from none to full."""
+_WIDE_DEG = 60.0  # an area from which the map shows the whole Earth
+
+
+def residual_limit(flight: Flight) -> float:
+    """Half the height of the strips, nT: what was used is inside."""
+    least = max(5.0 * flight.noise, 1e-6)
+    return robust_limit(flight.residuals, least, flight.used.astype(np.float64))
+
+
+def over_time(flight: Flight, limit: float) -> Markup:
+    """Residuals over time; the shadow of the Earth behind them, what was left out at the foot."""
+    x, along = along_time(flight.time, float(flight.time[0]), float(flight.time[-1]))
+    columns = Columns(x, along)
+    layers = [
+        *shadows(flight, x, along),
+        *_residuals(flight, columns, limit),
+        marked(columns, ~flight.used, "left-out"),
+    ]
+    signs = arrows(columns, _axis(limit), flight.residuals)
+    return plot(x, _axis(limit), layers, "Residuals over time", signs)
+
+
+def along(flight: Flight, values: Array, label: str, limit: float) -> Markup:
+    """Residuals along another quantity: of each column the extremes, the middle and the median."""
+    low, high = float(values.min()), float(values.max())
+    x = Axis(label, low, high if high > low else low + 1.0)
+    most = int(np.clip(len(values) // PER_COLUMN, 8, 180))
+    columns = Columns(x, values, most)
+    layers = _residuals(flight, columns, limit)
+    signs = arrows(columns, _axis(limit), flight.residuals)
+    return plot(x, _axis(limit), layers, f"Residuals along {label}", signs)
+
+
+def _axis(limit: float) -> Axis:
+    return Axis("residual, nT", -limit, limit)
+
+
+def _residuals(flight: Flight, columns: Columns, limit: float) -> list[Markup]:
+    """Least to largest, the middle two thirds where there are enough readings, and the median."""
+    y, values = _axis(limit), flight.residuals
+    low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
+    return [
+        spread(columns, y, values, "range"),
+        *([band(columns, y, low, high, "middle")] if enough(len(values), columns.most) else []),
+        level(y, 0.0, "zero"),
+        line(columns, y, middle, "mean"),
+    ]
+
+
+def enough(readings: int, columns: int = BINS) -> bool:
+    """Whether the columns hold so many readings that the middle two thirds mean something."""
+    return readings >= 5 * columns
+
+
+def shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:
+    """What lies in the shadow of the Earth, where it can be told apart."""
+    if flight.eclipse is None or not drawn_shadows(flight):
+        return []
+    edges = np.flatnonzero(np.diff(flight.eclipse.astype(np.int8), prepend=0, append=0))
+    last = len(along) - 1
+    begin, end = right(x, along[edges[::2]]), right(x, along[np.minimum(edges[1::2], last)])
+    bars = (f"M{a:.1f} 0H{b:.1f}V1000H{a:.1f}Z" for a, b in zip(begin, end, strict=True))
+    return [path("".join(bars), "shadow")]
+
+
+def drawn_left_out(flight: Flight) -> bool:
+    """Whether any column over time consists mostly of what was left out."""
+    if flight.used.all():
+        return False
+    x, along = along_time(flight.time, float(flight.time[0]), float(flight.time[-1]))
+    return bool((Columns(x, along).mean(flight.used.astype(np.float64)) < 0.5).any())
+
+
+def drawn_shadows(flight: Flight) -> bool:
+    """Whether there is shadow, and in so few stretches that they can be drawn."""
+    if flight.eclipse is None:
+        return False
+    begun = int(np.count_nonzero(np.diff(flight.eclipse.astype(np.int8), prepend=0) == 1))
+    return 0 < begun <= MOST_SHADOWS
+
+
+def bias_strip(course: Course, axis: int) -> Markup:
+    """One axis of the bias over time with the band of two standard errors, and the jumps."""
+    x, at = along_time(course.time, float(course.time[0]), float(course.time[-1]))
+    if x.high == x.low:
+        x = Axis(x.label, x.low, x.low + 1.0)
+    bias, sd = course.bias[:, axis], course.sd[:, axis]
+    usual = float(np.median(sd))
+    settled = sd <= 5 * usual
+    low = float((bias - 2 * sd)[settled].min())
+    high = float((bias + 2 * sd)[settled].max())
+    margin = max(0.08 * (high - low), 1e-9 * abs(high), 1e-9)
+    y = Axis(f"{'xyz'[axis]}, {course.unit}", low - margin, high + margin)
+    columns = Columns(x, at, BINS)
+    below, above = (columns.mean(bias + side * sd) for side in (-2.0, 2.0))
+    scale = (x.high - x.low) / max(course.time[-1] - course.time[0], 1e-9)
+    places = (right(x, np.array((j.time - course.time[0]) * scale)) for j in course.jumps)
+    layers = [
+        band(columns, y, below, above, "band"),
+        line(columns, y, columns.mean(bias), "bias"),
+        *(path(f"M{float(place):.1f} 0V1000", "jump") for place in places),
+    ]
+    return plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlaceMap:
+    """The map as a strip; the mean at which colour is full and how well a typical cell knows its
+    own, nT."""
+
+    drawn: Markup
+    full: float
+    cell_sd: float
+
+
+def place_map(flight: Flight, limit: float) -> PlaceMap:
+    """The mean residual of each cell of latitude and longitude; a stray makes no cell of its own.
+
+    Colour is full at the mean that one cell in fifty exceeds.
+    """
+    latitude, longitude = flight.latitude_deg, flight.longitude_deg
+    assert latitude is not None
+    assert longitude is not None
+    x, y, east = _map_axes(latitude, longitude)
+    across, below = CELLS
+    column = np.minimum((x.share(east) * across).astype(np.int64), across - 1)
+    row = np.minimum(((1 - y.share(latitude)) * below).astype(np.int64), below - 1)
+    cell = (row * across + column)[flight.used]
+    counts = np.bincount(cell, minlength=across * below)
+    sums = np.bincount(
+        cell, np.clip(flight.residuals[flight.used], -limit, limit), minlength=across * below
+    )
+    seen = np.flatnonzero(counts)
+    means = sums[seen] / counts[seen]
+    full = max(float(np.percentile(np.abs(means), 98)), 1e-9) if len(seen) else 1.0
+    shade = np.round(SHADES * np.clip(means / full, -1, 1)).astype(int)
+    layers = [_cells(seen[shade == k], int(k)) for k in np.unique(shade)]
+    label = "Mean residual of each cell of latitude and longitude"
+    alone = float(np.median(counts[seen])) / flight.correlation if len(seen) else 1.0
+    return PlaceMap(
+        drawn=plot(x, y, layers, label, kind="map"),
+        full=full,
+        cell_sd=flight.noise / np.sqrt(max(alone, 1.0)),
+    )
+
+
+def _map_axes(latitude: Array, longitude: Array) -> tuple[Axis, Axis, Array]:
+    """Axes round the track, or round the Earth, and the longitudes as they lie on them."""
+    east = (longitude + 180.0) % 360.0 - 180.0
+    if np.ptp(east) > 180.0:
+        shifted = longitude % 360.0
+        if np.ptp(shifted) < _WIDE_DEG:  # a small area across the date line
+            east = shifted
+    if max(np.ptp(east), np.ptp(latitude)) >= _WIDE_DEG:
+        return Axis("longitude, °", -180.0, 180.0), Axis("latitude, °", -90.0, 90.0), east
+    reach = 0.55 * max(float(np.ptp(latitude)), float(np.ptp(east)) / 2, 1e-4)
+    centre = float(latitude.min() + latitude.max()) / 2, float(east.min() + east.max()) / 2
+    return (
+        Axis("longitude, °", centre[1] - 2 * reach, centre[1] + 2 * reach),
+        Axis("latitude, °", centre[0] - reach, centre[0] + reach),
+        east,
+    )
+
+
+def _cells(cells: NDArray[np.int64], shade: int) -> Markup:
+    """All cells of one shade as one path."""
+    across, below = CELLS
+    left, top = 1000.0 * (cells % across) / across, 1000.0 * (cells // across) / below
+    wide, tall = 1000.0 / across, 1000.0 / below
+    squares = (
+        f"M{a:.1f} {b:.1f}h{wide:.1f}v{tall:.1f}h-{wide:.1f}z"
+        for a, b in zip(left, top, strict=True)
+    )
+    name = "none" if shade == 0 else "low" if shade < 0 else "high"
+    strength = 1.0 if shade == 0 else abs(shade) / SHADES
+    return path("".join(squares), f"cell {name}", fill_opacity=f"{strength:.2g}")
+
+
+def sigma_bar(sigmas: float, reach: float) -> Markup:
+    """A change in units of its standard error as a bar about zero, with lines at ±1 and ±2 and a
+    whisker of one standard error to either side."""
+    axis = Axis("", -reach, reach)
+    zero, end = (float(right(axis, np.array(v))) for v in (0.0, sigmas))
+    low, high = (float(right(axis, np.array(sigmas + step))) for step in (-1.0, 1.0))
+    lines = (f"M{float(right(axis, np.array(v))):.0f} 0V100" for v in (-2.0, -1.0, 1.0, 2.0))
+    kind = "bar far" if abs(sigmas) > 3.0 else "bar"
+    parts = [
+        path("".join(lines), "grid"),
+        path(f"M{zero:.0f} 0V100", "zero"),
+        path(f"M{zero:.0f} 25H{end:.0f}V75H{zero:.0f}Z", kind),
+        path(f"M{low:.0f} 50H{high:.0f}", "whisker"),
+    ]
+    said = f"{grouped(sigmas, 1)} standard errors"
+    return element(
+        "svg",
+        *parts,
+        class_="sigma",
+        viewBox="0 0 1000 100",
+        preserveAspectRatio="none",
+        role="img",
+        aria_label=said,
+    )

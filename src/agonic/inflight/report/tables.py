@@ -1,0 +1,212 @@
+"""The tables and sentences of a page about a flight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.health import figure
+from agonic.inflight.report.causes import NAMED, Explained
+from agonic.inflight.report.figures import sigma_bar
+from agonic.inflight.report.ground import Compared, Numbers
+from agonic.inflight.report.record import Flight
+from agonic.maths.estimation.leastsq import robust_scale
+from agonic.report.digits import counted, grouped, percent, quantity, rounded, signed, with_sd
+from agonic.report.markup import Markup, element, row, table
+from agonic.report.quantities import unit_label
+from agonic.report.tables import NOTHING
+from agonic.report.verdict import sentence
+
+FARTHEST = 12.0
+"""Standard errors that a bar shows at most; the number beside it has no end."""
+
+
+def numbers(groups: tuple[Numbers, ...]) -> Markup:
+    """Ground against flight: values with standard errors, and the change in units of its own."""
+    known = any(q.ground is not None for group in groups for q in group.rows)
+    all_sigmas = [abs(q.sigmas) for g in groups for q in g.rows if q.sigmas is not None]
+    reach = float(np.clip(1.2 * max(all_sigmas, default=3.0), 4.0, FARTHEST))
+    head = ["Number", "Flight"]
+    if known:
+        head = ["Number", "Ground", "Flight", "Change", "in σ", "change over its standard error"]
+    bodies = (
+        element(
+            "tbody",
+            element("tr", element("th", _heading(group), scope="rowgroup", colspan=len(head))),
+            *(row(_cells(q, known, reach)) for q in group.rows),
+        )
+        for group in groups
+    )
+    columns = element("tr", *(element("th", text, scope="col") for text in head))
+    return element("table", element("thead", columns), *bodies, class_="numbers compared")
+
+
+def _heading(group: Numbers) -> str:
+    unit = f", {unit_label(group.unit)}" if group.unit else ""
+    return f"{group.name}{unit}" + (f" ({group.note})" if group.note else "")
+
+
+def _cells(q: Compared, known: bool, reach: float) -> list[str]:
+    flight = "held" if q.held and known else with_sd(q.flight, q.flight_sd)
+    if q.held and not known:
+        flight = f"{rounded(q.flight, None)} (held)"
+    if not known:
+        return [q.name, flight]
+    assert q.ground is not None
+    assert q.change is not None
+    digits = None if q.held else q.change_sd
+    ground = with_sd(q.ground, q.ground_sd) if q.ground_sd else rounded(q.ground, digits)
+    if q.sigmas is None:
+        return [q.name, ground, flight, NOTHING, NOTHING, Markup("")]
+    change = signed(with_sd(q.change, q.change_sd).split(" ±")[0])
+    far = f"{signed(grouped(q.sigmas, 1 if abs(q.sigmas) < 100 else 0))} σ"
+    return [q.name, ground, flight, change, far, sigma_bar(q.sigmas, reach)]
+
+
+def of_sunlight(flight: Flight) -> Markup:
+    """Residuals in sunlight and in the shadow, and how far their means are apart."""
+    assert flight.eclipse is not None
+    parts = {"Sunlit": ~flight.eclipse, "In the Earth’s shadow": flight.eclipse}
+    rows, means, errors = [], [], []
+    for name, inside in parts.items():
+        values = flight.residuals[inside & flight.used]
+        if len(values) == 0:
+            rows.append([name, grouped(0), NOTHING, NOTHING, NOTHING])
+            continue
+        scatter = robust_scale(values - np.median(values))
+        error = scatter * float(np.sqrt(flight.correlation / len(values)))
+        means.append(float(values.mean()))
+        errors.append(error)
+        rows.append(
+            [
+                name,
+                grouped(len(values)),
+                with_sd(means[-1], error),
+                quantity(float(np.median(values)), "nT", 2),
+                quantity(scatter, "nT", 2),
+            ]
+        )
+    drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
+    if len(means) < 2:
+        said = "The whole record lies on one side of the shadow’s edge."
+    else:
+        apart = float(np.hypot(errors[0], errors[1]))
+        said = (
+            f"In the shadow the mean is {signed(with_sd(means[1] - means[0], apart))} nT "
+            "from that in sunlight."
+        )
+    return Markup(drawn + element("p", said))
+
+
+def left_out(flight: Flight) -> Markup:
+    """How many readings had no part in the result, by reason."""
+    whole = len(flight.residuals)
+    rows = [
+        [sentence(why)[:-1], grouped(n), percent(n / max(whole, 1))]
+        for why, n in flight.left_out.items()
+        if n
+    ]
+    used = int(np.count_nonzero(flight.used))
+    part = "are counted on this page" if flight.predicted else "had a part in the result"
+    said = f"{counted(used, 'reading')} of {grouped(whole)} {part}."
+    if flight.thinned > 1:
+        said += f" Drawn and counted here is every {flight.thinned}th row of the record."
+    if not rows:
+        return element("p", f"{said} None was left out.")
+    drawn = table(["Left out", "Readings", "Share"], rows, class_="numbers reasons")
+    return Markup(element("p", said) + drawn)
+
+
+def held_out(flight: Flight) -> Markup:
+    """The error on readings not seen, by the number of intervals tried."""
+    if not flight.held_out:
+        if flight.predicted:
+            text = (
+                "Nothing was chosen by held-out error: each residual on this page is from before "
+                "the reading was used, so all of them are held out."
+            )
+        else:
+            text = "The number of knots was given, so nothing was chosen by held-out error."
+        return element("p", text)
+    least = min(flight.held_out.values())
+    rows = [
+        [
+            "constant" if n == 0 else counted(n, "interval"),
+            quantity(error, "nT"),
+            _above(error / least - 1),
+            "chosen" if n == flight.chosen else "",
+        ]
+        for n, error in flight.held_out.items()
+    ]
+    said = (
+        "Every second block of time was left out of the fit and then predicted. More intervals "
+        "are kept only where they bring the error down by 2 % or more."
+    )
+    head = ["Bias in time", "Residual not seen, rms", "Above the least", ""]
+    return Markup(element("p", said) + table(head, rows, class_="numbers choices"))
+
+
+def model_error(flight: Flight) -> Markup:
+    """The scale of what lasts and for how long, in words."""
+    begin = "Predictions miss" if flight.predicted else "Residuals scatter"
+    said = f"{begin} by {quantity(flight.noise, 'nT', 2)} (one standard deviation)."
+    if not flight.lasting_s:
+        said += (
+            " One does not tell of the next: no error of the model that lasts stands out of the "
+            "noise of single readings."
+        )
+        return element("p", said)
+    alone = float(np.sqrt(max(flight.noise**2 - flight.lasting_nT**2, 0.0)))
+    said += (
+        f" Of this {quantity(alone, 'nT', 2)} is different in every reading; the other "
+        f"{quantity(flight.lasting_nT, 'nT', 2)} last for about {_lasting(flight.lasting_s)}, and "
+        f"{figure(flight.correlation)} readings count as one."
+    )
+    if not flight.predicted:
+        said += " Every standard error on this page takes account of it."
+    said += (
+        " What lasts is error of the model (crust, ring current, ionosphere), of currents on "
+        "board, or of a calibration that changes with temperature."
+    )
+    return element("p", said)
+
+
+def _lasting(seconds: float) -> str:
+    """A time in a unit that fits."""
+    if seconds < 120:
+        return quantity(max(seconds, 0.01), "s", 2)
+    if seconds < 7200:
+        return quantity(seconds / 60, "min", 2)
+    return quantity(seconds / 3600, "h", 2)
+
+
+def causes(shares: list[Explained]) -> Markup:
+    """What the residuals go with, and the likely causes by name."""
+    if not shares:
+        return element("p", "Too few readings to tell what the residuals go with.")
+    named = [share for share in shares if share.named]
+    rows = [
+        [
+            sentence(share.what)[:-1],
+            _of_variance(share.share),
+            sentence(share.cause) if share.named else NOTHING,
+        ]
+        for share in shares
+    ]
+    said = (
+        "Residuals that go with something have it as their likely cause."
+        if named
+        else f"Nothing takes {percent(NAMED)} or more of the residuals’ variance: no cause stands "
+        "out."
+    )
+    head = ["Goes with", "Share of the variance", "Points to"]
+    return Markup(element("p", said) + table(head, rows, class_="causes"))
+
+
+def _of_variance(share: float) -> str:
+    return percent(share) if share >= 0.01 else f"below {percent(0.01)}"
+
+
+def _above(share: float) -> str:
+    if share == 0.0:
+        return NOTHING
+    return signed(percent(share)) if share >= 0.001 else f"below {percent(0.001)}"

@@ -1,0 +1,277 @@
+"""`simulate_orbit`: a magnetometer on a small satellite, with all that moves its bias."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, check_choice
+from agonic.field.decimal_year import decimal_year
+from agonic.field.place import model_for
+from agonic.inflight.simulation.aboard import (
+    Pointing,
+    Way,
+    attitude_nb,
+    drifted,
+    external_n,
+    pulses,
+    temperature_C,
+    way_of,
+)
+from agonic.inflight.simulation.kepler import Orbit
+from agonic.maths.rotations.attitude import angles_deg
+from agonic.samples import Samples
+from agonic.simulation.draws import directions
+from agonic.simulation.thermal import random_drifting
+from agonic.units import RAW
+
+Array = NDArray[np.float64]
+
+POINTINGS = ("nadir", "tumble")
+RANGE_C = (-30.0, 50.0)
+"""Temperatures between which a drawn sensor's bias changes by as much as was asked."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedOrbit:
+    """The readings of a satellite's magnetometer and the truth behind them.
+
+    `samples` what was recorded; `ground` the calibration as it was on the ground, and `truth` as
+    it is in flight before it drifts, both from readings to the field in the sensor's own axes and
+    with the temperature, their covariance unknown; `bias` (n, 3) nT in each row, the drift and
+    the jump included; `rot_bm` from sensor to body axes; `rot_nb` the true attitude; `field_n`
+    (n, 3) the field met, `external_n` the part of it that no model of the Earth has; `eclipse`
+    (n,) whether the satellite is in shadow; `facts` the settings.
+    """
+
+    samples: Samples
+    ground: Thermal
+    truth: Thermal
+    bias: Array
+    rot_bm: Rotation
+    rot_nb: Rotation
+    field_n: Array
+    external_n: Array
+    eclipse: NDArray[np.bool_]
+    facts: Mapping[str, Any]
+
+    def field_m(self) -> Array:
+        """The field met, in sensor axes (n, 3), nT: what a perfect calibration gives."""
+        return np.asarray((self.rot_nb * self.rot_bm).apply(self.field_n, inverse=True))
+
+
+def simulate_orbit(
+    *,
+    n: int = 86_400,
+    rate_Hz: float = 1.0,
+    orbit: Orbit | None = None,
+    epoch: datetime = datetime(2026, 5, 1, tzinfo=UTC),
+    pointing: Pointing = "nadir",
+    pace_s: float = 300.0,
+    noise: float = 100.0,
+    step: float = 0.0,
+    sensor: Affine | Thermal | None = None,
+    bias: float = 20_000.0,
+    thermal: float = 2_000.0,
+    moved: float = 0.0,
+    drift: float = 0.0,
+    walk_nT_h: float = 0.0,
+    jump: float = 0.0,
+    jump_at: float = 0.5,
+    external: float = 20.0,
+    correlation_s: float = 7_200.0,
+    torquer: float = 0.0,
+    torquer_share: float = 0.2,
+    scalar_sd: float | None = None,
+    attitude_sd_deg: float | None = 0.0,
+    mounting_deg: float = 0.0,
+    equilibrium_C: tuple[float, float] = (-15.0, 35.0),
+    settling_s: float = 1_500.0,
+    seed: int = 0,
+) -> SimulatedOrbit:
+    """Readings of a magnetometer in orbit, with all that moves its bias, and the truth.
+
+    The world model and what lies outside it, seen through a bias that follows temperature and time:
+
+        raw = matrix(T)⁻¹ @ rot_bmᵀ rot_nbᵀ (field_n + external_n) + bias(T) + drift(t) + noise
+
+    Parameters
+    ----------
+    n, rate_Hz : rows and rows a second; the default is a day.
+    orbit : its elements; default 500 km, nearly polar, circular.
+    epoch : UTC moment of the first row.
+    pointing : "nadir", x forward and z down with a wobble of some degrees, or "tumble", all
+        attitudes smoothly; either turns noticeably in `pace_s` seconds.
+    noise : standard deviation of one reading on one axis, nT. step : its quantisation, nT.
+    sensor : the truth on the ground, in nT; drawn from the seed when not given, with a bias of
+        length `bias`, nT, whose axes change by up to `thermal` nT over −30…50 °C.
+    moved : how far the bias has moved from ground to flight, nT, in a random direction.
+    drift : how far it then moves steadily to the end. walk_nT_h : its random walk on each axis,
+        nT in the first hour, √t times as much in t hours. jump : a step at `jump_at` (0…1) of
+        the time, nT.
+    external : standard deviation of the field of the ring current along the axis of the Earth's
+        dipole, nT, half of it across; Gauss–Markov over `correlation_s`.
+    torquer : field of the magnetic torquers, nT, in pulses that fill a `torquer_share` of the
+        time and are marked in the column `flagged`; 0 for none.
+    scalar_sd : noise of a scalar magnetometer beside it, nT; None for none.
+    attitude_sd_deg : white noise of the recorded attitude about each axis; None: none recorded.
+    mounting_deg : by how much the sensor is turned in the body, about a random axis.
+    equilibrium_C, settling_s : temperatures in shadow and sunlight, and how fast they are reached.
+    seed : the same seed gives the same orbit; all that is random draws separately.
+
+    Returns
+    -------
+    SimulatedOrbit
+        Samples with temperature, position, and as asked for attitude, scalar reading and flags.
+
+    Raises
+    ------
+    AgonicError
+        For a setting that makes no sense.
+
+    Source: Vallado, Fundamentals of Astrodynamics, section 9.6, for the orbit; the world models of
+    IAGA and NOAA for the field.
+
+    Examples
+    --------
+    >>> made = simulate_orbit(n=600, noise=0.0, thermal=0.0, drift=50.0)
+    >>> field = (made.samples.field - made.bias) @ made.truth.matrix_at([20.0])[0].T
+    >>> bool(np.allclose(field, made.field_m()))
+    True
+    """
+    facts = {name: value for name, value in locals().items() if name not in ("sensor", "orbit")}
+    _check(facts)
+    rngs = _Generators(*np.random.default_rng(seed).spawn(len(_Generators._fields)))
+    time = np.arange(n) / rate_Hz
+    way = way_of(orbit or Orbit(), time, epoch)
+    rot_nb = attitude_nb(rngs.attitude, time, way, pointing, pace_s)
+    rot_bm = Rotation.from_rotvec(np.radians(mounting_deg) * directions(rngs.mounting, 1)[0])
+    temperature = temperature_C(way, time, equilibrium_C, settling_s)
+    outside_n = external_n(rngs.external, time, way, external, correlation_s)
+    field_n = _main_field(way, time, epoch) + outside_n
+
+    ground = _on_ground(sensor, rngs.sensor, bias, thermal)
+    truth = _moved(ground, moved * directions(rngs.moved, 1)[0])
+    moving = drifted(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
+    field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
+    stray, on = pulses(rngs.torquer, time, torquer, torquer_share)
+    raw = _readings(truth, field_m, temperature) + moving + stray
+    raw = raw + noise * rngs.noise.standard_normal((n, 3))
+    scalar = np.linalg.norm(field_n, axis=1) + (scalar_sd or 0) * rngs.scalar.standard_normal(n)
+    samples = Samples(
+        field=np.round(raw / step) * step if step else raw,
+        time=time,
+        epoch=epoch,
+        temperature=temperature,
+        scalar=None if scalar_sd is None else scalar,
+        flagged=on.astype(float) if torquer else None,
+        notes=("simulated",),
+    )
+    aside = {**way.columns, **_recorded(rngs.star, rot_nb, attitude_sd_deg)}
+    return SimulatedOrbit(
+        samples=samples.with_columns(**aside),
+        ground=ground,
+        truth=truth,
+        bias=truth.bias_at(temperature) + moving,
+        rot_bm=rot_bm,
+        rot_nb=rot_nb,
+        field_n=field_n,
+        external_n=outside_n,
+        eclipse=way.eclipse,
+        facts=MappingProxyType(facts),
+    )
+
+
+class _Generators(NamedTuple):
+    """A source of chance for each thing, so that one setting does not change the others."""
+
+    attitude: np.random.Generator
+    mounting: np.random.Generator
+    external: np.random.Generator
+    sensor: np.random.Generator
+    moved: np.random.Generator
+    drift: np.random.Generator
+    torquer: np.random.Generator
+    noise: np.random.Generator
+    scalar: np.random.Generator
+    star: np.random.Generator
+
+
+def _check(facts: Mapping[str, Any]) -> None:
+    check_choice("pointing", facts["pointing"], POINTINGS)
+    for name in ("n", "rate_Hz", "pace_s", "correlation_s", "settling_s"):
+        if not facts[name] > 0:
+            raise AgonicError(f"{name} is {facts[name]}; a simulation needs it above zero")
+    for name in ("noise", "step", "external", "torquer", "scalar_sd", "attitude_sd_deg"):
+        if facts[name] is not None and not facts[name] >= 0:
+            raise AgonicError(f"{name} is {facts[name]}; a simulation needs zero or more")
+    for name in ("jump_at", "torquer_share"):
+        if not 0 <= facts[name] <= 1:
+            raise AgonicError(f"{name} is {facts[name]}; it needs a share from 0 to 1")
+
+
+def _on_ground(
+    sensor: Affine | Thermal | None, rng: np.random.Generator, bias: float, thermal: float
+) -> Thermal:
+    """The calibration as a function of temperature: the given one, or one that is drawn."""
+    if isinstance(sensor, Thermal):
+        return sensor
+    low, high = RANGE_C
+    if sensor is not None:
+        if sensor.unit_in == RAW:
+            raise AgonicError("the sensor takes raw counts; a simulated satellite reads in nT")
+        return Thermal(
+            bias=sensor.bias[None], matrix=sensor.matrix[None], centre_C=0.0, half_range_C=1.0
+        )
+    drawn = random_drifting(
+        rng,
+        centre_C=(low + high) / 2,
+        half_range_C=(high - low) / 2,
+        bias=bias,
+        drift=thermal,
+        gain_drift=0.0,
+    )
+    return Thermal(
+        bias=drawn.bias,
+        matrix=drawn.matrix,
+        centre_C=drawn.centre_C,
+        half_range_C=drawn.half_range_C,
+        validity=Validity(temperature_C=RANGE_C),
+    )
+
+
+def _moved(sensor: Thermal, shift: Array) -> Thermal:
+    """The same calibration with another constant part of its bias."""
+    return replace(sensor, bias=np.vstack([sensor.bias[:1] + shift, sensor.bias[1:]]))
+
+
+def _readings(truth: Thermal, field_m: Array, temperature: Array) -> Array:
+    """What the sensor reads of a field in its own axes: matrix⁻¹(T) @ field + bias(T)."""
+    seen = np.linalg.solve(truth.matrix_at(temperature), field_m[:, :, None])[:, :, 0]
+    return np.asarray(seen + truth.bias_at(temperature))
+
+
+def _main_field(way: Way, time: Array, epoch: datetime) -> Array:
+    """The world model along the way (n, 3), north-east-down, nT."""
+    track = Samples(field=np.zeros((len(time), 3)), time=time, epoch=epoch)
+    model = model_for(float(decimal_year(epoch)))
+    return np.array(model.along(track.with_columns(**way.columns)).values)
+
+
+def _recorded(rng: np.random.Generator, rot_nb: Rotation, sd_deg: float | None) -> dict[str, Array]:
+    """Roll, pitch and heading as a star camera gives them."""
+    if sd_deg is None:
+        return {}
+    errors = Rotation.from_rotvec(np.radians(sd_deg) * rng.standard_normal((len(rot_nb), 3)))
+    angles = angles_deg((rot_nb * errors).as_matrix())
+    return dict(zip(("roll_deg", "pitch_deg", "heading_deg"), angles, strict=True))

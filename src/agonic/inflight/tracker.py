@@ -1,0 +1,195 @@
+"""`Tracker`: a calibration that follows its sensor, from log to log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import beside
+from agonic.calibration.thermal import Thermal
+from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
+from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.health import Finding, sentences
+from agonic.inflight.files.tracker import load_track, save_track
+from agonic.inflight.tracking import Coefficients, start, update
+from agonic.inflight.tracking.findings import findings
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+class Tracker:
+    """A calibration followed in time against the magnitude of a known field.
+
+    Holds the settings, the state and the history; `update` moves the state on. In flight or in
+    orbit the geomagnetic model is the known field, or an absolute scalar instrument.
+
+    Parameters
+    ----------
+    calibration : what is believed at the start: an `Affine`, or a `Thermal`, whose constants then
+        move. Without covariance it is but a guess. `None`: nothing, for readings in nT.
+    params : how it is followed; `None`: the defaults, a bias that does not move.
+
+    Examples
+    --------
+    >>> from agonic.simulation import simulate
+    >>> made = simulate("tumble", n=1000, noise=50.0)
+    >>> tracker = Tracker(params=TrackerParams(noise=50.0))
+    >>> seen = tracker.update(made.samples, Reference.constant(50_000))
+    >>> tracker.n, len(seen.residual), tracker.ok
+    (1000, 1000, True)
+    """
+
+    def __init__(
+        self, calibration: Affine | Thermal | None = None, params: TrackerParams | None = None
+    ) -> None:
+        self.params = params or TrackerParams()
+        self.state: TrackerState = start(calibration, self.params)
+        self.history: Array = np.empty((0, 7))
+        """Time (s), bias x y z and its standard error x y z, at steps of `params.history_s`."""
+        self._given = calibration is not None
+
+    def update(self, samples: Samples, reference: Reference) -> Coefficients:
+        """Move on by the readings of a log or of a moment; one or many come to the same.
+
+        Parameters: samples with times later than all before, in the unit and frame of the
+        calibration; reference, the magnitude of the field at each. Rows that are flagged are
+        passed over.
+
+        Returns what was found; its `residual` is how far each reading used was from its prediction.
+
+        Raises `LogError` without times, `UnitError` and `FrameError` where the samples are not
+        those of the calibration, `AgonicError` where they are not later than what was seen.
+        """
+        if self.state.n == 0:
+            self.state = self._named(samples)
+        base = self.state.base
+        if samples.unit != base.unit_in:
+            raise UnitError(
+                f"the tracker follows readings in {base.unit_in} and these are in {samples.unit}; "
+                "give a calibration to start from, or readings in nT"
+            )
+        if samples.frame != base.frame_in:
+            raise FrameError(
+                "the tracker follows readings in other axes",
+                left=samples.frame,
+                right=base.frame_in,
+            )
+        wanted = np.broadcast_to(reference.magnitudes(len(samples)), len(samples))
+        if samples.flagged is not None:
+            usable = samples.flagged == 0
+            if not usable.any():
+                return self._nothing()
+            samples, wanted = samples.select(usable), wanted[usable]
+        self.state, found = update(
+            self.state, self.params, self.seconds(samples), self._readings(samples), wanted
+        )
+        self.history = np.concatenate([self.history, found.history])
+        return found
+
+    def _nothing(self) -> Coefficients:
+        """What an update without usable readings finds."""
+        none = np.empty(0)
+        return Coefficients(
+            state=self.state,
+            residual=none,
+            residual_sd=none,
+            used=none.astype(bool),
+            jumps=(),
+            history=np.empty((0, 7)),
+        )
+
+    def _readings(self, samples: Samples) -> Array:
+        """The readings, where the ground calibration knows of temperature as at its middle."""
+        ground = self.state.ground
+        columns = {} if ground is None else beside(ground, samples)
+        return self.state.at_middle(samples.field, **columns)
+
+    def seconds(self, samples: Samples) -> Array:
+        """The times of samples as the tracker counts them, from its own epoch."""
+        return samples.seconds_since(self.state.epoch, known=self.state.n > 0)
+
+    def _named(self, samples: Samples) -> TrackerState:
+        """The state before the first reading, with the sensor's name where none was given."""
+        base = self.state.base
+        if not self._given:
+            base = replace(
+                base,
+                sensor=samples.name,
+                device_id=samples.device_id,
+                frame_in=samples.frame,
+                frame_out=samples.frame,
+            )
+        return replace(self.state, base=base, epoch=samples.epoch)
+
+    @property
+    def calibration(self) -> Affine:
+        """Bias and matrix now, with their covariance; where the calibration to start from was a
+        `Thermal`, at its middle temperature (`state.thermal` is the whole of it).
+
+        Raises `AgonicError` before any reading.
+        """
+        if self.state.n == 0:
+            raise AgonicError("nothing has been followed yet; update the tracker first")
+        return self.state.calibration
+
+    @property
+    def bias(self) -> Array:
+        """The bias now, (3,), in the unit of the readings."""
+        return self.state.bias
+
+    @property
+    def bias_sd(self) -> Array:
+        """Its standard error, (3,)."""
+        return self.state.bias_sd
+
+    @property
+    def n(self) -> int:
+        """How many readings were seen."""
+        return self.state.n
+
+    @property
+    def refused(self) -> int:
+        """How many of them were not used, because they did not fit their prediction."""
+        return self.state.refused
+
+    @property
+    def jumps(self) -> tuple[Jump, ...]:
+        """All jumps of the bias so far."""
+        return self.state.jumps
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the user should know, by name."""
+        return findings(self.state)
+
+    @property
+    def ok(self) -> bool:
+        """Nothing to object."""
+        return not self.findings
+
+    @property
+    def status(self) -> str:
+        """The findings in words, or that there are none."""
+        said = [finding.sentence for finding in self.findings]
+        return sentences(*(said or ["the bias is followed"]))
+
+    def save(self, path: Path | str) -> Path:
+        """Write everything that `resume` needs to go on, in one step."""
+        return save_track(self.params, self.state, self.history, path)
+
+    @classmethod
+    def resume(cls, path: Path | str) -> Tracker:
+        """The tracker that was saved, as if it had never stopped.
+
+        Raises `LogError` where the file is missing, damaged or something else.
+        """
+        params, state, history = load_track(path)
+        tracker = cls(state.ground or state.base, params)
+        tracker.state, tracker.history = state, history
+        return tracker

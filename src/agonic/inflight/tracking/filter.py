@@ -1,0 +1,275 @@
+"""`start` and `update`: a calibration followed from reading to reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.thermal import Thermal
+from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
+from agonic.errors import AgonicError, UnitError
+from agonic.inflight.tracking import opening as openings
+from agonic.inflight.tracking.jump import before_jump, moved_on, reopened
+from agonic.maths.estimation import kalman
+from agonic.maths.rotations.polar import turned
+
+Array = NDArray[np.float64]
+
+_LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Coefficients:
+    """What an update found: bias and matrix now, and how well each reading had been predicted.
+
+    `residual` (n,) = |W (raw − bias)| − F − g and `residual_sd` (n,), nT, are from before the
+    reading was used; `used` (n,) whether it passed the gate; `jumps` those found in these
+    readings; `history` (k, 7) has time, bias and its standard error at the moments that
+    `TrackerParams.history_s` asks for.
+    """
+
+    state: TrackerState
+    residual: Array
+    residual_sd: Array
+    used: NDArray[np.bool_]
+    jumps: tuple[Jump, ...]
+    history: Array
+
+    @property
+    def foretold(self) -> NDArray[np.bool_]:
+        """Of which readings something was known beforehand: not those of an opening, (n,)."""
+        return np.asarray(self.residual_sd < 2 * np.min(self.residual_sd, initial=np.inf))
+
+    @property
+    def bias(self) -> Array:
+        """The bias after these readings, (3,)."""
+        return self.state.bias
+
+    @property
+    def bias_sd(self) -> Array:
+        """Its standard error, (3,)."""
+        return self.state.bias_sd
+
+    @property
+    def calibration(self) -> Affine:
+        """Bias and matrix after these readings, with their covariance."""
+        return self.state.calibration
+
+
+def start(
+    calibration: Affine | Thermal | None, params: TrackerParams, *, epoch: datetime | None = None
+) -> TrackerState:
+    """The state before the first reading.
+
+    Parameters
+    ----------
+    calibration : what is believed at the start; without covariance it is but a guess; `None`:
+        nothing, for readings in nT. Of a `Thermal` the constants move; `update` then takes readings
+        that went through `TrackerState.at_middle`.
+    params : how it is followed.
+    epoch : UTC moment of time zero of the readings.
+
+    Raises `AgonicError` for a calibration of another kind.
+
+    Examples
+    --------
+    >>> start(None, TrackerParams(noise=100.0)).n
+    0
+    """
+    if calibration is None:
+        base = Affine(bias=np.zeros(3), matrix=np.eye(3))
+    elif isinstance(calibration, Thermal):
+        base = calibration.at(calibration.centre_C)
+    elif type(calibration) is Affine:
+        base = calibration
+    else:
+        raise AgonicError(
+            f"a tracker follows an Affine or a Thermal, not a {type(calibration).__name__}; apply "
+            "that to the readings first and follow what remains"
+        )
+    six, rest = turned(base.matrix, base.covariance, base.gauge)
+    noise = params.noise or base.noise
+    watch = np.zeros(11)
+    watch[-1] = -np.inf
+    return TrackerState(
+        base=base,
+        turned=rest,
+        belief=kalman.Belief(
+            np.concatenate([[0.0], base.bias, six]), np.eye(1), np.zeros(1), watch
+        ),
+        noise=noise or 0.0,
+        noise_known=noise is not None,
+        epoch=epoch,
+        ground=calibration if isinstance(calibration, Thermal) else None,
+    )
+
+
+def update(
+    state: TrackerState,
+    params: TrackerParams,
+    time: ArrayLike,
+    raw: ArrayLike,
+    magnitude: ArrayLike,
+    *,
+    compiled: bool | None = None,
+) -> tuple[TrackerState, Coefficients]:
+    """The state after one reading or many; many in one call or in several come to the same.
+
+    Parameters
+    ----------
+    state, params : from `start` or the last update, and as given to `start`.
+    time : s, one or (n,), increasing, later than the state's.
+    raw : (3,) or (n, 3), in the unit of the calibration.
+    magnitude : what the field should have been, nT, one or (n,).
+    compiled : numba or not; `None`: for many readings, where it is installed.
+
+    Returns the new state, and `Coefficients`.
+
+    Source: Bierman (1977), UD filter; see docs/theory/tracking.
+
+    Examples
+    --------
+    >>> from agonic.simulation import simulate
+    >>> made, params = simulate("tumble", n=500, noise=50.0), TrackerParams(noise=50.0)
+    >>> s = made.samples
+    >>> state, seen = update(start(None, params), params, s.time, s.field, 50_000.0)
+    >>> bool(np.all(np.abs(state.bias - made.truth.bias) < 4 * state.bias_sd))
+    True
+    """
+    rows = _rows(time, raw, magnitude)
+    if rows[0, 0] <= state.time or (len(rows) > 1 and (np.diff(rows[:, 0]) <= 0).any()):
+        raise AgonicError(
+            f"times must increase from reading to reading, beyond the last one seen "
+            f"({state.time:g} s); pass on only what is new"
+        )
+    if state.n == 0:
+        state = _begun(state, params, rows[0])
+    before, done = state, 0
+    seen: list[kalman.Seen] = []
+    history: list[Array] = []
+    fast = kalman.worth_compiling(len(rows)) if compiled is None else compiled
+    while done < len(rows):
+        piece = rows[done : done + _length(state, params, rows[done:, 0])]
+        last = state.time
+        if _due(params.history_s, last, piece[0, 0]) and state.n:
+            history.append(np.concatenate([[state.time], state.bias, state.bias_sd]))
+        state, predicted = _step(state, params, piece, fast)
+        seen.append(predicted)
+        done += len(predicted.residual)
+    whole = seen[0] if len(seen) == 1 else kalman.joined(seen)
+    return state, Coefficients(
+        state=state,
+        residual=whole.residual,
+        residual_sd=whole.sd,
+        used=whole.used,
+        jumps=state.jumps[len(before.jumps) :],
+        history=np.array(history).reshape(-1, 7),
+    )
+
+
+def _rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
+    """Rows (n, 6) as the kernel takes them, checked."""
+    field = np.atleast_2d(np.asarray(raw, dtype=np.float64))
+    rows = np.empty((len(field), 6))
+    try:
+        rows[:, 0], rows[:, 1:4], rows[:, 4], rows[:, 5] = time, field, magnitude, 1.0
+    except ValueError as error:
+        raise AgonicError(f"time, raw and magnitude differ in length ({error})") from None
+    if not len(rows):
+        raise AgonicError("no readings were given")
+    if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
+        raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
+    if rows[:, 4].min() <= 0:
+        raise UnitError("a reference magnitude must be above zero, in nT")
+    return rows
+
+
+def _begun(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
+    """The state with its prior, now that the field is known; opened where it is not yet linear."""
+    m = kalman.STATES[params.solve]
+    six = state.belief.state[4:]
+    gain = float(np.mean(six[:3]))
+    size = float(row[4]) / gain
+    fresh = state.base.covariance is None
+    moved = params.bias_sd or (size if fresh else size / 20)
+    strayed = params.matrix_sd or (0.1 * gain if fresh else 0.0)
+    covariance = np.zeros((10, 10))
+    covariance[1:, 1:] = state.turned.covariance[:9, :9]
+    spread = [params.external_sd**2, *[moved**2] * 3, *[strayed**2] * 6]
+    least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
+    covariance += np.diag(spread) + np.diag(least)
+    noise = state.noise if state.noise_known else 0.01 * size
+    prior = kalman.believe(state.belief.state, covariance[:m, :m], float(row[0]))
+    opened = Opening(prior=prior, rows=np.empty((0, 6)))
+    recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
+    ready = state.noise_known and openings.nearly_linear(prior, float(row[4]), noise)
+    return replace(
+        state,
+        belief=prior,
+        noise=noise,
+        opening=None if ready else opened,
+        recent=recent if ready else None,
+    )
+
+
+def _due(every: float, last: float, now: float) -> bool:
+    """Whether a moment of the history lies between two readings."""
+    return every > 0 and isfinite(last) and now // every > last // every
+
+
+def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:
+    """How many of the readings to take at once: up to the next thing to be done between two."""
+    if len(times) == 1:
+        return 1
+    if state.opening is not None:
+        length = openings.next_due(len(state.opening.rows))
+    else:
+        assert state.recent is not None
+        length = openings.STRIDE - len(state.recent.rows) % openings.STRIDE
+    length = min(length, len(times))
+    if params.history_s > 0:
+        slot = times[:length] // params.history_s
+        length = int(np.searchsorted(slot, slot[0], side="right"))
+    return length
+
+
+def _step(
+    state: TrackerState, params: TrackerParams, rows: Array, fast: bool
+) -> tuple[TrackerState, kalman.Seen]:
+    """The state after a few readings, and what was predicted of them."""
+    opening, recent = state.opening, state.recent
+    model = params.model(state.noise)
+    if opening is None:
+        belief, seen, jumped = kalman.advance(state.belief, model, rows, compiled=fast)
+    else:
+        belief, seen = openings.passed(state.belief, model, rows, opening.learns, fast)
+        jumped = False
+    taken = rows[: len(seen.residual)]
+    refused = len(seen.used) - int(np.count_nonzero(seen.used))
+    if opening is not None:
+        strays = None if opening.strays is None else opening.strays + refused
+        opening = replace(opening, rows=np.concatenate([opening.rows, taken]), strays=strays)
+        refused = 0  # they are counted when the opening is closed
+    elif recent is not None:
+        rows = np.concatenate([recent.rows, taken])
+        recent = Recent(before=recent.before, middle=recent.middle, rows=rows)
+        recent = recent if jumped else moved_on(recent, belief)
+    after = replace(
+        state,
+        belief=belief,
+        opening=opening,
+        recent=recent,
+        n=state.n + len(taken),
+        refused=state.refused + refused,
+        magnitude=float(taken[-1, 4]),
+    )
+    if opening is not None and len(opening.rows) in openings.MOMENTS:
+        whole = openings.solved(after, params)
+        since = openings.overtaken(opening, state, whole, params)
+        after, jumped = before_jump(after, params, since) if since else whole, since > 0
+    return (reopened(after, params) if jumped else after), seen

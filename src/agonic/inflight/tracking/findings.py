@@ -1,0 +1,75 @@
+"""What a followed calibration has to say of itself."""
+
+from __future__ import annotations
+
+from agonic.calibration.tracking import Jump, TrackerState
+from agonic.health import Finding, figure
+from agonic.inflight.tracking.opening import bent
+
+REFUSED = 0.1
+"""Share of refused readings that is to be looked at."""
+INCONSISTENT = (0.5, 1.5)
+"""Innovations over their stated sd, rms: outside of this the noise model is wrong."""
+
+_ENOUGH = 1000  # readings after which the size of innovations is known
+
+
+def findings(state: TrackerState) -> tuple[Finding, ...]:
+    """What the user should know about a state.
+
+    >>> from agonic.calibration.tracking import TrackerParams
+    >>> from agonic.inflight.tracking import start
+    >>> [finding.name for finding in findings(start(None, TrackerParams()))]
+    ['not settled']
+    """
+    found = [_jumped(state.jumps, state.base.unit_in)] if state.jumps else []
+    if not state.settled or _vague(state):
+        found.append(
+            Finding(
+                "not settled",
+                "check",
+                f"the bias is not determined yet after {state.n} readings",
+                "pass on more readings, in more directions of the field",
+            )
+        )
+    if state.refused > REFUSED * state.n > 0:
+        found.append(
+            Finding(
+                "readings refused",
+                "check",
+                f"{100 * state.refused / state.n:.0f} % of the readings did not fit their "
+                "prediction and were not used",
+                "look for what disturbs, or give a larger noise",
+            )
+        )
+    low, high = INCONSISTENT
+    if state.n >= _ENOUGH and not low < state.consistency < high:
+        found.append(
+            Finding(
+                "innovations",
+                "check",
+                f"readings miss their predictions by {figure(state.consistency)} times what is "
+                "stated",
+                "adapt noise, walk or external field; the band is wrong by about as much",
+            )
+        )
+    return tuple(found)
+
+
+def _vague(state: TrackerState) -> bool:
+    """Whether the bias is so uncertain that its standard error, which is a line's, says little."""
+    return bent(state.belief, state.magnitude or 0.0) > state.noise
+
+
+def _jumped(jumps: tuple[Jump, ...], unit: str) -> Finding:
+    sizes = ", ".join(
+        f"at {jump.time:.1f} s by {figure(float((jump.shift**2).sum() ** 0.5))} {unit}"
+        for jump in jumps[-3:]
+    )
+    last = f"; the last {len(jumps[-3:])} of {len(jumps)} are given" if len(jumps) > 3 else ""
+    return Finding(
+        "bias jumped",
+        "check",
+        f"the bias jumped {sizes}{last}",
+        "look for what was switched or deployed then; readings from before do not count any more",
+    )

@@ -1,0 +1,103 @@
+"""Back to where a jump began: what is kept for it, and the state opened again from there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
+from agonic.inflight.tracking import opening as openings
+from agonic.inflight.tracking.opening import STRIDE
+from agonic.maths.estimation import kalman
+
+_DATINGS = 8  # onsets of a jump that are tried; most searches end after four
+
+
+def moved_on(recent: Recent, belief: kalman.Belief) -> Recent:
+    """The recent readings, the first half of them forgotten once there are two strides of them."""
+    if len(recent.rows) == STRIDE:
+        return replace(recent, middle=belief)
+    if len(recent.rows) == 2 * STRIDE:
+        return Recent(before=recent.middle, middle=belief, rows=recent.rows[STRIDE:])
+    return recent
+
+
+def before_jump(state: TrackerState, params: TrackerParams, since: int) -> TrackerState:
+    """The state as if its opening had settled before the last `since` readings, in which the bias
+    jumped."""
+    opening = state.opening
+    assert opening is not None, "a settled state sees jumps by itself"
+    rows = opening.rows[-since:]
+    shorter = replace(opening, rows=opening.rows[:-since], strays=None)
+    settled = openings.solved(replace(state, opening=shorter), params)
+    model = params.model(settled.noise)._replace(jump_level=0.0)
+    belief, seen, _ = kalman.advance(settled.belief, model, rows)
+    return replace(
+        settled,
+        belief=belief,
+        noise_known=True,
+        opening=None,
+        recent=Recent(before=settled.belief, middle=settled.belief, rows=rows),
+        refused=settled.refused + int((~seen.used).sum()),
+    )
+
+
+def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
+    """The state after a jump was seen: back to where it began, and opened from there."""
+    recent = state.recent
+    assert recent is not None, "only a settled state sees jumps"
+    model = params.model(state.noise)._replace(jump_level=0.0)
+    _, seen, _ = kalman.advance(recent.before, model, recent.rows)
+    first = _began(state, params, model, seen)
+    since = recent.rows[first:]
+    jump = Jump(
+        time=float(since[0, 0]),
+        seen=float(since[-1, 0]),
+        shift=np.zeros(3),
+        shift_sd=np.full(3, params.jump_sd),
+    )
+    opened = replace(
+        _opened(state, params, model, first),
+        refused=max(state.refused - int((~seen.used[first:]).sum()), 0),
+        jumps=(*state.jumps, jump),
+    )
+    return openings.solved(opened, params) if len(since) >= openings.MOMENTS[0] else opened
+
+
+def _began(
+    state: TrackerState, params: TrackerParams, model: kalman.Model, seen: kalman.Seen
+) -> int:
+    """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
+    assert state.recent is not None, "only a settled state has recent readings"
+    rows = state.recent.rows
+    guesses = [kalman.onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
+    tried: dict[int, float] = {}
+    while guesses and len(tried) < _DATINGS:
+        guess = guesses.pop(0)
+        if guess not in tried:
+            opened = _opened(state, params, model, guess)
+            tried[guess], better = openings.began(opened, params, seen, rows)
+            guesses.append(better)
+    least = min(tried.values())
+    return max(row for row, cost in tried.items() if cost < least + openings.DOUBT)
+
+
+def _opened(
+    state: TrackerState, params: TrackerParams, model: kalman.Model, first: int
+) -> TrackerState:
+    """The state opened at one of its recent readings, with what the bias may have jumped by."""
+    recent = state.recent
+    assert recent is not None, "only a settled state has recent readings"
+    before, since = recent.rows[:first], recent.rows[first:]
+    belief = kalman.advance(recent.before, model, before)[0] if first else recent.before
+    _, seen, _ = kalman.advance(belief, model, since)
+    gain = float(np.mean(belief.state[4:7]))
+    size = 2 * float(np.median(np.abs(seen.residual))) / gain
+    prior = kalman.widened(belief, max(params.jump_sd, size))
+    return replace(
+        state,
+        belief=kalman.advance(prior, model, since)[0],
+        opening=Opening(prior=prior, rows=since, before=belief),
+        recent=None,
+    )

@@ -1,0 +1,209 @@
+"""The first readings after a start or a jump, taken together until the bias has settled.
+
+A filter takes each residual as linear about what it believes then. At first it believes little, and
+what was taken wrongly is never taken again. So the first readings are kept: the one solver finds
+the most probable bias and matrix of all of them, robustly, and the filter runs again from the
+prior with every residual linear about that. Without walk this is the batch fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
+from agonic.inflight.tracking.map_estimate import (
+    Gaussian,
+    most_probable,
+    residuals_about,
+    residuals_of,
+    total_sd,
+)
+from agonic.maths.estimation import kalman, leastsq
+
+Array = NDArray[np.float64]
+
+MOMENTS = tuple(sorted({n << k for n in (2, 3) for k in range(3, 12)} | {8192}))
+"""Numbers of readings at which an opening is solved: 16, 24, 32, 48 … 8192; at the last it is
+closed, settled or not, which at 1 Hz is more than an orbit."""
+STRIDE = 128
+"""Readings between the beliefs that are kept to go back to; a jump is dated within twice this."""
+DOUBT = 2.0
+"""Difference of log-likelihoods that dates nothing."""
+
+_PATIENT = 1024  # readings in which an opening settles where the directions of the field turn
+_CURVED = 0.03  # part of the noise that the curvature of residuals may come to in a filter
+_BENT = 0.5  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
+_FEWEST = 64  # readings from which a noise that was not given is estimated
+
+
+def next_due(readings: int) -> int:
+    """How many readings until an opening of so many is to be solved.
+
+    >>> next_due(0), next_due(16), next_due(40)
+    (16, 8, 8)
+    """
+    return next(n for n in MOMENTS if n > readings) - readings
+
+
+def overtaken(
+    opening: Opening, before: TrackerState, now: TrackerState, params: TrackerParams
+) -> int:
+    """How many readings came since an opening was last solved, where a jump came with them; else 0.
+
+    Then a quarter of them are far from what is found now, or all scatter about it by twice as much
+    as those before did about what was found then. Only a long opening can tell.
+    """
+    last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
+    if last < _PATIENT:
+        return 0
+    then = leastsq.robust_scale(residuals_of(opening.rows[:last], before.belief.state))
+    then = max(then, total_sd(params, now.noise, now.belief.state))
+    new = residuals_of(opening.rows[last:], now.belief.state)
+    far = 4 * np.count_nonzero(np.abs(new) > params.gate * then) > len(new)
+    return len(new) if far or leastsq.robust_scale(new) > 2 * then else 0
+
+
+def bent(belief: kalman.Belief, magnitude: float) -> float:
+    """How far residuals are from linear within the belief, δ²/2F, in the unit of the readings.
+
+    δ² = tr P over bias and matrix, the matrix times the field.
+    """
+    gain = float(np.mean(belief.state[4:7]))
+    field = magnitude / gain
+    variances = np.diag(belief.covariance)
+    spread = variances[1:4].sum() + (field / gain) ** 2 * variances[4:].sum()
+    return float(spread / (2 * field))
+
+
+def nearly_linear(belief: kalman.Belief, magnitude: float, noise: float) -> bool:
+    """Whether the filter may run on its own."""
+    return bent(belief, magnitude) < _CURVED * noise
+
+
+def doubted(
+    belief: kalman.Belief, prior: kalman.Belief, apart: Array, magnitude: float, noise: float
+) -> kalman.Belief:
+    """A belief whose residuals may not be linear within it, with standard errors that say so.
+
+    Linear standard errors hold about one solution; while δ²/2F is above the noise σ there are
+    others as good, on a surface that is not flat. So the readings count for less, and each bias
+    may be off by as much as the surface bends, and as far as the others are `apart` (3,):
+
+        P⁻¹ ← P⁻¹/f² + P₀⁻¹ (1 − 1/f²),   f = 1 + δ²/2Fσ;   then P_bb ← P_bb + (δ²/2F)² 1 + a².
+    """
+    known = prior.diagonal > 0
+    block = np.ix_(known, known)
+    share = (1.0 + bent(belief, magnitude) / noise) ** -2
+    covariance = belief.covariance
+    information = share * leastsq.inverse(covariance[block])
+    information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
+    covariance[block] = leastsq.inverse(information)
+    wide = kalman.believe(belief.state, covariance, 0.0)._replace(watch=belief.watch)
+    return kalman.spread(wide, np.hypot(bent(wide, magnitude), apart))
+
+
+def passed(
+    belief: kalman.Belief, model: kalman.Model, rows: Array, learns: bool, compiled: bool
+) -> tuple[kalman.Belief, kalman.Seen]:
+    """The belief after rows that come before the next solution, and what it predicted of them.
+
+    A wide belief learns nothing from them: linearised at one reading after the other it would take
+    its own errors for knowledge, and state standard errors that are too small by far.
+    """
+    model = model._replace(jump_level=0.0)
+    taken = rows if learns else np.column_stack([rows[:, :5], np.zeros(len(rows))])
+    later, seen, _ = kalman.advance(belief, model, taken, compiled=compiled)
+    return later, seen._replace(used=np.abs(seen.residual) <= model.gate * seen.sd)
+
+
+def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
+    """The state with its opening taken as a whole, and closed where the bias has settled."""
+    opening = state.opening
+    assert opening is not None, "only an opening can be solved"
+    prior, rows = opening.prior, opening.rows
+    about, noise, apart = most_probable(state, prior, rows, params)
+    total = total_sd(params, noise, about)
+    residuals, _ = residuals_about(rows, about)
+    fits = np.abs(residuals) <= params.gate * max(total, leastsq.robust_scale(residuals))
+    marked = np.column_stack([rows[:, :5], fits])
+    model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
+    earlier = max(len(rows) - STRIDE, 0)
+    before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
+    belief, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
+    after = replace(state, belief=belief, noise=noise)
+    after = replace(after, jumps=_measured(after, opening.before))
+    fitting = opening.strays is not None and 4 * opening.strays <= len(rows)
+    alone = bool((apart < params.gate * after.bias_sd).all())
+    closed = fitting and alone and _settled(after, params, total)
+    if not closed and len(rows) < MOMENTS[-1]:
+        magnitude = float(rows[-1, 4])
+        wide = doubted(belief, prior, apart, magnitude, noise)
+        learns = bent(wide, magnitude) < _BENT * noise
+        return replace(after, belief=wide, opening=replace(opening, strays=0, learns=learns))
+    return replace(
+        after,
+        opening=None,
+        noise_known=True,
+        recent=_recent(before, belief, rows[earlier:]),
+        refused=state.refused + int((~fits).sum()),
+    )
+
+
+def _settled(state: TrackerState, params: TrackerParams, total: float) -> bool:
+    """Whether the filter may run on its own; `total` is the sd of a residual."""
+    opening = state.opening
+    assert opening is not None, "the caller has one"
+    rows, belief = opening.rows, state.belief
+    if not state.noise_known and len(rows) < _FEWEST:
+        return False
+    limit = _CURVED * state.noise if len(rows) < _PATIENT else _BENT * total
+    return bent(belief, float(rows[-1, 4])) < limit or _walked(belief, rows, params)
+
+
+def began(
+    state: TrackerState, params: TrackerParams, seen: kalman.Seen, rows: Array
+) -> tuple[float, int]:
+    """How improbable it is that a jump began with the opening, and the row that fits better.
+
+    Σ ρ(z) of what was `seen` before a row, and of what is left of `rows` from it on about the most
+    probable bias of the opening, and how far that is from its prior; Cauchy's ρ, so that strays
+    decide little. Of rows that are as good, the last: a reading from before the jump taken for one
+    after it spoils more.
+    """
+    opening = state.opening
+    assert opening is not None, "a jump has opened the state"
+    about, noise, _ = most_probable(state, opening.prior, opening.rows, params)
+    total = total_sd(params, noise, about)
+    rho = leastsq.cauchy().value
+    old, new = rho((seen.residual / seen.sd) ** 2), rho((residuals_of(rows, about) / total) ** 2)
+    strayed, _ = Gaussian(opening.prior)(about[1 : len(opening.prior.diagonal)])
+    cost = np.concatenate([[0.0], np.cumsum(old - new)])[:-1]
+    cost += float(new.sum() + strayed @ strayed / 2)
+    here = float(cost[len(rows) - len(opening.rows)])
+    return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
+
+
+def _recent(before: kalman.Belief, now: kalman.Belief, rows: Array) -> Recent:
+    """What to go back to after an opening: a jump may hide in its last readings."""
+    if len(rows) < STRIDE:
+        return Recent(before=now, middle=now, rows=np.empty((0, 6)))
+    return Recent(before=before, middle=now, rows=rows)
+
+
+def _walked(belief: kalman.Belief, rows: Array, params: TrackerParams) -> bool:
+    """Whether the bias walked further during these rows than it is unknown."""
+    variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
+    return bool(variance > np.trace(belief.covariance[1:4, 1:4]))
+
+
+def _measured(state: TrackerState, before: kalman.Belief | None) -> tuple[Jump, ...]:
+    """The jumps so far, the last one measured by what its opening made of the bias."""
+    if before is None:
+        return state.jumps
+    *earlier, last = state.jumps
+    shift = state.bias - before.state[1:4]
+    sd = np.sqrt(np.diag(before.covariance)[1:4] + state.bias_sd**2)
+    return (*earlier, replace(last, shift=shift, shift_sd=sd))
