@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from agonic.fitting.network import fit_network
 from agonic.maths.equation import network
 from agonic.maths.estimation import marquardt
-from agonic.simulation.network import SimulatedField, simulate_nonaffine, simulate_paper
+from agonic.network.fit import fit_network
+from agonic.network.simulation.network import SimulatedField, simulate_nonaffine, simulate_paper
 from benchmarks import tables
 
 Array = NDArray[np.float64]

@@ -90,10 +90,6 @@ from agonic.files.calibration import save as save
 from agonic.files.setup import load_setup as load_setup
 from agonic.files.setup import save_setup as save_setup
 from agonic.fit import Fit as Fit
-from agonic.fitting.network import NetworkChoice as NetworkChoice
-from agonic.fitting.network import NetworkFit as NetworkFit
-from agonic.fitting.network import choose_network as choose_network
-from agonic.fitting.network import fit_network as fit_network
 from agonic.fitting.thermal import ThermalFit as ThermalFit
 from agonic.fitting.thermal import fit_thermal as fit_thermal
 from agonic.fleet.run import calibrate_fleet as calibrate_fleet
@@ -133,6 +129,11 @@ from agonic.logs.read import read as read
 from agonic.logs.read import sensors as sensors
 from agonic.logs.space.tle import positions_from_tle as positions_from_tle
 from agonic.moments import Moments as Moments
+from agonic.network.fit import NetworkChoice as NetworkChoice
+from agonic.network.fit import NetworkFit as NetworkFit
+from agonic.network.fit import choose_network as choose_network
+from agonic.network.fit import fit_network as fit_network
+from agonic.network.retrainer import Retrainer as Retrainer
 from agonic.population import Population as Population
 from agonic.population import read_population as read_population
 from agonic.population import write_population as write_population
@@ -140,7 +141,6 @@ from agonic.provenance import Provenance as Provenance
 from agonic.reference import Reference as Reference
 from agonic.report.html import render as render
 from agonic.report.thermal_page import campaign_page as campaign_page
-from agonic.retrainer import Retrainer as Retrainer
 from agonic.samples import Samples as Samples
 from agonic.simulation import SimulatedVehicle as SimulatedVehicle
 from agonic.simulation import simulate as simulate

@@ -24,9 +24,9 @@ from agonic.exports.firmware import write_firmware
 from agonic.exports.targets import TARGETS
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import load, save
-from agonic.fitting.network import fit_network
+from agonic.network.fit import fit_network
+from agonic.network.simulation.network import simulate_nonaffine, simulate_paper
 from agonic.reference import Reference
-from agonic.simulation.network import simulate_nonaffine, simulate_paper
 from tests.exports.controller import compiled, library
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler: install cc")

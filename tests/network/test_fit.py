@@ -9,8 +9,8 @@ import pytest
 import agonic as ag
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError
-from agonic.fitting.network import choose_network, fit_network
-from agonic.simulation.network import CHANGE_S, simulate_nonaffine, simulate_paper
+from agonic.network.fit import choose_network, fit_network
+from agonic.network.simulation.network import CHANGE_S, simulate_nonaffine, simulate_paper
 
 WARM = ("field", "temperature", "temperature_rate")
 

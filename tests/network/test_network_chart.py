@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from agonic.fitting.network import choose_network, fit_network
-from agonic.report.network_chart import (
+from agonic.network.fit import choose_network, fit_network
+from agonic.network.report.chart import (
     FOOT,
     HEIGHT,
     LEFT,
@@ -18,7 +18,7 @@ from agonic.report.network_chart import (
     table_chart,
     training_chart,
 )
-from agonic.simulation.network import simulate_paper
+from agonic.network.simulation.network import simulate_paper
 
 SVG = "{http://www.w3.org/2000/svg}"
 

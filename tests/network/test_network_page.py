@@ -11,12 +11,12 @@ import agonic as ag
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.calibration.retraining import RetrainerParams
-from agonic.fitting.network import choose_network, fit_network
+from agonic.network.fit import choose_network, fit_network
+from agonic.network.report.page import network_file_page, network_of, network_page
+from agonic.network.report.retrain_page import retrain_page
+from agonic.network.retrainer import Retrainer
+from agonic.network.simulation.network import simulate_nonaffine, simulate_paper
 from agonic.report.digits import MINUS, NO_BREAK, THIN
-from agonic.report.network_page import network_file_page, network_of, network_page
-from agonic.report.retrain_page import retrain_page
-from agonic.retrainer import Retrainer
-from agonic.simulation.network import simulate_nonaffine, simulate_paper
 from agonic.verification import verify
 
 

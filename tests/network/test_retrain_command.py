@@ -9,7 +9,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
-from agonic.cli.retrain import span
+from agonic.network.commands.retrain import span
 
 KNOWN = ["--reference", "flight.reference.csv"]
 

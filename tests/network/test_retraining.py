@@ -6,22 +6,22 @@ import pytest
 from agonic.calibration.affine import Affine
 from agonic.calibration.retraining import RetrainerParams, Window
 from agonic.errors import AgonicError
-from agonic.fitting.network import fit_network
-from agonic.fitting.retraining import (
+from agonic.maths.estimation import cusum
+from agonic.network.fit import fit_network
+from agonic.network.retraining import (
     Unseen,
+    acceptance,
     best_of,
     due_at,
-    judged,
-    moved,
+    model_change,
     noise_of_rows,
     started,
     stuck,
     taken,
 )
-from agonic.fitting.retraining.judged import better
-from agonic.fitting.retraining.schedule import begun
-from agonic.maths.estimation import cusum
-from agonic.simulation.network import simulate_nonaffine
+from agonic.network.retraining.acceptance import better
+from agonic.network.retraining.schedule import begun
+from agonic.network.simulation.network import simulate_nonaffine
 
 PARAMS = RetrainerParams()
 LIMITS = {"bias_sd": 0.05, "matrix_sd": 0.02}
@@ -100,7 +100,7 @@ class TestStep:
             matrix = base.matrix + 0.005 * rng.normal(size=(3, 3))
             bias = base.bias + 500.0 * rng.normal(size=3)
             raw = field @ np.linalg.inv(matrix).T + bias + 50.0 * rng.normal(size=field.shape)
-            step = moved(base, window(raw, field), **LIMITS)
+            step = model_change(base, window(raw, field), **LIMITS)
             error = np.concatenate([step.bias - bias, _free(step.matrix - matrix)])
             scores.append(error / step.sd)
         assert np.abs(np.mean(scores, axis=0)).max() < 0.55  # four standard errors of a mean
@@ -114,7 +114,7 @@ class TestStep:
         shift = np.array([300.0, -200.0, 100.0])
         raw = field + base.bias + shift + 20.0 * rng.normal(size=field.shape)
         limits = {"bias_sd": PARAMS.bias_sd, "matrix_sd": PARAMS.matrix_sd}
-        step = moved(base, window(raw, field), **limits)
+        step = model_change(base, window(raw, field), **limits)
         np.testing.assert_allclose(step.correct(raw).mean(axis=0), field.mean(axis=0), atol=10.0)
         opposite = -field
         far = step.correct(opposite + base.bias + shift) - opposite
@@ -128,7 +128,9 @@ class TestStep:
         network = fit_network(made.samples, made.reference, hidden=6, compared=False).calibration
         shift = np.array([500.0, 300.0, -400.0])
         some = slice(0, 400)
-        step = moved(network, window(made.samples.field[some] + shift, made.field[some]), **LIMITS)
+        step = model_change(
+            network, window(made.samples.field[some] + shift, made.field[some]), **LIMITS
+        )
         np.testing.assert_array_equal(step.weights, network.weights)
         later = made.samples.field[1000:]
         before, _ = network.evaluated(later, {})
@@ -141,7 +143,7 @@ class TestStep:
         field = 50_000.0 * directions(rng, 500)
         raw = field + [400.0, -100.0, 250.0] + 30.0 * rng.normal(size=field.shape)
         size = np.linalg.norm(field, axis=1, keepdims=True)
-        step = moved(base, window(raw, size), **LIMITS)
+        step = model_change(base, window(raw, size), **LIMITS)
         score = (step.bias - [400.0, -100.0, 250.0]) / step.sd[:3]
         assert np.abs(score).max() < 4.0
         np.testing.assert_allclose(step.matrix, step.matrix.T, atol=1e-4)
@@ -165,13 +167,13 @@ class TestJudge:
         wins = 0
         for seed in range(200):
             one, other = self.errors(20.0, seed=seed), self.errors(20.0, seed=1000 + seed)
-            wins += judged(self.unseen(one, other), PARAMS).accepted
+            wins += acceptance(self.unseen(one, other), PARAMS).accepted
         assert wins <= 3  # three standard errors on one side: 0.14 %
 
     def test_clearly_better_candidate_wins_whatever_errors_they_share(self) -> None:
         shared = self.errors(100.0, seed=5)
         told = self.unseen(shared + self.errors(40.0, seed=6), shared, noise=100.0)
-        verdict = judged(told, PARAMS)
+        verdict = acceptance(told, PARAMS)
         assert verdict.accepted
         assert "better" in verdict.reason
         assert verdict.candidate_rms < verdict.running_rms
@@ -193,7 +195,7 @@ class TestJudge:
     )
     def test_wrong_reference_is_rejected_in_words(self, word: str, settings: dict) -> None:
         told = self.unseen(self.errors(200.0), self.errors(20.0, seed=1), **settings)
-        verdict = judged(told, PARAMS)
+        verdict = acceptance(told, PARAMS)
         assert not verdict.accepted
         assert verdict.poisoned
         assert verdict.reason.startswith(word)
@@ -201,7 +203,7 @@ class TestJudge:
     def test_outliers_are_counted(self) -> None:
         candidate = self.errors(20.0)
         candidate[::5] += 3000.0
-        verdict = judged(self.unseen(candidate + 1.0, candidate), PARAMS)
+        verdict = acceptance(self.unseen(candidate + 1.0, candidate), PARAMS)
         assert verdict.poisoned
         assert verdict.reason.startswith("outliers: 20 %")
 
@@ -238,7 +240,7 @@ class TestSchedule:
                 state, done = taken(state, params, part), end
                 if due is not None:
                     due_rows.append(done)
-                    from agonic.fitting.retraining.schedule import rescheduled
+                    from agonic.network.retraining.schedule import rescheduled
 
                     state = rescheduled(state, params)
         return due_rows

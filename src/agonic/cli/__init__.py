@@ -30,7 +30,7 @@ COMMANDS = {
     "plan": "agonic.headings.commands.plan",
     "simulate": "agonic.cli.simulate",
     "track": "agonic.inflight.commands.track",
-    "retrain": "agonic.cli.retrain",
+    "retrain": "agonic.network.commands.retrain",
     "cite": "agonic.cli.cite",
     "demo": "agonic.cli.demo",
 }

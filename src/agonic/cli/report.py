@@ -47,8 +47,8 @@ def report(
     from agonic.console.output import print_json, say
     from agonic.console.place import expected
     from agonic.files.calibration import load, require_calibration
+    from agonic.network.report.page import network_of
     from agonic.report.html import render
-    from agonic.report.network_page import network_of
     from agonic.report.record import record
     from agonic.report.thermal_page import thermal_of
 
@@ -146,7 +146,7 @@ def _network(
     from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
     from agonic.console.place import expected
-    from agonic.report.network_page import network_file_page
+    from agonic.network.report.page import network_file_page
     from agonic.verification import verify
 
     samples, verification = None, None

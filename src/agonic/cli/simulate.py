@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.alignment.commands import simulate_alignment, simulate_north
-from agonic.cli import simulate_campaign, simulate_fleet, simulate_network, simulate_vehicle
+from agonic.cli import simulate_campaign, simulate_fleet, simulate_vehicle
 from agonic.cli.simulate_campaign import FAULTS
 from agonic.console.options import Json
 from agonic.errors import AgonicError
 from agonic.inflight.commands import simulate_orbit
+from agonic.network.commands import simulate_network
 
 if TYPE_CHECKING:
     from agonic.calibration.affine import Affine

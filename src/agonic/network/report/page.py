@@ -8,9 +8,8 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, beside
 from agonic.calibration.chain import Chain
 from agonic.calibration.network import Network
-from agonic.fitting.network import NetworkChoice, NetworkFit
-from agonic.report import network_figures as figures
-from agonic.report import network_tables as tables
+from agonic.network.fit import NetworkChoice, NetworkFit
+from agonic.network.report import figures, tables
 from agonic.report import tables as common
 from agonic.report.blocks import header, key_figures, part, verdict
 from agonic.report.digits import counted, grouped, minused, percent, quantity
@@ -39,8 +38,8 @@ def network_page(
     fit : from `fit_network`. samples : the readings it was trained on. choice : the table that it
         was chosen from, if one was made. title : default: the sensor.
 
-    >>> from agonic.fitting.network import fit_network
-    >>> from agonic.simulation.network import simulate_nonaffine
+    >>> from agonic.network.fit import fit_network
+    >>> from agonic.network.simulation.network import simulate_nonaffine
     >>> made = simulate_nonaffine(n=1000, hysteresis=0.0)
     >>> page = network_page(fit_network(made.samples, made.reference), made.samples, title="<a>")
     >>> page.count("&lt;a&gt;"), "unseen" in page
@@ -93,8 +92,8 @@ def network_file_page(
     calibration : what is applied. network : it, or its step that is one.
     samples, verification : readings that it was tried on, and what that showed.
 
-    >>> from agonic.fitting.network import fit_network
-    >>> from agonic.simulation.network import simulate_paper
+    >>> from agonic.network.fit import fit_network
+    >>> from agonic.network.simulation.network import simulate_paper
     >>> made = simulate_paper(15.0)
     >>> net = fit_network(made.samples, made.reference, compared=False).calibration
     >>> network_file_page(net, net).count("node 3")

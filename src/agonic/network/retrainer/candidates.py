@@ -16,10 +16,10 @@ from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Running, Window
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.fitting.network import NetworkFit, fit_network
-from agonic.fitting.retraining import movable, moved
 from agonic.maths.equation.network import Shape
-from agonic.retrainer.rows import as_samples
+from agonic.network.fit import NetworkFit, fit_network
+from agonic.network.retrainer.rows import as_samples
+from agonic.network.retraining import model_change, movable
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def candidates(
     found = []
     if movable(running) and isinstance(running, Affine | Network):
         sds = {"bias_sd": params.bias_sd, "matrix_sd": params.matrix_sd}
-        running = moved(running, seen, **sds)
+        running = model_change(running, seen, **sds)
         found.append(Candidate(running, "an affine step"))
         if not whole:
             return found

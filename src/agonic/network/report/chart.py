@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agonic.fitting.network import NetworkChoice, NetworkFit
+from agonic.network.fit import NetworkChoice, NetworkFit
 from agonic.report.markup import Markup, element
 from agonic.report.strips import Axis
 

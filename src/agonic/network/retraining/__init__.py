@@ -1,7 +1,6 @@
 """What keeps a network up to date: its base moved on, candidates judged, changes noticed."""
 
-from agonic.fitting.retraining.findings import findings
-from agonic.fitting.retraining.judged import (
+from agonic.network.retraining.acceptance import (
     CERTAIN,
     Judgement,
     Unseen,
@@ -12,8 +11,9 @@ from agonic.fitting.retraining.judged import (
     noise_of_rows,
     stuck,
 )
-from agonic.fitting.retraining.moved import movable, moved
-from agonic.fitting.retraining.schedule import (
+from agonic.network.retraining.findings import findings
+from agonic.network.retraining.model_change import movable, moved
+from agonic.network.retraining.schedule import (
     Due,
     begun,
     brought_forward,

@@ -13,14 +13,14 @@ from agonic.calibration.base import Validity
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
-from agonic.fitting.network.base import Based
-from agonic.fitting.network.noiseless import Noiseless, Scale
-from agonic.fitting.network.posed import Task
 from agonic.maths.equation import network
 from agonic.maths.estimation import domain, marquardt
 from agonic.maths.estimation.domain import shared
 from agonic.maths.estimation.leastsq import correlation_length, robust_scale
 from agonic.maths.estimation.noise import Noise, noise_of
+from agonic.network.fit.base import Based
+from agonic.network.fit.input_noise import Noiseless, Scale
+from agonic.network.fit.problem import Task
 from agonic.provenance import Provenance
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.calibration.retraining import Retraining
+    from agonic.network.retrainer import Corrected, Retrainer
     from agonic.reference import Reference
-    from agonic.retrainer import Corrected, Retrainer
     from agonic.samples import Samples
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
@@ -82,10 +82,10 @@ def retrain(
     Readings that were seen before, or are flagged, are passed over. Exit status 1 where the last
     retraining was rejected because of its readings, a change is not learned yet, or nothing runs.
     """
-    from agonic.cli.fit_network import _known
     from agonic.console.output import print_json, say
     from agonic.files.calibration import save
-    from agonic.retrainer import Retrainer
+    from agonic.network.commands.fit_network import _known
+    from agonic.network.retrainer import Retrainer
 
     given = {
         "window": window,
@@ -162,9 +162,9 @@ def _started(
     from typing import cast
 
     from agonic.calibration.retraining import RetrainerParams
-    from agonic.cli.fit_network import _target
     from agonic.files.calibration import load
-    from agonic.retrainer import Retrainer
+    from agonic.network.commands.fit_network import _target
+    from agonic.network.retrainer import Retrainer
 
     settings: dict[str, Any] = {"target": given["target"] or _target(samples, known)}
     for name, (unit, length) in spans.items():
@@ -200,7 +200,7 @@ def _new(retrainer: Retrainer, samples: Samples) -> Any:
 
 def _page(path: Path, retrainer: Retrainer, seen: Corrected, title: str) -> str:
     from agonic.atomic import write_atomically
-    from agonic.report.retrain_page import retrain_page
+    from agonic.network.report.retrain_page import retrain_page
 
     return str(write_atomically(path, retrain_page(retrainer, seen, title=title)))
 

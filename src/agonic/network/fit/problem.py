@@ -11,11 +11,11 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH, stacked
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError
-from agonic.fitting.network import base as bases
-from agonic.fitting.network.settings import Settings
 from agonic.health import usable_rows
 from agonic.maths.estimation.series import rates
 from agonic.maths.rotations.attitude import rot_nb
+from agonic.network.fit import base as bases
+from agonic.network.fit.settings import Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
-from agonic.fitting.network import Comparison, NetworkChoice
+from agonic.network.fit import Comparison, NetworkChoice
 from agonic.report.digits import counted, grouped, minused, percent, quantity, with_sd
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.tables import NOTHING

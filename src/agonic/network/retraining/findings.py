@@ -10,7 +10,7 @@ def findings(state: RetrainerState) -> tuple[Finding, ...]:
     """What the user should know about a state.
 
     >>> from agonic.calibration.retraining import RetrainerParams
-    >>> from agonic.fitting.retraining import started
+    >>> from agonic.network.retraining import started
     >>> [finding.name for finding in findings(started(None, RetrainerParams()))]
     ['not trained yet']
     """

@@ -6,8 +6,8 @@ import numpy as np
 
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import Retraining
-from agonic.report import network_figures as figures
-from agonic.report import network_tables as tables
+from agonic.network.report import figures, tables
+from agonic.network.retrainer import Corrected, Retrainer
 from agonic.report import tables as common
 from agonic.report.blocks import header, key_figures, part, verdict
 from agonic.report.digits import NO_BREAK, counted, grouped, minused, quantity
@@ -15,7 +15,6 @@ from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.strips import captioned
 from agonic.report.verdict import moves, sentence
-from agonic.retrainer import Corrected, Retrainer
 
 KICKER = "Network kept up to date"
 MOST = 200
@@ -36,7 +35,7 @@ def retrain_page(retrainer: Retrainer, seen: Corrected, *, title: str = "") -> s
         sensor.
 
     >>> from agonic.calibration.retraining import RetrainerParams
-    >>> from agonic.simulation.network import simulate_paper
+    >>> from agonic.network.simulation.network import simulate_paper
     >>> made = simulate_paper(20.0)
     >>> retrainer = Retrainer(None, RetrainerParams(window_n=500))
     >>> seen = retrainer.update(made.samples, made.reference)

@@ -10,7 +10,7 @@ import typer
 from agonic.console.options import At, Between, Date, Json, LogPath, Magnitude, Sensor, Unit
 
 if TYPE_CHECKING:
-    from agonic.fitting.network import NetworkChoice, NetworkFit
+    from agonic.network.fit import NetworkChoice, NetworkFit
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -77,9 +77,9 @@ def network(
     from agonic.console.output import print_json, say
     from agonic.console.progress import progress
     from agonic.files.calibration import save
-    from agonic.fitting.network import choose_network, fit_network
-    from agonic.report.network_chart import table_chart, training_chart
-    from agonic.report.network_page import network_page
+    from agonic.network.fit import choose_network, fit_network
+    from agonic.network.report.chart import table_chart, training_chart
+    from agonic.network.report.page import network_page
 
     samples = _sensor(log, sensor, unit, between)
     samples, known = _known(samples, reference, unit, (at, date, field))

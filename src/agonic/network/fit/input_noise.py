@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.thermal import Thermal
-from agonic.fitting.network.posed import Task
 from agonic.maths.estimation.leastsq import robust_scale
+from agonic.network.fit.problem import Task
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -10,8 +10,8 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.fitting.network.from_samples import fit_network
-from agonic.fitting.network.result import NetworkFit
+from agonic.network.fit.fit import fit_network
+from agonic.network.fit.result import NetworkFit
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -82,7 +82,7 @@ def choose_network(
 
     Examples
     --------
-    >>> from agonic.simulation.network import simulate_paper
+    >>> from agonic.network.simulation.network import simulate_paper
     >>> made = simulate_paper(15.0, directions="space")
     >>> choice = choose_network(
     ...     made.samples, made.reference, hidden=(3, 2), base=None, stopping="plain"

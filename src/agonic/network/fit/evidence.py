@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.fitting.network.result import WORTH, NetworkFit
 from agonic.health import Finding, figure, gravest_first, inspect
+from agonic.network.fit.result import WORTH, NetworkFit
 from agonic.samples import Samples
 
 STRAYS_DOUBTFUL = 0.1

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.retraining import Retraining
-from agonic.fitting.network import Comparison, NetworkFit
+from agonic.network.fit import Comparison, NetworkFit
 from agonic.report.figures import along_time
 from agonic.report.markup import Markup
 from agonic.report.strips import (

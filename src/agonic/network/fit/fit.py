@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError
-from agonic.fitting.network import evidence
-from agonic.fitting.network.compared import compare
-from agonic.fitting.network.posed import Task, pose
-from agonic.fitting.network.result import NetworkFit
-from agonic.fitting.network.settings import Base, Settings, Target
-from agonic.fitting.network.training import Part, trained
 from agonic.maths.estimation.marquardt import Stopping
+from agonic.network.fit import evidence
+from agonic.network.fit.cross_validation import compare
+from agonic.network.fit.problem import Task, pose
+from agonic.network.fit.result import NetworkFit
+from agonic.network.fit.settings import Base, Settings, Target
+from agonic.network.fit.solve import Part, trained
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -71,7 +71,7 @@ def fit_network(
 
     Examples
     --------
-    >>> from agonic.simulation.network import simulate_nonaffine
+    >>> from agonic.network.simulation.network import simulate_nonaffine
     >>> made = simulate_nonaffine(n=2000, hysteresis=0.0, seed=1)
     >>> fit = fit_network(made.samples, made.reference, hidden=6)
     >>> fit.comparison.winner, fit.comparison.ratio < 0.5

@@ -17,14 +17,14 @@ from agonic.calibration.retraining import (
     Window,
 )
 from agonic.errors import AgonicError
-from agonic.fitting import retraining
-from agonic.fitting.retraining import Judgement, Unseen
 from agonic.health import Finding, figure, sentences, verdict_of
-from agonic.io.retrainfile import load_retrainer, save_retrainer
 from agonic.maths.estimation import cusum
+from agonic.network import retraining
+from agonic.network.files.retrainer import load_retrainer, save_retrainer
+from agonic.network.retrainer.candidates import Candidate, adapted, candidates, corrected, errors
+from agonic.network.retrainer.rows import met, rows_of
+from agonic.network.retraining import Judgement, Unseen
 from agonic.reference import Reference
-from agonic.retrainer.candidates import Candidate, adapted, candidates, corrected, errors
-from agonic.retrainer.rows import met, rows_of
 from agonic.samples import Samples
 
 Array = NDArray[np.float64]
@@ -65,8 +65,8 @@ class Retrainer:
 
     Examples
     --------
-    >>> from agonic.fitting.network import fit_network
-    >>> from agonic.simulation.network import simulate_paper
+    >>> from agonic.network.fit import fit_network
+    >>> from agonic.network.simulation.network import simulate_paper
     >>> made = simulate_paper(30.0)  # the sensor changes at 15 s
     >>> ground = made.select(made.samples.time < 15.0)
     >>> fit = fit_network(ground.samples, ground.reference, base=None, compared=False)
