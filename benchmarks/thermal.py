@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from tests.fitting.chambers import FIELD, KNOWN, campaign, efficient, nine
 
 from agonic import Reference
-from agonic.campaign.published import IMPROVEMENT
-from agonic.fitting.thermal import Facts, fit_binned, fit_thermal
-from agonic.kernels.binned import Binned
-from agonic.simulation.campaign import Faults, simulate_campaign
+from agonic.thermal.campaign.published import IMPROVEMENT
+from agonic.thermal.fit import Facts, fit_binned, fit_thermal
+from agonic.thermal.maths.binned_sums import Binned
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 from benchmarks import tables
 
 Array = NDArray[np.float64]

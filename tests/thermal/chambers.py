@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.kernels.stations import twelve
 from agonic.maths.equation import model, polynomial
 from agonic.maths.estimation import leastsq
 from agonic.simulation.thermal import random_drifting, readings
+from agonic.thermal.maths.stations import twelve
 
 FIELD = 48_000.0
 KNOWN = ag.Reference.constant(FIELD)

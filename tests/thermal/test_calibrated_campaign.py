@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.calibrated_campaign import CalibratedCampaign, calibrate_campaign, chamber_field
-from agonic.calibrated_campaign.chamber_field import Seen
-from agonic.campaign import Campaign, check_campaign
 from agonic.errors import AgonicError
-from agonic.fitting.thermal.gathered import gathered
-from agonic.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
+from agonic.thermal.calibrated import CalibratedCampaign, calibrate_campaign, chamber_field
+from agonic.thermal.calibrated.chamber_field import Seen
+from agonic.thermal.campaign import Campaign, check_campaign
+from agonic.thermal.fit.binning import gathered
+from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 
 RANGE = np.linspace(-10.0, 50.0, 61)
 

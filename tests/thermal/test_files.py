@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.campaign import Campaign
 from agonic.errors import LogError
-from agonic.io.campaign import read_campaign
-from agonic.io.campaign_file import read_description
-from agonic.io.write_campaign import write_campaign
-from agonic.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
+from agonic.thermal.campaign import Campaign
+from agonic.thermal.files.campaign_schema import read_description
+from agonic.thermal.files.read_campaign import read_campaign
+from agonic.thermal.files.write_campaign import write_campaign
+from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 
 SENSORS = "2xMMC5883MA,MPU-9255"
 

@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.fitting.thermal import Facts, fit_binned, fit_thermal
-from agonic.kernels.binned import Binned
-from agonic.kernels.stations import twelve
-from agonic.simulation.campaign import Faults, simulate_campaign
 from agonic.simulation.thermal import readings
-from agonic.simulation.thermal_coil import simulate_thermal_coil
+from agonic.thermal.fit import Facts, fit_binned, fit_thermal
+from agonic.thermal.maths.binned_sums import Binned
+from agonic.thermal.maths.stations import twelve
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
+from agonic.thermal.simulation.thermal_coil import simulate_thermal_coil
 from tests.thermal.chambers import FIELD, KNOWN, campaign, efficient, nine
 
 AT = np.linspace(-10.0, 50.0, 13)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.campaign import Profile, Sensor, Station, plan_thermal, standard_stations
-from agonic.campaign.expected import magnitude_errors, vector_errors
-from agonic.campaign.sensors import listed
 from agonic.maths.equation import affine
 from agonic.maths.rotations.attitude import yaw_pitch_roll
+from agonic.thermal.campaign import Profile, Sensor, Station, plan_thermal, standard_stations
+from agonic.thermal.campaign.expected import magnitude_errors, vector_errors
+from agonic.thermal.campaign.sensors import listed
 
 
 def test_the_standard_programme() -> None:

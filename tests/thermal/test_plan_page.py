@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from agonic.campaign import plan_thermal, standard_stations
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.report.plan import plan_text
-from agonic.report.plan_drawings import FACES, pose_drawing, profile_drawing
-from agonic.report.plan_page import plan_page
+from agonic.thermal.campaign import plan_thermal, standard_stations
+from agonic.thermal.report.plan_drawings import FACES, pose_drawing, profile_drawing
+from agonic.thermal.report.plan_page import plan_page
+from agonic.thermal.report.plan_text import plan_text
 
 SENSORS = "2xMMC5883MA,3xMPU-9255"
 
@@ -75,7 +75,7 @@ def test_the_text_says_everything(plan) -> None:
 
 
 def test_stations_that_determine_nothing_are_warned_of(plan) -> None:
-    from agonic.campaign import Station
+    from agonic.thermal.campaign import Station
 
     flat = [Station(number=k, rot_nb=yaw_pitch_roll(30.0 * k, 0, 0)) for k in range(1, 13)]
     assert "do not determine" in plan_text(plan_thermal("MPU-9255", stations=flat))

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.campaign import Campaign, Profile, Sensor, check_campaign, plan_thermal
-from agonic.simulation.campaign import Faults, simulate_campaign
+from agonic.thermal.campaign import Campaign, Profile, Sensor, check_campaign, plan_thermal
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 
 SENSORS = "2xMMC5883MA,MPU-9255"
 
@@ -185,8 +185,8 @@ def test_clocks_that_start_anew_are_put_in_line(clean) -> None:
 
 
 def test_two_sensors_of_one_name_are_no_description() -> None:
-    from agonic.campaign import Description
     from agonic.errors import AgonicError
+    from agonic.thermal.campaign import Description
 
     with pytest.raises(AgonicError, match="described twice"):
         Description(sensors=(Sensor(name="a"), Sensor(name="a")))

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.campaign import Profile, plan_thermal
 from agonic.errors import AgonicError
-from agonic.simulation.campaign import Faults, simulate_campaign
 from agonic.simulation.thermal import random_drifting
-from agonic.simulation.thermal_coil import simulate_thermal_coil
+from agonic.thermal.campaign import Profile, plan_thermal
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
+from agonic.thermal.simulation.thermal_coil import simulate_thermal_coil
 
 QUIET = {
     "noise": 0.0,

@@ -7,13 +7,13 @@ from html import unescape
 import numpy as np
 import pytest
 
-from agonic.calibrated_campaign import CalibratedCampaign, CalibratedSensor, calibrate_campaign
 from agonic.calibration.thermal import Thermal
 from agonic.health import Finding
-from agonic.report import thermal_figures as figures
 from agonic.report.digits import MINUS, THIN
-from agonic.report.thermal_page import campaign_page, thermal_of, thermal_page
-from agonic.simulation.campaign import simulate_campaign
+from agonic.thermal.calibrated import CalibratedCampaign, CalibratedSensor, calibrate_campaign
+from agonic.thermal.report import figures
+from agonic.thermal.report.page import campaign_page, thermal_of, thermal_page
+from agonic.thermal.simulation.campaign import simulate_campaign
 
 EVIL = "</style><img src=x onerror=alert(1)>&\"'"
 

@@ -9,7 +9,6 @@ import typer
 
 from agonic.alignment.commands import fit_alignment, fit_coil, fit_gravity, fit_north
 from agonic.attitude import command
-from agonic.cli import fit_thermal
 from agonic.console.options import (
     At,
     Between,
@@ -25,6 +24,7 @@ from agonic.errors import AgonicError
 from agonic.headings.commands import fit_deviation
 from agonic.inflight.commands import fit_inflight
 from agonic.network.commands import fit_network
+from agonic.thermal.commands import fit_thermal
 
 if TYPE_CHECKING:
     from agonic.calibrated import Calibrated

@@ -50,7 +50,7 @@ def report(
     from agonic.network.report.page import network_of
     from agonic.report.html import render
     from agonic.report.record import record
-    from agonic.report.thermal_page import thermal_of
+    from agonic.thermal.report.page import thermal_of
 
     given = require_calibration(load(cal))
     network = network_of(given)
@@ -92,7 +92,7 @@ def _thermal(
     from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
     from agonic.console.place import expected
-    from agonic.report.thermal_page import thermal_page
+    from agonic.thermal.report.page import thermal_page
     from agonic.verification import verify
 
     samples, verification = None, None

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.alignment.commands import simulate_alignment, simulate_north
-from agonic.cli import simulate_campaign, simulate_fleet, simulate_vehicle
-from agonic.cli.simulate_campaign import FAULTS
+from agonic.cli import simulate_fleet, simulate_vehicle
 from agonic.console.options import Json
 from agonic.errors import AgonicError
 from agonic.inflight.commands import simulate_orbit
 from agonic.network.commands import simulate_network
+from agonic.thermal.commands import simulate_campaign
+from agonic.thermal.commands.simulate_campaign import FAULTS
 
 if TYPE_CHECKING:
     from agonic.calibration.affine import Affine

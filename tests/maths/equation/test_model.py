@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.kernels import chamber, coil, fixture, positions, thermal_bins, wander
-from agonic.kernels.beliefs import beliefs
-from agonic.kernels.stations import twelve
 from agonic.maths.equation import model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis
 from agonic.maths.estimation import leastsq
+from agonic.thermal.maths import (
+    bins,
+    estimate,
+    fixture,
+    gaussian_process,
+    station_residuals,
+    vector_coil,
+)
+from agonic.thermal.maths.prior import beliefs
+from agonic.thermal.maths.stations import twelve
 
 RNG = np.random.default_rng(0)
 
@@ -81,7 +88,7 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
     bias, matrix = model.local(truth, onto, phi)
     points = bias + np.linalg.solve(matrix, seen[station][:, :, None])[:, :, 0]
     points = points + noise * rng.normal(size=points.shape)
-    problem = positions.Problem(
+    problem = station_residuals.Problem(
         points=points,
         covariance=np.tile(max(noise, 1e-6) ** 2 * np.eye(3), (264, 1, 1)),
         phi=phi,
@@ -100,9 +107,9 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
 @pytest.mark.parametrize("rate", [False, True])
 def test_without_noise_the_truth_comes_back(rate: bool) -> None:
     problem, truth, start, mount = campaign(rate=rate)
-    alone = chamber.by_magnitude(problem, start)
+    alone = estimate.by_magnitude(problem, start)
     assert alone.coefficients == pytest.approx(truth, abs=1e-6)
-    known = chamber.by_turns(problem, alone.coefficients)
+    known = estimate.by_turns(problem, alone.coefficients)
     assert known.coefficients == pytest.approx(truth, abs=1e-6)
     assert known.poses is not None
     angle = Rotation.from_matrix(known.poses.mount @ mount.T).magnitude()
@@ -115,18 +122,18 @@ def test_all_jacobians_of_the_joint_problem_are_derivatives(taught: str, derivat
     problem, _, start, _ = campaign(noise=1e-3, rate=True)
     m = len(problem.points)
     time = np.linspace(-0.5, 0.5, m)
-    problem = problem._replace(pace=time, course=wander.course(time, problem.station))
+    problem = problem._replace(pace=time, course=gaussian_process.course(time, problem.station))
     poses = None
     if taught == "turns":
-        seen = positions.directions(problem, start)
+        seen = station_residuals.directions(problem, start)
         found = fixture.mounted(seen, problem.rot_nb)
-        poses = positions.Poses(seen, found.mount, found.field)
+        poses = station_residuals.Poses(seen, found.mount, found.field)
     width = problem.clock.shape[1] * (1 if poses is None else 3)
-    slow = wander.Wander(0.01, ("smooth", 1.0), 20.0)
+    slow = gaussian_process.Wander(0.01, ("smooth", 1.0), 20.0)
     followed = np.zeros((m, 1 if poses is None else 3))
-    state = positions.State(start, np.zeros(width), poses, 1e-6, 0.02, slow, followed)
-    pieces, prior = positions.pieces(problem, state), beliefs(problem, state)
-    at = positions.parameters(state, len(start))
+    state = station_residuals.State(start, np.zeros(width), poses, 1e-6, 0.02, slow, followed)
+    pieces, prior = station_residuals.pieces(problem, state), beliefs(problem, state)
+    at = station_residuals.parameters(state, len(start))
     at = at + 1e-3 * RNG.normal(size=len(at))
     _, jacobian = next(iter(pieces(at)))
     found = derivative(lambda p: next(iter(pieces(p)))[0], at, 1e-6)
@@ -141,7 +148,7 @@ def test_each_temperature_by_itself_agrees_with_one_solved_alone() -> None:
     points = problem.points.reshape(12, 2, 11, 3)[:, 0].swapaxes(0, 1)
     covariance = np.tile(4e-8 * np.eye(3), (11, 12, 1, 1))
     start = np.tile(np.array([0, 0, 0, 1.0, 1, 1, 0, 0, 0]), (11, 1))
-    found = thermal_bins.ellipsoids(points, covariance, np.ones((11, 12), dtype=bool), start)
+    found = bins.ellipsoids(points, covariance, np.ones((11, 12), dtype=bool), start)
     assert found.determined.all()
     basis = model_basis("full")
 
@@ -163,7 +170,7 @@ def test_eight_stations_do_not_determine_a_temperature() -> None:
     there[1, :4] = False
     points = np.tile(np.swapaxes(twelve(), 1, 2) @ [0.4, 0.1, 0.911], (2, 1, 1))
     start = np.tile(np.array([0, 0, 0, 1.0, 1, 1, 0, 0, 0]), (2, 1))
-    found = thermal_bins.ellipsoids(points, np.tile(1e-6 * np.eye(3), (2, 12, 1, 1)), there, start)
+    found = bins.ellipsoids(points, np.tile(1e-6 * np.eye(3), (2, 12, 1, 1)), there, start)
     assert found.determined.tolist() == [True, False]
 
 
@@ -196,7 +203,7 @@ def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> Non
         bias, matrix = model.local(truth, onto, phi)
         raw = bias + np.linalg.solve(matrix, field[:, :, None])[:, :, 0]
         raw = raw + 0.1 * rng.normal(size=raw.shape)
-        found = coil.estimate(coil.Problem(raw, field, phi, 1), robust=False)
+        found = vector_coil.estimate(vector_coil.Problem(raw, field, phi, 1), robust=False)
         assert found.noise.sd == pytest.approx(0.1, rel=0.05)
         sd = np.sqrt(np.diag(found.solution.covariance))
         errors.append((found.solution.params - truth) / sd)

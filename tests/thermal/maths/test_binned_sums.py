@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.kernels.binned import Binned
+from agonic.thermal.maths.binned_sums import Binned
 
 
 def recording(seed: int = 0, n: int = 3000):

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agonic.kernels import stations
 from agonic.maths.equation.affine import magnitude_residual, model_basis
 from agonic.maths.estimation.leastsq import condition
+from agonic.thermal.maths import stations
 
 
 def test_they_are_rotations_each_face_up_twice_a_quarter_turn_apart() -> None:

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from agonic.alignment.commands import plan_alignment
-from agonic.cli import plan_thermal
 from agonic.console.options import Json
+from agonic.thermal.commands import plan_thermal
 
 
 def add_to(app: typer.Typer) -> None:

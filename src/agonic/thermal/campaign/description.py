@@ -1,0 +1,112 @@
+"""`Description`: what a campaign is about: sensors, stations, profile, the chamber's field."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from scipy.spatial.transform import Rotation
+
+from agonic.errors import AgonicError
+from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.campaign.sensors import Sensor
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Station:
+    """One static position: its `number`, the `pose` in words, and how the box stands.
+
+    `rot_nb` turns the axes of the box into those of the chamber; `None` where it is not known.
+    `file` is its recording, "" where the description's pattern names it.
+    """
+
+    number: int
+    pose: str = ""
+    rot_nb: Rotation | None = None
+    file: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Description:
+    """What one has to know to make sense of the recordings of a campaign.
+
+    Parameters
+    ----------
+    sensors : those under test; none where the files are to tell.
+    stations : the static positions.
+    files : the name of a station's recording with {station} for its number, a pattern such as
+        "*.csv", or one file with all stations.
+    profile : the programme of the chamber; `None` where it is not known.
+    magnitude : of the chamber's field, nT; inclination_deg : its dip, where known.
+    rate_Hz : readings a second. name : of the campaign. notes : what to say of it.
+    """
+
+    sensors: tuple[Sensor, ...] = ()
+    stations: tuple[Station, ...] = ()
+    files: str = ""
+    profile: Profile | None = None
+    magnitude: float | None = None
+    inclination_deg: float | None = None
+    rate_Hz: float | None = None
+    name: str = ""
+    fixture_sd_deg: float = 1.0
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    def __post_init__(self) -> None:
+        for what, given in (
+            ("sensor", [sensor.name for sensor in self.sensors]),
+            ("station", [station.number for station in self.stations]),
+        ):
+            twice = repeated(given)
+            if twice:
+                raise AgonicError(f"{what} {', '.join(map(str, twice))} is described twice")
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the stations."""
+        return tuple(station.number for station in self.stations)
+
+    @property
+    def rotations(self) -> dict[int, Rotation] | None:
+        """How the box stands at each station; `None` where that is not known of all."""
+        known = {s.number: s.rot_nb for s in self.stations if s.rot_nb is not None}
+        return known if known and len(known) == len(self.stations) else None
+
+
+def repeated(values: Iterable[object]) -> list[object]:
+    """The values that are there more than once.
+
+    >>> repeated(["a", "b", "a"])
+    ['a']
+    """
+    return [value for value, times in Counter(values).items() if times > 1]
+
+
+def ranges(numbers: Iterable[int]) -> str:
+    """Numbers in words, runs of three and more drawn together.
+
+    >>> ranges([7, 2, 3, 4, 10]), ranges([5])
+    ('2–4, 7, 10', '5')
+    """
+    left = sorted(set(numbers))
+    parts: list[str] = []
+    while left:
+        run = 1
+        while run < len(left) and left[run] == left[0] + run:
+            run += 1
+        if run < 3:
+            run = 1
+        parts.append(f"{left[0]}–{left[run - 1]}" if run > 1 else f"{left[0]}")
+        left = left[run:]
+    return ", ".join(parts)
+
+
+def stations(numbers: Iterable[int]) -> str:
+    """Stations by number, in words.
+
+    >>> stations([3]), stations([2, 3, 4])
+    ('station 3', 'stations 2–4')
+    """
+    given = set(numbers)
+    return f"station{'s' if len(given) > 1 else ''} {ranges(given)}"

@@ -1,0 +1,193 @@
+"""What a fit gives away: what is undetermined, turns that do not fit, a field that moved."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.health import Finding, figure
+from agonic.thermal.fit.problem import Posed
+from agonic.thermal.fit.recordings_fit import named
+from agonic.thermal.fit.result import COEFFICIENTS, ThermalFit
+from agonic.thermal.fit.solve import Turns
+from agonic.thermal.maths.binned_sums import Binned
+
+Array = NDArray[np.float64]
+
+UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
+REFUSED = 0.05
+NARROW_C = 10.0
+ODD_DEG = 3.0
+DRIFT_DOUBTFUL = 1e-3
+EXCESS_DOUBTFUL = 5e-3
+STRAYS_DOUBTFUL = 0.05
+HYSTERESIS_DOUBTFUL = 2e-3
+
+
+def of_fit(fit: ThermalFit, of: Posed, sums: Binned, turns: Turns | None) -> list[Finding]:
+    """What the fit says: what is not determined, turns, drift, scatter, hysteresis, anomalies."""
+    found = [
+        _undetermined(fit),
+        _range(of),
+        _turns(turns),
+        _odd(fit),
+        _drift(fit),
+        _scatter(fit),
+        _hysteresis(fit),
+        _anomalies(fit, sums),
+    ]
+    return [finding for finding in found if finding is not None]
+
+
+def relative_sd(fit: ThermalFit) -> Array:
+    """Standard errors of the nine at the worst temperature of the range, over the field, (9,)."""
+    calibration = fit.calibration
+    assert calibration.validity.temperature_C is not None
+    assert calibration.magnitude is not None
+    gain = float(np.trace(calibration.matrix[0]) / 3)
+    sd = calibration.sd_at(np.linspace(*calibration.validity.temperature_C, 25)).max(axis=0)
+    relative = sd / gain
+    relative[:3] *= gain**2 / calibration.magnitude
+    return np.asarray(relative)
+
+
+def _undetermined(fit: ThermalFit) -> Finding | None:
+    relative = relative_sd(fit)
+    poor = [name for name, sd in zip(COEFFICIENTS, relative, strict=True) if sd > UNKNOWN]
+    if not poor:
+        return None
+    held = [name for name in COEFFICIENTS if name not in poor]
+    worst = float(relative.max())
+    return Finding(
+        "undetermined",
+        "refuse" if worst > REFUSED else "check",
+        f"{', '.join(poor)} {'are' if len(poor) > 1 else 'is'} known to {figure(100 * worst)} % of "
+        f"the field only; {', '.join(held) or 'nothing'} remain{'s' if len(held) == 1 else ''} "
+        "determined",
+        "record the missing stations, or describe how the stations stood (stations='known')",
+    )
+
+
+def _range(of: Posed) -> Finding | None:
+    low, high = of.scale.low_C, of.scale.high_C
+    if high - low >= NARROW_C:
+        return None
+    return Finding(
+        "small range",
+        "check",
+        f"the temperature only runs from {low:.1f} to {high:.1f} °C",
+        "cool and heat over the range of use; beyond it the correction is a guess",
+    )
+
+
+def _turns(turns: Turns | None) -> Finding | None:
+    """Described turns that the readings contradict."""
+    if turns is None or turns.believed:
+        return None
+    if turns.exchange is not None:
+        return Finding(
+            "swapped stations",
+            "check",
+            f"{named(turns.exchange)} look exchanged in the description: with them exchanged the "
+            f"directions fit the turns to {figure(turns.exchanged_rms_deg)}°, as described only to "
+            f"{figure(turns.rms_deg)}°; only the magnitude was used",
+            "exchange them in the description and fit again",
+        )
+    return Finding(
+        "turns",
+        "check",
+        f"the readings do not fit the described turns of the stations: {figure(turns.rms_deg)}° "
+        "are left; only the magnitude was used",
+        "check how the box stood at each station",
+    )
+
+
+def _odd(fit: ThermalFit) -> Finding | None:
+    """Stations that stood elsewhere than described."""
+    if fit.fixture is None:
+        return None
+    odd = {n: angle for n, angle in fit.fixture.turned_deg.items() if angle > ODD_DEG}
+    if not odd:
+        return None
+    return Finding(
+        "fixture",
+        "check",
+        f"{named(odd)} stood up to {max(odd.values()):.1f}° from where described; that was allowed "
+        "for",
+        "seat the box against the stops of the fixture",
+    )
+
+
+def _drift(fit: ThermalFit) -> Finding | None:
+    if fit.drift is None or fit.calibration.magnitude is None:
+        return None
+    size = float(np.linalg.norm(fit.drift))
+    share = size / fit.calibration.magnitude
+    along = " along itself" if len(fit.drift) == 1 else ""
+    return Finding(
+        "field drifted",
+        "check" if share > DRIFT_DOUBTFUL else "note",
+        f"the chamber's field changed by {figure(size)} {fit.calibration.unit_out}{along} from the "
+        "first reading to the last; that was allowed for",
+        "keep iron, vehicles and currents away from the chamber",
+    )
+
+
+def _scatter(fit: ThermalFit) -> Finding | None:
+    """A field that changed slowly, or means of bins that scatter beyond the noise."""
+    if fit.calibration.magnitude is None or fit.excess == fit.field_sd == 0.0:
+        return None
+    if fit.field_sd > 0.0:
+        return Finding(
+            "field changes",
+            "check" if fit.field_sd > EXCESS_DOUBTFUL * fit.calibration.magnitude else "note",
+            f"the chamber's field changed slowly, by {figure(fit.field_sd)} "
+            f"{fit.calibration.unit_out} (one standard deviation), which was allowed for and "
+            "limits the accuracy",
+            "keep vehicles and currents away; compare the sensors of the campaign",
+        )
+    gain = float(np.trace(fit.calibration.matrix[0]) / 3)
+    share = fit.excess * gain / fit.calibration.magnitude
+    return Finding(
+        "field changes",
+        "check" if share > EXCESS_DOUBTFUL else "note",
+        f"the means of bins scatter by {figure(fit.excess)} {fit.calibration.unit_in} beyond the "
+        "noise of the readings: the chamber's field changed, or the polynomial does not hold",
+        "look at the residuals against time; compare the sensors of the campaign",
+    )
+
+
+def _hysteresis(fit: ThermalFit) -> Finding | None:
+    h = fit.hysteresis
+    magnitude = fit.calibration.magnitude
+    if h is None or magnitude is None or fit.drift is not None:
+        return None
+    gain = float(np.trace(fit.calibration.matrix[0]) / 3)
+    sizes = np.concatenate([np.full(3, gain), np.full(6, magnitude / gain)])
+    surely = np.abs(h.difference) > 5 * h.sd * max(fit.correlation, 1.0) ** 0.5
+    size = np.where(surely, np.abs(h.difference) * sizes, 0.0)
+    if not (size > max(1e-4 * magnitude, 1.5 * fit.field_sd)).any():
+        return None
+    worst = int(np.argmax(size))
+    handled = fit.calibration.rate is not None
+    return Finding(
+        "hysteresis",
+        "note" if handled or size[worst] < HYSTERESIS_DOUBTFUL * magnitude else "check",
+        f"{COEFFICIENTS[worst]} differs by {figure(float(size[worst]))} nT of field between "
+        f"cooling and heating{', which the term in dT/dt describes' if handled else ''}",
+        "" if handled else "cool and heat more slowly, or fit with rate=True",
+    )
+
+
+def _anomalies(fit: ThermalFit, sums: Binned) -> Finding | None:
+    count = sum(anomaly.count for anomaly in fit.anomalies)
+    if not count:
+        return None
+    share = count / (count + len(sums))
+    return Finding(
+        "anomalies",
+        "check" if share > STRAYS_DOUBTFUL else "note",
+        f"{count} readings ({figure(100 * share)} %) stood out of the running median and were left "
+        f"out, at {named(anomaly.station for anomaly in fit.anomalies)}",
+        "look for disturbances at those times" if share > STRAYS_DOUBTFUL else "",
+    )

@@ -1,0 +1,252 @@
+"""`fit_thermal`: bias and matrix over temperature, from turned stations or a known field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError
+from agonic.health import Finding, figure, gravest_first
+from agonic.provenance import Provenance
+from agonic.reference import Reference
+from agonic.samples import Samples
+from agonic.thermal.fit import bins as by_bins
+from agonic.thermal.fit import evidence, recordings_fit
+from agonic.thermal.fit.binning import Facts, facts_of, gathered
+from agonic.thermal.fit.improvement import spread_of
+from agonic.thermal.fit.problem import Posed, posed, restored
+from agonic.thermal.fit.result import Anomaly, Fixture, ThermalFit
+from agonic.thermal.fit.settings import Settings
+from agonic.thermal.fit.solve import Solved, solved
+from agonic.thermal.fit.vector_fit import fit_to_vector
+from agonic.thermal.maths.binned_sums import Binned
+from agonic.thermal.maths.estimate import UNREST
+
+Array = NDArray[np.float64]
+
+METHOD = ("nikolaev-2023", "huber-1981")
+OF_TURNS, OF_CHANGES, OF_DRIFT = "mackay-1992", "patterson-thompson-1971", "hoeting-1999"
+_FINEST_DEG = 0.001
+
+
+def fit_thermal(
+    samples: Samples, reference: Reference | None = None, **settings: Any
+) -> ThermalFit:
+    """Bias and matrix as polynomials in the sensor's temperature.
+
+        field = W(T) (raw − b(T)),   W(T) = k0 + k1 x + k2 x² + …,   x = (T − centre)/half range
+
+    From recordings at turned stations in a chamber whose field is constant: anomalous readings are
+    dropped; the means of each station are taken per temperature, cooling and heating apart; all
+    stations and temperatures are solved at once, weighted. The magnitude of the field teaches, and
+    where the turns of the stations are known, its direction too: one unknown vector in the chamber,
+    the stations' turns to be estimated with a prior on their errors. With a vector for each reading
+    (`Reference.vector` in the axes m or b, as in a coil) no stations are needed.
+
+    Parameters
+    ----------
+    samples : with `temperature` and `station`; with `time` for the term in dT/dt and for a drift
+        of the chamber's field.
+    reference : the chamber's magnitude. Without it the mean gain at the centre of the range is set
+        to 1. Or the field vector at each reading.
+    bin_width_C : of the temperature bins, 0.5 by default.
+    degree : of the polynomials, 3 by default, or "auto": the smallest after which the variance of
+        the residuals stops falling markedly.
+    stations : "unknown" (the magnitude alone), "known" for the standard twelve by number, or a
+        rotation from the box to the chamber for each number.
+    fixture_sd_deg : how well the stations stand as described, 1° by default; the readings say
+        whether it is better or worse, and that is used, unless `fixture_known`.
+    rate : a term in dT/dt of the bias: True, False, or "auto" where the readings ask for it.
+    drift : a steady change of the chamber's field: True, False, or "auto": averaged over being
+        there and not, as the readings make it likely.
+    soft_iron_sd : prior on what makes W differ from a multiple of the identity; it only matters
+        where stations are missing.
+
+    Returns a `ThermalFit`; `fit.ok` and `fit.status` say whether to use it. Raises `LogError`
+    without temperature or station, `CoverageError` where nothing can be determined.
+
+    Source: Nikolaev et al. 2023, sections 2 and 3; the joint refinement and the known turns are
+    maximum likelihood with Huber's (1981) covariance, the width of the belief in the fixture
+    MacKay's (1992); slow changes of the chamber's field are found by restricted likelihood
+    (Patterson & Thompson 1971), a steady one is averaged over being there or not (Hoeting et al.
+    1999).
+
+    Examples
+    --------
+    >>> from agonic.thermal.maths.stations import twelve
+    >>> t = np.concatenate([np.linspace(50.0, -10.0, 300), np.linspace(-10.0, 50.0, 300)])
+    >>> drifting = np.outer((t - 20.0) / 30.0, [2000.0, -500.0, 800.0])
+    >>> seen = np.swapaxes(twelve(), 1, 2) @ [20_000.0, 0.0, 43_000.0]
+    >>> noise = 100.0 * np.random.default_rng(0).normal(size=(12, 600, 3))
+    >>> samples = Samples(field=(seen[:, None] + drifting + noise).reshape(-1, 3),
+    ...                   temperature=np.tile(t, 12), station=np.repeat(np.arange(1, 13), 600))
+    >>> fit = fit_thermal(samples, Reference.constant(47_423.6), degree=1, stations="known")
+    >>> fit.calibration.bias[1].round(-2).tolist(), fit.verdict
+    ([2000.0, -500.0, 800.0], 'good')
+    """
+    chosen = Settings(**settings)
+    if reference is not None and reference.kind == "vector" and len(reference.values) > 1:
+        return fit_to_vector(samples, reference, chosen)
+    sums, findings = gathered(samples, chosen.bin_width_C)
+    return fit_binned(sums, facts_of(samples), reference, found=findings, **settings)
+
+
+def fit_binned(
+    sums: Binned,
+    facts: Facts,
+    reference: Reference | None = None,
+    *,
+    found: tuple[Finding, ...] = (),
+    **settings: Any,
+) -> ThermalFit:
+    """`fit_thermal` from sums that were added up piece by piece.
+
+    Parameters
+    ----------
+    sums : `Binned`, of all stations. facts : whose readings they are. found : what the reader came
+        across. The others as in `fit_thermal`; `bin_width_C` is that of the sums.
+    """
+    chosen = Settings(**{**settings, "bin_width_C": sums.width_C})
+    if not sums.stations:
+        raise AgonicError("no readings were added; add the recordings of the stations first")
+    left_out = recordings_fit.still(sums)
+    of = posed(sums, left_out, reference, facts.unit)
+    result = solved(of, chosen)
+    largest = max(seen.largest for seen in sums.stations.values())
+    provenance = Provenance(
+        inputs=() if facts.source is None else (facts.source,),
+        settings=_told(chosen, reference, result, of),
+        method=_method(result),
+    )
+    calibration = restored(result.estimate, result.problem, of, facts, largest, provenance)
+    fit = _assembled(calibration, result, of, sums)
+    findings = [
+        *found,
+        *recordings_fit.of_recordings(sums, left_out, chosen),
+        *evidence.of_fit(fit, of, sums, result.turns),
+    ]
+    fit = replace(fit, findings=gravest_first(findings))
+    return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, reference))
+
+
+def _told(
+    settings: Settings, reference: Reference | None, result: Solved, of: Posed
+) -> dict[str, Any]:
+    """What was chosen, for the provenance."""
+    words = "none: mean gain at the centre of the range set to 1"
+    if reference is not None:
+        words = f"{of.scale.magnitude:g} nT ({reference.source})"
+    taught = "magnitude" if result.problem.rot_nb is None else "turns"
+    return {"fit": "thermal", "taught_by": taught, "reference": words, **settings.recorded()}
+
+
+def _method(result: Solved) -> tuple[str, ...]:
+    """The sources of what was used."""
+    of = result.problem
+    used = {
+        OF_TURNS: of.rot_nb is not None and not of.fixture_known,
+        OF_CHANGES: of.course is not None,
+        OF_DRIFT: of.pace is not None and not of.drifting,
+    }
+    return (*METHOD, *(key for key, there in used.items() if there))
+
+
+def _assembled(calibration: Thermal, result: Solved, of: Posed, sums: Binned) -> ThermalFit:
+    """The fit with everything but its findings."""
+    estimate, scale = result.estimate, of.scale
+    gain, unit = _gain(result), scale.magnitude or calibration.magnitude or scale.size
+    factor = scale.size if scale.magnitude is None else scale.magnitude
+    divisor = gain if scale.magnitude is None else 1.0
+    bins = by_bins.bins(result.separate, of, factor / scale.size, divisor)
+    drift = estimate.drift * unit if result.drifts else None
+    return ThermalFit(
+        calibration=calibration,
+        taught_by="magnitude" if result.problem.rot_nb is None else "turns",
+        n=int(of.cells.n.sum()),
+        residuals=estimate.residuals * scale.size,
+        weights=estimate.weights,
+        temperature=of.cells.temperature,
+        station=of.cells.number,
+        heating=of.cells.heating,
+        noise=float(np.sqrt(np.trace(of.noise) / 3)),
+        excess=float(np.sqrt(estimate.excess)) * scale.size,
+        correlation=estimate.correlation,
+        condition=estimate.condition,
+        iterations=estimate.iterations,
+        converged=estimate.converged,
+        bins=bins,
+        variances=by_bins.curves(result.separate, of),
+        hysteresis=by_bins.hysteresis(bins),
+        spread=spread_of(of.cells, calibration),
+        fixture=_fixture(result, of, unit),
+        drift=drift,
+        drift_sd=None if drift is None else np.sqrt(np.diag(estimate.drift_covariance)) * unit,
+        field_sd=estimate.slow.sd * unit if estimate.slow.gain > UNREST else 0.0,
+        anomalies=_anomalies(sums),
+        tests=result.tests,
+    )
+
+
+def _gain(result: Solved) -> float:
+    p = result.problem.degree + 1
+    return float(result.estimate.coefficients[[3 * p, 4 * p, 5 * p]].mean())
+
+
+def _fixture(result: Solved, of: Posed, unit: float) -> Fixture | None:
+    estimate = result.estimate
+    if estimate.poses is None or estimate.turned is None:
+        return None
+    angles = np.degrees(estimate.turned).tolist()
+    return Fixture(
+        mounting=Rotation.from_matrix(estimate.poses.mount),
+        field_n=estimate.poses.field * unit,
+        turned_deg=dict(zip(of.numbers, angles, strict=True)),
+        sd_deg=float(np.degrees(estimate.fixture_sd)),
+    )
+
+
+def _anomalies(sums: Binned) -> tuple[Anomaly, ...]:
+    """Readings left out by station."""
+    by: dict[int, list[Array]] = {}
+    for left in sums.anomalies:
+        by.setdefault(left.station, []).append(left.times)
+    return tuple(
+        Anomaly(station=number, count=sum(map(len, times)), times=np.concatenate(times))
+        for number, times in sorted(by.items())
+    )
+
+
+def _remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ...]:
+    """How good the result is, in words."""
+    calibration = fit.calibration
+    assert calibration.validity.temperature_C is not None
+    assert calibration.magnitude is not None
+    low, high = calibration.validity.temperature_C
+    sd = calibration.sd_at(np.linspace(low, high, 25))
+    said = [
+        f"bias known to {figure(float(sd[:, :3].max()))} {calibration.unit_in} and the matrix to "
+        f"{figure(float(sd[:, 3:].max()) * calibration.magnitude / _mean_gain(calibration))} "
+        f"{calibration.unit_out} of field at every temperature from {low:.0f} to {high:.0f} °C",
+    ]
+    if fit.fixture is not None:
+        sd_deg = fit.fixture.sd_deg
+        words = f"to {figure(sd_deg)}°" if sd_deg > _FINEST_DEG else f"to {_FINEST_DEG}° or better"
+        said.append(f"the stations stood as described {words}")
+    if calibration.rate is not None:
+        said += [test.sentence for test in fit.tests if test.larger == "rate"]
+    if reference is None:
+        said.append(
+            "no reference magnitude was given, so the mean gain at "
+            f"{calibration.centre_C:.0f} °C is set to 1 (magnitude "
+            f"{figure(calibration.magnitude, 5)} {calibration.unit_in})"
+        )
+    return tuple(said)
+
+
+def _mean_gain(calibration: Thermal) -> float:
+    return float(np.trace(calibration.matrix[0]) / 3)

@@ -1,0 +1,85 @@
+"""What there is to choose for a temperature fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from agonic.errors import AgonicError
+from agonic.thermal.maths.stations import twelve
+
+Array = NDArray[np.float64]
+Stations = Literal["known", "unknown"] | Mapping[int, Rotation]
+
+LARGEST_DEGREE = 9
+LARGEST_AUTO = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a fit; see `fit_thermal`."""
+
+    bin_width_C: float = 0.5
+    degree: int | Literal["auto"] = 3
+    stations: Stations = "unknown"
+    fixture_sd_deg: float = 1.0
+    fixture_known: bool = False
+    rate: bool | Literal["auto"] = "auto"
+    drift: bool | Literal["auto"] = "auto"
+    soft_iron_sd: float = 0.1
+    robust: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("bin_width_C", "fixture_sd_deg", "soft_iron_sd"):
+            if not getattr(self, name) > 0:
+                raise AgonicError(f"{name} is {getattr(self, name)}; it must be above zero")
+        whole = isinstance(self.degree, int) and 0 <= self.degree <= LARGEST_DEGREE
+        if self.degree != "auto" and not whole:
+            raise AgonicError(
+                f"degree {self.degree!r} is none; give 0 to {LARGEST_DEGREE}, or 'auto'"
+            )
+        for name in ("rate", "drift"):
+            given = getattr(self, name)
+            if given not in (True, False, "auto"):
+                raise AgonicError(f"{name} {given!r} is neither True, False nor 'auto'")
+        if isinstance(self.stations, str) and self.stations not in ("known", "unknown"):
+            raise AgonicError(
+                f"stations {self.stations!r} is not known; give 'known' for the standard twelve, "
+                "'unknown', or a rotation for each number"
+            )
+
+    @property
+    def turns(self) -> dict[int, Array] | None:
+        """The described rotation (3, 3), box to chamber, by number; `None` where unknown."""
+        if isinstance(self.stations, str):
+            if self.stations == "unknown":
+                return None
+            return dict(enumerate(twelve(), start=1))
+        return {int(number): turn.as_matrix() for number, turn in self.stations.items()}
+
+    def recorded(self) -> Mapping[str, Any]:
+        """The settings for the provenance."""
+        described = self.stations
+        if not isinstance(described, str):
+            described_text: Any = {
+                str(number): np.roll(turn.as_quat(), 1).round(9).tolist()
+                for number, turn in described.items()
+            }
+        else:
+            described_text = described
+        return {
+            "bin_width_C": self.bin_width_C,
+            "degree": self.degree,
+            "stations": described_text,
+            "fixture_sd_deg": self.fixture_sd_deg,
+            "fixture_known": self.fixture_known,
+            "rate": self.rate,
+            "drift": self.drift,
+            "soft_iron_sd": self.soft_iron_sd,
+            "robust": self.robust,
+        }

@@ -1,0 +1,284 @@
+"""W(T) and b(T) from the mean readings of turned stations in a field of unknown direction.
+
+The magnitude of the field teaches as on an ellipsoid; where the turns between the stations are
+known, the direction at a station is one unknown too and does not change with temperature, and a
+prior ties it to the described turn. What scatters, how far stations stand off, and how much the
+field changed slowly is told by the readings themselves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.model_averaging import averaged
+from agonic.maths.estimation.noise import noise_of
+from agonic.thermal.maths import fixture, gaussian_process
+from agonic.thermal.maths.prior import beliefs, stepped
+from agonic.thermal.maths.station_residuals import (
+    Poses,
+    Problem,
+    State,
+    directions,
+    parameters,
+    pieces,
+    residuals,
+    spaces,
+)
+
+Array = NDArray[np.float64]
+
+_FIRST_EXCESS = 0.01**2
+UNREST = 16.0
+"""Twice the logarithm of the likelihood by which slow changes must show to be spoken of."""
+RARE, LIKELY = 0.05, 0.5
+"""Probability of a drift before the readings are seen: of a field at rest, of one that changes."""
+_IMPLAUSIBLE = 0.015
+_ROUNDS = 25
+_FREE = 4
+_STRAY = 5.0
+_LEAST_TURN = 1e-7  # rad: the fixture is never believed to be better than this
+
+
+class Estimate(NamedTuple):
+    """The most probable coefficients (a,) and their covariance, and what the cells say.
+
+    `residuals` are (m,) where the magnitude taught and (m, 3) where the vector did, in the
+    normalised unit, and `weights` (m,) what the robust loss left of each mean; `excess` is the
+    variance by which means scatter beyond their noise; `drift` (1,) or (3,) how the field changed
+    over the campaign (along itself, or in the chamber's axes), with its covariance; `slow` its
+    slow changes at each station. Only where turns are known: `poses`, `fixture_sd` (rad), and
+    `turned` (k,), the angle by which each station stood off.
+    """
+
+    coefficients: Array
+    covariance: Array
+    residuals: Array
+    weights: Array
+    excess: float
+    correlation: float
+    condition: float
+    iterations: int
+    converged: bool
+    drift: Array
+    drift_covariance: Array
+    slow: gaussian_process.Wander
+    poses: Poses | None = None
+    fixture_sd: float = 0.0
+    turned: Array | None = None
+
+
+def by_magnitude(problem: Problem, start: Array) -> Estimate:
+    """The coefficients that the magnitude alone teaches, from a start near enough."""
+    return _settled(problem._replace(rot_nb=None), start, None)
+
+
+def by_turns(
+    problem: Problem, start: Array, slow: gaussian_process.Wander | None = None
+) -> Estimate:
+    """The coefficients that magnitude and known turns teach, from those of the magnitude.
+
+    `slow` are the changes that the magnitude showed, near whose kind those of all axes are looked
+    for.
+    """
+    assert problem.rot_nb is not None
+    seen = directions(problem, start)
+    found = fixture.mounted(seen, problem.rot_nb)
+    kinds = gaussian_process.KINDS if slow is None else gaussian_process.near(slow)
+    return _settled(problem, start, Poses(seen, found.mount, found.field), kinds)
+
+
+def _settled(
+    problem: Problem,
+    start: Array,
+    poses: Poses | None,
+    kinds: tuple[gaussian_process.Kind, ...] = gaussian_process.KINDS,
+) -> Estimate:
+    """Solve, renew weights, directions, slow changes, excess and beliefs, until nothing changes."""
+    axes = 1 if poses is None else 3
+    none = np.zeros((len(problem.points), axes))
+    state = State(
+        start,
+        np.zeros(problem.clock.shape[1] * axes),
+        poses,
+        _FIRST_EXCESS,
+        problem.fixture_sd,
+        gaussian_process.Wander(),
+        none,
+    )
+    loss, correlation, iterations, taken = leastsq.squares(), 1.0, 0, 0.0
+    for turn in range(_ROUNDS):
+        solution = leastsq.solve(
+            pieces(problem, state),
+            parameters(state, len(start)),
+            scale=1.0,
+            loss=loss,
+            prior=beliefs(problem, state),
+            correlation=correlation,
+            tolerance=1e-3 if turn > 2 else 1e-1,
+        )
+        iterations += solution.iterations
+        before, state = state, _renewed(problem, state, solution)
+        first = problem.course is not None and turn < _FREE  # slow changes take what is theirs
+        state = state._replace(excess=0.0) if first else state
+        if turn < _FREE or state.slow.sd > 0:  # what was not seen so far is not there
+            known = kinds if turn == 0 else (state.slow.kind,)
+            state, taken = _calmed(problem, state, known)
+        left, variance = residuals(problem, state)
+        freedom = _effective(solution) + round(taken)
+        excess = _excess(left, variance, freedom)
+        noise = noise_of(_whitened(left, variance + excess).T.ravel(), True, freedom)
+        same = abs(excess - before.excess) <= 1e-2 * (excess + float(np.median(variance)))
+        calm = abs(np.log(noise.correlation / correlation)) < 0.05
+        rested = abs(state.fixture_sd / before.fixture_sd - 1) < 0.02
+        rested &= abs(state.slow.sd - before.slow.sd) <= 0.05 * before.slow.sd
+        loss = noise.loss
+        if not first:
+            correlation, state = noise.correlation, state._replace(excess=excess)
+        if same and calm and rested and solution.iterations <= 2 and turn > 1:
+            break
+    return _estimate(problem, state, solution, loss, correlation, iterations)
+
+
+def _calmed(
+    problem: Problem, state: State, kinds: tuple[gaussian_process.Kind, ...]
+) -> tuple[State, float]:
+    """The state with the slow changes that its residuals call for, and the freedom they take."""
+    if problem.course is None:
+        return state, 0.0
+    params = parameters(state, problem.layout.shape[1])
+    z, jacobian = next(
+        iter(pieces(problem, state._replace(slow=gaussian_process.Wander()))(params))
+    )
+    held_to, by = beliefs(problem, state)(params)
+    held = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
+    step = -held @ (z @ jacobian + held_to @ by)
+    least = z + jacobian @ step  # strays can be told where the rest fits
+    limit = _STRAY * max(leastsq.robust_scale(least), 1.0)
+    kept, of = np.clip(least, -limit, limit), spaces(problem, state)
+    slow, axes = gaussian_process.estimated(of, kept, jacobian, (held_to + by @ step, by), kinds)
+    if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
+        return state._replace(
+            slow=gaussian_process.Wander(), followed=np.zeros_like(state.followed)
+        ), 0.0
+    z = z + kept - least
+    changes, taken = gaussian_process.followed(of, slow, axes, z, len(problem.points))
+    return state._replace(slow=slow, followed=changes), taken
+
+
+def _effective(solution: leastsq.Solution) -> int:
+    """How many parameters the readings determined: of those that the prior holds, a part."""
+    return round(float(np.trace(solution.covariance @ solution.information)))
+
+
+def _excess(left: Array, variance: Array, parameters: int) -> float:
+    """The variance τ² that brings Σ r²/(v + τ²) to the degrees of freedom; 0 where none is needed.
+
+    Strays, far beyond the median, do not count.
+    """
+    r, v = left.ravel(), np.broadcast_to(variance, left.shape).ravel()
+    freedom = max(len(r) - parameters, 1)
+    share = freedom / len(r)
+
+    def surplus(tau: float) -> float:
+        q = r**2 / (v + tau)
+        kept = q < 36 * max(float(np.median(q)), 1e-300) * 2.2
+        return float(q[kept].mean()) / share - 1
+
+    if surplus(0.0) < 3 * np.sqrt(2 / freedom):
+        return 0.0
+    low, high = 0.0, float(np.max(r**2)) + 1e-300
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if surplus(middle) > 0 else (low, middle)
+    return high
+
+
+def _whitened(left: Array, variance: Array) -> Array:
+    return np.asarray(left / np.sqrt(np.broadcast_to(variance, left.shape)))
+
+
+def _moved(problem: Problem, state: State, params: Array) -> State:
+    """The state at parameters."""
+    a, width = problem.layout.shape[1], len(state.drift)
+    new = state._replace(coefficients=params[:a], drift=params[a : a + width])
+    if state.poses is None:
+        return new
+    return new._replace(poses=stepped(state.poses, params[a + width :], problem.stations))
+
+
+def _renewed(problem: Problem, state: State, solution: leastsq.Solution) -> State:
+    """The state at a solution, with the belief in the fixture that its residuals call for."""
+    new = _moved(problem, state, solution.params)
+    if state.poses is None or problem.fixture_known:
+        return new
+    z, rows = beliefs(problem, state)(solution.params)
+    sd = _believed(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
+    return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_TURN))
+
+
+def _believed(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> float:
+    """By what some of the beliefs should be loosened, for them to be as large as they look.
+
+    MacKay's (1992) update of a prior's width, s² ← Σz²/γ with γ the number of beliefs that the
+    readings contradict freely, repeated on the linearised problem until it stands.
+    """
+    rest = np.ones(len(z), dtype=bool)
+    rest[own] = False
+    others, count = np.flatnonzero(rest), own.stop - own.start
+    gradient = -(z @ rows)  # of the readings: at the minimum the beliefs balance it
+    held = solution.information + rows[others].T @ rows[others]
+    pull, scale = rows[own].T @ rows[own], 1.0
+    for _ in range(30):
+        covariance = leastsq.inverse(held + pull / scale**2)
+        step = -covariance @ (gradient + z[others] @ rows[others] + z[own] @ rows[own] / scale**2)
+        left = z[own] + rows[own] @ step
+        free = count - float(np.trace(covariance @ pull)) / scale**2
+        before, scale = scale, max(float(np.sqrt(left @ left / max(free, 1.0))), 1e-6)
+        if abs(scale / before - 1) < 1e-3:
+            break
+    return scale
+
+
+def _estimate(
+    problem: Problem,
+    state: State,
+    solution: leastsq.Solution,
+    loss: leastsq.Loss,
+    correlation: float,
+    iterations: int,
+) -> Estimate:
+    a, drift = problem.layout.shape[1], len(state.drift)
+    found, covariance = solution.params, solution.covariance
+    if drift and not problem.drifting:
+        likely = LIKELY if state.slow.gain > UNREST else RARE
+        found, covariance, _ = averaged(found, covariance, slice(a, a + drift), likely)
+        state, _ = _calmed(problem, _moved(problem, state, found), (state.slow.kind,))
+    left, variance = residuals(problem, state)
+    q = _whitened(left, variance + state.excess) ** 2
+    turned = None
+    if state.poses is not None:
+        assert problem.rot_nb is not None
+        in_box = np.swapaxes(problem.rot_nb, 1, 2) @ state.poses.field
+        away = np.linalg.norm(state.poses.directions @ state.poses.mount.T - in_box, axis=1)
+        turned = 2 * np.arcsin(np.minimum(away / 2, 1.0))
+    return Estimate(
+        coefficients=state.coefficients,
+        covariance=covariance[:a, :a],
+        residuals=left.squeeze(axis=1) if left.shape[1] == 1 else left,
+        weights=np.asarray(loss.weight(q).min(axis=1)),
+        excess=state.excess,
+        correlation=correlation,
+        condition=float(leastsq.condition(covariance[:a, :a])),
+        iterations=iterations,
+        converged=solution.converged,
+        drift=solution.params[a : a + drift],
+        drift_covariance=solution.covariance[a : a + drift, a : a + drift],
+        slow=state.slow,
+        poses=state.poses,
+        fixture_sd=state.fixture_sd,
+        turned=turned,
+    )

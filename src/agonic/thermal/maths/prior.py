@@ -1,0 +1,87 @@
+"""What is believed of a sensor at turned stations before its readings are seen, for the solver."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.maths.equation import model
+from agonic.maths.estimation import leastsq
+from agonic.thermal.maths import fixture
+from agonic.thermal.maths.station_residuals import Poses, Problem, State
+
+Array = NDArray[np.float64]
+
+
+def beliefs(problem: Problem, state: State) -> leastsq.Prior:
+    """Beliefs on soft iron, on the drift, and on the fixture where turns are known, at a state."""
+    if state.poses is None:
+        return _common(problem, state, 0)
+    return _of_fixture(problem, state, state.poses)
+
+
+def _common(problem: Problem, state: State, more: int) -> leastsq.Prior:
+    """The prior on soft iron and on the drift, which may be as large as the field, for parameters
+    with `more` others last.
+    """
+    width = len(state.drift)
+    rows = model.belief(problem.gauge, problem.degree, problem.soft_iron_sd)
+    a = problem.layout.shape[1]
+    jacobian = np.zeros((len(rows) + width, a + width + more))
+    jacobian[: len(rows), : rows.shape[1]] = rows
+    jacobian[len(rows) :, a : a + width] = np.eye(width)
+
+    def prior(params: Array) -> tuple[Array, Array]:
+        return jacobian @ params, jacobian
+
+    return prior
+
+
+def _of_fixture(problem: Problem, state: State, poses: Poses) -> leastsq.Prior:
+    """That, and that each station stands as described, to the standard deviation believed now.
+
+    Tangential parts of M p_k − R_kᵀ f, over their standard deviation.
+    """
+    k, width = problem.stations, len(state.drift)
+    soft = _common(problem, state, 2 * k + 5)
+    seen_tangent = fixture.tangents(poses.directions)
+    field_tangent = fixture.tangents(poses.field)
+    assert problem.rot_nb is not None
+    back = np.swapaxes(problem.rot_nb, 1, 2)
+    across = fixture.tangents(back @ poses.field)
+    first = problem.layout.shape[1] + width
+
+    def prior(params: Array) -> tuple[Array, Array]:
+        base, by = soft(params)
+        steps = params[first : first + 2 * k].reshape(k, 2)
+        turn, shift = params[first + 2 * k : first + 2 * k + 3], params[first + 2 * k + 3 :]
+        seen, sway = fixture.moved(poses.directions, seen_tangent, steps)
+        field, lean = fixture.moved(poses.field, field_tangent, shift)
+        in_box = seen @ poses.mount.T
+        small = np.eye(3) + fixture.cross(turn)
+        r = in_box @ small.T - back @ field
+        jacobian = np.zeros((k, 3, len(params)))
+        moved = small @ poses.mount @ sway
+        for station in range(k):
+            at = first + 2 * station
+            jacobian[station, :, at : at + 2] = moved[station]
+            jacobian[station, :, first + 2 * k : first + 2 * k + 3] = -fixture.cross(
+                in_box[station]
+            )
+        jacobian[:, :, first + 2 * k + 3 :] = -back @ lean
+        flat = np.swapaxes(across, 1, 2)
+        z = np.einsum("kij,kj->ki", flat, r).ravel() / state.fixture_sd
+        rows = (flat @ jacobian).reshape(2 * k, -1) / state.fixture_sd
+        return np.concatenate([base, z]), np.concatenate([by, rows])
+
+    return prior
+
+
+def stepped(poses: Poses, steps: Array, k: int) -> Poses:
+    """The poses after the small steps that the solver found."""
+    seen, _ = fixture.moved(
+        poses.directions, fixture.tangents(poses.directions), steps[: 2 * k].reshape(k, 2)
+    )
+    field, _ = fixture.moved(poses.field, fixture.tangents(poses.field), steps[2 * k + 3 :])
+    u, _, vt = np.linalg.svd((np.eye(3) + fixture.cross(steps[2 * k : 2 * k + 3])) @ poses.mount)
+    return Poses(seen, u @ vt, field)

@@ -1,0 +1,264 @@
+"""The readings of turned stations as residuals for the solver, with their Jacobians.
+
+A sensor with W(φ) and b(φ) is turned from station to station in a field of magnitude one. Taught by
+the magnitude, unknown beside the coefficients is only how the field changed; taught by the turns,
+also its direction at each station (two small steps), the mounting of the sensor in the box (three),
+and the direction of the field in the chamber (two). Points are centred and scaled to about one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.maths.equation import model
+from agonic.maths.equation.affine import SYMMETRIC
+from agonic.maths.estimation import leastsq
+from agonic.thermal.maths import fixture, gaussian_process
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class Problem(NamedTuple):
+    """The means of cells: `points` (m, 3), `covariance` (m, 3, 3) of each, `phi` (m, q), `station`
+    (m,) 0…k−1; `pace` (m,) the time as −½…½ where the field may drift, or None; `course` the times,
+    where it may change slowly, or None; the drift is averaged over being there or not unless it is
+    `drifting` for sure.
+
+    `degree`, `gauge` and `rate` make the layout; `soft_iron_sd` the prior that holds what the
+    stations leave open; `rot_nb` (k, 3, 3) the described turns, or None, and `fixture_sd` how well
+    they are believed at first, rad; `fixture_known` keeps that belief whatever the readings say.
+    """
+
+    points: Array
+    covariance: Array
+    phi: Array
+    station: Index
+    pace: Array | None
+    degree: int
+    course: gaussian_process.Course | None = None
+    drifting: bool = False
+    gauge: str = SYMMETRIC
+    rate: bool = False
+    soft_iron_sd: float = 0.1
+    rot_nb: Array | None = None
+    fixture_sd: float = 0.0175
+    fixture_known: bool = False
+
+    @property
+    def layout(self) -> Array:
+        """From the coefficients to the local numbers."""
+        return model.layout(self.degree, self.gauge, self.rate)
+
+    @property
+    def stations(self) -> int:
+        """How many stations there are."""
+        return int(self.station.max()) + 1
+
+    @property
+    def clock(self) -> Array:
+        """What the field may have followed over the whole campaign, (m, 0) or (m, 1)."""
+        return np.zeros((len(self.points), 0)) if self.pace is None else self.pace[:, None]
+
+
+class Poses(NamedTuple):
+    """Directions of the field seen at the stations (k, 3), mounting (3, 3), field (3,)."""
+
+    directions: Array
+    mount: Array
+    field: Array
+
+
+class State(NamedTuple):
+    """What is held while the solver runs, and renewed after."""
+
+    coefficients: Array
+    drift: Array  # (d,) along the field or (3d,) in the chamber's axes
+    poses: Poses | None
+    excess: float
+    fixture_sd: float
+    slow: gaussian_process.Wander
+    followed: Array  # (m, 1) or (m, 3) as the drift: the slow changes at each mean
+
+
+def directions(problem: Problem, coefficients: Array) -> Array:
+    """The mean direction (k, 3) of the corrected field at each station."""
+    bias, matrix = model.local(coefficients, problem.layout, problem.phi)
+    u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
+    total = np.zeros((problem.stations, 3))
+    np.add.at(total, problem.station, u)
+    return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))
+
+
+def parameters(state: State, a: int) -> Array:
+    """The parameters that the solver moves, at the state: small steps of the poses are zero."""
+    parts = [state.coefficients, state.drift]
+    if state.poses is not None:
+        parts.append(np.zeros(2 * len(state.poses.directions) + 5))
+    return np.concatenate(parts)
+
+
+def residuals(problem: Problem, state: State) -> tuple[Array, Array]:
+    """Residuals as they are, (m, 1) or (m, 3), and the variance of the noise in each."""
+    bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
+    if state.poses is None:
+        unit, spread = _across(problem, bias, matrix)
+        changed = problem.clock @ state.drift + state.followed[:, 0]
+        wanted = _wanted(problem, matrix, unit) + changed
+        r, _ = _size_residual(problem, bias, matrix, wanted)
+        s = np.einsum("mji,mj->mi", matrix, unit)
+        gain = np.einsum("mi,mi->m", s, s)
+        return (r / np.sqrt(gain))[:, None], (spread / gain)[:, None]
+    field = state.poses.directions[problem.station] + _drifted(problem, state, state.poses)
+    r, _, _ = model.reading_residual(problem.points, bias, matrix, field)
+    return r, np.einsum("mii->mi", problem.covariance)
+
+
+def _across(problem: Problem, bias: Array, matrix: Array) -> tuple[Array, Array]:
+    """Unit directions (m, 3) of the corrected means, and the variance of their magnitude (m,)."""
+    u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
+    unit = u / np.linalg.norm(u, axis=1, keepdims=True)
+    s = np.einsum("mji,mj->mi", matrix, unit)
+    return unit, np.einsum("mi,mij,mj->m", s, problem.covariance, s)
+
+
+def _wanted(problem: Problem, matrix: Array, unit: Array) -> Array:
+    """The magnitude to expect of each mean, for its logarithm: noise across lengthens a vector by
+    its variance, tr/2, and noise along shortens the mean of the logarithm by half of its own.
+    """
+    spread = np.einsum("mij,mjk,mik->m", matrix, problem.covariance, matrix)
+    along = np.einsum("mi,mij,mjk,mlk,ml->m", unit, matrix, problem.covariance, matrix, unit)
+    return np.asarray(1.0 + (spread - 2 * along) / 2)
+
+
+def _size_residual(
+    problem: Problem, bias: Array, matrix: Array, wanted: Array
+) -> tuple[Array, Array]:
+    """ln(|W (raw − b)|/wanted), (m,), and its Jacobian by the local numbers.
+
+    The logarithm, for its derivative by the gain is free of noise. That of the magnitude itself
+    holds the noise, and where slow changes leave the gain open that noise would shrink it.
+    """
+    none = np.zeros(len(wanted))
+    size, jacobian = model.size_residual(problem.points, bias, matrix, none)
+    return np.log(size / wanted), jacobian / size[:, None]
+
+
+def _drifted(problem: Problem, state: State, poses: Poses) -> Array:
+    """What the chamber's field had changed by at each mean, in the axes of the sensor, (m, 3)."""
+    changed = problem.clock @ state.drift.reshape(-1, 3) + state.followed
+    return np.asarray(np.einsum("mij,mj->mi", _to_sensor(problem, poses), changed))
+
+
+def _to_sensor(problem: Problem, poses: Poses) -> Array:
+    """From the chamber's axes to the sensor's at each mean, (m, 3, 3).
+
+    As described, and then by the shortest way to the direction in which the field was seen: with a
+    station 1° off, a drift of 1000 nT would otherwise be off by 17 nT along the field.
+    """
+    assert problem.rot_nb is not None
+    described = np.einsum("ji,mkj->mik", poses.mount, problem.rot_nb)
+    shortest = fixture.shortest(described @ poses.field, poses.directions)
+    return np.asarray((shortest @ described)[problem.station])
+
+
+def spaces(problem: Problem, state: State) -> gaussian_process.Spaces:
+    """What slow changes of the field look like in the whitened residuals of each station."""
+    assert problem.course is not None
+    bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
+    if state.poses is None:
+        by_field = -_size_weight(problem, state, bias, matrix)[:, None, None]
+    else:
+        by_field = -_white(problem, state) @ np.linalg.inv(matrix)
+        by_field = by_field @ _to_sensor(problem, state.poses)
+    return gaussian_process.spaces(by_field, problem.course, problem.station)
+
+
+def _calming(problem: Problem, state: State) -> Callable[[Array], Array]:
+    """What whitens residuals and Jacobians with the slow changes that are believed in."""
+    if state.slow.sd == 0.0:
+        return lambda values: values
+    of = spaces(problem, state)
+    axes = gaussian_process.principal(of, state.slow.kind)
+    return lambda values: gaussian_process.whitened(of, state.slow.sd, axes, values)
+
+
+def _size_weight(problem: Problem, state: State, bias: Array, matrix: Array) -> Array:
+    """One over the standard deviation of each mean's magnitude, (m,)."""
+    unit, spread = _across(problem, bias, matrix)
+    s = np.einsum("mji,mj->mi", matrix, unit)
+    return np.asarray(1 / np.sqrt(spread + state.excess * np.einsum("mi,mi->m", s, s)))
+
+
+def _white(problem: Problem, state: State) -> Array:
+    """What makes the noise of each mean white, (m, 3, 3)."""
+    return np.linalg.inv(np.linalg.cholesky(problem.covariance + state.excess * np.eye(3)))
+
+
+def pieces(problem: Problem, state: State) -> leastsq.Pieces:
+    """Residuals for the solver at a state."""
+    if state.poses is None:
+        return _size_pieces(problem, state)
+    return _vector_pieces(problem, state, state.poses)
+
+
+def _size_pieces(problem: Problem, state: State) -> leastsq.Pieces:
+    """Residuals of the magnitude over their standard deviations at the state."""
+    onto = problem.layout
+    a = onto.shape[1]
+    bias, matrix = model.local(state.coefficients, onto, problem.phi)
+    unit, _ = _across(problem, bias, matrix)
+    weight, clock = _size_weight(problem, state, bias, matrix), problem.clock
+    calmed = _calming(problem, state)
+    wanted = _wanted(problem, matrix, unit)
+
+    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
+        bias, matrix = model.local(params[:a], onto, problem.phi)
+        expected = wanted + clock @ params[a:]
+        r, jacobian = _size_residual(problem, bias, matrix, expected)
+        by = model.by_coefficients(jacobian, onto, problem.phi)
+        rows = np.concatenate([by, -clock / expected[:, None]], axis=1) * weight[:, None]
+        yield calmed(r * weight), calmed(rows)
+
+    return blocks
+
+
+def _vector_pieces(problem: Problem, state: State, poses: Poses) -> leastsq.Pieces:
+    """Residuals of the readings, whitened; an axis after the other, each in the order of cells."""
+    onto, k = problem.layout, problem.stations
+    a, width = onto.shape[1], len(state.drift)
+    m, tangent = len(problem.points), fixture.tangents(poses.directions)
+    white = _white(problem, state)
+    calmed = _calming(problem, state)
+    turning, clock = _to_sensor(problem, poses), problem.clock
+    places = np.arange(m)
+
+    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
+        bias, matrix = model.local(params[:a], onto, problem.phi)
+        steps = params[a + width : a + width + 2 * k].reshape(k, 2)
+        seen, sway = fixture.moved(poses.directions, tangent, steps)
+        field = seen[problem.station]
+        changed = clock @ params[a : a + width].reshape(-1, 3)
+        field = field + np.einsum("mij,mj->mi", turning, changed)
+        r, by_local, inverse = model.reading_residual(problem.points, bias, matrix, field)
+        jacobian = np.zeros((m, 3, len(params)))
+        phi = np.repeat(problem.phi, 3, axis=0)
+        jacobian[:, :, :a] = model.by_coefficients(by_local.reshape(-1, 12), onto, phi).reshape(
+            m, 3, a
+        )
+        by_field = -inverse @ turning
+        jacobian[:, :, a : a + width] = np.einsum("mij,md->midj", by_field, clock).reshape(
+            m, 3, width
+        )
+        swayed = -inverse @ sway[problem.station]
+        for j in range(2):
+            jacobian[places, :, a + width + 2 * problem.station + j] = swayed[:, :, j]
+        z = np.einsum("mij,mj->im", white, r).ravel()
+        rows = np.einsum("mij,mjp->imp", white, jacobian).reshape(3 * m, -1)
+        yield calmed(z), calmed(rows)
+
+    return blocks

@@ -1,0 +1,45 @@
+"""What a climatic chamber does to a simulated campaign: its field, its lag, disturbances."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from agonic.simulation.draws import directions, knot_times
+from agonic.thermal.campaign.plan import ThermalPlan
+
+Array = NDArray[np.float64]
+
+TICK_S = 1.0
+"""Between the temperatures that `lagged` takes."""
+_SPIKE = (2_000.0, 60_000.0)
+
+
+def field_knots(
+    rng: np.random.Generator, plan: ThermalPlan, sd: float, pace_s: float, drift: float
+) -> tuple[Array, Array]:
+    """Knots of the chamber's field over the campaign: slow changes, and a steady drift."""
+    total = plan.duration_s
+    knots = knot_times(total, pace_s)
+    dip = np.radians(plan.inclination_deg)
+    steady = plan.magnitude * np.array([np.cos(dip), 0.0, np.sin(dip)])
+    away = directions(rng, 1)[0] * drift
+    values = steady + sd * rng.standard_normal((len(knots), 3))
+    return knots, values + np.outer(knots / total - 0.5, away)
+
+
+def lagged(level: Array, lag_s: float) -> Array:
+    """A temperature that follows with a lag, τ dT/dt = chamber − T, a value a second."""
+    if lag_s <= 0.0:
+        return level
+    share = 1.0 - np.exp(-TICK_S / lag_s)
+    rest = (1.0 - share) * level[:1]
+    return np.asarray(lfilter([share], [1.0, share - 1.0], level, zi=rest)[0])
+
+
+def spike(raw: Array, share: float, rng: np.random.Generator) -> None:
+    """Add spikes to a share of the rows."""
+    rows = np.flatnonzero(rng.random(len(raw)) < share)
+    sizes = rng.uniform(*_SPIKE, len(rows))
+    raw[rows] += directions(rng, len(rows)) * sizes[:, None]
