@@ -8,7 +8,7 @@ import pytest
 
 from agonic.history import Drift, drift
 from agonic.population import Population, Row
-from agonic.report.history_page import history_page
+from agonic.history.report.page import history_page
 
 START = datetime(2024, 1, 1, tzinfo=UTC)
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "calibrate": "agonic.cli.calibrate",
     "fleet": "agonic.cli.fleet",
-    "history": "agonic.cli.history",
+    "history": "agonic.history.command",
     "live": "agonic.cli.live",
     "info": "agonic.cli.info",
     "fit": "agonic.cli.fit",

@@ -85,7 +85,7 @@ def calibrate(
     folder = out or Path(f"{log.name}-agonic")
     written = write_folder(results, folder, title=recording.source.name, stack=recording.stack)
     if store is not None:
-        from agonic.cli.history import keep
+        from agonic.history.command import keep
         from agonic.console.place import position
         from agonic.fleet.settings import FleetSettings
 

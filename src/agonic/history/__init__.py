@@ -1,7 +1,7 @@
 """Calibrations kept over time: how a sensor drifts, when it stepped, whether it left the others."""
 
-from agonic.history.departures import Departure, beside, departures
-from agonic.history.drifted import Drift, Event, Moved, drift
+from agonic.history.departure import Departure, beside, departures
+from agonic.history.drift_fit import Drift, Event, Moved, drift
 from agonic.history.listing import drifting
 from agonic.history.store import History, Kept
 from agonic.history.trend import Band, Trend

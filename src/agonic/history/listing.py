@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from agonic.history.drifted import DRIFTING, FEWEST
+from agonic.history.drift_fit import DRIFTING, FEWEST
 from agonic.history.parameters import NAMES
 from agonic.history.store import History
 from agonic.maths.estimation.drift_model import Series, believed

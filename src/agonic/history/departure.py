@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.health import Finding
 from agonic.health.finding import figure
-from agonic.history.drifted import Drift
+from agonic.history.drift_fit import Drift
 from agonic.history.parameters import NAMES, parameters
 from agonic.history.store import History
 from agonic.maths.estimation.false_discovery import discoveries
