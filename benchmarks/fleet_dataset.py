@@ -24,10 +24,10 @@ from agonic.ellipsoid import fit_moments
 from agonic.errors import AgonicError
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.settings import FleetSettings
+from agonic.fleet.simulation.fleet import SimulatedFleet, simulate_fleet
+from agonic.fleet.simulation.fleet_logs import tables as columns_of
 from agonic.moments import Moments
 from agonic.population import Population, write_population
-from agonic.simulation.fleet import SimulatedFleet, simulate_fleet
-from agonic.simulation.fleet_logs import tables as columns_of
 from benchmarks import tables
 
 Array = NDArray[np.float64]

@@ -17,11 +17,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from agonic.fleet.run import calibrate_fleet
 from agonic.fleet.settings import FleetSettings
-from agonic.io.write_fleet import write_dataset, write_logs
+from agonic.fleet.simulation.fleet import SimulatedFleet, simulate_fleet
+from agonic.fleet.simulation.fleet_faults import BROKEN, SWAPPED
+from agonic.fleet.simulation.fleet_logs import tables, texts
+from agonic.fleet.write_fleet import write_dataset, write_logs
 from agonic.population import Population, Row, duplicates, outliers
-from agonic.simulation.fleet import SimulatedFleet, simulate_fleet
-from agonic.simulation.fleet_faults import BROKEN, SWAPPED
-from agonic.simulation.fleet_logs import tables, texts
 from benchmarks import tables as pages
 
 FIELD = 48_000.0

@@ -99,7 +99,6 @@ from agonic.headings.report.page import card_page as card_page
 from agonic.health import Finding as Finding
 from agonic.history import Drift as Drift
 from agonic.history import History as History
-from agonic.history import departure as departures
 from agonic.history import drift as drift
 from agonic.inflight.fit import InflightFit as InflightFit
 from agonic.inflight.fit import fit_inflight as fit_inflight

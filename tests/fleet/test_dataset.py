@@ -14,6 +14,8 @@ from agonic.exports.csv import write_csv
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings
+from agonic.fleet.simulation.fleet import simulate_fleet
+from agonic.fleet.simulation.fleet_logs import tables
 from agonic.logs.large.dataset import connected, find_dataset
 from agonic.logs.large.grouped_moments import Grouped, summed
 from agonic.logs.large.grouped_residuals import residual_sums
@@ -22,8 +24,6 @@ from agonic.population import Population
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.simulation import defects, simulate
-from agonic.simulation.fleet import simulate_fleet
-from agonic.simulation.fleet_logs import tables
 
 FIELD = 50_000.0
 AXES_UT = ("mag_x_uT", "mag_y_uT", "mag_z_uT")

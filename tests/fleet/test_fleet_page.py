@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agonic.fleet.report.page import fleet_page
 from agonic.population import Population, Row, outliers
 from agonic.report.digits import MINUS, NO_BREAK, THIN
-from agonic.report.fleet_page import fleet_page
 from tests.population.drawn import changed, drawn, joined, refused, with_bias
 
 EVIL = "</script><img src=x onerror=alert(1)>"

@@ -18,11 +18,11 @@ from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.run import calibrate_fleet
 from agonic.fleet.settings import FleetSettings
-from agonic.io.write_fleet import write_dataset, write_logs
+from agonic.fleet.simulation.fleet import SimulatedFleet, simulate_fleet
+from agonic.fleet.simulation.fleet_faults import BROKEN, DAMAGED, SWAPPED
+from agonic.fleet.simulation.fleet_logs import tables, texts
+from agonic.fleet.write_fleet import write_dataset, write_logs
 from agonic.population import Population, Row, duplicates, outliers
-from agonic.simulation.fleet import SimulatedFleet, simulate_fleet
-from agonic.simulation.fleet_faults import BROKEN, DAMAGED, SWAPPED
-from agonic.simulation.fleet_logs import tables, texts
 
 FIELD = 48_000.0
 nT = 1.0

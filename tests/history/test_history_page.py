@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from agonic.history import Drift, drift
-from agonic.population import Population, Row
 from agonic.history.report.page import history_page
+from agonic.population import Population, Row
 
 START = datetime(2024, 1, 1, tzinfo=UTC)
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agonic.kernels.axis_swaps import signed_swaps, swapped
+from agonic.fleet.maths.axis_swaps import signed_swaps, swapped
 from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.robust_line import robust_line
 from agonic.maths.estimation.robust_spread import robust_spread

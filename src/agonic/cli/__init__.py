@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "calibrate": "agonic.cli.calibrate",
-    "fleet": "agonic.cli.fleet",
+    "fleet": "agonic.fleet.commands.fleet",
     "history": "agonic.history.command",
     "live": "agonic.cli.live",
     "info": "agonic.cli.info",

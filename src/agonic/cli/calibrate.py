@@ -85,9 +85,9 @@ def calibrate(
     folder = out or Path(f"{log.name}-agonic")
     written = write_folder(results, folder, title=recording.source.name, stack=recording.stack)
     if store is not None:
-        from agonic.history.command import keep
         from agonic.console.place import position
         from agonic.fleet.settings import FleetSettings
+        from agonic.history.command import keep
 
         asked = FleetSettings(
             unit=unit, at=position(at) if at else None, date=date, field_nT=field, method=method

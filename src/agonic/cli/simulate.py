@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.alignment.commands import simulate_alignment, simulate_north
-from agonic.cli import simulate_fleet, simulate_vehicle
+from agonic.cli import simulate_vehicle
 from agonic.console.options import Json
 from agonic.errors import AgonicError
+from agonic.fleet.commands import simulate_fleet
 from agonic.inflight.commands import simulate_orbit
 from agonic.network.commands import simulate_network
 from agonic.thermal.commands import simulate_campaign

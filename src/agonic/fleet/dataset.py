@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from agonic.ellipsoid.many_sensors import fit_many
 from agonic.errors import LogError, check_choice
 from agonic.field.place import reference_for
-from agonic.fleet.by_rows import Task, refined
 from agonic.fleet.columns import Columns, blank, columns_of
 from agonic.fleet.doubts import doubts
 from agonic.fleet.engine import Engine, Here, Lost
+from agonic.fleet.interleaved import Task, refined
 from agonic.fleet.local import Processes
 from agonic.fleet.rows import refused
 from agonic.fleet.settings import FleetSettings, digest

@@ -19,6 +19,7 @@ from agonic.fleet.engine import Engine, Lost
 from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find, identified
 from agonic.fleet.journal import Journal, State
 from agonic.fleet.local import Processes
+from agonic.fleet.report.page import fleet_page
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.fleet.work import Done, calibrate_log, sentence, unread
 from agonic.history import History
@@ -32,7 +33,6 @@ from agonic.population import (
     write_population,
 )
 from agonic.provenance import sha256_of
-from agonic.report.fleet_page import fleet_page
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """Many calibrations: the table they make, and what stands out in it."""
 
-from agonic.population.compared import Compared, compare
+from agonic.population.comparable import Compared, compare
 from agonic.population.duplicate import Duplicate, duplicates
 from agonic.population.outlier import Outlier, outliers
 from agonic.population.peers import Peers

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.fleet.maths.axis_swaps import swap_likelihoods, swapped
 from agonic.health.finding import figure
-from agonic.kernels.axis_swaps import swap_likelihoods, swapped
 from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.tails import Tail, tail_of
 from agonic.population.peers import LEAST, Peers, Quantity, peers

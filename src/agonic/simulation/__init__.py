@@ -1,5 +1,6 @@
 """Simulated magnetometers whose calibration is known, and the defects that real logs have."""
 
+from agonic.fleet.simulation.fleet import SimulatedFleet, simulate_fleet
 from agonic.inflight.simulation.kepler import Orbit
 from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.simulation.defects import (
@@ -18,7 +19,6 @@ from agonic.simulation.defects import (
     with_outliers,
 )
 from agonic.simulation.draws import random_calibration
-from agonic.simulation.fleet import SimulatedFleet, simulate_fleet
 from agonic.simulation.sensor import Simulated, kinds, simulate
 from agonic.simulation.vehicle import SimulatedVehicle, simulate_vehicle
 

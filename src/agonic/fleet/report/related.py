@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.fleet.report.figures import reach, scatter
 from agonic.maths.estimation.robust_line import Line, robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES
 from agonic.report.digits import counted, signed, with_sd
-from agonic.report.fleet_figures import reach, scatter
 from agonic.report.markup import Markup, element, markup
 from agonic.report.quantities import unit_label
 

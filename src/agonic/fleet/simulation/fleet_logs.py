@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.simulation.fleet import Recorded, SimulatedFleet
-from agonic.simulation.fleet_faults import DAMAGED, damage
+from agonic.fleet.simulation.fleet import Recorded, SimulatedFleet
+from agonic.fleet.simulation.fleet_faults import DAMAGED, damage
 
 HEADER = (
     "time_s,mag_x_nT,mag_y_nT,mag_z_nT,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2,temperature_C,epoch_unix_s"
@@ -20,7 +20,7 @@ HEADER = (
 def texts(fleet: SimulatedFleet) -> Iterator[tuple[str, bytes]]:
     """The name and the bytes of every file, copies beside what they repeat.
 
-    >>> from agonic.simulation.fleet import simulate_fleet
+    >>> from agonic.fleet.simulation.fleet import simulate_fleet
     >>> name, content = next(texts(simulate_fleet(3)))
     >>> name, content.decode().splitlines()[0][:28]
     ('board-0-1.csv', 'time_s,mag_x_nT,mag_y_nT,mag')

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from agonic.simulation.fleet import SimulatedFleet
+    from agonic.fleet.simulation.fleet import SimulatedFleet
 
 T = TypeVar("T")
 
@@ -18,8 +18,8 @@ def fleet(
     """Write the logs or the dataset, and beside them the truth."""
     from agonic.console.output import print_json, say
     from agonic.errors import check_choice
-    from agonic.io.write_fleet import write_truth
-    from agonic.simulation.fleet import simulate_fleet
+    from agonic.fleet.simulation.fleet import simulate_fleet
+    from agonic.fleet.write_fleet import write_truth
 
     check_choice("format", format, ("csv", "parquet"))
     made = simulate_fleet(_count(sensors), seed=seed, **settings)
@@ -55,8 +55,8 @@ def _count(sensors: str) -> int:
 
 def _logs(made: SimulatedFleet, out: Path) -> Path:
     """A folder of text tables."""
-    from agonic.io.write_fleet import write_logs
-    from agonic.simulation.fleet_logs import texts
+    from agonic.fleet.simulation.fleet_logs import texts
+    from agonic.fleet.write_fleet import write_logs
 
     write_logs(_counted(texts(made), len(made), "Writing logs"), out / "logs")
     return out / "logs"
@@ -64,9 +64,9 @@ def _logs(made: SimulatedFleet, out: Path) -> Path:
 
 def _dataset(made: SimulatedFleet, out: Path) -> Path:
     """One Parquet file for all."""
-    from agonic.io.write_fleet import write_dataset
-    from agonic.simulation.fleet import CHUNK
-    from agonic.simulation.fleet_logs import tables
+    from agonic.fleet.simulation.fleet import CHUNK
+    from agonic.fleet.simulation.fleet_logs import tables
+    from agonic.fleet.write_fleet import write_dataset
 
     chunks = -(-int(made.draw.max() + 1) // CHUNK)
     return write_dataset(_counted(tables(made), chunks, "Writing"), out / "readings.parquet")

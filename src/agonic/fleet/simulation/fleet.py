@@ -12,7 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import AgonicError
-from agonic.simulation.fleet_faults import BROKEN, DAMAGED, SWAPPED, Faulty, gain_of, naming_of
+from agonic.fleet.simulation.fleet_faults import (
+    BROKEN,
+    DAMAGED,
+    SWAPPED,
+    Faulty,
+    gain_of,
+    naming_of,
+)
 from agonic.simulation.turnings import pushes, turnings
 from agonic.units import STANDARD_GRAVITY_M_S2
 

@@ -7,16 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.fleet.report import figures, words
+from agonic.fleet.report.data import days, embedded, known, number
+from agonic.fleet.report.related import drawn, related
 from agonic.population import Outlier, Population, duplicates
 from agonic.population import outliers as standing_out
 from agonic.population.peers import Peers, peers
-from agonic.report import fleet_figures as figures
-from agonic.report import fleet_words as words
 from agonic.report.blocks import header, part
 from agonic.report.digits import counted
 from agonic.report.documents import document, static
-from agonic.report.fleet_data import days, embedded, known, number
-from agonic.report.fleet_related import drawn, related
 from agonic.report.markup import Markup, element, markup
 from agonic.report.quantities import unit_label
 from agonic.report.verdict import sentence

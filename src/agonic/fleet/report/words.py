@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from agonic.fleet.report.data import VERDICTS, link
 from agonic.population import Duplicate, Outlier, Population
 from agonic.population.peers import LEAST, Peers
 from agonic.report.blocks import key_figures
 from agonic.report.digits import counted, grouped, minused, percent
-from agonic.report.fleet_data import VERDICTS, link
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.tables import mark
 from agonic.report.verdict import MEANINGS, sentence
