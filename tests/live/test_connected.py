@@ -13,10 +13,10 @@ import pytest
 
 from agonic.errors import AgonicError, LogError
 from agonic.exports.csv import write_csv
+from agonic.live.streams import Chunk, Said, open_source
+from agonic.live.streams.connected import Connected, LineDecoder
+from agonic.live.streams.links import SerialLink
 from agonic.simulation import simulate
-from agonic.streams import Chunk, Said, open_source
-from agonic.streams.connected import Connected, LineDecoder
-from agonic.streams.links import SerialLink
 
 
 class Running:
@@ -153,7 +153,7 @@ def test_a_flood_of_readings_waits():
         def close(self): ...
 
         def read(self):
-            from agonic.streams.links import Received
+            from agonic.live.streams.links import Received
 
             return Received(b"1,2,3\n" * 1000)
 

@@ -12,9 +12,9 @@ import pytest
 import agonic as ag
 from agonic.cli import run
 from agonic.live import LiveFit
-from agonic.streams import Chunk
-from agonic.web.plan import Plan
-from agonic.web.watched import Watched
+from agonic.live.streams import Chunk
+from agonic.live.web.plan import Plan
+from agonic.live.web.watch import Watched
 
 
 def test_in_the_terminal_with_the_same_words(tmp_path, capsys):

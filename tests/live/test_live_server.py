@@ -17,8 +17,8 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from agonic.web import messages
-from agonic.web.shown import Shown
+from agonic.live.web import messages
+from agonic.live.web.view import Shown
 
 
 def run(work):

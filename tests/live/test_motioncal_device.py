@@ -5,10 +5,10 @@ import time
 import numpy as np
 import pytest
 
+from agonic.live.streams import open_source
+from agonic.live.web.plan import Plan
+from agonic.live.web.session import Session
 from agonic.reference import Reference
-from agonic.streams import open_source
-from agonic.web.plan import Plan
-from agonic.web.session import Session
 from tests.live.motioncal_device import Device
 
 

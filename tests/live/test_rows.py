@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from agonic.streams import Chunk, Said
-from agonic.streams.lines import LONGEST, Lines
-from agonic.streams.rows import Row, Rows, Unreadable
+from agonic.live.streams import Chunk, Said
+from agonic.live.streams.lines import LONGEST, Lines
+from agonic.live.streams.rows import Row, Rows, Unreadable
 
 
 def test_motioncal_counts_are_a_tenth_of_a_microtesla():

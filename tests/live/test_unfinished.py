@@ -8,10 +8,10 @@ import pytest
 import agonic as ag
 from agonic.errors import AgonicError
 from agonic.live import LiveFit, LiveParams
-from agonic.streams import Chunk, Said
-from agonic.web.plan import Plan
-from agonic.web.session import Session
-from agonic.web.unfinished import Unfinished
+from agonic.live.streams import Chunk, Said
+from agonic.live.web.plan import Plan
+from agonic.live.web.resume import Unfinished
+from agonic.live.web.session import Session
 from tests.live.test_live_server import heard, run
 
 MADE = ag.simulate("tumble", n=1200, rate_Hz=50.0, noise=150.0, seed=4).samples

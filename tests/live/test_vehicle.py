@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agonic.live.streams import Chunk, Said, open_source
+from agonic.live.streams.parameters import Parameters, wanted_of
+from agonic.live.web.plan import Plan
+from agonic.live.web.session import Session
 from agonic.reference import Reference
-from agonic.streams import Chunk, Said, open_source
-from agonic.streams.parameters import Parameters, wanted_of
-from agonic.web.plan import Plan
-from agonic.web.session import Session
 from tests.live.peer import FIELD, PARAMETERS, RAW_BIAS
 
 pytest.importorskip("pymavlink")
@@ -105,8 +105,8 @@ def test_others_are_taken_as_they_send(vehicle):
 
 
 def test_a_vehicle_that_hides_a_parameter_is_refused(vehicle, monkeypatch):
-    monkeypatch.setattr("agonic.streams.parameters.ASK_AGAIN_S", 0.05)
-    monkeypatch.setattr("agonic.streams.parameters.LIST_S", 0.5)
+    monkeypatch.setattr("agonic.live.streams.parameters.ASK_AGAIN_S", 0.05)
+    monkeypatch.setattr("agonic.live.streams.parameters.LIST_S", 0.5)
     session = vehicle(3, "COMPASS_OFS_Y")
     until(lambda: "COMPASS_OFS_Y" in session.status.heard)
     assert "cannot be taken back" in session.status.heard
@@ -135,7 +135,7 @@ def test_a_whole_list_tells_what_is_absent():
 def test_noise_on_the_wire_harms_nothing():
     vehicle = open_source("mavlink+udp://127.0.0.1:1").decoder
     rng = np.random.default_rng(0)
-    from agonic.streams.links import Received
+    from agonic.live.streams.links import Received
 
     events = []
     for k in range(100):

@@ -18,7 +18,7 @@ COMMANDS = {
     "calibrate": "agonic.cli.calibrate",
     "fleet": "agonic.fleet.commands.fleet",
     "history": "agonic.history.command",
-    "live": "agonic.cli.live",
+    "live": "agonic.live.command",
     "info": "agonic.cli.info",
     "fit": "agonic.cli.fit",
     "apply": "agonic.cli.apply",

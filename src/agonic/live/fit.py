@@ -15,8 +15,8 @@ from agonic.coverage import Coverage, cover
 from agonic.ellipsoid.calibration import Scale, calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
-from agonic.kernels.voxels import Voxels
 from agonic.live.guidance import Guidance, guidance
+from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
 from agonic.live.statefile import load_state, save_state
 from agonic.live.update import boxes_of, updated

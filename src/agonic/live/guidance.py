@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.health import Finding, figure
-from agonic.kernels import nextturn
+from agonic.live.maths import next_turn
 from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import coverage as cells
@@ -62,7 +62,7 @@ def guidance(
     present = state.recent[-5:, 1:].mean(axis=0)
     present = calibration.correct(present[None])[0]
     wanted = _wanted(params, state.found, present / np.linalg.norm(present))
-    turn = nextturn.turn_between(present, wanted)
+    turn = next_turn.turn_between(present, wanted)
     close = coverage.heading_sd_deg <= params.target_deg
     done = close and not findings
     return Guidance(
@@ -77,15 +77,15 @@ def guidance(
 
 def _words(turn: Array) -> str:
     """The turn in words; a hand that is told to hold still would not move again."""
-    small = np.abs(np.degrees(turn)).max() < nextturn.SMALLEST_DEG
-    return "go on turning" if small else nextturn.words(turn)
+    small = np.abs(np.degrees(turn)).max() < next_turn.SMALLEST_DEG
+    return "go on turning" if small else next_turn.words(turn)
 
 
 def _wanted(params: LiveParams, found: Found, present: Array) -> Array:
     """The direction that teaches most for the turn it takes, with what is read on the way."""
     centres = cells.icosphere()[0]
-    along, length = nextturn.ways(present, centres)
-    gains = nextturn.gains(
+    along, length = next_turn.ways(present, centres)
+    gains = next_turn.gains(
         along,
         found.bias,
         found.matrix,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import AgonicError
-from agonic.kernels.voxels import Voxels
+from agonic.live.maths.voxels import Voxels
 from agonic.reference import Reference
 from agonic.units import canonical
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.kernels import voxels
-from agonic.kernels.voxels import Voxels
+from agonic.live.maths import voxels
+from agonic.live.maths.voxels import Voxels
 from agonic.live.quarantine import Alarm, passed
 from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import moment_fit, moments

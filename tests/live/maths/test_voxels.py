@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.kernels import voxels
+from agonic.live.maths import voxels
 from agonic.maths.equation import moments
 
 RNG = np.random.default_rng(5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic import Reference, Samples, fit_ellipsoid
-from agonic.kernels import voxels
+from agonic.live.maths import voxels
 from agonic.maths.equation import moment_fit, moments
 
 MATRIX = np.eye(3) + np.array([[0.05, 0.02, -0.01], [0.02, -0.03, 0.015], [-0.01, 0.015, 0.01]])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.errors import AgonicError
-from agonic.streams.clock import Clock
-from agonic.streams.events import Chunk, Event, Said
-from agonic.streams.rows import Row, Rows
+from agonic.live.streams.clock import Clock
+from agonic.live.streams.events import Chunk, Event, Said
+from agonic.live.streams.rows import Row, Rows
 
 LONGEST = 4096
 """Bytes of a line; longer ones are passed over."""

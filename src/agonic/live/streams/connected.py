@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from threading import Event as Flag
 from typing import Protocol
 
-from agonic.streams.device import Device, MotionCalDevice
-from agonic.streams.events import Chunk, Event, Said
-from agonic.streams.lines import MOST_LINES_S, Lines
-from agonic.streams.links import Link, Received
+from agonic.live.streams.device import Device, MotionCalDevice
+from agonic.live.streams.events import Chunk, Event, Said
+from agonic.live.streams.lines import MOST_LINES_S, Lines
+from agonic.live.streams.links import Link, Received
 
 RETRY_S = 0.5
 """Between two attempts to connect."""

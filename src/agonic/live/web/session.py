@@ -11,16 +11,16 @@ from agonic.atomic import make_folder
 from agonic.calibrated import Calibrated, calibrate
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
+from agonic.live.streams import Chunk, Said, Source
+from agonic.live.streams.device import Change, Device
+from agonic.live.web.messages import Outcome, Sensor, Setting, Status, read_back
+from agonic.live.web.plan import Plan
+from agonic.live.web.resume import Unfinished
+from agonic.live.web.view import Shown
+from agonic.live.web.watch import Watched, calibration_before
 from agonic.provenance import Input, sha256_of
 from agonic.report.folder import Written, file_stem, write_folder
 from agonic.samples import Samples
-from agonic.streams import Chunk, Said, Source
-from agonic.streams.device import Change, Device
-from agonic.web.messages import Outcome, Sensor, Setting, Status, read_back
-from agonic.web.plan import Plan
-from agonic.web.shown import Shown
-from agonic.web.unfinished import Unfinished
-from agonic.web.watched import Watched, calibration_before
 
 DIGEST_S = 0.2
 """Between two fits, and two statuses."""

@@ -10,11 +10,11 @@ from typing import Any, Protocol
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from agonic.errors import AgonicError
-from agonic.streams.connected import Connected, Decoder, LineDecoder
-from agonic.streams.device import Device
-from agonic.streams.events import Event
-from agonic.streams.links import Link, SerialLink, TcpLink, UdpLink
-from agonic.streams.played import replayed, simulated
+from agonic.live.streams.connected import Connected, Decoder, LineDecoder
+from agonic.live.streams.device import Device
+from agonic.live.streams.events import Event
+from agonic.live.streams.links import Link, SerialLink, TcpLink, UdpLink
+from agonic.live.streams.played import replayed, simulated
 from agonic.units import RAW, canonical
 
 BAUD = 115_200
@@ -75,7 +75,7 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
 def _decoder(mavlink: bool, unit: str | None) -> Decoder:
     if not mavlink:
         return LineDecoder(unit or RAW)
-    from agonic.streams.vehicle import Vehicle
+    from agonic.live.streams.vehicle import Vehicle
 
     return Vehicle()
 

@@ -10,9 +10,9 @@ from threading import Event as Flag
 
 import numpy as np
 
+from agonic.live.streams.events import Chunk, Event, Said
 from agonic.logs.read import open_log
 from agonic.samples import Samples
-from agonic.streams.events import Chunk, Event, Said
 
 STEP_S = 0.02
 """Between two chunks."""

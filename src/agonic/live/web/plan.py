@@ -9,8 +9,8 @@ from typing import Any
 
 from agonic.calibration.affine import Affine
 from agonic.live import LiveParams
+from agonic.live.streams import Chunk
 from agonic.reference import Reference
-from agonic.streams import Chunk
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,13 +17,13 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.exports.ardupilot import ardupilot_parameters
 from agonic.exports.targets import compass_number
+from agonic.live.streams.clock import Clock
+from agonic.live.streams.device import ANSWER_S, Change
+from agonic.live.streams.events import Chunk, Event, Said
+from agonic.live.streams.links import Received
+from agonic.live.streams.parameters import Parameters
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.parameters import recover
-from agonic.streams.clock import Clock
-from agonic.streams.device import ANSWER_S, Change
-from agonic.streams.events import Chunk, Event, Said
-from agonic.streams.links import Received
-from agonic.streams.parameters import Parameters
 from agonic.units import RAW
 
 ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8

@@ -11,9 +11,9 @@ from contextlib import suppress
 import uvicorn
 
 from agonic.errors import AgonicError
-from agonic.web.app import make_app
-from agonic.web.messages import LARGEST
-from agonic.web.session import Session
+from agonic.live.web.app import make_app
+from agonic.live.web.messages import LARGEST
+from agonic.live.web.session import Session
 
 
 class _Server(uvicorn.Server):

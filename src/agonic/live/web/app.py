@@ -17,9 +17,7 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agonic.maths.equation.coverage import icosphere
-from agonic.report.documents import static as of_report
-from agonic.web.messages import (
+from agonic.live.web.messages import (
     LARGEST,
     Accept,
     Asked,
@@ -32,8 +30,10 @@ from agonic.web.messages import (
     encode,
     points,
 )
-from agonic.web.session import Session, in_background
-from agonic.web.shown import MOST
+from agonic.live.web.session import Session, in_background
+from agonic.live.web.view import MOST
+from agonic.maths.equation.coverage import icosphere
+from agonic.report.documents import static as of_report
 
 FRAME_S = 1 / 30
 """Between two messages with points."""
@@ -218,7 +218,7 @@ def hello(session: Session) -> Hello:
 
 
 def _static(name: str) -> str:
-    return (files("agonic.web") / "static" / name).read_text(encoding="utf-8")
+    return (files("agonic.live.web") / "static" / name).read_text(encoding="utf-8")
 
 
 def _answer(text: str, kind: str) -> Response:

@@ -12,9 +12,9 @@ from agonic.errors import AgonicError, MissingExtraError
 
 if TYPE_CHECKING:
     from agonic.calibration.affine import Affine
+    from agonic.live.streams import Source
+    from agonic.live.web.session import Session
     from agonic.reference import Reference
-    from agonic.streams import Source
-    from agonic.web.session import Session
 
 PORT = 8737
 INTERRUPTED = 130
@@ -72,9 +72,9 @@ def live(
     has ended. Readings that come without a unit stay raw. When it is stopped before Accept, the
     same command goes on from there.
     """
-    from agonic.streams import open_source
-    from agonic.web.plan import Plan
-    from agonic.web.session import Session
+    from agonic.live.streams import open_source
+    from agonic.live.web.plan import Plan
+    from agonic.live.web.session import Session
 
     if not 0 < target < 180:
         raise AgonicError(f"a --target of {target:g}° is none; give one above zero")
@@ -103,9 +103,9 @@ def _expected(
     import numpy as np
 
     from agonic.console.place import expected
+    from agonic.live.streams.played import Played
     from agonic.reference import Reference
     from agonic.samples import Samples
-    from agonic.streams.played import Played
 
     played = source.sensors if isinstance(source, Played) else ()
     if field is None and at is None and played and played[0].notes == ("simulated",):
@@ -152,7 +152,7 @@ def _before(paths: list[Path]) -> dict[str, Affine]:
 def _on_page(session: Session, listen: str | None, port: int) -> int:
     """Serve the page until interrupted."""
     try:
-        from agonic.web.server import serve
+        from agonic.live.web.server import serve
     except ImportError:
         raise MissingExtraError("the live page", "live") from None
     from agonic.console.output import say

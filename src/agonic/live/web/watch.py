@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import PARAMETERS, Affine
 from agonic.live import LiveFit, LiveParams
+from agonic.live.streams import Chunk
+from agonic.live.web.messages import Number, Problem, Sensor
+from agonic.live.web.view import Shown
 from agonic.maths.equation.gauge import entries
 from agonic.samples import Samples
-from agonic.streams import Chunk
 from agonic.units import nanotesla_per
-from agonic.web.messages import Number, Problem, Sensor
-from agonic.web.shown import Shown
 
 Array = NDArray[np.float64]
 
