@@ -7,10 +7,11 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 os.environ["COLUMNS"] = "88"  # help texts are as wide on every terminal
 
-from agonic import calibrated, verification
+from agonic import verification
 from agonic.attitude import evidence as attitude
 from agonic.ellipsoid import solve
 from agonic.health import evidence, mounting, readings
+from agonic.recording import calibrated
 from agonic.version import __version__
 
 project = "agonic"

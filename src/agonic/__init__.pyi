@@ -34,8 +34,6 @@ from agonic.attitude import fit_vector as fit_vector
 from agonic.attitude.latency import LatencyFit as LatencyFit
 from agonic.attitude.latency import fit_latency as fit_latency
 from agonic.attitude.latency import undelayed as undelayed
-from agonic.calibrated import Calibrated as Calibrated
-from agonic.calibrated import calibrate as calibrate
 from agonic.calibration.affine import Affine as Affine
 from agonic.calibration.alignment import Alignment as Alignment
 from agonic.calibration.base import apply as apply
@@ -128,8 +126,10 @@ from agonic.population import Population as Population
 from agonic.population import read_population as read_population
 from agonic.population import write_population as write_population
 from agonic.provenance import Provenance as Provenance
+from agonic.recording.calibrated import Calibrated as Calibrated
+from agonic.recording.calibrated import calibrate as calibrate
+from agonic.recording.report.page import render as render
 from agonic.reference import Reference as Reference
-from agonic.report.html import render as render
 from agonic.samples import Samples as Samples
 from agonic.simulation import SimulatedVehicle as SimulatedVehicle
 from agonic.simulation import simulate as simulate

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.calibrated import Calibrated
 from agonic.cli import run
 from agonic.files.calibration import load
 from agonic.fleet import work
 from agonic.fleet.settings import FleetSettings
 from agonic.logs.read import sensors
 from agonic.population import read_population
+from agonic.recording.calibrated import Calibrated
 from tests.fleet.boards import run_here, write_bad, write_boards
 
 

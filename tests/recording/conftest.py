@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.calibrated import Calibrated
 from agonic.health import Finding
+from agonic.recording.calibrated import Calibrated
 from agonic.samples import Logged
 from tests.recording.handmade import BIAS, calibrated, samples_of, tumble
 

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.calibrated import Calibrated
 from agonic.calibration.affine import Affine
 from agonic.coverage import cover
 from agonic.fit import Fit, ModelTest
 from agonic.maths.equation import affine
 from agonic.maths.equation.coverage import visits
 from agonic.provenance import Input, Provenance
+from agonic.recording.calibrated import Calibrated
 from agonic.samples import Samples
 from agonic.verification import Check, Verification
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.calibrated import judge
 from agonic.calibration.interference import Interference
+from agonic.recording.calibrated import judge
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)

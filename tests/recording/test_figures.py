@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.report.figures import (
+from agonic.recording.report.figures import (
     Axis,
     magnitude_strip,
     residual_histogram,
     residual_strip,
     time_axis,
 )
-from agonic.report.residuals import residuals_of
+from agonic.recording.report.residuals import residuals_of
 from tests.recording.handmade import samples_of, tumble
 
 

@@ -12,10 +12,10 @@ import pytest
 import agonic.report
 from agonic.calibration.interference import mean_of
 from agonic.health import Finding
+from agonic.recording.report.page import render
+from agonic.recording.report.quantities import quantities
+from agonic.recording.report.text import summary
 from agonic.report.digits import MINUS, THIN
-from agonic.report.html import render
-from agonic.report.quantities import quantities
-from agonic.report.text import summary
 from tests.recording.handmade import calibrated, samples_of, tumble
 
 ENTRIES = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)]

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
-from agonic.report.quantities import propagated_sd, quantities, turn_deg, views
+from agonic.recording.report.quantities import propagated_sd, quantities, turn_deg, views
 from tests.recording.handmade import BIAS, MATRIX
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.maths.equation.coverage import icosphere
-from agonic.report.residuals import residuals_of
+from agonic.recording.report.residuals import residuals_of
 from tests.recording.handmade import FIELD, NOISE, calibrated, samples_of, tumble
 
 

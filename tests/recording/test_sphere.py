@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.report.residuals import residuals_of
-from agonic.report.sphere import sphere_data
+from agonic.recording.report.residuals import residuals_of
+from agonic.recording.report.sphere import sphere_data
 from tests.recording.handmade import BIAS, NOISE
 
 

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+from agonic.recording.report.text import summary
 from agonic.report.digits import MINUS, THIN
-from agonic.report.text import summary
 
 
 def test_three_sensors_fit_on_one_screen(good, logged, refused):

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from typer import Typer
 
 COMMANDS = {
-    "calibrate": "agonic.cli.calibrate",
+    "calibrate": "agonic.recording.commands.calibrate",
     "fleet": "agonic.fleet.commands.fleet",
     "history": "agonic.history.command",
     "live": "agonic.live.command",
-    "info": "agonic.cli.info",
+    "info": "agonic.recording.commands.info",
     "fit": "agonic.cli.fit",
     "apply": "agonic.cli.apply",
-    "verify": "agonic.cli.verify",
+    "verify": "agonic.recording.commands.verify",
     "heading": "agonic.headings.commands.heading",
     "export": "agonic.cli.export",
     "report": "agonic.cli.report",
@@ -32,7 +32,7 @@ COMMANDS = {
     "track": "agonic.inflight.commands.track",
     "retrain": "agonic.network.commands.retrain",
     "cite": "agonic.cli.cite",
-    "demo": "agonic.cli.demo",
+    "demo": "agonic.recording.commands.demo",
 }
 """Each command and its module, in the order in which `agonic --help` lists them."""
 

@@ -27,7 +27,7 @@ from agonic.network.commands import fit_network
 from agonic.thermal.commands import fit_thermal
 
 if TYPE_CHECKING:
-    from agonic.calibrated import Calibrated
+    from agonic.recording.calibrated import Calibrated
     from agonic.samples import Samples
 
 Out = Annotated[
@@ -228,8 +228,8 @@ def _run(
     as_json: bool,
 ) -> int:
     """Fit, verify, write, and say so."""
-    from agonic.calibrated import calibrate
     from agonic.console.place import expected
+    from agonic.recording.calibrated import calibrate
 
     reference, of_place = expected(samples, *place)
     result = calibrate(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
@@ -240,8 +240,8 @@ def _told(result: Calibrated, out: Path | None, as_json: bool) -> int:
     """Write the calibration where it can be used, and say what came of it."""
     from agonic.console.output import print_json, say
     from agonic.files.calibration import save
-    from agonic.report.record import record
-    from agonic.report.text import summary
+    from agonic.recording.report.record import record
+    from agonic.recording.report.text import summary
 
     files = [str(save(result.fit.calibration, out))] if out and result.verdict != "refused" else []
     if as_json:

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from agonic.calibrated import Calibrated
     from agonic.logs.large.mission import Mission
     from agonic.logs.log import Log
+    from agonic.recording.calibrated import Calibrated
 
 IN_MEMORY = 5_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
@@ -46,9 +46,9 @@ def calibrated(
     mission: Mission, at: str | None, date: str | None, field: float | None, **settings: Any
 ) -> Calibrated:
     """The calibration of a mission, with the field of the place."""
-    from agonic.calibrated import calibrate_recording
     from agonic.console.place import expected
     from agonic.console.progress import counting
+    from agonic.recording.calibrated import calibrate_recording
 
     reference, of_place = expected(mission.head(), at, date, field)
     with counting(mission.rows) as told:

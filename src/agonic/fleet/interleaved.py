@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
-from agonic.calibrated import Calibrated
 from agonic.errors import LogError
 from agonic.fleet.rows import refused, row_of
 from agonic.fleet.settings import FleetSettings
@@ -16,6 +15,7 @@ from agonic.logs.large.sensor_rows import Table
 from agonic.logs.table import log_of_table
 from agonic.population import Row
 from agonic.provenance import Input
+from agonic.recording.calibrated import Calibrated
 from agonic.samples import Samples
 
 Task = tuple[tuple[int, str, Table], ...]

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime, timedelta
 from typing import Any
 
-from agonic.calibrated import Calibrated
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.population import Row
 from agonic.population.population import ENTRIES
+from agonic.recording.calibrated import Calibrated
 from agonic.samples import Samples
 
 
@@ -30,7 +30,7 @@ def row_of(
 
     Parameters: as the fields of `Row`. A refused fit has its figures too: they show why.
 
-    >>> from agonic.calibrated import calibrate
+    >>> from agonic.recording.calibrated import calibrate
     >>> from agonic.simulation import simulate
     >>> row = row_of(calibrate(simulate("tumble").samples), sensor="a", source="a.csv")
     >>> row.verdict, row.method, row.rows

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from agonic.atomic import make_folder
-from agonic.calibrated import Calibrated, calibrate, calibrate_recording
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.field.place import reference_for
 from agonic.files.calibration import save
@@ -23,7 +22,8 @@ from agonic.logs.log import Log
 from agonic.logs.read import open_log
 from agonic.population import Row
 from agonic.provenance import as_text, sha256_of
-from agonic.report.folder import file_stem, write_folder
+from agonic.recording.calibrated import Calibrated, calibrate, calibrate_recording
+from agonic.recording.report.folder import file_stem, write_folder
 from agonic.samples import Samples
 from agonic.version import __version__
 

@@ -12,10 +12,10 @@ import typer
 from agonic.console.options import Json
 
 if TYPE_CHECKING:
-    from agonic.calibrated import Calibrated
     from agonic.fleet.settings import FleetSettings
     from agonic.history import Drift, History
     from agonic.logs.log import Log
+    from agonic.recording.calibrated import Calibrated
 
 
 def add_to(app: typer.Typer) -> None:

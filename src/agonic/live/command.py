@@ -172,8 +172,8 @@ def _in_terminal(session: Session, as_json: bool) -> int:
     import time
 
     from agonic.console.output import print_json, say
-    from agonic.report.record import record, unfitted
-    from agonic.report.text import summary
+    from agonic.recording.report.record import record, unfitted
+    from agonic.recording.report.text import summary
 
     session.start()
     stream = sys.stderr if as_json else sys.stdout

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from agonic.calibrated import Calibrated
 from agonic.calibration.base import Calibration
-from agonic.choice import undone
 from agonic.citations import CITATIONS
 from agonic.health import Finding
-from agonic.report.digits import counted, minused, percent, quantity, rounded, signed, with_sd
-from agonic.report.markup import Markup, element, grouped_table, markup, table
-from agonic.report.quantities import (
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.choice import undone
+from agonic.recording.report.quantities import (
     Group,
     Quantity,
     mixes,
@@ -21,6 +19,8 @@ from agonic.report.quantities import (
     unit_label,
     views,
 )
+from agonic.report.digits import counted, minused, percent, quantity, rounded, signed, with_sd
+from agonic.report.markup import Markup, element, grouped_table, markup, table
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
 from agonic.verification import Check, Verification

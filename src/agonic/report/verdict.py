@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agonic.calibrated import Calibrated
 from agonic.health import Finding
+from agonic.recording.calibrated import Calibrated
 
 MEANINGS = {
     "good": ("Good", "ready to use"),

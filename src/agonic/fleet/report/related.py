@@ -12,9 +12,9 @@ from agonic.maths.estimation.robust_line import Line, robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES
+from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import counted, signed, with_sd
 from agonic.report.markup import Markup, element, markup
-from agonic.report.quantities import unit_label
 
 Array = NDArray[np.float64]
 

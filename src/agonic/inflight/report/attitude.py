@@ -6,10 +6,10 @@ import numpy as np
 
 from agonic.calibration.alignment import Alignment
 from agonic.inflight.fit import InflightFit
+from agonic.recording.report.figures import along_time
+from agonic.recording.report.quantities import PER, unit_label
 from agonic.report.digits import degrees, quantity, with_sd
-from agonic.report.figures import along_time
 from agonic.report.markup import Markup, element, table
-from agonic.report.quantities import PER, unit_label
 from agonic.report.strips import Axis, Columns, arrows, captioned, line, plot, spread
 
 ARCSEC = 3600.0

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.inflight.report.record import Course, Flight
+from agonic.recording.report.figures import along_time
 from agonic.report.digits import grouped
-from agonic.report.figures import along_time
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
     BINS,

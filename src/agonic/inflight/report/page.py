@@ -11,11 +11,11 @@ from agonic.inflight.report.causes import explained
 from agonic.inflight.report.record import Flight, of_inflight, of_tracked
 from agonic.inflight.tracker import Tracker
 from agonic.inflight.tracking import Coefficients
+from agonic.recording.report.quantities import unit_label
 from agonic.report.blocks import key_figures
 from agonic.report.digits import counted, grouped, minused, quantity
 from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup
-from agonic.report.quantities import unit_label
 from agonic.report.strips import beyond_words, captioned
 from agonic.report.tables import findings, mark, provenance
 from agonic.report.verdict import MEANINGS, sentence

@@ -13,7 +13,7 @@ from agonic.atomic import make_folder
 from agonic.errors import AgonicError
 from agonic.live import LiveFit, LiveParams, LiveState
 from agonic.live.statefile import save_state
-from agonic.report.folder import file_stem
+from agonic.recording.report.folder import file_stem
 
 SAVE_S = 5.0
 """Between two times that the files are written."""

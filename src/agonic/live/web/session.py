@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from agonic.atomic import make_folder
-from agonic.calibrated import Calibrated, calibrate
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
 from agonic.live.streams import Chunk, Said, Source
@@ -19,7 +18,8 @@ from agonic.live.web.resume import Unfinished
 from agonic.live.web.view import Shown
 from agonic.live.web.watch import Watched, calibration_before
 from agonic.provenance import Input, sha256_of
-from agonic.report.folder import Written, file_stem, write_folder
+from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.report.folder import Written, file_stem, write_folder
 from agonic.samples import Samples
 
 DIGEST_S = 0.2

@@ -182,7 +182,7 @@ def calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Aff
     """The calibration of a sensor that was given, or was written to the folder before."""
     from agonic.errors import AgonicError
     from agonic.files.calibration import load
-    from agonic.report.folder import file_stem
+    from agonic.recording.report.folder import file_stem
 
     if name in given:
         return given[name]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, NetworkFit
-from agonic.report.figures import along_time
+from agonic.recording.report.figures import along_time
 from agonic.report.markup import Markup
 from agonic.report.strips import (
     BINS,

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.thermal import Thermal
-from agonic.report.figures import along_time
+from agonic.recording.report.figures import along_time
+from agonic.recording.report.quantities import unit_label
 from agonic.report.markup import Markup
-from agonic.report.quantities import unit_label
 from agonic.report.strips import Axis, down, level, path, plot, points, right
 from agonic.thermal.calibrated import ChamberField, HeldOut
 from agonic.thermal.fit import Bins, Spread

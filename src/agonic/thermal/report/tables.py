@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.calibration.thermal import Thermal
+from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import counted, grouped, minused, quantity, signed, with_sd
 from agonic.report.markup import Markup, element, row, table
-from agonic.report.quantities import unit_label
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS
 from agonic.thermal.calibrated import CalibratedCampaign, CalibratedSensor, ChamberField, HeldOut

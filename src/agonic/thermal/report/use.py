@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
+from agonic.recording.report.figures import along_time
+from agonic.recording.report.quantities import unit_label
 from agonic.report import tables as common
 from agonic.report.digits import counted, grouped, minused
-from agonic.report.figures import along_time
 from agonic.report.markup import Markup, element
-from agonic.report.quantities import unit_label
 from agonic.report.strips import BINS, Axis, Columns, captioned, marked, plot, spread
 from agonic.samples import Samples
 from agonic.thermal.report import figures

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from agonic.atomic import make_folder, write_atomically
-from agonic.calibrated import Calibrated
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import UnitError
 from agonic.exports.targets import SUFFIXES, TARGETS
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import save
 from agonic.files.setup import save_setup
-from agonic.report.html import render
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report.page import render
 
 
 class Written(NamedTuple):

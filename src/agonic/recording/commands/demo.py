@@ -25,16 +25,16 @@ def demo(
     """Simulate a hand-turned sensor with outliers, calibrate it, and compare with the truth."""
     from agonic import simulation
     from agonic.atomic import make_folder
-    from agonic.calibrated import calibrate
     from agonic.calibration.affine import PARAMETERS
     from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
     from agonic.logs.read import open_log
     from agonic.maths.equation.gauge import entries
+    from agonic.recording.calibrated import calibrate
+    from agonic.recording.report.folder import write_folder
+    from agonic.recording.report.record import record
+    from agonic.recording.report.text import summary
     from agonic.reference import Reference
-    from agonic.report.folder import write_folder
-    from agonic.report.record import record
-    from agonic.report.text import summary
 
     made = simulation.simulate(
         "hand", noise=200.0, seed=seed, defects=[simulation.with_outliers(0.02, seed=seed)]

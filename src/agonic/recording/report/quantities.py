@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from agonic.calibrated import Calibrated
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference, signals
 from agonic.maths.equation.affine import model_basis, split
+from agonic.recording.calibrated import Calibrated
 from agonic.report.digits import degrees, grouped, quantity
 from agonic.units import RAW
 

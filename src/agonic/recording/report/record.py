@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.calibrated import Calibrated
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.interference import Interference
+from agonic.recording.calibrated import Calibrated
 
 FIELDS = (
     "sensor",

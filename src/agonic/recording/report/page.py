@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from agonic.calibrated import Calibrated
-from agonic.report import sections, sphere, tables
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report import sections, sphere
+from agonic.recording.report.quantities import unit_label
+from agonic.report import tables
 from agonic.report.digits import degrees, grouped, quantity
 from agonic.report.documents import document, static
 from agonic.report.markup import Markup, data_script, element, markup, table
-from agonic.report.quantities import unit_label
 from agonic.report.verdict import MEANINGS
 
 SUMMARY = (

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.calibrated import Calibrated
 from agonic.maths.equation.affine import magnitude_residual
 from agonic.maths.equation.coverage import cells_of, icosphere
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import grouped, quantity, signed
-from agonic.report.quantities import unit_label
 from agonic.report.strips import robust_limit
 
 Array = NDArray[np.float64]

@@ -14,11 +14,11 @@ from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply, beside
 from agonic.calibration.interference import Interference, stacked
-from agonic.choice import Choice, Kind, choose
 from agonic.ellipsoid import Recording, ellipsoid_alone, evidence, fit_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.maths.rotations.angles import angle_deg
+from agonic.recording.choice import Choice, Kind, choose
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Check, Verification, verify

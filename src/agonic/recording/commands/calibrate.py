@@ -21,8 +21,8 @@ from agonic.console.options import (
 )
 
 if TYPE_CHECKING:
-    from agonic.calibrated import Calibrated
     from agonic.logs.large.mission import Mission
+    from agonic.recording.calibrated import Calibrated
     from agonic.samples import Samples
 
 
@@ -69,9 +69,9 @@ def calibrate(
     from agonic.console.out_of_core import log_of, missions
     from agonic.console.output import print_json, say
     from agonic.errors import check_choice
-    from agonic.report.folder import write_folder
-    from agonic.report.record import record
-    from agonic.report.text import summary
+    from agonic.recording.report.folder import write_folder
+    from agonic.recording.report.record import record
+    from agonic.recording.report.text import summary
 
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "vector"))
     taught = f"--method {method}" if method in ("levelled", "vector") else None
@@ -117,8 +117,8 @@ def _of(
     """A sensor, and what calibrates it."""
 
     def run() -> Calibrated:
-        from agonic.calibrated import calibrate as run_in_memory
         from agonic.console.place import expected
+        from agonic.recording.calibrated import calibrate as run_in_memory
 
         reference, settings = expected(samples, at, date, field)
         return run_in_memory(samples, reference, kind=method, **settings)  # type: ignore[arg-type]
@@ -137,7 +137,7 @@ def _results(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[dict[str, obj
     """The sensors that could be fitted, and records of those that could not."""
     from agonic.console.progress import progress
     from agonic.errors import CoverageError
-    from agonic.report.record import unfitted
+    from agonic.recording.report.record import unfitted
 
     results: list[Calibrated] = []
     failures: list[dict[str, object]] = []

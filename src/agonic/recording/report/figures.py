@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.calibrated import Calibrated
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report.quantities import unit_label
+from agonic.recording.report.residuals import Residuals, parted
 from agonic.report.markup import Markup
-from agonic.report.quantities import unit_label
-from agonic.report.residuals import Residuals, parted
 from agonic.report.strips import (
     Axis,
     Columns,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from agonic.calibrated import Calibrated
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report.quantities import ADDED, quantities, unit_label
 from agonic.report.digits import degrees, grouped, minused, quantity, with_sd
-from agonic.report.quantities import ADDED, quantities, unit_label
 from agonic.report.tables import spread
 from agonic.report.verdict import MEANINGS, next_move, sentence
 

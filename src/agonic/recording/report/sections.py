@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.calibrated import Calibrated
-from agonic.report import blocks, figures, sphere, tables
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report import figures, sphere
+from agonic.recording.report.quantities import mixes, unit_label
+from agonic.recording.report.residuals import FEWEST, Residuals, parted, residuals_of
+from agonic.report import blocks, tables
 from agonic.report.digits import counted, degrees, grouped, minused, percent, quantity
 from agonic.report.markup import Markup, data_script, element
-from agonic.report.quantities import mixes, unit_label
-from agonic.report.residuals import FEWEST, Residuals, parted, residuals_of
 from agonic.report.strips import beyond_words, captioned
 from agonic.report.verdict import next_move, sentence
 

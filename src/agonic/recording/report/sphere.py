@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.calibrated import Calibrated
 from agonic.maths.equation.coverage import icosphere
-from agonic.report.residuals import Residuals, level
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report.residuals import Residuals, level
 
 Array = NDArray[np.float64]
 
