@@ -44,7 +44,7 @@ class RetrainerParams:
     bias_sd, matrix_sd : how far the base may move from one training to the next: the field that a
         bias adds, and an entry of the matrix, as shares of the field.
     shift_sd : the smallest lasting shift of the residual that counts as a change, in its standard
-        deviations. alarm : how much of it has to add up (see `kernels.cusum`); 0: never.
+        deviations. alarm : how much of it has to add up (see `maths.estimation.cusum`); 0: never.
     fewest : readings after a change before it is learned.
     misfit : a residual so many times what it was is that of a changed sensor, and a candidate whose
         unseen error is so many times that is rejected.

@@ -130,7 +130,7 @@ def _held(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Array]:
 
 
 def _seen(sums: Sums, assumed: Assumed, robust: bool, parameters: int) -> Assumed:
-    """The noise of all readings, by those that the loss lets through (`kernels.noise`)."""
+    """The noise of all readings, by those that the loss lets through (`maths.estimation.noise`)."""
     _, weight, _, _, power, total, _, largest = sums.facts.tolist()
     stands_out = largest > np.sqrt(2 * np.log(2 * total)) + 1
     if robust and stands_out and not assumed.robust:

@@ -36,7 +36,7 @@ LOWEST_M = -20_000.0
 class Model:
     """A model of the geomagnetic field of the Earth; `igrf()`, `wmm()` and `wmmhr()` give one.
 
-    `coefficients` are those published; `table` (i, k, 2, 6) the same as `kernels.harmonics` wants
+    `coefficients` are those published; `table` (i, k, 2, 6) the same as `maths.earth.harmonics` wants
     them, for field and yearly change; `extrapolates_until` is the last decimal year that is
     answered, with a warning after `coefficients.until`.
     """

@@ -66,13 +66,13 @@ def history(
 def _all(kept: History, as_json: bool) -> int:
     from agonic.console.output import print_json, say
     from agonic.console.progress import counting
-    from agonic.history import departure, drifting
+    from agonic.history import departures, drifting
     from agonic.history.report.record import listed, listing
 
     sensors = kept.sensors()
     with counting(100) as told:
         moving = drifting(kept, lambda done, of: told("Drift", 100 * done // of))
-    said = listing(sensors, moving, departure(kept))
+    said = listing(sensors, moving, departures(kept))
     if as_json:
         print_json("agonic/history@1", said)
     else:
@@ -82,10 +82,10 @@ def _all(kept: History, as_json: bool) -> int:
 
 def _one(kept: History, sensor: str, at: datetime | None, out: Path | None, as_json: bool) -> int:
     from agonic.console.output import print_json, say
-    from agonic.history import beside, departure, drift
+    from agonic.history import beside, departures, drift
     from agonic.history.report.record import lines, record
 
-    found = beside(drift(kept.of(sensor), at), departure(kept))
+    found = beside(drift(kept.of(sensor), at), departures(kept))
     files = [] if out is None else [_page(found, out)]
     if as_json:
         print_json("agonic/history@1", {**record(found), "files": files})

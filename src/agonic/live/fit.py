@@ -36,7 +36,7 @@ class LiveFit:
 
     Readings are summed up in boxes of equal size, each of which weighs little more after its
     first 25, so that a sensor at rest does not drown the rest; the fit minimises the magnitude
-    residual over their moments with a prior on soft iron (`kernels.summed`). Readings wait a
+    residual over their moments with a prior on soft iron (`maths.equation.moment_fit`). Readings wait a
     moment before they are let in, and those made near iron are not (`live.quarantine`). Two calls
     of `add` with the halves of a recording give what one call with all of it gives.
 

@@ -14,7 +14,7 @@ from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply, beside
 from agonic.calibration.interference import Interference, stacked
-from agonic.ellipsoid import Recording, ellipsoid_alone, evidence, fit_and_rows
+from agonic.ellipsoid import Recording, ellipsoid_alone, evaluate, fit_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.maths.rotations.angles import angle_deg
@@ -173,11 +173,11 @@ def _evidence(
 ) -> Fit:
     """What the samples say of a calibration; sources on board are taken at their mean."""
     if not isinstance(calibration, Interference):
-        return evidence(calibration, samples, reference, **settings)
+        return evaluate(calibration, samples, reference, **settings)
     mean = stacked(calibration.sources, beside(calibration, samples)).mean(axis=0)
     held = calibration.cleaned(samples.field, **beside(calibration, samples))
     steady = samples.with_columns(field=held + calibration.coefficients @ mean)
-    fit = evidence(calibration.at(mean), steady, reference, **settings)
+    fit = evaluate(calibration.at(mean), steady, reference, **settings)
     return replace(fit, calibration=calibration)
 
 

@@ -1,4 +1,4 @@
-"""`kernels.flight`: Jacobians against differences, rows with and without a matrix of their own."""
+"""`inflight.maths.inflight`: Jacobians against differences, rows with and without a matrix of their own."""
 
 import numpy as np
 import pytest

@@ -7,10 +7,10 @@ measures
 
     r(x) = (|W (raw − bias)| − F − g)/|s| = noise,    s = W û,
 
-the distance residual of `kernels.affine.magnitude_residual` with its exact Jacobian. The covariance
+the distance residual of `maths.equation.affine.magnitude_residual` with its exact Jacobian. The covariance
 is kept as U D Uᵀ, U unit upper triangular: with D not negative it stays a covariance, whatever
 the rounding. Bierman's measurement update, and Agee and Turner's rank-one update for what the
-unknowns walk; g is first so that its decay scales one row. They are in `kernels.udfilter`.
+unknowns walk; g is first so that its decay scales one row. They are in `maths.estimation.ud_filter`.
 
 Source: G. J. Bierman (1977), Factorization Methods for Discrete Sequential Estimation, Academic
 Press, chapters III and V. Jumps: A. S. Willsky, H. L. Jones (1976), IEEE Transactions on Automatic

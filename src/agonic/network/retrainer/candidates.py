@@ -19,7 +19,7 @@ from agonic.errors import AgonicError
 from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
 from agonic.network.retrainer.rows import as_samples
-from agonic.network.retraining import model_change, movable
+from agonic.network.retraining import movable, moved
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def candidates(
     found = []
     if movable(running) and isinstance(running, Affine | Network):
         sds = {"bias_sd": params.bias_sd, "matrix_sd": params.matrix_sd}
-        running = model_change(running, seen, **sds)
+        running = moved(running, seen, **sds)
         found.append(Candidate(running, "an affine step"))
         if not whole:
             return found

@@ -39,7 +39,7 @@ def magnitude_errors(
     """What is to be expected where the stations teach by the magnitude alone.
 
     The nine coefficients are linear in `basis`; each reading gives the distance from the ellipsoid
-    (`kernels.affine.magnitude_residual`), so the information is Σ (n/σ²) (J Jᵀ) ⊗ (φ φᵀ) over
+    (`maths.equation.affine.magnitude_residual`), so the information is Σ (n/σ²) (J Jᵀ) ⊗ (φ φᵀ) over
     stations and temperatures.
 
     Parameters

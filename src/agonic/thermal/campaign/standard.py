@@ -12,7 +12,7 @@ from agonic.thermal.maths import stations as kernel
 
 @cache
 def standard_stations() -> tuple[Station, ...]:
-    """The twelve stations of `kernels.stations`, numbered in the order of least handling.
+    """The twelve stations of `thermal.maths.stations`, numbered in the order of least handling.
 
     >>> [station.pose for station in standard_stations()[:2]]
     ['top up, front to the back', 'top up, front to the right']

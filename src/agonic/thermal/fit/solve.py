@@ -158,7 +158,7 @@ def _with_terms(
     """The estimate with the term in the rate where the readings ask for it.
 
     A rate that goes unseen hardly moves the others, for all temperatures were cooled and heated
-    through; it is decided upon. A drift would move them: it is averaged (`kernels.averaged`).
+    through; it is decided upon. A drift would move them: it is averaged (`maths.estimation.model_averaging`).
     """
     whole = first if posed.rot_nb is None else _estimated(posed, first, first.coefficients)
     test = _rate_test(of, posed, whole)
