@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.health import Finding, Judged
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,13 +6,12 @@ import struct
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.equation import moments as kernel
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
 
 _MAGIC = b"AGM1"
 _LAYOUT = struct.Struct("<4s8s4d35d")

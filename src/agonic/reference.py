@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import UnitError
 from agonic.units import nanotesla_per
 
@@ -24,7 +25,7 @@ class Reference:
     """
 
     kind: Kind
-    values: NDArray[np.float64]
+    values: Array
     sd: float = 0.0
     source: str = "given"
     frame: str | None = None
@@ -96,12 +97,12 @@ class Reference:
         array.flags.writeable = False
         return cls(kind=kind, values=array, sd=sd, source=source, frame=frame)
 
-    def magnitudes(self, n: int) -> NDArray[np.float64]:
+    def magnitudes(self, n: int) -> Array:
         """The magnitude at each of `n` samples, (n,), or (1,) where it is constant."""
         size = self.values if self.values.ndim == 1 else np.linalg.norm(self.values, axis=1)
         return _for_rows(size, n)
 
-    def horizontal_and_vertical(self, n: int) -> NDArray[np.float64]:
+    def horizontal_and_vertical(self, n: int) -> Array:
         """Horizontal and vertical intensity at each of `n` samples, (n, 2), or (1, 2).
 
         Raises `UnitError` for a reference that is a magnitude only.
@@ -122,7 +123,7 @@ class Reference:
         return self if len(self.values) == 1 else replace(self, values=self.values[chosen])
 
 
-def _for_rows(values: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+def _for_rows(values: Array, n: int) -> Array:
     if len(values) not in (1, n):
         raise UnitError(f"the reference has {len(values)} rows and the samples have {n}")
     return values

@@ -10,13 +10,12 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Mask
 from agonic.errors import FrameError, LogError, UnitError
 from agonic.provenance import Input
 from agonic.units import RAW, canonical, nanotesla_per
-
-FloatArray = NDArray[np.float64]
 
 VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
@@ -48,8 +47,8 @@ class Logged:
     `bias` in the unit of the samples, `matrix` (3, 3); `source` names where it was found.
     """
 
-    bias: FloatArray
-    matrix: FloatArray
+    bias: Array
+    matrix: Array
     source: str
 
 
@@ -93,25 +92,25 @@ class Samples:
     ([[20000.0, 0.0, 43000.0]], 1, {'NaN or infinite field': 1})
     """
 
-    field: FloatArray
+    field: Array
     unit: str = "nT"
-    time: FloatArray | None = None
+    time: Array | None = None
     epoch: datetime | None = None
-    temperature: FloatArray | None = None
-    roll_deg: FloatArray | None = None
-    pitch_deg: FloatArray | None = None
-    heading_deg: FloatArray | None = None
-    acceleration: FloatArray | None = None
-    rotation_rate: FloatArray | None = None
-    current_A: FloatArray | None = None
-    throttle: FloatArray | None = None
-    latitude_deg: FloatArray | None = None
-    longitude_deg: FloatArray | None = None
-    altitude_m: FloatArray | None = None
-    second: FloatArray | None = None
-    station: FloatArray | None = None
-    scalar: FloatArray | None = None
-    flagged: FloatArray | None = None
+    temperature: Array | None = None
+    roll_deg: Array | None = None
+    pitch_deg: Array | None = None
+    heading_deg: Array | None = None
+    acceleration: Array | None = None
+    rotation_rate: Array | None = None
+    current_A: Array | None = None
+    throttle: Array | None = None
+    latitude_deg: Array | None = None
+    longitude_deg: Array | None = None
+    altitude_m: Array | None = None
+    second: Array | None = None
+    station: Array | None = None
+    scalar: Array | None = None
+    flagged: Array | None = None
     name: str = "mag"
     frame: str = "m"
     device_id: int | None = None
@@ -160,7 +159,7 @@ class Samples:
         """What a result made of these samples names as its input: the file, else the readings."""
         return self.source or Input.of_array(self.name, self.field)
 
-    def columns(self) -> dict[str, FloatArray]:
+    def columns(self) -> dict[str, Array]:
         """The columns that are there, by name, in writing order."""
         return {name: c for name in COLUMNS if (c := getattr(self, name)) is not None}
 
@@ -169,7 +168,7 @@ class Samples:
         chosen = np.asarray(rows)
         return replace(self, **{name: c[chosen] for name, c in self.columns().items()})
 
-    def seconds_since(self, epoch: datetime | None, *, known: bool = True) -> FloatArray:
+    def seconds_since(self, epoch: datetime | None, *, known: bool = True) -> Array:
         """The times as something counts them that was begun at `epoch`, itself `None` undated.
 
         `known` is false before anything was begun: then the times are as they are.
@@ -231,7 +230,7 @@ class Samples:
         return replace(self, **changed)
 
 
-def _column(name: str, values: ArrayLike | None) -> FloatArray | None:
+def _column(name: str, values: ArrayLike | None) -> Array | None:
     """A column as float64 of the right shape, or a clear error."""
     if values is None:
         return None
@@ -246,7 +245,7 @@ def _column(name: str, values: ArrayLike | None) -> FloatArray | None:
     return array
 
 
-def _usable(columns: Mapping[str, FloatArray | None]) -> tuple[NDArray[np.bool_], dict[str, int]]:
+def _usable(columns: Mapping[str, Array | None]) -> tuple[Mask, dict[str, int]]:
     """The rows without a NaN and with increasing time, and why the others are not."""
     present = {name: c for name, c in columns.items() if c is not None}
     keep = np.ones(len(present["field"]), dtype=bool)
@@ -272,6 +271,6 @@ def _added(left: Mapping[str, int], right: Mapping[str, int]) -> dict[str, int]:
     return {why: left.get(why, 0) + right.get(why, 0) for why in (*left, *right)}
 
 
-def _frozen(array: FloatArray) -> FloatArray:
+def _frozen(array: Array) -> Array:
     array.flags.writeable = False
     return array

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration, apply
 from agonic.maths.estimation.leastsq import robust_scale
 from agonic.maths.rotations.angles import angle_deg, wrapped_deg
@@ -14,8 +15,6 @@ from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 SPREAD_LIMIT = 0.03
 """Spread of the calibrated magnitude that still allows a heading of about a degree."""
@@ -54,7 +53,7 @@ class Verification:
     spread_before: float
     spread_after: float
     residual_rms: float
-    held_out: NDArray[np.bool_] | None
+    held_out: Mask | None
     magnitude_before: Array
     magnitude_after: Array
 
@@ -71,7 +70,7 @@ def verify(
     *,
     noise: float | None = None,
     corrected: ArrayLike | None = None,
-    held_out: NDArray[np.bool_] | None = None,
+    held_out: Mask | None = None,
 ) -> Verification:
     """Check a calibration on samples, best on ones that it was not made from.
 
@@ -191,7 +190,7 @@ def _magnitude_check(error: float, source: str) -> Check:
 
 
 def _attitude_checks(
-    field: Array, rows: NDArray[np.bool_], samples: Samples, reference: Reference
+    field: Array, rows: Mask, samples: Samples, reference: Reference
 ) -> list[Check]:
     """Dip and heading of the corrected field against the attitude of the log and the reference."""
     if samples.roll_deg is None or samples.pitch_deg is None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.attitude.problem import Scale
 from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
@@ -19,7 +20,6 @@ from agonic.maths.equation.attitude_aided import Estimate, Problem
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
-Array = NDArray[np.float64]
 Numbers = NDArray[Any]  # real, or complex to differentiate
 
 _STEP = 1e-30  # of a complex step: its square is nothing beside one, so derivatives are exact

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.attitude import calibration
 from agonic.attitude.problem import Scale
 from agonic.attitude.settings import Settings
@@ -29,8 +29,6 @@ from agonic.maths.equation.coverage import visits
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
 
-Array = NDArray[np.float64]
-
 ATTITUDE_DOUBTFUL_DEG = 5.0
 HEADING_DOUBTFUL_DEG = 5.0
 HEADING_REFUSED_DEG = 20.0
@@ -47,7 +45,7 @@ def with_evidence(
     problem: attitude_aided.Problem,
     scale: Scale,
     samples: Samples,
-    usable: NDArray[np.bool_],
+    usable: Mask,
     tests: tuple[ModelTest, ...],
     settings: Settings,
 ) -> Fit:
@@ -101,7 +99,7 @@ def _evidence(
     problem: attitude_aided.Problem,
     params: Array,
     samples: Samples,
-    usable: NDArray[np.bool_],
+    usable: Mask,
 ) -> Evidence:
     """What the examination of a fit looks at: the readings without what sources added."""
     assert plain.magnitude is not None
@@ -128,7 +126,7 @@ def _evidence(
 def _coverage(
     plain: Affine,
     cleaned: Array,
-    believed: NDArray[np.bool_],
+    believed: Mask,
     problem: attitude_aided.Problem,
     settings: Settings,
 ) -> Coverage:
@@ -156,7 +154,7 @@ def _coverage(
 class Seen(NamedTuple):
     """What a vehicle showed: the sectors of 15° that its headings were in, and its tilt."""
 
-    sectors: NDArray[np.intp]
+    sectors: Index
     widest: int
     gap_deg: int
     tilt_deg: float

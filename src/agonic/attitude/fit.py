@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Mask
 from agonic.attitude import calibration
 from agonic.attitude.evidence import with_evidence
 from agonic.attitude.problem import normalise
@@ -17,8 +17,6 @@ from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 TURN_SIGNIFICANT = 1e-4
 """A turn between sensor and vehicle is kept when chance would make it this seldom."""
@@ -59,7 +57,7 @@ def fitted(
     return with_evidence(affine, estimate, problem, scale, samples, usable, tests, settings)
 
 
-def _left_out(samples: Samples, usable: NDArray[np.bool_]) -> str:
+def _left_out(samples: Samples, usable: Mask) -> str:
     """Why readings are missing, in brackets; nothing where none are."""
     reasons = [f"{n} rows: {why}" for why, n in samples.rejected.items()]
     if not usable.all():
@@ -68,7 +66,7 @@ def _left_out(samples: Samples, usable: NDArray[np.bool_]) -> str:
 
 
 def _estimated(
-    problem: attitude_aided.Problem, usable: NDArray[np.bool_], settings: Settings
+    problem: attitude_aided.Problem, usable: Mask, settings: Settings
 ) -> attitude_aided.Estimate:
     part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
     robust = settings.robust and len(part.points) >= 2 * FEWEST

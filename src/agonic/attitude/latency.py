@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Slerp
 
+from agonic.arrays import Array
 from agonic.attitude.maths import latency as kernel
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import Finding, figure, sentences
 from agonic.maths.rotations.attitude import angles_deg, rot_nb, yaw_pitch_roll
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 STRETCH_S = {"attitude": 20.0, "gyro": 10.0}
 """How long the field, and the drift of an integrated gyro, are taken to be steady."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.attitude.settings import Settings
 from agonic.calibration.interference import stacked
 from agonic.errors import AgonicError, CoverageError, LogError
@@ -14,8 +14,6 @@ from agonic.maths.equation import attitude_aided
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 class Scale(NamedTuple):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.attitude.fit import fitted
 from agonic.attitude.settings import Settings
 from agonic.errors import AgonicError
@@ -14,8 +14,6 @@ from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 SLIGHT = 0.005
 """A disturbance over the usual changes of the current that is less of the field is left alone."""

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.calibration.base import Validity, known, read_only
 from agonic.maths.equation import affine as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
 
-Array = NDArray[np.float64]
 Model = Literal["sphere", "diagonal", "full"]
 
 PARAMETERS = (

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.provenance import Provenance
 
 
@@ -27,7 +28,7 @@ class Alignment:
     needs: ClassVar[tuple[str, ...]] = ()
 
     rotation: Rotation
-    covariance: NDArray[np.float64] | None = None
+    covariance: Array | None = None
     unit_in: str = "nT"
     frame_in: str = "m"
     frame_out: str = "b"
@@ -39,7 +40,7 @@ class Alignment:
         """A rotation keeps the unit."""
         return self.unit_in
 
-    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> NDArray[np.float64]:
+    def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """The field (…, 3) in the axes of `frame_out`."""
         return np.asarray(np.asarray(raw, dtype=np.float64) @ self.rotation.as_matrix().T)
 

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.estimation.series import rates
 from agonic.provenance import Provenance
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

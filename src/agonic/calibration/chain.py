@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.inputs import SOURCES
@@ -16,8 +17,6 @@ from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.provenance import Provenance
-
-Array = NDArray[np.float64]
 
 ENDS = ("unit_in", "unit_out", "frame_in", "frame_out", "sensor")
 """What a chain has of its first and last step."""

@@ -6,16 +6,15 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+from agonic.arrays import Array
 from agonic.calibration.base import read_only
 from agonic.errors import AgonicError
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.provenance import Provenance
-
-Array = NDArray[np.float64]
 
 PARAMETERS = (*kernel.LEVEL, *kernel.HEEL)
 """The order of `covariance`: A to E in degrees, then the heel terms in degrees per degree."""

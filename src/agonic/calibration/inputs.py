@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
-
-Array = NDArray[np.float64]
 
 SOURCES = {"current_A": 1, "throttle": 1, "second": 3}
 """The columns of samples that can tell of a disturbance, and how many numbers each has a row."""

@@ -7,16 +7,15 @@ from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import known, read_only
 from agonic.calibration.inputs import SOURCES
 from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
 from agonic.maths.equation import affine as kernel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

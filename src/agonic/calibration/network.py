@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity, known, read_only
 from agonic.calibration.inputs import WIDTH, stacked
@@ -19,8 +20,6 @@ from agonic.maths.equation import network as kernel
 from agonic.maths.estimation import domain
 from agonic.provenance import Provenance
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Along = Literal["vector", "magnitude"]
 
 

@@ -9,8 +9,8 @@ from math import inf, isfinite
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.network import Along, Network
@@ -18,7 +18,6 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.estimation import cusum
 
-Array = NDArray[np.float64]
 Running = Affine | Thermal | Network
 Why = Literal["period", "change", "settling"]
 
@@ -119,7 +118,7 @@ class Window:
     def __len__(self) -> int:
         return len(self.time)
 
-    def select(self, rows: slice | Array | NDArray[np.bool_]) -> Window:
+    def select(self, rows: slice | Array | Mask) -> Window:
         """Some of the rows."""
         return Window(
             time=self.time[rows],

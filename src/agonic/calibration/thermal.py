@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.base import Validity, known, read_only
 from agonic.errors import AgonicError, AgonicWarning, ValidityError
@@ -16,9 +17,6 @@ from agonic.maths.equation import model as kernel
 from agonic.maths.equation import polynomial
 from agonic.provenance import Provenance
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MARGIN_C = 0.5
 """So far beyond the range that was seen, a temperature still counts as inside."""

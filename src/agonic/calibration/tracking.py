@@ -7,8 +7,9 @@ from datetime import datetime
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
@@ -18,7 +19,6 @@ from agonic.maths.estimation.ud_filter import CLIPPED_SQUARE, SCALE, TIME
 from agonic.maths.rotations.polar import Turned, symmetric_of
 from agonic.provenance import Provenance
 
-Array = NDArray[np.float64]
 Solve = Literal["bias", "gains", "full"]
 
 _NOT_NEGATIVE = ("walk", "matrix_walk", "external_sd", "jump_level", "history_s")

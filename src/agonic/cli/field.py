@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from agonic.arrays import Array, Index
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError, LogError, ValidityError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from agonic.field.model import Model
     from agonic.field.worldfield import WorldField
     from agonic.logs.space.positions import Points
@@ -133,13 +131,13 @@ def _table(path: Path, date: str | None, model: str | None, out: Path | None, as
     return 0
 
 
-def _answers(points: Points, model: str | None) -> tuple[list[str], dict[str, NDArray[np.float64]]]:
+def _answers(points: Points, model: str | None) -> tuple[list[str], dict[str, Array]]:
     """The name of the model of each point, and elements, yearly changes and errors (n,) by name."""
     import numpy as np
 
     years, of_row = np.unique(points.years, return_inverse=True)
     names = np.array([_chosen(model, year).name for year in years])[of_row]
-    answers: dict[str, NDArray[np.float64]] = {}
+    answers: dict[str, Array] = {}
     for name in np.unique(names):
         rows = np.flatnonzero(names == name)
         there = _at_rows(_chosen(model, points.years[rows[0]]), points, rows)
@@ -150,7 +148,7 @@ def _answers(points: Points, model: str | None) -> tuple[list[str], dict[str, ND
     return names.tolist(), answers
 
 
-def _at_rows(model: Model, points: Points, rows: NDArray[np.intp]) -> WorldField:
+def _at_rows(model: Model, points: Points, rows: Index) -> WorldField:
     """The field at some of the points; an error names the first row that the model refuses."""
     try:
         return model.at(

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
@@ -17,7 +16,6 @@ from agonic.health import Finding, figure, gravest_first, misscaled
 from agonic.maths.equation import gauge as gauges
 from agonic.reference import Reference
 
-Array = NDArray[np.float64]
 Gauge = Literal["symmetric", "triangular"]
 Scale = gauges.Units
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.coverage import cover
 from agonic.ellipsoid.calibration import finished, remarks, scale_finding
@@ -20,8 +20,6 @@ from agonic.maths.equation.coverage import visits
 from agonic.maths.estimation.noise import noise_of
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 WEAKEST_FIELD = 22_000.0
 """The Earth's field at the ground is nowhere weaker (South Atlantic), nT."""
@@ -90,7 +88,7 @@ def _known_radius(affine: Affine, reference: Reference | None) -> float | None:
     return affine.magnitude if reference else WEAKEST_FIELD
 
 
-def rows_of(mask: NDArray[np.bool_]) -> slice | NDArray[np.bool_]:
+def rows_of(mask: Mask) -> slice | Mask:
     """An index for the rows that a mask names, which copies nothing where it names them all."""
     return slice(None) if mask.all() else mask
 
@@ -100,7 +98,7 @@ def with_evidence(
     affine: Affine,
     samples: Samples,
     reference: Reference | None,
-    usable: NDArray[np.bool_],
+    usable: Mask,
     tests: tuple[ModelTest, ...],
     inclination_deg: float,
     examined: Callable[[Evidence], tuple[Finding, ...]] = examine,

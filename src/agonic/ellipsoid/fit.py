@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.ellipsoid.calibration import CITATIONS, Gauge, Scale, calibration, settings
@@ -31,8 +31,6 @@ from agonic.maths.equation import moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 def fit_ellipsoid(
@@ -125,7 +123,7 @@ class _Solved(NamedTuple):
 
     found: Found
     affine: Affine
-    usable: NDArray[np.bool_]
+    usable: Mask
     tests: tuple[ModelTest, ...]
 
 
@@ -165,7 +163,7 @@ def _without_hold(samples: Samples) -> CoverageError:
 
 
 def normalised(
-    samples: Samples, reference: Reference | None, usable: NDArray[np.bool_], method: str
+    samples: Samples, reference: Reference | None, usable: Mask, method: str
 ) -> tuple[Scale, Array]:
     """Centre and size of the readings, and magnitudes scaled to mean one, (1,) or (n,)."""
     readings = samples.field[rows_of(usable)]

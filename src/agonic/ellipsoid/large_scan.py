@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.errors import LogError
 from agonic.health.readings import clipped_rows, stuck_rows
 from agonic.maths.estimation.batch_scores import SHORTEST, STRETCHES
@@ -17,7 +18,6 @@ from agonic.moments import Moments
 from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples
 
-Array = NDArray[np.float64]
 Columns = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
 Progress = Callable[[str, int], None]
 
@@ -158,7 +158,7 @@ def segments(recording: Recording, scan: Scan, told: Callable[[int], None]) -> I
         told(done)
 
 
-def _drawn(rows: int, seed: int) -> NDArray[np.intp]:
+def _drawn(rows: int, seed: int) -> Index:
     """One row of each stride, drawn, for what turns in step with the stride would be missed."""
     stride = max(-(-rows // MOST), 1)
     starts = np.arange(0, rows, stride)
@@ -166,7 +166,7 @@ def _drawn(rows: int, seed: int) -> NDArray[np.intp]:
     return np.asarray(np.minimum(starts + offsets, rows - 1))
 
 
-def _spoilt(field: Array, drawn: NDArray[np.intp], rows: int, stride: int) -> tuple[Spoilt, ...]:
+def _spoilt(field: Array, drawn: Index, rows: int, stride: int) -> tuple[Spoilt, ...]:
     """The values at which axes are clipped, and the stretches in which one is stuck."""
     found = []
     clipped = field[clipped_rows(field)]
@@ -185,7 +185,7 @@ def _spoilt(field: Array, drawn: NDArray[np.intp], rows: int, stride: int) -> tu
     return tuple(found)
 
 
-def _bad(strip: Strip, spoilt: tuple[Spoilt, ...], done: int) -> NDArray[np.bool_] | None:
+def _bad(strip: Strip, spoilt: tuple[Spoilt, ...], done: int) -> Mask | None:
     """The rows of a strip that are spoilt, or None."""
     bad = np.zeros(len(strip), dtype=bool)
     for axis, value, start, stop in spoilt:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.ellipsoid.calibration import Scale
 from agonic.ellipsoid.large_scan import Progress, Recording, Scan, segments
 from agonic.ellipsoid.maths import block_sums
@@ -15,8 +15,6 @@ from agonic.ellipsoid.solve import Fixed, Found
 from agonic.maths.equation import gauge, likelihood
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.estimation import batch_scores, leastsq
-
-Array = NDArray[np.float64]
 
 MOST_PASSES = 12
 NEAR = 0.3

@@ -10,6 +10,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.ellipsoid.calibration import Gauge
 from agonic.ellipsoid.moments_fit import STILL, middle, still
 from agonic.ellipsoid.solve import (
@@ -31,8 +32,6 @@ from agonic.maths.equation.affine import model_basis
 from agonic.maths.equation.coverage import heading_sd_deg
 from agonic.moments import Moments
 from agonic.reference import Reference
-
-Array = NDArray[np.float64]
 
 _SLAB = 2048
 """Sensors at a time: their matrices stay in the cache, and memory is bounded."""
@@ -60,7 +59,7 @@ class Fits:
     condition: Array
     heading_sd_deg: Array
     p_values: Array
-    discerned: NDArray[np.bool_]
+    discerned: Mask
     spread: Array
     refusal: NDArray[Any]
 
@@ -68,7 +67,7 @@ class Fits:
         return len(self.noise)
 
     @property
-    def fitted(self) -> NDArray[np.bool_]:
+    def fitted(self) -> Mask:
         """Which sensors have a fit, (n,)."""
         return np.asarray(self.refusal == "", dtype=bool)
 
@@ -235,7 +234,7 @@ def _chosen(sums: Array, count: NDArray[np.int_], model: Model, part: Fits) -> N
         open_ &= ~taken
 
 
-def _attempt(sums: Array, rows: NDArray[np.intp], model: Fixed, part: Fits) -> None:
+def _attempt(sums: Array, rows: Index, model: Fixed, part: Fits) -> None:
     """One model's fit to these rows, in normalised coordinates."""
     if not len(rows):
         return

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.coverage import cover
 from agonic.ellipsoid.calibration import (
     CITATIONS,
@@ -27,8 +27,6 @@ from agonic.maths.equation import moments as kernel
 from agonic.moments import Moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference
-
-Array = NDArray[np.float64]
 
 STILL = 1e-9
 """Readings that move by less, over their size, do not move but for rounding."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.calibration.base import Validity
 from agonic.ellipsoid.calibration import CITATIONS, Gauge, Scale, calibration, finished, settings
@@ -24,7 +23,6 @@ from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-Array = NDArray[np.float64]
 Method = Literal["likelihood", "adjusted"]
 
 BEYOND_CHANCE = 60.0

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import ModelTest
 from agonic.health import FEWEST
@@ -15,7 +15,6 @@ from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation import likelihood as ellipsoid
 from agonic.maths.equation.affine import model_basis, split
 
-Array = NDArray[np.float64]
 Model = Literal["auto", "sphere", "diagonal", "full"]
 Fixed = Literal["sphere", "diagonal", "full"]
 Method = Literal["likelihood", "adjusted", "li-griffiths", "linear"]

@@ -14,9 +14,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
@@ -122,7 +123,7 @@ def ardupilot_parameters(
 
 def apply_ardupilot(
     parameters: Mapping[str, float], raw: ArrayLike, *, compass: int = 1, x: ArrayLike = 0.0
-) -> NDArray[np.float64]:
+) -> Array:
     """The field (…, 3) that ArduPilot makes of readings, both in mG and body axes.
 
     `x` is the current in A or the throttle 0…1, whichever COMPASS_MOTCT says.
@@ -165,7 +166,7 @@ def _motor_names(compass: int) -> list[str]:
     return [f"COMPASS_MOT{'' if compass == 1 else compass}_{axis}" for axis in "XYZ"]
 
 
-def _remarks(offset: NDArray[np.float64], six: NDArray[np.float64]) -> list[str]:
+def _remarks(offset: Array, six: Array) -> list[str]:
     """What the vehicle may object to."""
     remarks = []
     length = float(np.linalg.norm(offset))

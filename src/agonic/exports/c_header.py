@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
@@ -172,9 +173,7 @@ def apply_c(
     return np.asarray((matrix * left[..., None, :]).sum(axis=-1), dtype=np.float32)
 
 
-def _example(
-    calibration: Calibration, bias: NDArray[np.float64], matrix: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _example(calibration: Calibration, bias: Array, matrix: Array) -> tuple[Array, Array, float]:
     """A reading, its field, and how far float32 may be off.
 
     Seven roundings lie on the way (bias, matrix, difference, product, two sums, expected value),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
@@ -17,8 +17,6 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.exports.convert import steps_of
 from agonic.files.polynomials import Polynomials, polynomials, steady
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

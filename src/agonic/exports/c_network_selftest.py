@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH, signals
 from agonic.errors import AgonicWarning
 from agonic.exports.c_network_parts import Parts
 
-Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 NEAR, EDGE, FAR = 6, 2, 2

@@ -6,14 +6,12 @@ field = A(T) (raw − b(T) − rate dT/dt),   float32, each number a polynomial 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.exports.convert import banner, float32_text, left_out, reduced, scaled_to
 from agonic.exports.firmware.ctext import braced, comment, filled
 from agonic.files.polynomials import RATE, Polynomials, polynomials
-
-Array = NDArray[np.float64]
 
 TESTS = 7
 """Known readings of the self-test, over the range of temperatures."""

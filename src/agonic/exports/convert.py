@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
@@ -25,8 +26,6 @@ from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.files.calibration import encode, require_calibration
-
-Array = NDArray[np.float64]
 
 NEGLIGIBLE_DEG = 0.01
 """A rotation below this is not worth a warning."""

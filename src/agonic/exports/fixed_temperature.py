@@ -11,15 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, ValidityError
 from agonic.exports.convert import scaled_to
 from agonic.files.calibration import require_calibration
 from agonic.files.polynomials import affine_at, changes, range_C, signals
-
-Array = NDArray[np.float64]
 
 LEVELS = 121
 """Temperatures at which the error is looked at."""

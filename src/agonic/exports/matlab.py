@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.io import loadmat, savemat
 from scipy.io.matlab import MatReadError
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
@@ -78,7 +79,7 @@ def write_matlab(
     return Export(path=written, target="matlab", warnings=warnings)
 
 
-def parse_matlab(path: Path | str) -> dict[str, NDArray[np.float64]]:
+def parse_matlab(path: Path | str) -> dict[str, Array]:
     """`A` (3, 3), `b` (1, 3), `expmfs` (1, 1), and of a calibration that changes `WARM`."""
     data = read_bytes(path)
     try:
@@ -95,7 +96,7 @@ def apply_matlab(
     *,
     temperature_C: ArrayLike | None = None,
     rate_C_s: ArrayLike = 0.0,
-) -> NDArray[np.float64]:
+) -> Array:
     """The field that MATLAB makes of readings (n, 3), (D − b) * A, or by the polynomials of T."""
     if temperature_C is None:
         return np.asarray((np.asarray(raw) - variables["b"]) @ variables["A"])
@@ -107,7 +108,7 @@ def apply_matlab(
     return np.asarray(np.einsum("ni,ijk,nk->nj", left, pages, powers))
 
 
-def _over_temperature(calibration: Calibration) -> dict[str, NDArray[np.float64] | float]:
+def _over_temperature(calibration: Calibration) -> dict[str, Array | float]:
     """The polynomials, with the power in the last index of the matrices."""
     found = polynomials(calibration)
     lagging = RATE in found.signals

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
@@ -100,7 +101,7 @@ def parse_motioncal(path: Path | str) -> Packet:
     return Packet(offset=values[6:9], field=values[9], matrix=values[10:])
 
 
-def apply_motioncal(packet: Packet, raw: ArrayLike) -> NDArray[np.float64]:
+def apply_motioncal(packet: Packet, raw: ArrayLike) -> Array:
     """The field (…, 3) that the device makes of readings, both in µT and sensor axes."""
     return np.asarray((np.asarray(raw) - packet.offset) @ symmetric_of(packet.matrix).T)
 

@@ -17,9 +17,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
@@ -172,7 +173,7 @@ def apply_px4(
     slot: int = 0,
     x: ArrayLike = 0.0,
     temperature_C: ArrayLike | None = None,
-) -> NDArray[np.float64]:
+) -> Array:
     """The field (…, 3) that PX4 makes of readings while armed, both in gauss and sensor axes.
 
     `x` is the current in A or the throttle 0…1, whichever CAL_MAG_COMP_TYP says; `temperature_C`
@@ -226,7 +227,7 @@ def _as_int32(device_id: int) -> int:
     return device_id - 2**32 if device_id >= 2**31 else device_id
 
 
-def _remarks(offset: NDArray[np.float64], six: NDArray[np.float64]) -> list[str]:
+def _remarks(offset: Array, six: Array) -> list[str]:
     """What PX4 may not take over."""
     remarks = []
     changes = {"offset": offset, "scale": six[:3] - 1.0, "off-diagonal": six[3:]}

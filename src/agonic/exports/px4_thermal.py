@@ -14,14 +14,13 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts1
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.exports.fixed_temperature import LEVELS, lag, remainder, require_within
 from agonic.files.polynomials import affine_at, range_C
 from agonic.units import NANOTESLA_PER
-
-Array = NDArray[np.float64]
 
 THERMAL = "TC_M_ENABLE"
 STEP_C = 1.0

@@ -12,8 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
@@ -77,7 +78,7 @@ def parse_ros(path: Path | str) -> dict[str, list[float]]:
     return parameters
 
 
-def apply_ros(parameters: Mapping[str, list[float]], raw: ArrayLike) -> NDArray[np.float64]:
+def apply_ros(parameters: Mapping[str, list[float]], raw: ArrayLike) -> Array:
     """The field (…, 3) that the node makes of readings, both in tesla."""
     bias = np.ravel([parameters[name] for name in BIAS])
     return np.asarray((np.asarray(raw) - bias) @ np.reshape(parameters[MATRIX], (3, 3)).T)

@@ -8,8 +8,9 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
@@ -82,7 +83,7 @@ def apply_table(
     *,
     temperature_C: ArrayLike | None = None,
     rate_C_s: ArrayLike = 0.0,
-) -> NDArray[np.float64]:
+) -> Array:
     """The field (…, 3) of readings, in the units of the table."""
     if temperature_C is None:
         bias, matrix = split(np.array([parameters[name][0] for name in NAMES]))
@@ -160,7 +161,7 @@ def _errors_of_powers(
     return by_power[:p], sd[m * q :].tolist() or [None] * 3
 
 
-def _spread(covariance: NDArray[np.float64], gauge: str) -> list[float | None]:
+def _spread(covariance: Array, gauge: str) -> list[float | None]:
     """Standard errors of the twelve numbers; of those that the gauge fixes, none."""
     basis = model_basis("full", gauge)
     m = basis.shape[1]

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 
 Moment: TypeAlias = float | str | date | datetime | np.datetime64
@@ -16,7 +17,7 @@ Moments: TypeAlias = Moment | Sequence[Moment] | NDArray[np.generic]
 """A moment, or many: decimal years, or anything that names a moment in UTC."""
 
 
-def decimal_year(time: Moments) -> NDArray[np.float64]:
+def decimal_year(time: Moments) -> Array:
     """The decimal year: the year, and the part of that year (365 or 366 days) that has passed.
 
     Parameters
@@ -46,7 +47,7 @@ def decimal_year(time: Moments) -> NDArray[np.float64]:
     return np.array(years, dtype=np.float64).reshape(values.shape)
 
 
-def _of_datetime64(moments: NDArray[np.generic]) -> NDArray[np.float64]:
+def _of_datetime64(moments: NDArray[np.generic]) -> Array:
     if np.isnat(moments).any():
         raise AgonicError("a time is missing (NaT); leave such rows out or give their time")
     moment = moments.astype("datetime64[us]")

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError, AgonicWarning, LogError, ValidityError
 from agonic.field.coefficients import GaussCoefficients
 from agonic.field.decimal_year import Moments, decimal_year
@@ -18,9 +19,6 @@ from agonic.field.worldfield import Uncertainty, WorldField
 from agonic.maths.earth import geodesy, harmonics
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 REFERENCE_RADIUS_M = 6_371_200.0
 """The radius a of the expansion, the same in all three models."""
@@ -36,7 +34,7 @@ LOWEST_M = -20_000.0
 class Model:
     """A model of the geomagnetic field of the Earth; `igrf()`, `wmm()` and `wmmhr()` give one.
 
-    `coefficients` are those published; `table` (i, k, 2, 6) the same as `maths.earth.harmonics` wants
+    `coefficients` are those published; `table` (i, k, 2, 6) the same as `earth.harmonics` wants
     them, for field and yearly change; `extrapolates_until` is the last decimal year that is
     answered, with a warning after `coefficients.until`.
     """
@@ -152,7 +150,7 @@ class Model:
         _check_positions(latitude, longitude, altitude)
         self._check_years(_years(epoch, time[[0, -1]]))
 
-        def exact(rows: Rows) -> Array:
+        def exact(rows: Index) -> Array:
             there, years = (latitude[rows], longitude[rows]), _years(epoch, time[rows])
             field_n, _ = self._evaluate(*there, altitude[rows], years)
             return geodesy.earth_fixed(field_n, geodesy.directions(*there))
@@ -180,7 +178,7 @@ class Model:
                 row[rows] = values
         return vectors_n.reshape(2, 3, -1)
 
-    def _pieces(self, years: Array) -> Iterator[tuple[int, slice | Rows]]:
+    def _pieces(self, years: Array) -> Iterator[tuple[int, slice | Index]]:
         """The intervals between epochs that the years fall in, each with its rows, in pieces."""
         later = self.coefficients.starts[1:]
         interval = np.searchsorted(later, years, side="right").astype(np.uint8)
@@ -189,7 +187,7 @@ class Model:
         for i, rows in enumerate(np.split(order, ends[:-1])):
             for piece in (rows[k : k + PIECE] for k in range(0, len(rows), PIECE)):
                 first, last = int(piece[0]), int(piece[-1])
-                # Rows are in order here: without a hole they are a slice, which needs no copies.
+                # Index are in order here: without a hole they are a slice, which needs no copies.
                 yield i, slice(first, last + 1) if last - first < len(piece) else piece
 
     def _check_years(self, years: Array) -> None:
@@ -244,7 +242,7 @@ def _check_positions(latitude: Array, longitude: Array, altitude: Array) -> None
             )
 
 
-def _how_many(mask: NDArray[np.bool_]) -> str:
+def _how_many(mask: Mask) -> str:
     count = int(mask.sum())
     return f"{count} of {mask.size} dates {'is' if count == 1 else 'are'}"
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
+from agonic.arrays import Array, Index
 
 SPACINGS_S = (10.0, 5.0, 2.5, 1.25)
 """Seconds between the nodes of the spline, tried in turn."""
@@ -22,7 +20,7 @@ SHORTEST = 5
 """Nodes without which a cubic spline is not worth its name."""
 
 
-def along_track(time: Array, exact: Callable[[Rows], Array]) -> Array:
+def along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
     """A smooth vector (3, n) along a track, evaluated exactly at few rows and splined between them.
 
     Nodes are recorded rows, so no position is interpolated. The spline is compared with the exact
@@ -47,7 +45,7 @@ def along_track(time: Array, exact: Callable[[Rows], Array]) -> Array:
     return vectors
 
 
-def _splined(time: Array, rows: Rows, exact: Callable[[Rows], Array]) -> Array | None:
+def _splined(time: Array, rows: Index, exact: Callable[[Index], Array]) -> Array | None:
     """The vector at rows without a gap, or `None` where a spline is not worth it or not good."""
     if len(rows) < MANY_ROWS:
         return None
@@ -64,7 +62,7 @@ def _splined(time: Array, rows: Rows, exact: Callable[[Rows], Array]) -> Array |
     return None
 
 
-def _nodes(time: Array, spacing: float) -> Rows:
+def _nodes(time: Array, spacing: float) -> Index:
     """The first row at or after each multiple of the spacing, and the last row."""
     ticks = np.arange(time[0], time[-1], spacing)
     return np.unique(np.append(np.searchsorted(time, ticks), len(time) - 1))

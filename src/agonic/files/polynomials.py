@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts1
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.inputs import WIDTH
@@ -24,8 +25,6 @@ from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.errors import AgonicError
 from agonic.exports.convert import steps_of
 from agonic.maths.equation import polynomial
-
-Array = NDArray[np.float64]
 
 HIGHEST = 12
 """The highest order that is tried."""

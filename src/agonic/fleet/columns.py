@@ -18,7 +18,6 @@ from agonic.health.readings import left_out
 from agonic.logs.large.grouped_moments import Grouped
 from agonic.population.population import AXES, COLUMNS, ENTRIES, dtype_of
 
-Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Index, Mask
 from agonic.ellipsoid.many_sensors import fit_many
 from agonic.errors import LogError, check_choice
 from agonic.field.place import reference_for
@@ -172,7 +173,7 @@ class _Job:
         columns["key"][:] = [digest(self.known["key"], name) for name in grouped.sensors]
         return columns
 
-    def _from_moments(self, grouped: Grouped) -> tuple[Columns, NDArray[np.bool_]]:
+    def _from_moments(self, grouped: Grouped) -> tuple[Columns, Mask]:
         """The columns by moments alone, and which sensors should be calibrated by their rows."""
         unit, total = self.channel.unit_in, len(grouped)
         reference, of_place = _reference(grouped, self.settings)
@@ -195,7 +196,7 @@ class _Job:
         )
         return columns, np.any(list(found.values()), axis=0)
 
-    def _refine(self, columns: Columns, ids: NDArray[np.intp], engine: Engine | None) -> None:
+    def _refine(self, columns: Columns, ids: Index, engine: Engine | None) -> None:
         """Put the rows of these sensors, calibrated as logs are, into the columns."""
         if not len(ids):
             return
@@ -220,7 +221,7 @@ class _Job:
             done += len(rows)
             self.tell("calibrating by rows", done, len(ids))
 
-    def _tasks(self, names: NDArray[Any], ids: NDArray[np.intp]) -> Iterator[Task]:
+    def _tasks(self, names: NDArray[Any], ids: Index) -> Iterator[Task]:
         task: list[tuple[int, str, Table]] = []
         rows = 0
         for place, table in tables_of(self.db, self.dataset, ids):

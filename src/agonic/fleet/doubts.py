@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.ellipsoid.many_sensors import Fits
 from agonic.ellipsoid.solve import SIGNIFICANT
 from agonic.health import FEWEST
@@ -15,9 +15,6 @@ from agonic.health.scale import GAIN
 from agonic.logs.large.grouped_moments import Grouped
 from agonic.logs.large.grouped_residuals import GroupedResiduals
 from agonic.maths.equation.likelihood import soft_iron_pull
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 HEADING_SD_DEG = 0.5
 """Beyond, two halves of a log may disagree by the 2° that a check allows."""

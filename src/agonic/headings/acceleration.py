@@ -10,14 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from agonic.arrays import Array
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 SMOOTHED_S = 3.0
 """Turns last longer; gusts, shocks and the noise of the sensors do not."""

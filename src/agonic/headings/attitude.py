@@ -7,8 +7,8 @@ from functools import cached_property
 from importlib.util import find_spec
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
@@ -27,9 +27,6 @@ from agonic.health.finding import figure
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 LEVEL = "level"
 RECORDED_SD_DEG = 0.5
@@ -54,7 +51,7 @@ class Attitude:
     source: str
     roll_sd: Array
     pitch_sd: Array
-    missing: Rows | None = None
+    missing: Mask | None = None
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -69,7 +66,7 @@ class Attitude:
         return np.asarray(np.degrees(np.sqrt(self.variance)))
 
     @property
-    def unsure(self) -> Rows:
+    def unsure(self) -> Mask:
         """The rows whose tilt is not known to `UNSURE_DEG`."""
         return np.asarray(self.sd_deg > UNSURE_DEG)
 

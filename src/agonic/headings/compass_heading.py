@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.base import beside
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass
@@ -19,11 +19,8 @@ from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
 from agonic.samples import VECTORS, Samples
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
-
 PIECE = 8192
-"""Rows worked on together: their intermediate arrays stay in the cache."""
+"""Mask worked on together: their intermediate arrays stay in the cache."""
 UNKNOWN_SD_DEG = 180.0 / 3**0.5
 """Standard deviation of a heading of which nothing is known."""
 LONGEST_BRIDGE = 3.0
@@ -39,7 +36,7 @@ class Readings(NamedTuple):
     raw: Array
     columns: Mapping[str, Array]
     averaged: Array | None = None
-    missing: Rows | None = None
+    missing: Mask | None = None
 
 
 class Indicated(NamedTuple):

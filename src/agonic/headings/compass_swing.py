@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
 from agonic.headings.compute import heading
 from agonic.health.finding import figure
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import LogError
 from agonic.headings.attitude import Attitude, attitude
@@ -25,9 +26,6 @@ from agonic.headings.result import FLAGS, Heading
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import RAW, WEAKEST_HORIZONTAL
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 
 class _Taken(NamedTuple):
@@ -154,7 +152,7 @@ def _assembled(
     )
 
 
-def _of(used: NDArray[np.intp], values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+def _of(used: Index, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """Row by row, the value of the compass that is used."""
     return values[0] if len(values) == 1 else np.take_along_axis(np.stack(values), used[None], 0)[0]
 
@@ -163,9 +161,9 @@ def _flags(
     setup: Setup,
     tilt: Attitude,
     taken: list[_Taken],
-    used: NDArray[np.intp],
+    used: Index,
     found: Indicated,
-) -> Mapping[str, Rows]:
+) -> Mapping[str, Mask]:
     """The rows that each of `FLAGS` marks."""
     nowhere = np.zeros(len(used), dtype=bool)
     unread = [nowhere if one.readings.missing is None else one.readings.missing for one in taken]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
@@ -17,9 +17,6 @@ from agonic.headings.compass_heading import Indicated
 from agonic.headings.expected_field import Surroundings
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 
 class Judged(NamedTuple):
@@ -75,7 +72,7 @@ def magnitude_of(calibration: Calibration) -> float | None:
     return scaled[-1].magnitude if scaled else None
 
 
-def chosen(distances: list[Array | None], missing: list[Rows | None], n: int) -> NDArray[np.intp]:
+def chosen(distances: list[Array | None], missing: list[Mask | None], n: int) -> Index:
     """Which compass each row is taken from, (n,).
 
     The first that was read and is not disturbed; where all are, the one nearest to the expected
@@ -95,7 +92,7 @@ def chosen(distances: list[Array | None], missing: list[Rows | None], n: int) ->
 
 def disagreeing(
     seen: list[Indicated], distances: list[Array | None], limit_deg: float
-) -> Rows | None:
+) -> Mask | None:
     """The rows on which two sensors differ that are both believed, or `None` with a single one.
 
     By more than the limit and three of their standard deviations; a sensor known to be disturbed is

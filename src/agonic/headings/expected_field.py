@@ -6,16 +6,14 @@ from datetime import timedelta
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError, ValidityError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import model_for
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 NODES = 257
 """Rows at which the world model is asked; between them it is linear in time."""
@@ -106,7 +104,7 @@ def along(samples: Samples) -> World | None:
     return World(*(np.interp(where, where[rows], values) for values in nodes))
 
 
-def _jumps(latitude_deg: Array, longitude_deg: Array) -> NDArray[np.intp]:
+def _jumps(latitude_deg: Array, longitude_deg: Array) -> Index:
     """The rows after which the place is another: a fix that came, or a log put together."""
     north = np.diff(np.radians(latitude_deg))
     east = np.diff(np.radians(longitude_deg)) * np.cos(np.radians(latitude_deg[1:]))

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.headings.acceleration import SMOOTHED_S, Speed, smoothed, turning
 from agonic.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 GAP_S = 1.0
 """A longer pause in the log starts the filter anew."""

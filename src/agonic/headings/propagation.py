@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
@@ -22,8 +22,6 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.maths.equation import model, polynomial
 from agonic.maths.equation.affine import model_basis, with_covariates
-
-Array = NDArray[np.float64]
 
 
 class Step(NamedTuple):

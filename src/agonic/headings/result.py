@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
+from agonic.arrays import Array, Index, Mask
 
 FLAGS: Mapping[str, str] = MappingProxyType(
     {
@@ -57,8 +55,8 @@ class Heading:
     sd_deg: Array
     random_sd_deg: Array
     disagreement_deg: Array | None
-    used: NDArray[np.intp]
-    flags: Mapping[str, Rows]
+    used: Index
+    flags: Mapping[str, Mask]
     roll_deg: Array
     pitch_deg: Array
     tilt_sd_deg: Array
@@ -71,7 +69,7 @@ class Heading:
         return len(self.true_deg)
 
     @property
-    def trusted(self) -> Rows:
+    def trusted(self) -> Mask:
         """The rows that no flag marks, (n,)."""
         return np.asarray(~np.logical_or.reduce(list(self.flags.values())))
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.coverage import Coverage
 from agonic.health.finding import Finding, figure
 from agonic.maths.equation.coverage import nearest_axis, thickness
 from agonic.maths.estimation.bias_change import find_change, settled
 from agonic.maths.estimation.least_median import Pair, two_spheres
-
-Array = NDArray[np.float64]
 
 HEADING_REFUSED_DEG = 10.0
 HEADING_DOUBTFUL_DEG = 2.0
@@ -88,7 +86,7 @@ def _static(e: Evidence) -> Finding | None:
     )
 
 
-def _some(n: int) -> NDArray[np.intp]:
+def _some(n: int) -> Index:
     """At most twenty thousand of n rows, in order; drawn, for rows may alternate by a pattern."""
     if n <= 20_000:
         return np.arange(n)
@@ -141,7 +139,7 @@ def _changed(e: Evidence) -> Finding | None:
     return _change_finding(e, edges, found.shift)
 
 
-def _on_the_surface(e: Evidence, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+def _on_the_surface(e: Evidence, rows: Index) -> tuple[Array, Array, Array]:
     """Residuals, normals, and the foot points relative to the centre, over the radius."""
     residuals, normals = e.residuals[rows], e.normals[rows]
     feet = e.readings[rows] - residuals[:, None] * normals
@@ -181,7 +179,7 @@ def _second_population(e: Evidence) -> Finding | None:
     return _change_finding(e, rows[pair.side != 0][edges], pair.shift * e.radius)
 
 
-def _pair(e: Evidence, rows: NDArray[np.intp]) -> Pair | None:
+def _pair(e: Evidence, rows: Index) -> Pair | None:
     """Two spheres of radius about one through readings that one ellipsoid does not hold, or None.
 
     Sought among calibrated readings where the fit holds for most of them, otherwise among raw
@@ -200,7 +198,7 @@ def _pair(e: Evidence, rows: NDArray[np.intp]) -> Pair | None:
     return pair if believed else None
 
 
-def _stretch(member: NDArray[np.bool_]) -> tuple[NDArray[np.intp], float]:
+def _stretch(member: Mask) -> tuple[Index, float]:
     """The two rows between which members crowd, and how much: 1 all in one stretch, 0 evenly.
 
     A crowd bends the running count of members less their share; evenly mixed ones do not.
@@ -211,7 +209,7 @@ def _stretch(member: NDArray[np.bool_]) -> tuple[NDArray[np.intp], float]:
     return np.sort([np.argmin(count), np.argmax(count)]), crowding
 
 
-def _change_finding(e: Evidence, edges: NDArray[np.intp], shift: float) -> Finding:
+def _change_finding(e: Evidence, edges: Index, shift: float) -> Finding:
     """The finding that the bias was another between two rows, or from one row on."""
     n = len(e.readings)
     inner = [int(row) for row in edges if 0.01 * n < row < 0.99 * n]

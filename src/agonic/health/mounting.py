@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.health.finding import Finding, figure
 from agonic.maths.rotations.mounting import in_words, renamed, right_angles, vertical_misfit
 from agonic.maths.rotations.tilt import down_of_force
 from agonic.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 FAR_BETTER = 0.4
 """Another mounting is believed when it leaves less than this share of the vertical's misfit."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.health.finding import Finding
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 FEWEST = 12
 """Fewer readings than this cannot be judged: nine unknowns leave nothing to check them by."""
@@ -36,7 +34,7 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     return tuple(finding for finding in found if finding is not None)
 
 
-def usable_rows(field: Array) -> NDArray[np.bool_]:
+def usable_rows(field: Array) -> Mask:
     """Rows (n,) whose three axes all read what the field was: neither clipped nor stuck.
 
     An axis that hardly ever moves leaves all rows in, for the fit to be refused on them.
@@ -110,7 +108,7 @@ def _few(samples: Samples) -> Finding | None:
     )
 
 
-def stuck_rows(field: Array, axis: int) -> NDArray[np.bool_]:
+def stuck_rows(field: Array, axis: int) -> Mask:
     """Rows (n,) of long stretches in which an axis stands still while the others move.
 
     An axis in coarse steps, that mostly repeats anyway, is not taken for stuck, nor one that comes
@@ -135,12 +133,12 @@ def stuck_rows(field: Array, axis: int) -> NDArray[np.bool_]:
     return stuck & (len(usual) == 0 or usual.mean() <= 0.5)
 
 
-def _throughout(stuck: NDArray[np.bool_]) -> bool:
+def _throughout(stuck: Mask) -> bool:
     """Whether an axis stands still in all rows but too few to be judged."""
     return int(np.count_nonzero(~stuck)) < min(FEWEST, len(stuck))
 
 
-def _frozen(stuck: NDArray[np.bool_], axis: int) -> Finding | None:
+def _frozen(stuck: Mask, axis: int) -> Finding | None:
     """An axis that stands still, throughout or for a time, while the others move."""
     if not stuck.any():
         return None
@@ -161,7 +159,7 @@ def _frozen(stuck: NDArray[np.bool_], axis: int) -> Finding | None:
     )
 
 
-def clipped_rows(field: Array) -> NDArray[np.bool_]:
+def clipped_rows(field: Array) -> Mask:
     """Rows (n,) in which an axis sits at the end of its range.
 
     A clipped axis piles up at one value while the other axes still move. At an honest extreme the
@@ -169,7 +167,7 @@ def clipped_rows(field: Array) -> NDArray[np.bool_]:
     √(2 R q) for a sphere of radius R in steps of q. Where one axis is clipped, others that end at
     the same value are.
     """
-    ends: list[tuple[float, NDArray[np.bool_]]] = []
+    ends: list[tuple[float, Mask]] = []
     limits: set[float] = set()
     for axis in range(3):
         for values in (field[:, axis], -field[:, axis]):
@@ -184,7 +182,7 @@ def clipped_rows(field: Array) -> NDArray[np.bool_]:
     return np.any(clipped, axis=0) if clipped else np.zeros(len(field), dtype=bool)
 
 
-def _piles_up(values: Array, others: Array, at_end: NDArray[np.bool_]) -> bool:
+def _piles_up(values: Array, others: Array, at_end: Mask) -> bool:
     """Whether the readings at the end of an axis are many and spread over the other axes."""
     levels, counts = np.unique(values, return_counts=True)
     if len(levels) < 8 or counts[-1] < 5 * counts[-4:-1].mean():
@@ -195,7 +193,7 @@ def _piles_up(values: Array, others: Array, at_end: NDArray[np.bool_]) -> bool:
     return bool(spread > 3 * np.sqrt(2 * radius * step))
 
 
-def _clipped(clipped: NDArray[np.bool_]) -> Finding | None:
+def _clipped(clipped: Mask) -> Finding | None:
     if not clipped.any():
         return None
     share = 100 * clipped.mean()

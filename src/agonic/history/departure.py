@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.health import Finding
 from agonic.health.finding import figure
 from agonic.history.drift_fit import Drift
@@ -18,8 +18,6 @@ from agonic.maths.estimation.robust_spread import robust_spread
 from agonic.maths.estimation.tails import Tail, tail_of
 from agonic.population import Population, outliers
 from agonic.population.outlier import usual_rate
-
-Array = NDArray[np.float64]
 
 LEAST = 8
 """Fewer sensors do not tell what is usual among them."""

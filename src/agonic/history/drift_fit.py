@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.health import Finding
 from agonic.health.finding import Judged, figure
@@ -17,8 +17,6 @@ from agonic.history.trend import Trend, series_of, trend
 from agonic.maths.estimation.change_points import Shift, joined, shifts, size_of
 from agonic.maths.estimation.drift_model import Series, believed
 from agonic.population import Population
-
-Array = NDArray[np.float64]
 
 FEWEST = 5
 """Calibrations from which on a drift can be told from scatter."""
@@ -67,7 +65,7 @@ class Drift(Judged):
     sensor: str
     at: datetime
     population: Population
-    compared: NDArray[np.intp]
+    compared: Index
     trends: tuple[Trend, ...]
     events: tuple[Event, ...]
     findings: tuple[Finding, ...]
@@ -178,7 +176,7 @@ def _event(
 
 def _findings(
     population: Population,
-    compared: NDArray[np.intp],
+    compared: Index,
     trends: tuple[Trend, ...],
     events: tuple[Event, ...],
 ) -> list[Finding]:

@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
+from agonic.arrays import Array, Index, Mask
 from agonic.history.drift_fit import DRIFTING, FEWEST
 from agonic.history.parameters import NAMES
 from agonic.history.store import History
 from agonic.maths.estimation.drift_model import Series, believed
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _COLUMNS = (
     "sensor",
@@ -68,7 +66,7 @@ def _sensors(columns: dict[str, NDArray[Any]]) -> tuple[Index, Index]:
     return starts, np.append(starts[1:], len(names)) if len(starts) else starts
 
 
-def _like_last(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> NDArray[np.bool_]:
+def _like_last(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> Mask:
     """The rows of each sensor with a bias, and the channel and unit of the last."""
     of = np.repeat(last - 1, last - first)
     keep = np.ones(len(of), dtype=bool)
@@ -109,7 +107,7 @@ def _plain_line(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> 
     return least
 
 
-def _drift(columns: dict[str, NDArray[Any]], rows: Index) -> NDArray[np.bool_]:
+def _drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
     """Which of sensors with rows (s, n) drift on one axis or another."""
     time = columns["time"][rows]
     span = time[:, -1:] - time[:, :1]

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.population import Population
 from agonic.population.population import AXES, PAIRS
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
 
 KINDS = ("bias", "gain", "cross")
 """Bias in the unit of the readings; gain, the diagonal of the matrix; cross, the symmetric part of
@@ -32,7 +30,7 @@ class Parameters(NamedTuple):
     units: tuple[str, ...]
 
 
-def comparable(population: Population) -> NDArray[np.intp]:
+def comparable(population: Population) -> Index:
     """The rows that can be compared with the last calibration: its channel, its units.
 
     Their biases are known, within bounds.

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation.change_points import Shift
 from agonic.maths.estimation.drift_model import Belief, Series, followed, spread_of
-
-Array = NDArray[np.float64]
 
 YEAR_S = 365.25 * 86_400.0
 

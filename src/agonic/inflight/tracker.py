@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import beside
 from agonic.calibration.thermal import Thermal
@@ -19,8 +19,6 @@ from agonic.inflight.tracking import Coefficients, start, update
 from agonic.inflight.tracking.findings import findings
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 class Tracker:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
@@ -24,9 +24,6 @@ from agonic.maths.equation import coverage as cells
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
-Array = NDArray[np.float64]
-
-
 _OF_THE_SENSOR = ("unit", "every", "soft_iron_sd", "name", "device_id")
 """Settings that a state cannot be gone on with when they change."""
 
@@ -36,7 +33,7 @@ class LiveFit:
 
     Readings are summed up in boxes of equal size, each of which weighs little more after its
     first 25, so that a sensor at rest does not drown the rest; the fit minimises the magnitude
-    residual over their moments with a prior on soft iron (`maths.equation.moment_fit`). Readings wait a
+    residual over their moments with a prior on soft iron (`equation.moment_fit`). Readings wait a
     moment before they are let in, and those made near iron are not (`live.quarantine`). Two calls
     of `add` with the halves of a recording give what one call with all of it gives.
 

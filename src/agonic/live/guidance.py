@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.health import Finding, figure
@@ -14,8 +14,6 @@ from agonic.live.maths import next_turn
 from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import coverage as cells
-
-Array = NDArray[np.float64]
 
 NEAR_METAL = 0.05  # of the field's magnitude
 READINGS_PER_RAD = 50.0  # of a hand that turns

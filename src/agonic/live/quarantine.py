@@ -10,12 +10,10 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.live.state import Found
 from agonic.maths.equation import moment_fit
-
-Array = NDArray[np.float64]
 
 WAIT_S = 1.5
 """How long readings wait, and for how long after a disturbance none are let in."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.live.maths import voxels
 from agonic.live.maths.voxels import Voxels
 from agonic.live.quarantine import Alarm, passed
 from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import moment_fit, moments
-
-Array = NDArray[np.float64]
 
 RECENT = 25
 """Readings that count as the present."""
@@ -111,7 +109,7 @@ def _taken(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     )
 
 
-def _boxed(boxes: Voxels | None, rows: Array) -> tuple[Voxels | None, NDArray[np.bool_]]:
+def _boxed(boxes: Voxels | None, rows: Array) -> tuple[Voxels | None, Mask]:
     """Boxes with rows put in, and which rows to remember."""
     if not len(rows):
         return boxes, np.zeros(0, dtype=bool)

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.logs.columns import Column, Identified
 from agonic.logs.quantities import Linear
 from agonic.logs.resample import resample
 from agonic.units import STANDARD_GRAVITY_M_S2
 
-FloatArray = NDArray[np.float64]
 Table = Mapping[str, NDArray[Any]]
 
 ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
@@ -42,7 +42,7 @@ _FEW = 0.01
 _GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
 
 
-def numbers(values: NDArray[Any]) -> FloatArray:
+def numbers(values: NDArray[Any]) -> Array:
     """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees.
 
     >>> numbers(np.array(["-0:30:00", "12.5", "n/a"])).tolist()
@@ -81,10 +81,10 @@ def with_angle_unit(found: Identified, table: Table) -> Identified:
 
 def companion(
     axes: Mapping[str, Column],
-    values: FloatArray,
-    time: FloatArray | None,
-    readings: NDArray[np.bool_],
-) -> tuple[FloatArray | None, tuple[str, ...]]:
+    values: Array,
+    time: Array | None,
+    readings: Mask,
+) -> tuple[Array | None, tuple[str, ...]]:
     """The values of one quantity in our unit, (n,) or (n, 3), or `None`; and notes on them.
 
     `axes` are its columns and `values` (n, k) what they hold, in that order; `readings` marks the
@@ -103,7 +103,7 @@ def companion(
     return (filled if filled is None or quantity.vector else filled[:, 0]), notes
 
 
-def _scale(axes: Mapping[str, Column], values: FloatArray) -> tuple[Linear | None, str]:
+def _scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, str]:
     """Factor and offset to our unit, and a remark; no scale where it cannot be known."""
     units = {column.unit for column in axes.values()}
     quantity = next(iter(axes.values())).quantity
@@ -125,7 +125,7 @@ def _scale(axes: Mapping[str, Column], values: FloatArray) -> tuple[Linear | Non
     return (1.0, 0.0), ""
 
 
-def _by_gravity(values: FloatArray) -> tuple[Linear | None, str]:
+def _by_gravity(values: Array) -> tuple[Linear | None, str]:
     """The unit in which the median acceleration is gravity, to 20 %."""
     sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
     median = float(np.median(sizes)) if len(sizes) else np.nan
@@ -136,8 +136,8 @@ def _by_gravity(values: FloatArray) -> tuple[Linear | None, str]:
 
 
 def _without_holes(
-    column: str, values: FloatArray, time: FloatArray | None, readings: NDArray[np.bool_]
-) -> tuple[FloatArray | None, str]:
+    column: str, values: Array, time: Array | None, readings: Mask
+) -> tuple[Array | None, str]:
     """The values (n, k) with short holes filled, or `None` where too many would be missing."""
     known = np.asarray(np.isfinite(values).all(axis=1))
     holes = readings & ~known
@@ -158,7 +158,7 @@ def _without_holes(
     return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
 
 
-def reach(time: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
+def reach(time: Array, known: Mask) -> Array:
     """Seconds from each row to the farther of the known rows around it; at an end, to the one."""
     at = np.flatnonzero(known)
     after = np.searchsorted(at, np.arange(len(time)))

@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from agonic.arrays import Array, Mask
 from agonic.logs.auxiliary import SHORT_REACH_S, reach
-
-FloatArray = NDArray[np.float64]
 
 NAMES = {"imu_mag": "mag_uT", "imu_acc": "acc_m_s2", "imu_gyr": "gyro_rad_s"}
 NOTE = (
@@ -64,7 +63,7 @@ def named(
     return named, (NOTE, *((counts,) if lost else ()))
 
 
-def attitude_deg(quat_wxyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
     """Roll, pitch and heading (n,) of rotations from sensor axes to east, north, up; NaN stays.
 
     >>> face_up_x_north = np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])
@@ -78,7 +77,7 @@ def attitude_deg(quat_wxyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
     return angles[:, 2], angles[:, 1], angles[:, 0] % 360.0
 
 
-def held_at_rest(quat_wxyz: FloatArray, moving: NDArray[np.bool_]) -> FloatArray:
+def held_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
     """The rotations with gaps filled from the nearest known row without movement in between."""
     known = np.flatnonzero(np.isfinite(quat_wxyz).all(axis=1))
     if not len(known):
@@ -94,7 +93,7 @@ def held_at_rest(quat_wxyz: FloatArray, moving: NDArray[np.bool_]) -> FloatArray
     return held
 
 
-def interpolated(quat_wxyz: FloatArray, time: FloatArray) -> FloatArray:
+def interpolated(quat_wxyz: Array, time: Array) -> Array:
     """The rotations with short gaps filled at constant turn rate."""
     known = np.asarray(np.isfinite(quat_wxyz).all(axis=1))
     if known.sum() < 2:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-Clock = tuple[FloatArray | None, datetime | None, tuple[str, ...]]
+from agonic.arrays import Array
+
+Clock = tuple[Array | None, datetime | None, tuple[str, ...]]
 """Seconds, the UTC moment of second zero where it is known, and notes."""
 
 UNIX = datetime(1970, 1, 1, tzinfo=UTC)
@@ -41,7 +42,7 @@ def clock_of(values: NDArray[Any], unit_s: float | None) -> Clock:
     return _since_first_second(seconds, ()) if _is_unix(seconds) else (seconds, None, ())
 
 
-def _without_unit(numbers: FloatArray) -> Clock:
+def _without_unit(numbers: Array) -> Clock:
     """Unix times by their size, otherwise seconds where the steps can be seconds."""
     for name, per_second in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
         if _is_unix(numbers / per_second):
@@ -57,7 +58,7 @@ def _without_unit(numbers: FloatArray) -> Clock:
     return numbers, None, ("times have no unit: taken as seconds",)
 
 
-def _is_unix(seconds: FloatArray) -> bool:
+def _is_unix(seconds: Array) -> bool:
     finite = seconds[np.isfinite(seconds)]
     if not len(finite):
         return False
@@ -66,7 +67,7 @@ def _is_unix(seconds: FloatArray) -> bool:
     return bool(low < np.median(finite) < high and step <= _LONGEST_STEP_S)
 
 
-def _since_first_second(unix: FloatArray, notes: tuple[str, ...]) -> Clock:
+def _since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
     """Unix seconds as seconds since the whole second in which they start."""
     finite = unix[np.isfinite(unix)]
     if not len(finite):
@@ -120,7 +121,7 @@ def _names_zone(text: str) -> bool:
     return tail.endswith(("Z", "z")) or "+" in tail or "-" in tail
 
 
-def spread_ties(time: FloatArray, field: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+def spread_ties(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     """Times of a coarse clock, with each run of equal times spread evenly over its tick.
 
     A clock is coarse where it stands still although the readings (n, 3) change, in more than a

@@ -22,13 +22,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.columns import MOST_COLUMNS, positions, understood
 from agonic.logs.log import Log
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input
-
-FloatArray = NDArray[np.float64]
 
 _COMMENT = "#%"
 _SAMPLE = 200
@@ -203,7 +202,7 @@ def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     return quantity in _LABELS
 
 
-def _numbers(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> FloatArray:
+def _numbers(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
     """The numbers in the given columns, (n, k); NaN where there is none, surplus cells ignored."""
     blocks = []
     for start in range(0, len(rows), _BLOCK):
@@ -219,7 +218,7 @@ def _numbers(rows: Sequence[str], separator: str | None, columns: Sequence[int])
     return np.concatenate(blocks)
 
 
-def _one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> FloatArray:
+def _one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
     cells = (_cells(row, separator) for row in rows)
     values = (_number(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
     return np.fromiter(values, np.float64).reshape(len(rows), len(columns))

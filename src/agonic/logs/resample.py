@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from agonic.arrays import Array, Mask
 
 ESTIMATED_ATTITUDE = (
     "roll, pitch and heading are the autopilot's own estimate, which itself follows its compasses"
@@ -14,7 +14,7 @@ ESTIMATED_ATTITUDE = (
 
 def resample(
     time_from: ArrayLike, values: ArrayLike, time_to: ArrayLike, *, period: float | None = None
-) -> FloatArray | None:
+) -> Array | None:
     """Values at other times, by linear interpolation; before and after, the end values hold.
 
     Rows with a time or value that is not finite are left out. Angles, marked by their `period`,
@@ -42,7 +42,7 @@ def resample(
     return np.stack([np.interp(wanted, t, component) for component in v.T], axis=1)
 
 
-def misplaced(time: ArrayLike) -> NDArray[np.bool_]:
+def misplaced(time: ArrayLike) -> Mask:
     """Rows whose time lies outside that of both neighbours although those are in order.
 
     One damaged time would otherwise cost every row after it, since times must increase.

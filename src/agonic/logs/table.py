@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.errors import LogError
 from agonic.logs.auxiliary import Table, companion, numbers, with_angle_unit
 from agonic.logs.clock import UNIX, Clock, clock_of, spread_ties
@@ -20,8 +20,6 @@ from agonic.logs.resample import misplaced, rate_Hz
 from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples
 from agonic.units import RAW, canonical, nanotesla_per
-
-FloatArray = NDArray[np.float64]
 
 COMPANIONS = tuple(name for name in COLUMNS if name not in ("time", "field"))
 YAW = "a heading called yaw was taken for the estimate of a filter, which follows its magnetometer"
@@ -81,13 +79,13 @@ class _Part:
 
     table: Table
     found: Identified
-    rows: NDArray[np.intp]
+    rows: Index
     clock: Clock
     unit: str | None
     source: Input
     remarks: tuple[str, ...]
 
-    def values(self, axes: Mapping[str, Column]) -> FloatArray:
+    def values(self, axes: Mapping[str, Column]) -> Array:
         """The numbers in the columns of a quantity, (n, k), axes in alphabetical order."""
         return np.stack([numbers(self.table[axes[a].header])[self.rows] for a in sorted(axes)], 1)
 
@@ -184,9 +182,7 @@ def _clock(table: Table, found: Identified) -> Clock:
     return clock_of(values, factor)
 
 
-def _time(
-    part: _Part, field: FloatArray
-) -> tuple[FloatArray | None, datetime | None, tuple[str, ...]]:
+def _time(part: _Part, field: Array) -> tuple[Array | None, datetime | None, tuple[str, ...]]:
     """The times of the rows, single wrong ones marked and a coarse clock spread."""
     whole, epoch, notes = part.clock
     if whole is None:
@@ -217,7 +213,7 @@ def _pick(groups: Mapping[str, Mapping[str, Column]], number: str) -> Mapping[st
     return groups.get(number) or groups.get("") or only
 
 
-def _groups(whole: _Part) -> Iterator[tuple[str, NDArray[np.intp]]]:
+def _groups(whole: _Part) -> Iterator[tuple[str, Index]]:
     """The rows of each sensor that a `sensor` column names, in order of appearance.
 
     A sensor whose own name says that it is an accelerometer or a gyroscope is left out.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.fleet.maths.axis_swaps import swap_likelihoods, swapped
 from agonic.health.finding import figure
 from agonic.maths.estimation.false_discovery import discoveries
@@ -16,8 +16,6 @@ from agonic.maths.estimation.tails import Tail, tail_of
 from agonic.population.peers import LEAST, Peers, Quantity, peers
 from agonic.population.population import AXES, Population
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
 
 RATE = 0.03
 """Of all sensors named, the share that chance may have named at most, where they are many."""
@@ -56,7 +54,7 @@ class _Tested:
     group: Peers
     name: str
     quantity: Quantity
-    members: NDArray[np.intp]  # of the group: those that have a distance, on this side
+    members: Index  # of the group: those that have a distance, on this side
     distance: Array
     tail: Tail
     p_values: Array
@@ -139,12 +137,12 @@ def _tests(group: Peers) -> Iterator[_Tested]:
                 yield _Tested(group, name, quantity, members, far, tail, tail.beyond(far))
 
 
-def _parts(flags: NDArray[np.bool_], tested: Sequence[_Tested]) -> list[NDArray[np.bool_]]:
+def _parts(flags: Mask, tested: Sequence[_Tested]) -> list[Mask]:
     ends = np.cumsum([0, *(len(test.members) for test in tested)]).tolist()
     return [flags[start:end] for start, end in pairwise(ends)]
 
 
-def _named(test: _Tested, chosen: NDArray[np.intp]) -> Iterator[Outlier]:
+def _named(test: _Tested, chosen: Index) -> Iterator[Outlier]:
     scale = test.tail.scale * float(np.sqrt(test.tail.dimensions))
     for k in chosen.tolist():
         member = int(test.members[k])

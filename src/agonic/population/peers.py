@@ -9,14 +9,11 @@ from datetime import UTC, datetime
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.estimation.robust_spread import robust_spread
 from agonic.population.population import Population
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 LEAST = 8
 """Fewer sensors do not tell what is usual among them."""
@@ -54,7 +51,7 @@ class Quantity:
         return np.asarray(np.linalg.norm((self.values - self.centre) / scale, axis=1))
 
     @property
-    def matters(self) -> NDArray[np.bool_]:
+    def matters(self) -> Mask:
         """Which sensors are so far from the centre that it makes a difference, (n,)."""
         return np.asarray(np.linalg.norm(self.values - self.centre, axis=1) > self.least)
 

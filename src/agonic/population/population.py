@@ -9,10 +9,9 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError
 from agonic.population.row import Row
-
-Array = NDArray[np.float64]
 
 COLUMNS: Mapping[str, Any] = {field.name: get_type_hints(Row)[field.name] for field in fields(Row)}
 """The columns of a population and the types of `Row` that they hold."""
@@ -72,7 +71,7 @@ class Population:
         return Population({name: column[rows] for name, column in self.columns.items()})
 
     @property
-    def fitted(self) -> NDArray[np.bool_]:
+    def fitted(self) -> Mask:
         """Which rows carry a calibration, good or to be checked, (n,)."""
         return np.asarray(self["verdict"] != "refused", dtype=bool)
 

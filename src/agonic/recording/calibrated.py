@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply, beside
@@ -22,8 +22,6 @@ from agonic.recording.choice import Choice, Kind, choose
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Check, Verification, verify
-
-Array = NDArray[np.float64]
 
 BLOCKS = 8
 AGREEMENT_LIMIT_DEG = 2.0

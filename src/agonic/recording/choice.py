@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.attitude import fit_interference, fit_levelled, fit_vector
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.calibration.base import Calibration
@@ -20,7 +20,6 @@ from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-Array = NDArray[np.float64]
 Kind = Literal["auto", "ellipsoid", "levelled", "vector", "interference"]
 
 _FITS: Mapping[str, Callable[..., Fit]] = {

@@ -10,12 +10,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.report.digits import counted, grouped, quantity
 from agonic.report.markup import Markup, element
-
-Array = NDArray[np.float64]
 
 BINS = 400
 """Columns of a strip; the least and the largest value of each are drawn, so no peak is lost."""
@@ -172,7 +170,7 @@ def level(y: Axis, value: float, name: str) -> Markup:
     return path(f"M0 {float(down(y, np.array(value))):.0f}H1000", name)
 
 
-def marked(columns: Columns, rows: NDArray[np.bool_], name: str) -> Markup:
+def marked(columns: Columns, rows: Mask, name: str) -> Markup:
     """A bar along the foot under the columns that consist mostly of these rows."""
     inside = columns.mean(rows.astype(np.float64)) > 0.5
     first, last = columns.edges()
@@ -188,7 +186,7 @@ def arrows(columns: Columns, y: Axis, values: Array) -> list[Markup]:
     ]
 
 
-def _arrows(columns: Columns, beyond: NDArray[np.bool_], sign: str, at: str) -> list[Markup]:
+def _arrows(columns: Columns, beyond: Mask, sign: str, at: str) -> list[Markup]:
     """One arrow over each run of columns, of more runs than can be told apart only the first of
     those that stand together."""
     where = columns.right[beyond]

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
+from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError
 from agonic.samples import Samples
 from agonic.simulation.draws import directions
 
-Array = NDArray[np.float64]
 Defect = Callable[[Samples], Samples]
 """A pure function from samples to samples."""
 
@@ -221,7 +221,7 @@ def mixed(other: Samples) -> Defect:
     return defect
 
 
-def _some_rows(rng: np.random.Generator, samples: Samples, share: float) -> NDArray[np.intp]:
+def _some_rows(rng: np.random.Generator, samples: Samples, share: float) -> Index:
     """A share of the row numbers, each at most once."""
     if not 0 <= share <= 1:
         raise AgonicError(f"share is {share}; it needs a number from 0 to 1")
@@ -234,7 +234,7 @@ def _time(samples: Samples) -> Array:
     return samples.time
 
 
-def _between(samples: Samples, start: float, stop: float) -> NDArray[np.bool_]:
+def _between(samples: Samples, start: float, stop: float) -> Mask:
     """The rows from `start` up to, not including, `stop` seconds."""
     if start == -np.inf and stop == np.inf:
         return np.ones(len(samples), dtype=bool)

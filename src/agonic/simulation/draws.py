@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine, Model
-
-Array = NDArray[np.float64]
 
 
 def random_calibration(

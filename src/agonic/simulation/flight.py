@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation.draws import wander
@@ -21,7 +21,6 @@ from agonic.simulation.motions import (
 )
 from agonic.units import STANDARD_GRAVITY_M_S2
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 Vehicle = Literal["plane", "copter"]
 

@@ -10,14 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation.draws import directions, knot_times, wander
 
-Array = NDArray[np.float64]
 Attitude = Callable[[Array], Rotation]
 
 _STEP_S = 1e-3  # a central difference over ±1 ms is exact to 1e-6 of the rate of a hand's motion

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
@@ -21,8 +21,6 @@ from agonic.simulation.defects import Defect
 from agonic.simulation.draws import random_calibration
 from agonic.simulation.flight import flight
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 _MOTIONS: Mapping[str, Callable[..., motions.Motion]] = MappingProxyType(
     {

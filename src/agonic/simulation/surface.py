@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.simulation.draws import wander
 from agonic.simulation.flight import Function, course, position
 from agonic.simulation.motions import Motion, rate_of_change, rotation_rate
 from agonic.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 _COMPONENTS = 12
 _LEAN_DEG_G = (-5.0, 3.0)  # of a car on its springs: roll outwards, nose up, an acceleration of g

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
-
-Array = NDArray[np.float64]
 
 DEGREE = 3
 

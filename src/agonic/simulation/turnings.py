@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from agonic.arrays import Array
 from agonic.simulation.draws import directions, knot_times
-
-Array = NDArray[np.float64]
 
 _PACE_S = 1.5
 _PUSH_PACE_S = 0.7

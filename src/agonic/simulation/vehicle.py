@@ -9,9 +9,10 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, check_choice
@@ -24,7 +25,6 @@ from agonic.simulation.flight import Flown, Vehicle, drawn_A, fly, position
 from agonic.simulation.motions import rate_of_change, rotation_rate
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
-Array = NDArray[np.float64]
 Placing = Literal["apart", "opposite"]
 
 MANOEUVRE = 2.0

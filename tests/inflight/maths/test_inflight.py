@@ -1,4 +1,4 @@
-"""`inflight.maths.inflight`: Jacobians against differences, rows with and without a matrix of their own."""
+"""`inflight.maths.inflight`: Jacobians against differences, rows with their own matrix."""
 
 import numpy as np
 import pytest

@@ -14,13 +14,12 @@ from agonic.alignment.maths.coil_axis import Estimate, Stretch
 from agonic.alignment.session import published_earth_rotation
 from agonic.alignment.session.coil import CoilSession
 from agonic.alignment.session.session import unix_of
+from agonic.arrays import Array
 from agonic.calibration.base import beside
 from agonic.errors import CoverageError, ValidityError
 from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD, cross_matrix, rot_en
-
-Array = NDArray[np.float64]
 
 METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02

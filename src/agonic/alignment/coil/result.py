@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.maths.coil_axis import Estimate, Stretch
 from agonic.alignment.session.coil import CoilSession
+from agonic.arrays import Array
 from agonic.health import Finding, Judged
 from agonic.maths.rotations.frames import ARCSEC_RAD
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -44,7 +44,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.files.coil_schema import (
     SECTIONS,
@@ -67,8 +66,6 @@ from agonic.files.toml_sections import read_toml, section
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_ci, rot_en
 from agonic.provenance import Input, sha256_of
-
-Array = NDArray[np.float64]
 
 FILE_NAME = "coil.toml"
 

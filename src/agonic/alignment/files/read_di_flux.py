@@ -23,10 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.alignment.session.di_flux import DiSheet
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.provenance import Input, sha256_of
-
-Array = NDArray[np.float64]
 
 MARK = "# MagPy Absolutes"
 UNITS_DEG = {"gon": 0.9, "deg": 1.0}

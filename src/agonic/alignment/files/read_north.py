@@ -40,7 +40,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.files.north_schema import (
     SECTIONS,
@@ -51,12 +50,12 @@ from agonic.alignment.files.north_schema import (
 )
 from agonic.alignment.files.read_session import calibration_of, north_east_down, pier_of, samples_of
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.files.toml_sections import read_toml, section
 from agonic.logs.auxiliary import numbers
 from agonic.provenance import Input, sha256_of
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 FILE_NAME = "north.toml"

@@ -48,7 +48,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.files.session_schema import (
     NEEDED,
@@ -64,6 +63,7 @@ from agonic.alignment.files.session_schema import (
 from agonic.alignment.files.star_table import diagonal, read_stars
 from agonic.alignment.session import Mounting, Pier, Session, Site, StarReadings, check_session
 from agonic.alignment.session.session import unix_of
+from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, require_calibration
@@ -73,8 +73,6 @@ from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
 from agonic.maths.earth.starlight import Air
 from agonic.provenance import Input, sha256_of
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 FILE_NAME = "session.toml"
 GPS_TAI_S = -19.0

@@ -16,17 +16,16 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import StarReadings
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.auxiliary import numbers
 from agonic.logs.clock import clock_of
 from agonic.logs.contents import read_text
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
 
-Array = NDArray[np.float64]
 Turns = Literal["ci", "ic"]
 
 TIMES = ("time_s", "utc", "time", "unix_s")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import gravity as kernel
 from agonic.alignment.maths.gravity import Estimate
+from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, beside
 from agonic.calibration.chain import Chain
@@ -18,8 +18,6 @@ from agonic.health import Finding, Judged, figure
 from agonic.maths.rotations.tilt import down_of_force
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 METHOD = ("kok-2016",)
 FEWEST = 6

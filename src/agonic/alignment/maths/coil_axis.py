@@ -18,9 +18,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 
 class Stretch(NamedTuple):

@@ -20,9 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 NAMES = ("meridian", "inclination", "delta", "epsilon", "offset", "scale")
 """Unknowns: h₀, I, δ, ε in radians, S₀/F, and F in the unit of the readings."""
@@ -37,7 +36,7 @@ class Settings(NamedTuple):
     horizontal: Array
     zenith: Array
     reading: Array
-    from_meridian: NDArray[np.bool_]
+    from_meridian: Mask
 
 
 class Estimate(NamedTuple):

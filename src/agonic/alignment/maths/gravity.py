@@ -17,11 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.mounting import right_angles
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 WINDOW_S, LEAST_S, TRIM_S = 0.5, 1.0, 0.2
 STILL = 3.0

@@ -14,11 +14,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 ENOUGH_TURNING, ENOUGH_SWING = 3, 12
 _SCHULER = np.array([0.25, 0.5, 0.25])

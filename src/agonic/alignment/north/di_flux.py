@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.maths.di_flux import NAMES, Estimate, Settings
 from agonic.alignment.maths.north import Pointing, pointing
@@ -15,8 +14,6 @@ from agonic.alignment.session.di_flux import DiSheet
 from agonic.health import Finding, Judged, figure
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
-
-Array = NDArray[np.float64]
 
 METHOD = ("brunke-matzka-2018",)
 OFF_MERIDIAN_DEG = 0.1

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import north as kernel
@@ -18,8 +17,6 @@ from agonic.calibration.chain import Chain
 from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.provenance import Input, Provenance
-
-Array = NDArray[np.float64]
 
 METHOD = ("harbin-2018",)
 APART = 4.0

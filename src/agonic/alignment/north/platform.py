@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 
 from agonic.alignment.session.north import NorthSession, Platform
 from agonic.alignment.session.session import unix_of
+from agonic.arrays import Array, Index
 from agonic.calibration.base import beside
 from agonic.errors import AgonicError
 from agonic.maths.equation import alignment as kernel
@@ -19,8 +20,6 @@ from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 AZIMUTH = 5
 """Place of the turn about down that all azimuths share, among the unknowns of the kernel."""
@@ -98,7 +97,7 @@ def _result(
     start: Unknowns,
     given: Given,
     held: Array,
-    free: NDArray[np.intp],
+    free: Index,
     heading: Array,
     platform: Platform,
 ) -> Aligned:
@@ -146,14 +145,14 @@ def _prior(held: Array, unit: Array, away: Array, params: Array) -> tuple[Array,
 
 
 def _pieces(
-    base: Unknowns, given: Given, white: Array, free: NDArray[np.intp], unit: Array, params: Array
+    base: Unknowns, given: Given, white: Array, free: Index, unit: Array, params: Array
 ) -> list[tuple[Array, Array]]:
     residuals, jacobian = kernel.residual(base.moved(_whole(params / unit, free)), given)
     scaled = white @ (jacobian[:, :, free] / unit)
     return [((white @ residuals[:, :, None]).ravel(), scaled.reshape(-1, len(free)))]
 
 
-def _whole(step: Array, free: NDArray[np.intp]) -> Array:
+def _whole(step: Array, free: Index) -> Array:
     whole = np.zeros(SIZE)
     whole[free] = step
     return whole
@@ -184,7 +183,7 @@ def _given(session: NorthSession, platform: Platform, heading_deg: Array) -> Giv
     )
 
 
-def _rows(magnetometer: Samples, platform: Platform) -> list[NDArray[np.intp]]:
+def _rows(magnetometer: Samples, platform: Platform) -> list[Index]:
     """The magnetometer's rows of each orientation."""
     station = magnetometer.station
     if station is None:
@@ -214,7 +213,7 @@ def _attitude_covariance(platform: Platform) -> Array:
     return np.asarray((about * sd**2) @ np.swapaxes(about, -1, -2))
 
 
-def _scatter(values: Array, rows: list[NDArray[np.intp]], name: str) -> float:
+def _scatter(values: Array, rows: list[Index], name: str) -> float:
     """Standard deviation of a reading on one axis within the orientations."""
     squares = sum(float(((values[own] - values[own].mean(axis=0)) ** 2).sum()) for own in rows)
     freedom = 3 * sum(len(own) - 1 for own in rows)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.maths.north import North, Swing
 from agonic.alignment.north.platform import Aligned
@@ -13,8 +12,6 @@ from agonic.alignment.session.north import NorthSession
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, Judged
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.maths.di_flux import Estimate, Settings
 from agonic.alignment.session.di_flux import DiSheet
+from agonic.arrays import Mask
 from agonic.errors import CoverageError
 from agonic.maths.rotations.angles import wrapped_deg
 
@@ -36,7 +36,7 @@ def estimated(sheet: DiSheet, magnitude: float | None, told: bool) -> tuple[Esti
     return min(tried, key=lambda both: abs(both[0].noise / both[0].params[-1]))
 
 
-def level(sheet: DiSheet) -> NDArray[np.bool_]:
+def level(sheet: DiSheet) -> Mask:
     """The settings with the telescope level, for the declination."""
     return np.abs(np.sin(np.radians(sheet.zenith_deg))) > LEVEL_SIN
 
@@ -67,7 +67,7 @@ def _ends(sheet: DiSheet) -> list[float]:
     return [max(both, key=lambda end: float(np.cos(first - end)))]
 
 
-def _nominal(sheet: DiSheet, meridian: float) -> NDArray[np.bool_]:
+def _nominal(sheet: DiSheet, meridian: float) -> Mask:
     """Settings whose horizontal reading is 0 or half a turn by name only, from the meridian."""
     off = wrapped_deg(2 * (sheet.horizontal_deg - np.degrees(meridian))) / 2
     round_number = np.abs(wrapped_deg(2 * sheet.horizontal_deg) / 2) < NOMINAL_DEG

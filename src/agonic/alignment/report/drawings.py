@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.report.markup import Markup, element
-
-Array = NDArray[np.float64]
 
 SIZE, RADIUS = 320.0, 130.0
 LEAST, MOST = 3.0, 11.0

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.maths.north import swung_deg
 from agonic.alignment.north import DiFluxFit, NorthFit
 from agonic.alignment.report import north_text as words
 from agonic.alignment.report.drawings import bars
+from agonic.arrays import Array
 from agonic.health import Judged
 from agonic.report.blocks import header, part, verdict
 from agonic.report.digits import grouped, minused
@@ -16,8 +16,6 @@ from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.tables import definitions, findings, provenance
 from agonic.report.verdict import moves
-
-Array = NDArray[np.float64]
 
 WIDE, HIGH, LEFT = 760.0, 220.0, 70.0
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.session.session import Site
+from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.provenance import Input
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.session.session import Session, unix_of
+from agonic.arrays import Array
 from agonic.errors import AgonicError, LogError, UnitError
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
 
 OTHER_UNIT = 3.0
 """Ratio of the two magnitudes from which one of the units must be wrong."""

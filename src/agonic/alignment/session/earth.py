@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError, ValidityError
 from agonic.maths.earth.earth_rotation import rot_ei, tai_utc_s
 from agonic.maths.rotations.frames import ARCSEC_RAD
-
-Array = NDArray[np.float64]
 
 _MJD_UNIX = 40_587.0
 _DAY_S = 86_400.0

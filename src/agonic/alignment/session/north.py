@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.alignment.session.session import Pier
+from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.provenance import Input
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

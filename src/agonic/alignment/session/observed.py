@@ -14,11 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session.earth import EarthRotation, published_earth_rotation
 from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, unix_of
+from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.maths.earth.starlight import aberrated, observer_velocity_i, refracted
 from agonic.maths.rotations.frames import rot_en, turn_onto
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,7 +125,7 @@ def seen_turn(site: Site, star: StarReadings, rotation_ei: Array) -> Array:
     return turn_onto(star.boresight_i, seen)
 
 
-def _rows(numbers: NDArray[np.int64], wanted: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+def _rows(numbers: NDArray[np.int64], wanted: NDArray[np.int64]) -> list[Index]:
     """The rows of each orientation."""
     return [np.flatnonzero(numbers == number) for number in wanted]
 
@@ -196,7 +195,7 @@ class _Fields:
         return np.full(len(self.rows), float(value))
 
 
-def _interpolated(time: Array, known: Array) -> tuple[NDArray[np.intp], Array]:
+def _interpolated(time: Array, known: Array) -> tuple[Index, Array]:
     """Rows of the known times and their weights in the mean of linear interpolations at `time`."""
     right = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
     if len(known) == 1:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.base import Calibration, beside
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.earth.starlight import Air
@@ -16,7 +17,6 @@ from agonic.maths.rotations.frames import from_323_deg
 from agonic.provenance import Input
 from agonic.samples import Samples
 
-Array = NDArray[np.float64]
 Coordinates = Literal["astronomical", "geodetic"]
 
 PRESENT, REMOVED = "present", "removed"

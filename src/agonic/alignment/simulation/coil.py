@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Site
 from agonic.alignment.session.coil import Attitude, CoilSession
+from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.maths.equation.alignment import turned
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 FIELD_N = (18_870.0, 1_390.0, 45_750.0)
 MOST_VARIATION = 20.0

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
+from agonic.arrays import Array
 from agonic.maths.equation.alignment import turned
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

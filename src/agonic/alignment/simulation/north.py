@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from agonic.alignment.maths.north import swung_deg
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.arrays import Array
 from agonic.maths.equation.alignment import turned
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 FIELD_N = (18_870.0, 1_390.0, 45_750.0)
 TURN_S, READINGS = 40, 20

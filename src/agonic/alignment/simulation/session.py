@@ -19,11 +19,10 @@ from agonic.alignment.session import (
     published_earth_rotation,
 )
 from agonic.alignment.session.observed import seen_turn
+from agonic.arrays import Array
 from agonic.maths.equation.alignment import turned
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 NIEMEGK = Site(latitude_deg=52.0725, longitude_deg=12.6750)
 FIELD_N = (18_870.0, 1_390.0, 45_750.0)

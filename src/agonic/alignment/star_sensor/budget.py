@@ -7,16 +7,15 @@ from typing import Any, Literal
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.alignment.session import Session, published_earth_rotation
 from agonic.alignment.session.observed import seen_turn
 from agonic.alignment.session.session import PRESENT, REMOVED
 from agonic.alignment.star_sensor.result import AlignmentFit
+from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
-Array = NDArray[np.float64]
 Treatment = Literal["corrected", "by the sensor", "solved for", "not corrected", "not known"]
 
 ARCSEC_PER_S = 15.041067

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from agonic.alignment.session import published_earth_rotation
@@ -22,8 +21,6 @@ from agonic.health import Finding, figure
 from agonic.maths.equation.alignment import GROUPS
 from agonic.maths.equation.alignment import units as units_of
 from agonic.maths.rotations.frames import ARCSEC_RAD
-
-Array = NDArray[np.float64]
 
 RARE = 1e-4
 """Residuals that are larger than this often by chance do not fit."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Session, check_session, observe
@@ -21,8 +20,6 @@ from agonic.calibration.chain import Chain
 from agonic.errors import check_choice
 from agonic.maths.equation.alignment import GROUPS
 from agonic.provenance import Input, Provenance
-
-Array = NDArray[np.float64]
 
 METHOD = ("harbin-2018", "iers-2010")
 OWN = slice(GROUPS["bias"].start, GROUPS["matrix"].stop)

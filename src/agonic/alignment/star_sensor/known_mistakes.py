@@ -9,15 +9,14 @@ from typing import NamedTuple
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Session, published_earth_rotation
 from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
+from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
 from agonic.maths.rotations.frames import angles_323_deg, r2, r3, rot_ci
 
-Array = NDArray[np.float64]
 Change = Callable[[Session], Session]
 
 _DAY_S = 86_400.0

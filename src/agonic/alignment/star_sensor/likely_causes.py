@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from agonic.alignment.session import Session, observe
 from agonic.alignment.star_sensor.known_mistakes import Mistake, mistakes
 from agonic.alignment.star_sensor.solve import Solved, given_of, rotation_vector, solved
+from agonic.arrays import Index
 from agonic.errors import AgonicError
 from agonic.maths.equation import alignment as kernel
 
@@ -79,7 +80,7 @@ def _few(session: Session) -> Session:
     )
 
 
-def _first(numbers: NDArray[Any]) -> NDArray[np.intp]:
+def _first(numbers: NDArray[Any]) -> Index:
     """The rows of the first readings of each orientation."""
     return np.sort(np.concatenate([np.flatnonzero(numbers == n)[:FEW] for n in np.unique(numbers)]))
 

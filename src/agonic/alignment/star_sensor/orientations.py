@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.health import figure
 from agonic.maths.equation import alignment as kernel
 from agonic.maths.equation.alignment import GROUPS, Given, Unknowns
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import rot_cn
 
-Array = NDArray[np.float64]
 Orientation = tuple[float, float, float]
 
 ELEVATIONS_DEG = (90.0, 65.0, 40.0)
@@ -59,7 +58,7 @@ def best_additions(
     information: Array,
     each: Array,
     chosen: list[Orientation],
-    free: NDArray[np.bool_],
+    free: Mask,
     magnitude: float,
     enough: Callable[[list[int], float], bool],
 ) -> list[int]:
@@ -87,7 +86,7 @@ def best_additions(
         known = known + parts[best]
 
 
-def alignment_sd(information: Array, free: NDArray[np.bool_], magnitude: float) -> float:
+def alignment_sd(information: Array, free: Mask, magnitude: float) -> float:
     """The largest standard error of the alignment, rad."""
     units = kernel.units(magnitude)[free]
     covariance = leastsq.inverse(information[np.ix_(free, free)] / np.outer(units, units))

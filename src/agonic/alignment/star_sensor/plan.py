@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agonic.alignment.star_sensor.orientations import (
     Orientation,
@@ -15,12 +15,11 @@ from agonic.alignment.star_sensor.orientations import (
     best_additions,
     candidates,
 )
+from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.maths.equation import alignment as kernel
 from agonic.maths.equation.alignment import GROUPS, SIZE, Given
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg
-
-Array = NDArray[np.float64]
 
 FEWEST, MOST = 4, 120
 """Orientations of a plan; with fewer nothing tells a mistake."""
@@ -166,7 +165,7 @@ def _held(pier_sd: float | None, reference_sd_arcsec: float | None) -> Array:
     return held
 
 
-def _errors(information: Array, free: NDArray[np.bool_], magnitude: float) -> Array:
+def _errors(information: Array, free: Mask, magnitude: float) -> Array:
     """Standard errors (18,), 0 for what is not solved for."""
     from agonic.maths.estimation.leastsq import inverse
 

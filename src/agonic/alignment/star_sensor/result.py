@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Observed, Session
 from agonic.alignment.star_sensor.solve import Solved, rotation_vector
+from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, Judged
@@ -23,8 +23,6 @@ from agonic.maths.rotations.frames import (
     cross_matrix,
     rot_en,
 )
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
 from agonic.alignment.session import Observed, Session
+from agonic.arrays import Array, Mask
 from agonic.maths.equation import alignment as kernel
 from agonic.maths.equation.alignment import GROUPS, SIZE, Given, Unknowns
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
-
-Array = NDArray[np.float64]
 
 ROUNDS, STEPS = 6, 30
 HOPELESS = 1e4
@@ -38,7 +36,7 @@ class Solved:
     unknowns: Unknowns
     given: Given
     groups: tuple[str, ...]
-    free: NDArray[np.bool_]
+    free: Mask
     information: Array
     held: Array
     magnitude: float
@@ -155,7 +153,7 @@ def _assembled(
     at: Unknowns,
     given: Given,
     groups: tuple[str, ...],
-    free: NDArray[np.bool_],
+    free: Mask,
     held: Array,
     magnitude: float,
     iterations: int,
@@ -194,7 +192,7 @@ def _pieces(
     base: Unknowns,
     given: Given,
     white: Array,
-    free: NDArray[np.bool_],
+    free: Mask,
     units: Array,
     params: Array,
 ) -> Iterable[tuple[Array, Array]]:
@@ -205,7 +203,7 @@ def _pieces(
     yield (white @ residuals[:, :, None]).ravel(), (white @ scaled).reshape(-1, int(free.sum()))
 
 
-def _whole(step: Array, free: NDArray[np.bool_]) -> Array:
+def _whole(step: Array, free: Mask) -> Array:
     whole = np.zeros(SIZE)
     whole[free] = step
     return whole
@@ -235,7 +233,7 @@ def rotation_vector(matrix: Array) -> Array:
 
 
 def _prior(
-    session: Session, base: Unknowns, held: Array, free: NDArray[np.bool_], units: Array
+    session: Session, base: Unknowns, held: Array, free: Mask, units: Array
 ) -> leastsq.Prior | None:
     """What was believed, about the present base."""
     if not held.any():

@@ -15,14 +15,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from agonic.arrays import Array, Index
 from agonic.maths.estimation.leastsq import MAD_TO_SD, tukey
 from agonic.maths.rotations.attitude import integrated
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 _SUPPORTED = 1e-6  # part of a stretch's largest mean square that a regressor has to have
 _MEDIAN_NORM = 1.5382  # median length of three Gaussian numbers, √(median of χ²₃)
@@ -53,7 +50,7 @@ class Record(NamedTuple):
 
     time: Array
     raw: Array
-    edges: Rows
+    edges: Index
 
     def stretches(self) -> list[slice]:
         """The rows of each stretch."""
@@ -80,7 +77,7 @@ class _Projected(NamedTuple):
 def attitude_path(time: Array, rot_nb: Array) -> Path:
     """The path through recorded attitudes (n, 3, 3).
 
-    Rows are smoothed by the weights 1, 4, 6, 4, 1, and their times with them: what noise is left
+    Index are smoothed by the weights 1, 4, 6, 4, 1, and their times with them: what noise is left
     is well below the Nyquist frequency, where a spline is as noisy between rows as on them.
     """
     return Path(CubicSpline(_smooth(time), _smooth(rot_nb.reshape(-1, 9))))
@@ -95,7 +92,7 @@ def gyro_path(time: Array, rotation_rate: Array) -> Path:
     return Path(entries, tuple(CubicSpline(time, drift) for drift in drifts))
 
 
-def runs(time: Array) -> list[Rows]:
+def runs(time: Array) -> list[Index]:
     """The rows between gaps: intervals above five usual ones and above 50 ms."""
     interval = np.diff(time)
     limit = max(5 * float(np.median(interval)), 0.05) if len(interval) else 0.0
@@ -282,7 +279,7 @@ def _size(residuals: Array) -> float:
 
 
 def _smooth(rows: Array) -> Array:
-    """Rows averaged with their neighbours by 1, 4, 6, 4, 1; the first and last are kept."""
+    """Index averaged with their neighbours by 1, 4, 6, 4, 1; the first and last are kept."""
     for _ in range(2):
         inner = (rows[:-2] + 2 * rows[1:-1] + rows[2:]) / 4
         rows = np.concatenate([rows[:1], inner, rows[-1:]])

@@ -1,6 +1,6 @@
 """The sums of one pass of a magnitude fit over readings that are not kept.
 
-What `leastsq.accumulate` adds up over the blocks of `maths.equation.likelihood`, for the full model, in
+What `leastsq.accumulate` adds up over the blocks of `equation.likelihood`, for the full model, in
 one sweep over the columns; the other models are linear in it (`reduced`). Where numba is installed
 the sweep is compiled and lets other threads run; without it NumPy does the same by blocks.
 """
@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.estimation import leastsq
 
-Array = NDArray[np.float64]
 Columns = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
 Kernel = Callable[..., None]
 
@@ -31,7 +31,7 @@ _BASIS = model_basis("full")
 
 
 class Frame(NamedTuple):
-    """point = (factor · reading − centre)/size, of magnitude one as in `maths.equation.likelihood`."""
+    """point = (factor · reading − centre)/size, of magnitude one as in `equation.likelihood`."""
 
     centre: Array
     size: float

@@ -10,14 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.model import Model
 from agonic.field.place import model_for
-
-Array = NDArray[np.float64]
 
 STEPS_DEG = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25)
 LARGEST = 20_000

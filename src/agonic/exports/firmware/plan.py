@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
@@ -22,7 +22,6 @@ from agonic.files.polynomials import RATE, Polynomials, changes, polynomials, ra
 from agonic.maths.rotations.tilt import Order
 from agonic.units import RAW
 
-Array = NDArray[np.float64]
 TiltInput = Literal["angles", "acceleration", "level"]
 
 TILT_INPUT: dict[str, TiltInput] = {

@@ -8,12 +8,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.maths.rotations import tilt as kernel
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2, WEAKEST_HORIZONTAL
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.int64]
 
 DISTURBED, STEEP, VERTICAL, OUTSIDE, ACCELERATED, TEMPERATURE = 1, 2, 4, 8, 16, 32
@@ -102,9 +102,7 @@ def corrected(plan: Plan, which: int, raw: Array, inputs: Mapping[str, Array]) -
     return calibration.correct(raw, **columns)
 
 
-def _followed(
-    plan: Plan, which: int, inputs: Mapping[str, Array]
-) -> tuple[Array, NDArray[np.bool_]]:
+def _followed(plan: Plan, which: int, inputs: Mapping[str, Array]) -> tuple[Array, Mask]:
     """The temperature that counts, and where it is the one that was given."""
     low, high = plan.polynomials[which].clamp_C
     given = inputs["temperature_C"][:, which]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.exports.firmware.ctext import comment, filled, literal
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
@@ -12,8 +12,6 @@ from agonic.exports.firmware.prediction import MEMBERS, Prediction, corrected, p
 from agonic.exports.firmware.sources import about
 from agonic.files.polynomials import affine_at, changes
 from agonic.maths.rotations.attitude import rot_nb
-
-Array = NDArray[np.float64]
 
 TOLERANCE_DEG = 0.01
 SHARE = 1e-5  # of the magnitude: a hundred roundings of float32

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.rotations.mounting import right_angles
-
-Array = NDArray[np.float64]
 
 _DOF = 4.0  # of the Student t by which members are judged
 _PAIRS = ((0, 1), (0, 2), (1, 2))

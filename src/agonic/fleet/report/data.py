@@ -11,10 +11,9 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.population import Population
 from agonic.report.markup import Markup, element
-
-Array = NDArray[np.float64]
 
 VERDICTS = ("good", "check", "refused")
 _LONGEST = 240

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.maths.estimation.robust_line import Line
 from agonic.population.peers import Peers
 from agonic.report.digits import counted, quantity
 from agonic.report.markup import Markup, element, markup
 from agonic.report.strips import Axis, down, path, plot, points, right
-
-Array = NDArray[np.float64]
 
 BINS = 40
 MOST_DOTS = 1500
@@ -71,7 +69,7 @@ def scatter(
     y: Axis,
     across: Array,
     along: Array,
-    noted: NDArray[np.bool_],
+    noted: Mask,
     lines: Sequence[tuple[Line, float, float]] = (),
     kind: str = "short",
 ) -> Markup:
@@ -93,7 +91,7 @@ def scatter(
     return plot(x, y, layers, name, kind=kind)
 
 
-def biases(group: Peers, number: int, bias: Array, noted: NDArray[np.bool_], unit: str) -> Markup:
+def biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) -> Markup:
     """Bias x against y and z against y, on axes of the same length."""
     axes = [reach(bias[:, k], f"bias {name}, {unit}", 4.0) for k, name in enumerate("xyz")]
     widest = max(axis.high - axis.low for axis in axes)

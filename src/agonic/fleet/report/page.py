@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Index, Mask
 from agonic.fleet.report import figures, words
 from agonic.fleet.report.data import days, embedded, known, number
 from agonic.fleet.report.related import drawn, related
@@ -19,9 +20,6 @@ from agonic.report.digits import counted
 from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup
 from agonic.report.verdict import sentence
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 KICKER = "Calibrations of many magnetometers"
 _SCRIPTS = ("fleet_rows.js", "fleet_table.js", "fleet_figures.js", "fleet.js")
@@ -132,7 +130,7 @@ def _group(
     group: Peers,
     k: int,
     belongs: NDArray[np.int8],
-    noted: NDArray[np.bool_],
+    noted: Mask,
 ) -> Markup:
     rows = np.flatnonzero(belongs == k)
     if not len(rows):
@@ -202,9 +200,7 @@ def _usual(group: Peers, key: tuple[str, int] | None, size: float) -> tuple[floa
     return (size * centre, size * spread) if np.isfinite(centre) else None
 
 
-def _bias(
-    population: Population, group: Peers, k: int, rows: Index, noted: NDArray[np.bool_]
-) -> list[Markup]:
+def _bias(population: Population, group: Peers, k: int, rows: Index, noted: Mask) -> list[Markup]:
     rows = rows[np.isfinite(population.bias[rows]).all(axis=1)]
     if len(rows) < 3:
         return []
@@ -218,9 +214,7 @@ def _bias(
     return [element("h3", "Bias"), key, drawn]
 
 
-def _temperature(
-    population: Population, group: Peers, rows: Index, noted: NDArray[np.bool_]
-) -> list[Markup]:
+def _temperature(population: Population, group: Peers, rows: Index, noted: Mask) -> list[Markup]:
     celsius = population["temperature_C"]
     seen = celsius[rows][np.isfinite(celsius[rows])]
     relation = related(population, group, rows, celsius) if len(seen) else None
@@ -230,9 +224,7 @@ def _temperature(
     return [element("h3", "Bias and temperature"), figure]
 
 
-def _time(
-    population: Population, group: Peers, rows: Index, noted: NDArray[np.bool_]
-) -> list[Markup]:
+def _time(population: Population, group: Peers, rows: Index, noted: Mask) -> list[Markup]:
     when = days(population["start"])
     if not known(when[rows]):
         return []

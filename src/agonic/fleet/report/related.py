@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.fleet.report.figures import reach, scatter
 from agonic.maths.estimation.robust_line import Line, robust_line
 from agonic.population import Population
@@ -16,8 +16,6 @@ from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import counted, signed, with_sd
 from agonic.report.markup import Markup, element, markup
 
-Array = NDArray[np.float64]
-
 
 class Related(NamedTuple):
     """Bias (n, 3) beside another quantity (n,) of some rows, and a line for each axis.
@@ -25,16 +23,14 @@ class Related(NamedTuple):
     `sensors` is the number of sensors, each with several logs, or 0 where every sensor counts once.
     """
 
-    rows: NDArray[np.intp]
+    rows: Index
     along: Array
     bias: Array
     lines: tuple[Line, ...]
     sensors: int
 
 
-def related(
-    population: Population, group: Peers, rows: NDArray[np.intp], x: Array
-) -> Related | None:
+def related(population: Population, group: Peers, rows: Index, x: Array) -> Related | None:
     """The relation within sensors where eight or more were seen at several x, else between them.
 
     Within: what each differs by from its own mean, drawn about the mean of all.
@@ -60,7 +56,7 @@ def related(
 
 
 def drawn(
-    relation: Related, group: Peers, label: str, noted: NDArray[np.bool_], per: tuple[str, float]
+    relation: Related, group: Peers, label: str, noted: Mask, per: tuple[str, float]
 ) -> Markup:
     """A figure for each axis with its line, and the slopes in a sentence."""
     unit = unit_label(group.unit_in)
@@ -96,6 +92,6 @@ def _slopes(relation: Related, unit: str, per: tuple[str, float]) -> Markup:
     return element("p", f"{said}: {', '.join(parts)} {unit} per {name} ({who}).")
 
 
-def _mean(values: Array, sensor: NDArray[np.intp], size: NDArray[np.intp]) -> Array:
+def _mean(values: Array, sensor: Index, size: Index) -> Array:
     total = np.bincount(sensor, values, minlength=len(size))
     return np.asarray(total / np.maximum(size, 1))

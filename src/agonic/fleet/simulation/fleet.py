@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.fleet.simulation.fleet_faults import (
     BROKEN,
@@ -22,8 +23,6 @@ from agonic.fleet.simulation.fleet_faults import (
 )
 from agonic.simulation.turnings import pushes, turnings
 from agonic.units import STANDARD_GRAVITY_M_S2
-
-Array = NDArray[np.float64]
 
 CHUNK = 200
 """So many logs are drawn at once, from a seed of their own."""
@@ -78,9 +77,9 @@ class SimulatedFleet:
     truth: Mapping[str, NDArray[Any]]
     facts: Mapping[str, Any]
     boards: Board
-    board: NDArray[np.intp]
+    board: Index
     """Which board each log is of, (k,)."""
-    draw: NDArray[np.intp]
+    draw: Index
     """Which drawn readings each log holds, (k,): a duplicate holds those of its original."""
 
     def __len__(self) -> int:
@@ -242,8 +241,8 @@ def _boards(rng: np.random.Generator, n: int, bias: Array, bias_sd: float, noise
 def _truth(
     rng: np.random.Generator,
     boards: Board,
-    board: NDArray[np.intp],
-    again: NDArray[np.intp],
+    board: Index,
+    again: Index,
     files: Mapping[int, str],
 ) -> dict[str, NDArray[Any]]:
     """The table of the truth: all logs, then those that are there twice."""
@@ -288,7 +287,7 @@ _GROUPS = {
 }
 
 
-def _as_named(boards: Board, board: NDArray[np.intp], bias: Array) -> tuple[Array, Array]:
+def _as_named(boards: Board, board: Index, bias: Array) -> tuple[Array, Array]:
     """Bias and symmetric matrix of readings with wrong gains and wrongly named axes.
 
     Named readings are r' = N G r: field = W (r − b) = W (N G)⁻¹ (r' − N G b), and of that matrix

@@ -9,11 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.simulation.draws import directions
-
-Array = NDArray[np.float64]
 
 BROKEN = (
     "frozen axis",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Mask
 from agonic.fleet.simulation.fleet import Recorded, SimulatedFleet
 from agonic.fleet.simulation.fleet_faults import DAMAGED, damage
 
@@ -67,15 +68,13 @@ def tables(
         yield table
 
 
-def _spread(
-    table: dict[str, NDArray[Any]], name: str, vectors: NDArray[Any], whole: NDArray[np.bool_]
-) -> None:
+def _spread(table: dict[str, NDArray[Any]], name: str, vectors: NDArray[Any], whole: Mask) -> None:
     """Put the three components of vectors (k, m, 3) into a table."""
     for axis, component in zip("xyz", np.moveaxis(vectors, -1, 0), strict=True):
         table[name.format(axis)] = component[whole]
 
 
-def _hurt(fault: str, field: NDArray[Any], whole: NDArray[np.bool_], seed: int) -> None:
+def _hurt(fault: str, field: NDArray[Any], whole: Mask, seed: int) -> None:
     """Lose values or rows of one log."""
     if fault == "missing values":
         lost = np.random.default_rng([seed, 11]).uniform(size=len(field)) < 0.5

@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, stdtr
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import Deviation, heading_name
 from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure, gravest_first
 from agonic.maths.estimation.leastsq import correlation_length
 from agonic.maths.rotations import deviation as kernel
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 AMPLIFIED_REFUSED = 10.0  # standard error over that of as many headings evenly spread
 AMPLIFIED_DOUBTFUL = 3.0

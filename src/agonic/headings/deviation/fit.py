@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import PARAMETERS, Deviation, east_west, heading_name
 from agonic.errors import AgonicError
 from agonic.fit import Estimated
@@ -20,9 +21,6 @@ from agonic.health import Finding, figure
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.provenance import Input, Provenance
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CITATIONS = ("nga-2004", "huber-1981", "beaton-tukey-1974")
 READINGS_PER_TERM = 4

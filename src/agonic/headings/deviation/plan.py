@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.deviation import PARAMETERS
 from agonic.errors import AgonicError
 from agonic.headings.deviation.fit import level_terms
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations import deviation as kernel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations import deviation as kernel
-
-Array = NDArray[np.float64]
 
 
 class Readings(NamedTuple):

@@ -21,15 +21,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.deviation import POINTS
 from agonic.errors import LogError
 from agonic.logs.contents import read_text
 from agonic.provenance import Input, sha256_of
-
-Array = NDArray[np.float64]
 
 ALIASES = {
     "compass": "compass compassheading headingcompass compassreading magcompass psi",

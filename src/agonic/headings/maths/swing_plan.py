@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.maths.rotations.angles import wrapped_deg
 from agonic.maths.rotations.deviation import ROSE_DEG, basis
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CELL_DEG = 5.0
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.deviation import POINTS, Deviation, heading_name
 from agonic.headings.deviation import DeviationFit
 from agonic.headings.report.card import LIMITS, judgement
 from agonic.report.documents import static
 from agonic.report.markup import Markup, element
 from agonic.report.strips import Axis
-
-Array = NDArray[np.float64]
 
 WIDTH, LEFT, RIGHT = 760.0, 64.0, 112.0
 _CIRCLE_DEG = np.arange(0.0, 361.0, 2.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.history import Drift, Event, Trend
 from agonic.history.drift_fit import moments
 from agonic.history.parameters import KINDS
@@ -21,8 +21,6 @@ from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.strips import Axis, captioned, down, path, plot, points, right
 from agonic.report.verdict import moves
-
-Array = NDArray[np.float64]
 
 KICKER = "History of a magnetometer"
 MOST = 200

@@ -10,8 +10,8 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
@@ -23,7 +23,6 @@ from agonic.maths.estimation.kalman import Belief
 from agonic.maths.rotations.polar import turned
 from agonic.provenance import Provenance
 
-Array = NDArray[np.float64]
 Row = tuple[float, ...]
 Rows = tuple[Row, ...]
 

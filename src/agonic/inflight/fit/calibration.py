@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS, Affine
 from agonic.calibration.base import Calibration, Validity
 from agonic.calibration.chain import Chain
@@ -18,8 +18,6 @@ from agonic.inflight.fit.solve import Estimate, turn_of
 from agonic.inflight.maths import inflight
 from agonic.maths.equation.affine import join, model_basis
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 def at_end(estimate: Estimate) -> Array:

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.inflight.maths import inflight
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.correlated_errors import STRETCHES, Lasting, Sums, lasting, scatter
 from agonic.maths.estimation.noise import Noise
-
-Array = NDArray[np.float64]
 
 
 class Honest(NamedTuple):
@@ -38,7 +36,7 @@ class Clock:
         step = max((stop - start) / STRETCHES, step_s)
         return cls(start=start, step_s=step, count=int((stop - start) / step) + 2)
 
-    def stretch(self, time: Array) -> NDArray[np.intp]:
+    def stretch(self, time: Array) -> Index:
         """The number of the stretch of each time."""
         return np.floor((time - self.start) / self.step_s).astype(np.intp)
 

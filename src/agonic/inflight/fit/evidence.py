@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.health import Finding, figure, gravest_first, inspect, misscaled
 from agonic.inflight.fit.likely_causes import impossible_track, likely_cause
@@ -17,7 +16,6 @@ from agonic.samples import Samples
 if TYPE_CHECKING:
     from agonic.inflight.fit.problem import Task
 
-Array = NDArray[np.float64]
 
 SUSPICIOUS = 0.003
 """Scatter over the field's magnitude from which the usual mistakes are tried."""

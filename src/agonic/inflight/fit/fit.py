@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
@@ -18,8 +18,6 @@ from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import found
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 def fit_inflight(

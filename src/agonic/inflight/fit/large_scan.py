@@ -7,8 +7,8 @@ from datetime import timedelta
 from typing import IO, Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import lacking, model_for
@@ -16,7 +16,6 @@ from agonic.inflight.fit.pointing import outside
 from agonic.inflight.fit.problem import Settings, kept, require_enough
 from agonic.samples import COLUMNS, Samples
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, int], None]
 
 MOST = 200_000
@@ -169,9 +168,9 @@ class _Part(NamedTuple):
 
     samples: Samples
     known: Known
-    number: NDArray[np.intp]
+    number: Index
 
-    def select(self, rows: NDArray[np.intp]) -> _Part:
+    def select(self, rows: Index) -> _Part:
         """Some of the rows."""
         magnitudes, outside_e = self.known
         some = Known(magnitudes[rows], None if outside_e is None else outside_e[rows])

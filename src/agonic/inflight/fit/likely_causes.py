@@ -7,7 +7,6 @@ from datetime import UTC, timedelta
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.errors import AgonicError
 from agonic.field.place import field_along
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from agonic.inflight.fit.problem import Task
     from agonic.inflight.fit.result import InflightFit
 
-Array = NDArray[np.float64]
 
 EARTH_RADIUS_M = 6_371_200.0
 ORBITAL_M_S = 3000.0

@@ -8,7 +8,6 @@ from tempfile import TemporaryFile
 from typing import IO, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
@@ -21,8 +20,6 @@ from agonic.inflight.fit.solve import Estimate, Found, found, prior_of, residual
 from agonic.inflight.maths import inflight
 from agonic.maths.estimation import leastsq
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 def fit_mission(

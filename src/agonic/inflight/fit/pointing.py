@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import UTC
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, LogError
 from agonic.inflight.fit.problem import Attitude, Toward
 from agonic.maths.earth.earth_rotation import sidereal_rad, turned
@@ -20,8 +20,6 @@ from agonic.maths.earth.geodesy import (
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 LOWEST_ORBIT_M = 80_000.0
 
@@ -102,7 +100,7 @@ def outside(samples: Samples, reference: Reference) -> Array | None:
     return earth_fixed(np.broadcast_to(unit_n, (len(samples), 3)).T, where).T
 
 
-def eclipse(samples: Samples) -> NDArray[np.bool_] | None:
+def eclipse(samples: Samples) -> Mask | None:
     """Whether each row is in the shadow of the Earth, (n,); None where that cannot be told."""
     track = _track(samples)
     if track is None or np.median(track[2]) < LOWEST_ORBIT_M:

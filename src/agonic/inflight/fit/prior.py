@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.inflight.maths.inflight import Layout
 from agonic.maths.equation.affine import model_basis
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 FIXED = 1e-9
 """Standard deviation of what is not solved for, as a share of the gain: as good as fixed."""

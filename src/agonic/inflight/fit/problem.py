@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import FEWEST, usable_rows
@@ -15,8 +13,6 @@ from agonic.inflight.fit.terms import Terms, terms_of
 from agonic.inflight.maths import inflight
 from agonic.samples import Samples
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Solve = Literal["bias", "gains", "full"]
 Attitude = Literal["none", "logged", "nadir"]
 

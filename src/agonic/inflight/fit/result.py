@@ -8,8 +8,9 @@ from dataclasses import field as dataclass_field
 from datetime import datetime
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
@@ -18,8 +19,6 @@ from agonic.calibration.thermal import Thermal
 from agonic.fit import Channel
 from agonic.health import Finding, Judged
 from agonic.inflight.fit.drift import Drift
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +81,7 @@ class InflightFit(Judged):
     epoch: datetime | None = None
     latitude_deg: Array | None = None
     temperature: Array | None = None
-    eclipse: NDArray[np.bool_] | None = None
+    eclipse: Mask | None = None
     thinned: int = 1
     channels: Mapping[str, Channel] = dataclass_field(default_factory=dict)
     alignment: Alignment | None = None

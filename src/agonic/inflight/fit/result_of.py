@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.fit import Channel
@@ -23,8 +23,6 @@ from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.rotations.polar import turned
 from agonic.provenance import Provenance
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 METHOD = ("huber-1981",)
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import polar
 
+from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError
 from agonic.inflight.fit import drift
 from agonic.inflight.fit import prior as belief
 from agonic.inflight.fit.channel_noise import mean_correlation, over_spreads, spreads
 from agonic.inflight.fit.covariance import Clock, honest
-from agonic.inflight.fit.problem import Mask, Task, require_enough
+from agonic.inflight.fit.problem import Task, require_enough
 from agonic.inflight.fit.terms import Terms
 from agonic.inflight.maths import inflight
 from agonic.maths.equation import attitude_aided
@@ -23,8 +23,6 @@ from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.correlated_errors import Lasting
 from agonic.maths.estimation.leastsq import robust_scale
 from agonic.maths.estimation.noise import Noise, noise_of
-
-Array = NDArray[np.float64]
 
 BLOCKS = 10
 MOST_INTERVALS = 32

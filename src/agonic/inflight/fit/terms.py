@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.interference import signals, stacked
 from agonic.errors import CoverageError, LogError
 from agonic.inflight.fit.drift import knots_between, spline
 from agonic.maths.equation import polynomial
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,8 +19,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.maths.equation.affine import (
     FREE,
     SYMMETRIC,
@@ -30,8 +30,6 @@ from agonic.maths.equation.affine import (
     with_covariates,
 )
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 KINDS = ("magnitude", "azimuth", "dip")
 _ROWS = 4096  # a block whose temporaries stay in the cache
@@ -56,7 +54,7 @@ class Rows(NamedTuple):
     time: Array
     outside: Array | None
 
-    def select(self, rows: NDArray[np.bool_] | slice) -> Rows:
+    def select(self, rows: Mask | slice) -> Rows:
         """Some of them."""
         return Rows(*(None if part is None else part[rows] for part in self))  # type: ignore[arg-type]
 

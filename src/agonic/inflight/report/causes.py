@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.inflight.report.record import Flight
 from agonic.maths.estimation.leastsq import robust_scale
-
-Array = NDArray[np.float64]
 
 NAMED = 0.1
 """Share of the variance from which a cause is named."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.inflight.report.record import Course, Flight
 from agonic.recording.report.figures import along_time
 from agonic.report.digits import grouped
@@ -26,9 +27,6 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 PER_COLUMN = 25
 """Readings that a column needs on average before its quartiles are drawn."""

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.tracker import Tracker
 from agonic.maths.rotations.polar import turned
 from agonic.report.digits import grouped
-
-Array = NDArray[np.float64]
 
 HELD = 1e-7
 """Relative standard error below which a number was held."""

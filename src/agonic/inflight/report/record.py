@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
 from agonic.calibration.tracking import Jump
 from agonic.health import Finding
@@ -20,9 +20,6 @@ from agonic.inflight.tracking import Coefficients
 from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, lasting
 from agonic.maths.estimation.leastsq import correlation_length
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CURVE = 600
 """Moments at which a bias is drawn."""

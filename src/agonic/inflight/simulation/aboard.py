@@ -7,18 +7,17 @@ from datetime import UTC, datetime
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array, Mask
 from agonic.inflight.simulation.kepler import Orbit, state_i
 from agonic.maths.earth.earth_rotation import in_shadow, sidereal_rad, sun_i, turned
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
 from agonic.maths.earth.geodesy import directions as place
 from agonic.simulation.draws import directions, knot_times, wander
 
-Array = NDArray[np.float64]
 Pointing = Literal["nadir", "tumble"]
 
 DIPOLE_E = np.array([0.0478, -0.1539, 0.9869])
@@ -38,7 +37,7 @@ class Way:
     position: Array
     velocity: Array
     sidereal: Array
-    eclipse: NDArray[np.bool_]
+    eclipse: Mask
     columns: dict[str, Array]
 
     def in_n(self, vectors_e: Array) -> Array:
@@ -144,9 +143,7 @@ def drifted(
     return np.outer(share, drift * steady) + np.outer(share >= at, jump * step) + walk
 
 
-def pulses(
-    rng: np.random.Generator, time: Array, size: float, share: float
-) -> tuple[Array, NDArray[np.bool_]]:
+def pulses(rng: np.random.Generator, time: Array, size: float, share: float) -> tuple[Array, Mask]:
     """What torquers add (n, 3), nT, in pulses of 20 s of random direction, and when they are on."""
     number = (time // _PULSE_S).astype(np.intp)
     on = rng.uniform(size=number[-1] + 1) < share

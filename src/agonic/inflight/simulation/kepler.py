@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
-
-Array = NDArray[np.float64]
 
 GRAVITATION_M3_S2 = 3.986004418e14
 OBLATENESS = 1.08262668e-3

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
@@ -34,8 +34,6 @@ from agonic.samples import Samples
 from agonic.simulation.draws import directions
 from agonic.simulation.thermal import random_drifting
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
 
 POINTINGS = ("nadir", "tumble")
 RANGE_C = (-30.0, 50.0)
@@ -62,7 +60,7 @@ class SimulatedOrbit:
     rot_nb: Rotation
     field_n: Array
     external_n: Array
-    eclipse: NDArray[np.bool_]
+    eclipse: Mask
     facts: Mapping[str, Any]
 
     def field_m(self) -> Array:

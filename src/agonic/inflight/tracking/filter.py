@@ -7,8 +7,9 @@ from datetime import datetime
 from math import isfinite
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
@@ -17,8 +18,6 @@ from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.jump import before_jump, moved_on, reopened
 from agonic.maths.estimation import kalman
 from agonic.maths.rotations.polar import turned
-
-Array = NDArray[np.float64]
 
 _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
 
@@ -36,12 +35,12 @@ class Coefficients:
     state: TrackerState
     residual: Array
     residual_sd: Array
-    used: NDArray[np.bool_]
+    used: Mask
     jumps: tuple[Jump, ...]
     history: Array
 
     @property
-    def foretold(self) -> NDArray[np.bool_]:
+    def foretold(self) -> Mask:
         """Of which readings something was known beforehand: not those of an opening, (n,)."""
         return np.asarray(self.residual_sd < 2 * np.min(self.residual_sd, initial=np.inf))
 

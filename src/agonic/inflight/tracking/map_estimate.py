@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis, split
 from agonic.maths.estimation import kalman, leastsq
 from agonic.maths.estimation.least_median import least_median_sphere
-
-Array = NDArray[np.float64]
 
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 

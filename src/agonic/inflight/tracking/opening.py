@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.inflight.tracking.map_estimate import (
     Gaussian,
@@ -22,8 +22,6 @@ from agonic.inflight.tracking.map_estimate import (
     total_sd,
 )
 from agonic.maths.estimation import kalman, leastsq
-
-Array = NDArray[np.float64]
 
 MOMENTS = tuple(sorted({n << k for n in (2, 3) for k in range(3, 12)} | {8192}))
 """Numbers of readings at which an opening is solved: 16, 24, 32, 48 … 8192; at the last it is

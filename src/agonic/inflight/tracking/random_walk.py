@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import beside
 from agonic.calibration.thermal import Thermal
@@ -16,8 +16,6 @@ from agonic.errors import AgonicError
 from agonic.inflight.tracking.filter import start, update
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 FEWEST = 100
 """Readings that a choice needs at least."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation.affine import correction_jacobian, model_basis
 from agonic.maths.equation.coverage import level_directions
-
-Array = NDArray[np.float64]
 
 SMALLEST_DEG = 15.0
 """A part of a turn below this is not worth saying."""

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.maths.equation import moments
 
-Array = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
 MOST = 768
@@ -115,7 +115,7 @@ def _doubled(voxels: Voxels) -> Voxels:
     return voxels._replace(edge=2 * voxels.edge, keys=keys[chosen], sums=sums)
 
 
-def _boxes(keys: Keys) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _boxes(keys: Keys) -> tuple[Index, Index]:
     """The number of the box of each key, counted as they came, and the first key of each box."""
     _, first, inverse = np.unique(_codes(keys), return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -124,13 +124,13 @@ def _boxes(keys: Keys) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return number[inverse.ravel()], first[order]
 
 
-def _summed(box: NDArray[np.intp], sums: Array, boxes: int) -> Array:
+def _summed(box: Index, sums: Array, boxes: int) -> Array:
     total = np.zeros((boxes, 35))
     np.add.at(total, box, sums)
     return total
 
 
-def _earlier(box: NDArray[np.intp]) -> Array:
+def _earlier(box: Index) -> Array:
     """How many rows before each one fell into the same box."""
     order = np.argsort(box, kind="stable")
     first = np.searchsorted(box[order], box[order])

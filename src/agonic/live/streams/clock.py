@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from agonic.arrays import Array
 
 LEAP_S = 60.0
 """A device's clock that runs ahead by more was set anew."""
@@ -24,7 +25,7 @@ class Clock:
         self._offset: dict[str, float] = {}
         self._last: dict[str, float] = {}
 
-    def times(self, told: Sequence[float | None], now: float, sensor: str) -> NDArray[np.float64]:
+    def times(self, told: Sequence[float | None], now: float, sensor: str) -> Array:
         """When readings of a sensor that arrived `now` were made, `told` by the device or not."""
         result = []
         for k, own in enumerate(told):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
+
 MOST = 50_000
 """Points of a sensor on the page."""
 
@@ -16,7 +18,7 @@ class Shown:
         self._ring = np.zeros((most, 3), np.float32)
         self.total, self.at = 0, 0.0
 
-    def add(self, rows: NDArray[np.float64], at: float) -> None:
+    def add(self, rows: Array, at: float) -> None:
         """Put readings (n, 3) in."""
         rows = rows[np.isfinite(rows).all(axis=1)]
         total = self.total + len(rows)

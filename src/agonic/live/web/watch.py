@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS, Affine
 from agonic.live import LiveFit, LiveParams
 from agonic.live.streams import Chunk
@@ -17,8 +17,6 @@ from agonic.live.web.view import Shown
 from agonic.maths.equation.gauge import entries
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
-
-Array = NDArray[np.float64]
 
 PAUSE_S = 10.0
 """Between the times of readings that were saved and those after."""

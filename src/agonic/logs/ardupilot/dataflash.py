@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.ardupilot.dataflash_binary import FloatArray, Table, read_binary
+from agonic.logs.ardupilot.dataflash_binary import Table, read_binary
 from agonic.logs.ardupilot.dataflash_text import read_text
 from agonic.logs.ardupilot.parameters import recover
 from agonic.logs.log import Log
@@ -179,7 +180,7 @@ def _onto(
     *names: str,
     period: float | None = None,
     per_unit: float = 1.0,
-) -> FloatArray | None:
+) -> Array | None:
     """Columns of another message at the rows of `mag`; without times, by place in the file."""
     if other is None or not set(names) <= set(other.columns):
         return None

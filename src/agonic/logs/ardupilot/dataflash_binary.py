@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Stream
 from agonic.logs.resample import rate_Hz
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 # fmt: off
 DTYPES = {
@@ -71,17 +71,17 @@ class Table:
     def __len__(self) -> int:
         return len(self.position)
 
-    def get(self, *names: str) -> FloatArray | None:
+    def get(self, *names: str) -> Array | None:
         """The first of these columns that is there."""
         return next((self.columns[name] for name in names if name in self.columns), None)
 
-    def select(self, rows: NDArray[np.bool_]) -> Table:
+    def select(self, rows: Mask) -> Table:
         """The rows that a mask marks."""
         columns = {name: values[rows] for name, values in self.columns.items()}
         return Table(self.position[rows], columns, self.integer)
 
     @property
-    def time_s(self) -> FloatArray | None:
+    def time_s(self) -> Array | None:
         """Seconds since boot, if logged; `TimeMS` of an old GPS message is that of the week."""
         if (microseconds := self.get("TimeUS")) is not None:
             return microseconds / 1e6
@@ -142,7 +142,7 @@ def load(path: Path) -> Bytes:
     return np.memmap(path, np.uint8, "r") if path.stat().st_size else np.empty(0, np.uint8)
 
 
-def chained(starts: Index, ends: Index, size: int) -> NDArray[np.bool_]:
+def chained(starts: Index, ends: Index, size: int) -> Mask:
     """Which of the places that look like a header are one, (n,).
 
     The marks also occur by chance within messages. A message therefore counts when it ends where
@@ -215,6 +215,6 @@ def values_at(data: Bytes, starts: Index, dtype: DTypeLike, offset: int) -> NDAr
     return np.ndarray(places, dtype, data, offset if places else 0, (1,))[starts]
 
 
-def _scaled(values: NDArray[Any], letter: str) -> FloatArray:
+def _scaled(values: NDArray[Any], letter: str) -> Array:
     with np.errstate(invalid="ignore"):  # damaged floats may be signalling NaNs
         return values.astype(np.float64) / PER_UNIT.get(letter, 1.0)

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.errors import MissingExtraError
-from agonic.logs.ardupilot.dataflash_binary import Bytes, FloatArray, Index, chained, values_at
+from agonic.logs.ardupilot.dataflash_binary import Bytes, Index, chained, values_at
 
 MARKS = (0xFE, 0xFD)
 STAMP, HEADERS, CHECKSUM, SIGNATURE = 8, (6, 10), 2, 13
@@ -42,7 +43,7 @@ class Packets:
     def __len__(self) -> int:
         return len(self.start)
 
-    def select(self, rows: NDArray[np.bool_]) -> Packets:
+    def select(self, rows: Mask) -> Packets:
         """The packets that a mask marks."""
         return Packets(*(getattr(self, column.name)[rows] for column in fields(self)))
 
@@ -54,7 +55,7 @@ class Messages:
 
     position: Index
     sender: Index
-    received_s: FloatArray
+    received_s: Array
     values: NDArray[np.void]
 
     def __len__(self) -> int:
@@ -65,7 +66,7 @@ class Messages:
         """The names of the fields."""
         return self.values.dtype.names or ()
 
-    def select(self, rows: NDArray[np.bool_]) -> Messages:
+    def select(self, rows: Mask) -> Messages:
         """The messages that a mask marks."""
         return Messages(*(getattr(self, column.name)[rows] for column in fields(self)))
 
@@ -105,7 +106,7 @@ def decode(data: Bytes, packets: Packets, message: Any) -> Messages:
     return Messages(packets.start, packets.sender, packets.received_us / 1e6, values)
 
 
-def intact(data: Bytes, packets: Packets, extra: int) -> NDArray[np.bool_]:
+def intact(data: Bytes, packets: Packets, extra: int) -> Mask:
     """Whether the checksums are right: CRC-16/MCRF4XX of all behind the mark, and of `extra`."""
     first = packets.start + STAMP + 1
     size = packets.payload + packets.length - first

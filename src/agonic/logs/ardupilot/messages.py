@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.ardupilot.dataflash_binary import FloatArray, Index, Table
+from agonic.arrays import Array
+from agonic.logs.ardupilot.dataflash_binary import Index, Table
 from agonic.logs.ardupilot.mavlink import Messages
 from agonic.logs.clock import UNIX
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -84,8 +85,8 @@ class Timeline:
     """
 
     position: Index
-    boot_s: FloatArray
-    received_s: FloatArray
+    boot_s: Array
+    received_s: Array
 
     @classmethod
     def of(cls, heard: Mapping[str, Messages]) -> Timeline:
@@ -107,7 +108,7 @@ class Timeline:
         """The UTC moment of second zero, by the clock of the ground station."""
         return UNIX + timedelta(seconds=float(np.median(self.received_s - self.boot_s)))
 
-    def seconds(self, messages: Messages) -> FloatArray:
+    def seconds(self, messages: Messages) -> Array:
         """When messages were sent, if they tell; else by their arrival after one that does."""
         latest = np.maximum(np.searchsorted(self.position, messages.position, side="right") - 1, 0)
         boot = self.boot_s[latest]

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.exports.ardupilot import LARGEST_SCALE
 from agonic.exports.convert import symmetric_of
-from agonic.logs.ardupilot.dataflash_binary import FloatArray, Index, Table
+from agonic.logs.ardupilot.dataflash_binary import Index, Table
 from agonic.maths.equation.affine import correct
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
@@ -31,7 +32,7 @@ AXES = "XYZ"
 class Recovered:
     """Readings (n, 3) before any correction, nT; the correction that was on them; and remarks."""
 
-    raw: FloatArray
+    raw: Array
     logged: Logged
     device_id: int | None
     notes: tuple[str, ...]
@@ -65,7 +66,7 @@ def recover(mag: Table, parameters: Table, slot: str) -> Recovered:
     return Recovered((uncorrected[:, 0] - offset) * per_mG, logged, device or None, notes)
 
 
-def soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, FloatArray]:
+def soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, Array]:
     """The matrices M s (k, 3, 3) in force one after the other, and the row where each begins."""
     vectors = (f"COMPASS_{part}{slot}_{axis}" for part in ("DIA", "ODI") for axis in AXES)
     names = (*vectors, f"COMPASS_SCALE{slot}")
@@ -75,7 +76,7 @@ def soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, FloatArra
     return starts, np.stack([_matrix(row[:6], row[6]) for row in values[starts]])
 
 
-def _matrix(six: FloatArray, scale: float) -> FloatArray:
+def _matrix(six: Array, scale: float) -> Array:
     """M s; diagonals of zero mean that there is no M, and a scale out of bounds is not used."""
     matrix = symmetric_of(six) if six[:3].any() else np.eye(3)
     if abs(np.linalg.det(matrix)) < SMALLEST_DETERMINANT:
@@ -83,7 +84,7 @@ def _matrix(six: FloatArray, scale: float) -> FloatArray:
     return matrix * scale if 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE else matrix
 
 
-def in_force(parameters: Table, name: str, at: Index) -> FloatArray:
+def in_force(parameters: Table, name: str, at: Index) -> Array:
     """The value of a parameter at each place in the file; 0 if it is not logged.
 
     Its first value holds from the start, for the list is written while the log already runs.
@@ -92,16 +93,16 @@ def in_force(parameters: Table, name: str, at: Index) -> FloatArray:
     if not rows.any():
         return np.zeros(len(at))
     latest = np.searchsorted(parameters.position[rows], at, side="right") - 1
-    values: FloatArray = parameters.columns["Value"][rows][np.maximum(latest, 0)]
+    values: Array = parameters.columns["Value"][rows][np.maximum(latest, 0)]
     return values
 
 
-def _vector(mag: Table, stems: tuple[str, ...]) -> FloatArray | None:
+def _vector(mag: Table, stems: tuple[str, ...]) -> Array | None:
     columns = [c for axis in AXES if (c := mag.get(*(stem + axis for stem in stems))) is not None]
     return np.stack(columns, axis=1) if len(columns) == len(AXES) else None
 
 
-def _offset(mag: Table, parameters: Table, slot: str) -> FloatArray:
+def _offset(mag: Table, parameters: Table, slot: str) -> Array:
     """OFS (n, 3), mG: the parameter, where the message holds its whole milligauss."""
     names = [f"COMPASS_OFS{slot}_{axis}" for axis in AXES]
     precise = np.stack([in_force(parameters, n, mag.position) for n in names], axis=1)
@@ -112,7 +113,7 @@ def _offset(mag: Table, parameters: Table, slot: str) -> FloatArray:
 
 
 def _notes(
-    mag: Table, parameters: Table, slot: str, motor: FloatArray, changed: bool
+    mag: Table, parameters: Table, slot: str, motor: Array, changed: bool
 ) -> tuple[str, ...]:
     notes = []
     if not (parameters.columns["Name"] == f"COMPASS_DIA{slot}_X".encode()).any():

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.ardupilot.dataflash import alongside, firmware
-from agonic.logs.ardupilot.dataflash_binary import FloatArray, Table, load
+from agonic.logs.ardupilot.dataflash_binary import Table, load
 from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, definitions, find_packets
 from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, tables_of
 from agonic.logs.ardupilot.parameters import AXES, in_force, recover
@@ -161,11 +161,11 @@ def _sensors(
     return tuple(_samples(name, tables, epoch, autopilot, source) for name in measured)
 
 
-def _field(mag: Table) -> FloatArray:
+def _field(mag: Table) -> Array:
     return np.stack([mag.columns[f"Mag{axis}"] for axis in AXES], axis=1)
 
 
-def _answered(mag: Table) -> NDArray[np.bool_]:
+def _answered(mag: Table) -> Mask:
     """Rows with a reading; zeros or NaN stand for a sensor that is not there or not ready."""
     field = _field(mag)
     return np.asarray(np.isfinite(field).all(axis=1) & field.any(axis=1))
@@ -210,7 +210,7 @@ def _samples(
 class _Readings(NamedTuple):
     """What the sensor measured as far as that is known, and what was done to it."""
 
-    field: FloatArray
+    field: Array
     unit: str
     logged: Logged | None = None
     device_id: int | None = None

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.logs import parquet
 from agonic.logs.clock import clock_of
 from agonic.logs.columns import identified
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
-Array = NDArray[np.float64]
 Column = NDArray[Any]
 
 ROWS = 65_536

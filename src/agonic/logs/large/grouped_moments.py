@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.logs.columns import Column
 from agonic.logs.large.dataset import Channel, Dataset, quoted, table
 from agonic.maths.equation.moments import EXPONENTS
-
-Array = NDArray[np.float64]
 
 _UNIX_SECONDS = (1e9, 4.1e9)
 _NUMERIC = ("FLOAT", "DOUBLE", "DECIMAL", "INTEGER", "BIGINT", "U", "SMALLINT", "TINYINT")

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.health.mounting import NEAR_GRAVITY, UPRIGHT_SD
 from agonic.logs.large.dataset import Channel, Dataset, quoted, table
 from agonic.logs.large.grouped_moments import clock, per_sensor, readings
-
-Array = NDArray[np.float64]
 
 BLOCKS = 8
 """Stretches of equal time into which each sensor's readings are cut."""

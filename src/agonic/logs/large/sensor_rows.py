@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Index
 from agonic.logs.large.dataset import Dataset, quoted, table
 from agonic.logs.large.grouped_moments import clock
 
@@ -17,7 +18,7 @@ Table = Mapping[str, NDArray[Any]]
 _BATCH = 50_000  # rows
 
 
-def tables_of(db: Any, dataset: Dataset, ids: NDArray[np.intp]) -> Iterator[tuple[int, Table]]:
+def tables_of(db: Any, dataset: Dataset, ids: Index) -> Iterator[tuple[int, Table]]:
     """The id of each of these sensors that `summed` listed, with its rows as a table, in its order.
 
     All columns that are understood, in order of time. DuckDB sorts the rows, on disk where they

@@ -14,15 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.exports.convert import symmetric_of
 from agonic.maths.equation.affine import correct
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
 
-FloatArray = NDArray[np.float64]
 Parameters = Mapping[str, Any]
 
 SLOTS = tuple(f"CAL_MAG{n}" for n in range(4))
@@ -38,7 +37,7 @@ class Recovered:
     `corrected` says that a correction is still in them, which the log does not tell.
     """
 
-    raw: FloatArray
+    raw: Array
     frame: str
     rotation_bm: Rotation | None
     logged: Logged | None
@@ -47,7 +46,7 @@ class Recovered:
 
 
 def recover(
-    field: FloatArray,
+    field: Array,
     parameters: Parameters,
     *,
     in_body: bool,
@@ -71,7 +70,7 @@ def recover(
         if number(parameters, "CAL_MAG_COMP_TYP"):
             notes = (*notes, "the vehicle's compensation for power is still in the readings")
     if logged is not None and (in_body or corrected_by_driver(parameters)):
-        inverse: FloatArray = np.linalg.inv(logged.matrix).astype(np.float64)
+        inverse: Array = np.linalg.inv(logged.matrix).astype(np.float64)
         field = correct(field, np.zeros(3), inverse) + logged.bias
         notes = (*notes, f"the correction that {slot}_* describes was taken out")
     return Recovered(field, "m", rotation_bm, logged, notes)

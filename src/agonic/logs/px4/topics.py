@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.logs.resample import resample
 
-FloatArray = NDArray[np.float64]
 Topic = Mapping[str, NDArray[Any]]
 Topics = Mapping[str, Topic]
 
@@ -36,7 +36,7 @@ _YEAR_2001_US, _YEAR_2096_US = 1e15, 4e15
 _LONGEST_RUN_US = 1e14  # three years; what lies above is damage
 
 
-def alongside(topics: Topics, time: FloatArray, rotation_bm: Rotation | None) -> dict[str, Any]:
+def alongside(topics: Topics, time: Array, rotation_bm: Rotation | None) -> dict[str, Any]:
     """Attitude, motion, power and place at the times of the magnetometer.
 
     Acceleration and rotation rate are logged in body axes; they are turned into those of the
@@ -55,7 +55,7 @@ def alongside(topics: Topics, time: FloatArray, rotation_bm: Rotation | None) ->
     return columns | _power(topics, time) | _place(topics, time)
 
 
-def _power(topics: Topics, time: FloatArray) -> dict[str, Any]:
+def _power(topics: Topics, time: Array) -> dict[str, Any]:
     """Current of the first battery that measures one (negative: unknown), and throttle 0…1."""
     columns: dict[str, Any] = {}
     for name in sorted(name for name in topics if name.startswith(BATTERY)):
@@ -72,7 +72,7 @@ def _power(topics: Topics, time: FloatArray) -> dict[str, Any]:
     return columns
 
 
-def _place(topics: Topics, time: FloatArray) -> dict[str, Any]:
+def _place(topics: Topics, time: Array) -> dict[str, Any]:
     """Position from GPS where it has a three-dimensional fix, else the vehicle's estimate."""
     for name in (*GPS, ESTIMATED_PLACE):
         topic = topics.get(name, {})
@@ -96,7 +96,7 @@ def _place(topics: Topics, time: FloatArray) -> dict[str, Any]:
     return {}
 
 
-def _scaled(topic: Topic, per_unit: float, *names: str) -> FloatArray | None:
+def _scaled(topic: Topic, per_unit: float, *names: str) -> Array | None:
     """The first of these columns that holds anything; older messages count whole numbers."""
     for name in names:
         if name in topic and topic[name].any():
@@ -105,20 +105,20 @@ def _scaled(topic: Topic, per_unit: float, *names: str) -> FloatArray | None:
     return None
 
 
-def vector(topic: Topic, *names: str) -> FloatArray | None:
+def vector(topic: Topic, *names: str) -> Array | None:
     """These columns side by side, (n, …), if all are there."""
     if not set(names) <= set(topic):
         return None
     return np.stack([topic[name] for name in names], axis=1).astype(np.float64)
 
 
-def temperature(topic: Topic, time: FloatArray) -> FloatArray | None:
+def temperature(topic: Topic, time: Array) -> Array | None:
     """The sensor's own temperature, °C; zero throughout means that it has none."""
     values = topic.get("temperature", np.zeros(0))
     return resample(time, values, time) if np.nan_to_num(values).any() else None
 
 
-def time_s(topic: Topic) -> FloatArray:
+def time_s(topic: Topic) -> Array:
     """Seconds since boot: when it was sampled where that is logged, else when it was published."""
     sampled = topic.get("timestamp_sample")
     chosen = topic["timestamp"] if sampled is None or not sampled.all() else sampled
@@ -138,7 +138,7 @@ def utc_of_boot(topics: Topics) -> datetime | None:
     return None
 
 
-def euler_deg(quat_wxyz: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+def euler_deg(quat_wxyz: ArrayLike) -> tuple[Array, Array, Array]:
     """Roll, pitch, heading in degrees, (n,) each, of q (n, 4) from body to north-east-down.
 
     heading 0…360, of the yaw-pitch-roll sequence; q may have any length but zero.

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.log import Log, Stream
 from agonic.logs.px4.parameters import Parameters, recover
 from agonic.logs.px4.topics import (
     BESIDE,
-    FloatArray,
     Topic,
     Topics,
     alongside,
@@ -171,7 +171,7 @@ def _samples(name: str, topics: Topics, parameters: Parameters, source: Input) -
     )
 
 
-def _readings(topic: Topic) -> tuple[Topic, FloatArray, int]:
+def _readings(topic: Topic) -> tuple[Topic, Array, int]:
     """The new readings of one device, their times in seconds, and how many times made no sense.
 
     An instance may change hands between devices: the one with most readings is taken.

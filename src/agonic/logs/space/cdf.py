@@ -9,6 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.columns import MOST_COLUMNS
 from agonic.logs.log import Log
@@ -153,7 +154,7 @@ def moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
     return _of_epoch(values) if data_type == _EPOCH else values
 
 
-def _of_epoch(milliseconds: NDArray[np.float64]) -> NDArray[Any]:
+def _of_epoch(milliseconds: Array) -> NDArray[Any]:
     """Milliseconds since year 0 as moments; what lies outside 0…9999 is no time."""
     known = (milliseconds > 0) & (milliseconds < _MILLISECONDS_10000)
     since_1970 = np.where(known, milliseconds, np.nan) - _YEAR_0_MS

@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.log import Log
 from agonic.logs.space import scalar
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input
-
-Array = NDArray[np.float64]
 
 MARK = b" Format                 IAGA-2002"
 MISSING = 88_880.0

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.clock import clock_of
 from agonic.logs.columns import MOST_COLUMNS
@@ -145,7 +146,7 @@ def _decoded(values: NDArray[Any], attributes: Mapping[str, Any]) -> NDArray[Any
     return _moments(numbers, since) if since and numbers.ndim == 1 else numbers
 
 
-def _moments(numbers: NDArray[np.float64], since: re.Match[str]) -> NDArray[Any]:
+def _moments(numbers: Array, since: re.Match[str]) -> NDArray[Any]:
     """Numbers of days, hours, seconds … since a moment, as moments to the microsecond."""
     word = since["unit"].lower()
     name = next((ours for start, ours in _SPELLED.items() if word.startswith(start)), None)

@@ -9,16 +9,14 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.worldfield import ELEMENTS
 from agonic.logs.columns import Column, understood
 from agonic.logs.contents import read_text
-
-Array = NDArray[np.float64]
 
 _RANGES = {
     "latitude_deg": (-90.0, 90.0),
@@ -37,7 +35,7 @@ class Points:
     """
 
     path: Path
-    rows: NDArray[np.intp]
+    rows: Index
     latitude_deg: Array
     longitude_deg: Array
     altitude_m: Array
@@ -159,9 +157,7 @@ def _columns(header: Sequence[str], path: Path, date: str | None) -> dict[str, t
     return found
 
 
-def _numbers(
-    cells: Sequence[str], rows: NDArray[np.intp], path: Path, name: str, column: Column
-) -> Array:
+def _numbers(cells: Sequence[str], rows: Index, path: Path, name: str, column: Column) -> Array:
     """A column of numbers in our unit, each within its range."""
     factor, offset = column.quantity.units.get(column.unit or "", (1.0, 0.0))
     low, high = _RANGES[name]
@@ -180,7 +176,7 @@ def _numbers(
     return values
 
 
-def _years(dates: Sequence[str], rows: NDArray[np.intp], path: Path) -> Array:
+def _years(dates: Sequence[str], rows: Index, path: Path) -> Array:
     """The decimal years of dates, each different one worked out once."""
     known: dict[str, float] = {}
     for date, row in zip(dates, rows.tolist(), strict=True):

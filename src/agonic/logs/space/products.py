@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Log, Stream
 from agonic.logs.space import scalar
@@ -27,7 +28,6 @@ from agonic.maths.rotations.attitude import angles_deg
 from agonic.provenance import Input
 from agonic.samples import Samples
 
-Array = NDArray[np.float64]
 Variables = Mapping[str, NDArray[Any]]
 
 FRAMES = {"VFM": "m", "FGM": "m", "CRF": "c", "NEC": "n"}
@@ -192,7 +192,7 @@ def _attitude(
     return given, "roll, pitch and heading are those of the star camera's frame"
 
 
-def _agree(rot_nc: Rotation, name: str, variables: Variables, rows: NDArray[np.bool_]) -> bool:
+def _agree(rot_nc: Rotation, name: str, variables: Variables, rows: Mask) -> bool:
     """Whether one constant turn takes the vector to B_NEC by way of the camera's attitude."""
     known = variables.get("B_NEC")
     if known is None:

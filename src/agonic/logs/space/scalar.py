@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 MOST_OF_THE_ROWS = 0.5
 """With the scalar instrument on in so many of the rows, the others are given up for it."""

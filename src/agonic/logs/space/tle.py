@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import AgonicWarning, LogError, MissingExtraError
 from agonic.logs.contents import read_bytes
 from agonic.maths.earth.earth_rotation import sidereal_rad, turned
 from agonic.maths.earth.geodesy import geodetic
-
-Array = NDArray[np.float64]
 
 LINE = 69
 """Characters of a line of elements, the checksum included."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.clock import UNIX, clock_of
 from agonic.logs.columns import MOST_COLUMNS
@@ -74,7 +75,7 @@ def _column(name: str, cells: tuple[str, ...]) -> NDArray[Any] | None:
     return np.array(values)[:, 0] if width == 1 else np.array(values)
 
 
-def _microseconds(seconds: NDArray[np.float64]) -> NDArray[Any]:
+def _microseconds(seconds: Array) -> NDArray[Any]:
     steps = np.round(np.nan_to_num(seconds) * 1e6).astype("timedelta64[us]")
     steps[~np.isfinite(seconds)] = np.timedelta64("NaT")
     return np.asarray(steps)

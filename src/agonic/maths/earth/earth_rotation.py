@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 import erfa
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array, Mask
 
 _DAY_S = 86_400.0
 _J2000_UNIX_S = 946_728_000.0  # 2000-01-01 12:00
@@ -131,7 +131,7 @@ def sun_i(unix_s: ArrayLike) -> Array:
     return np.stack([np.cos(longitude), np.cos(obliquity) * east, np.sin(obliquity) * east])
 
 
-def in_shadow(position_i: Array, sun_i: Array, radius_m: float) -> NDArray[np.bool_]:
+def in_shadow(position_i: Array, sun_i: Array, radius_m: float) -> Mask:
     """Whether positions (3, n), m, lie in the cylinder of shadow behind a globe of that radius.
 
     >>> behind = np.array([[-7e6, -7e6, 7e6], [0.0, 6.5e6, 0.0], [0.0, 0.0, 0.0]])

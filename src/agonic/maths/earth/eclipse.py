@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Mask
 from agonic.maths.earth.earth_rotation import in_shadow, sidereal_rad, sun_i, turned
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, directions, earth_fixed_position
 
@@ -13,7 +14,7 @@ _BLOCK = 1 << 17  # rows at a time, so that ten million take no more memory than
 
 def shadowed(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude_m: ArrayLike, unix_s: ArrayLike
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Whether positions (n,) lie in the Earth's shadow at UTC moments, seconds since 1970.
 
     The shadow is a cylinder as wide as the equator, without penumbra and refraction: in a low orbit

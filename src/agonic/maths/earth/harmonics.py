@@ -22,9 +22,8 @@ from collections.abc import Callable
 from math import isqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 BLOCK_PRODUCTS = 2**18
 """Multiplications in one matrix product: below this BLAS libraries do not start threads, so that a

@@ -11,11 +11,9 @@ from typing import NamedTuple
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, splined, tai_utc_s
-
-Array = NDArray[np.float64]
 
 _AU_PER_DAY_IN_C = 1 / 173.1446326846693
 _EQUATOR_IN_C = 7.292115e-5 * 6_378_137.0 / 299_792_458.0

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 SYMMETRIC = "symmetric"
 FREE = "free"

@@ -10,14 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.maths.equation.gauge import entries
 from agonic.maths.rotations.frames import cross_matrix
 from agonic.maths.rotations.polar import symmetric_of
-
-Array = NDArray[np.float64]
 
 GROUPS = {
     "alignment": slice(0, 3),

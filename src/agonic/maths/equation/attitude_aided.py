@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.maths.equation.affine import (
     FREE,
     azimuth_residual,
@@ -29,8 +29,6 @@ from agonic.maths.equation.affine import (
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.least_median import least_median_sphere
 from agonic.maths.estimation.noise import Noise, like_gaussian, noise_of
-
-Array = NDArray[np.float64]
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 _ENOUGH = 3000  # readings for the search; the refinement uses all
@@ -58,7 +56,7 @@ class Problem(NamedTuple):
     soft_iron_sd: float | None
     turn_sd: float | None
 
-    def subset(self, rows: NDArray[np.intp] | slice) -> Problem:
+    def subset(self, rows: Index | slice) -> Problem:
         """The same problem on some of the readings."""
 
         def of(values: Any) -> Any:

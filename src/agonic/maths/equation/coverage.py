@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.maths.equation.affine import correction_jacobian, model_basis
-
-Array = NDArray[np.float64]
 
 
 @lru_cache(maxsize=1)
@@ -40,7 +39,7 @@ def _unit(v: Array) -> Array:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
-def cells_of(directions: Array) -> NDArray[np.intp]:
+def cells_of(directions: Array) -> Index:
     """The cell, 0…79, whose centre is nearest to each direction (n, 3); lengths do not matter."""
     centres = icosphere()[0].astype(np.float32).T
     size = float(np.abs(directions).max(initial=1.0))  # so that no length is too much for float32

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.equation.coverage import cells_of
@@ -19,8 +19,6 @@ from agonic.maths.equation.gauge import entries, mean_gain
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.least_median import least_median_sphere
 from agonic.maths.estimation.noise import Noise, like_gaussian, noise_of
-
-Array = NDArray[np.float64]
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 _CROWD = 0.2  # of the readings
@@ -41,7 +39,7 @@ class Problem(NamedTuple):
     model: str
     soft_iron_sd: float | None
 
-    def subset(self, rows: NDArray[np.intp]) -> Problem:
+    def subset(self, rows: Index) -> Problem:
         """The same problem on some of the readings."""
         magnitude = self.magnitude if len(self.magnitude) == 1 else self.magnitude[rows]
         return self._replace(points=self.points[rows], magnitude=magnitude)
@@ -146,9 +144,7 @@ def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimat
     return _refine(problem, _search(few, starts, robust, seed), robust)
 
 
-def corroborated(
-    problem: Problem, solution: leastsq.Solution, weights: Array, sd: float
-) -> NDArray[np.bool_]:
+def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array, sd: float) -> Mask:
     """Which readings other readings speak for, (n,).
 
     A stray reading can fall near the ellipsoid by chance, in a direction that was never visited;

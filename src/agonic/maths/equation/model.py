@@ -10,12 +10,10 @@ come last.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation import polynomial
 from agonic.maths.equation.affine import SYMMETRIC, model_basis, split, with_covariates
-
-Array = NDArray[np.float64]
 
 
 def covariates(x: Array, variance: Array | float, degree: int, rate: Array | None = None) -> Array:

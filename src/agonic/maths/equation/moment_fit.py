@@ -12,14 +12,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import correct, correction_jacobian, model_basis
 from agonic.maths.equation.likelihood import parameters, soft_iron_prior
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 PLENTY = 25.0
 """Readings after which a box weighs no more: they were not made independently."""

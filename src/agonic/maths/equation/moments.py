@@ -10,9 +10,8 @@ from itertools import product
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 MONOMIALS = (
     (2, 0, 0),

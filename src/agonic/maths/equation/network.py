@@ -11,9 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 

@@ -11,12 +11,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import fdtrc
 
+from agonic.arrays import Array
 from agonic.maths.estimation.leastsq import inverse
-
-Array = NDArray[np.float64]
 
 MARKED = 0.1
 """The variance of the residuals falls markedly where it falls by more than this share …"""

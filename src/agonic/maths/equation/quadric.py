@@ -7,11 +7,9 @@ a x² + b y² + c z² + 2f yz + 2g xz + 2h xy + 2p x + 2q y + 2r z + d = 0.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 MULTIPLICITY = np.array([1.0, 1, 1, 2, 2, 2, 2, 2, 2, 1])
 """What each element of v is multiplied by in the polynomial."""
@@ -136,7 +134,7 @@ def parts(v: Array) -> tuple[Array, Array, Array]:
     return v[..., [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], v[..., 6:9], v[..., 9]
 
 
-def is_ellipsoid(v: Array) -> NDArray[np.bool_]:
+def is_ellipsoid(v: Array) -> Mask:
     """Whether all semi-axes are real and finite, (…)."""
     m, n, d = parts(v)
     values = np.linalg.eigvalsh(m)

@@ -10,11 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation.leastsq import inverse
-
-Array = NDArray[np.float64]
 
 STRETCHES = 2000
 """Stretches that a record is summed up in, at most."""

@@ -6,11 +6,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation.leastsq import MAD_TO_SD, correlation_length
-
-Array = NDArray[np.float64]
 
 _BLOCKS = 64  # edges are sought on this grid
 _SHORTEST = 2  # blocks, of the stretch and of what is left

@@ -12,12 +12,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.maths.estimation.drift_model import Belief, Series, believed, suspects
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 FEWEST = 8
 """With fewer values a shift cannot be told from scatter of unknown size."""

@@ -20,11 +20,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array, Index
 
 STRETCHES = 20_000
 """Stretches of time that a record is summed up in; within one nothing turns much."""
@@ -56,7 +55,7 @@ class Sums(NamedTuple):
 
     def add(
         self,
-        stretch: NDArray[np.intp],
+        stretch: Index,
         weights: Array,
         residuals: Array,
         jacobian: Array,

@@ -13,10 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from agonic.arrays import Array, Index
 
 CLIPPED = 4.0
 """No residual counts for more standard deviations than this, so that strays do not alarm."""

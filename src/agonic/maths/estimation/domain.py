@@ -7,10 +7,9 @@ no row is farther from a centre than twice what is possible with so many.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 _ROWS = 16384  # a block whose temporaries stay in the cache
 

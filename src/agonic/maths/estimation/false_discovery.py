@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array, Mask
 
 
-def discoveries(p_values: Array, rate: float, tests: int | None = None) -> NDArray[np.bool_]:
+def discoveries(p_values: Array, rate: float, tests: int | None = None) -> Mask:
     """Tests that hold with a false discovery rate of at most `rate` (Benjamini & Hochberg 1995).
 
     Of m p-values in order the first k hold, for the largest k with p₍k₎ ≤ rate·k/m; where there

@@ -7,10 +7,10 @@ measures
 
     r(x) = (|W (raw − bias)| − F − g)/|s| = noise,    s = W û,
 
-the distance residual of `maths.equation.affine.magnitude_residual` with its exact Jacobian. The covariance
+the distance residual of `affine.magnitude_residual` with its exact Jacobian. The covariance
 is kept as U D Uᵀ, U unit upper triangular: with D not negative it stays a covariance, whatever
 the rounding. Bierman's measurement update, and Agee and Turner's rank-one update for what the
-unknowns walk; g is first so that its decay scales one row. They are in `maths.estimation.ud_filter`.
+unknowns walk; g is first so that its decay scales one row. They are in `estimation.ud_filter`.
 
 Source: G. J. Bierman (1977), Factorization Methods for Discrete Sequential Estimation, Academic
 Press, chapters III and V. Jumps: A. S. Willsky, H. L. Jones (1976), IEEE Transactions on Automatic
@@ -23,11 +23,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array, Mask
 from agonic.maths.estimation import ud_filter
-
-Array = NDArray[np.float64]
 
 STATES = {"bias": 4, "gains": 7, "full": 10}
 """How many numbers of the state are estimated; the external field is one of them."""
@@ -84,7 +83,7 @@ class Seen(NamedTuple):
 
     residual: Array
     sd: Array
-    used: NDArray[np.bool_]
+    used: Mask
     toward: Array
     innovation: Array
 

@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
+
 Pieces = Callable[[Array], Iterable[tuple[Array, Array]]]
 Prior = Callable[[Array], tuple[Array, Array]]
 

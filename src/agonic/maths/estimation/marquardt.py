@@ -19,14 +19,13 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation import network
 from agonic.maths.equation.network import Shape
 from agonic.maths.estimation.leastsq import inverse
 
-Array = NDArray[np.float64]
 Stopping = Literal["bayesian", "early", "plain"]
 
 SLOW = 0.02
@@ -56,7 +55,7 @@ class Problem(NamedTuple):
         """The shape of the network."""
         return Shape(self.x.shape[1], self.hidden, self.target.shape[1])
 
-    def subset(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Problem:
+    def subset(self, rows: Index | Mask) -> Problem:
         """The same problem on some of the rows."""
         weight = None if self.weight is None else self.weight[rows]
         return self._replace(x=self.x[rows], target=self.target[rows], weight=weight)

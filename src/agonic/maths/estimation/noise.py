@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 
 class Noise(NamedTuple):

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation.leastsq import robust_scale, tukey
-
-Array = NDArray[np.float64]
 
 _FAR = 3.0  # a slope of more than so many standard errors is one
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 _HALF = 0.45493642311957283  # the median of χ² with one degree of freedom
 _REACH = 4.685  # of Tukey's biweight: 95 % efficient for normal errors

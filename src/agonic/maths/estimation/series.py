@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from agonic.arrays import Array, Mask
 
 BLOCK = 32  # rows; a burst of strays shorter than half of it does not move the median
 ANOMALOUS = 6.0  # standard deviations

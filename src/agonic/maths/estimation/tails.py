@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtr, fdtrc, fdtri
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 HEAVY = 0.25
 """1/ν of the tail where the members are too few to show theirs: Student's t with ν = 4."""

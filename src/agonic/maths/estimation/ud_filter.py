@@ -1,4 +1,4 @@
-"""The UD filter of `maths.estimation.kalman`, in one source for Python on lists and numba on arrays.
+"""The UD filter of `estimation.kalman`, in one source for Python on lists and numba on arrays.
 
 Python is faster on lists than NumPy on arrays this small. Every function works in place; `columns`
 has the columns of U, `room` is a place for ten numbers.

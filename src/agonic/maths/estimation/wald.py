@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from agonic.arrays import Array
 from agonic.maths.estimation.leastsq import inverse
-
-Array = NDArray[np.float64]
 
 
 class Wald(NamedTuple):

@@ -6,11 +6,11 @@ Body axes forward, right, down; n axes north, east, down; `rot_nb` takes body co
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 
 def rot_nb(roll_deg: ArrayLike, pitch_deg: ArrayLike, heading_deg: ArrayLike) -> Array:

@@ -11,13 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import Noise, noise_of
 from agonic.maths.rotations.angles import wrapped_deg
-
-Array = NDArray[np.float64]
 
 LEVEL = ("A", "B", "C", "D", "E")
 HEEL = ("roll_cos", "roll_sin", "pitch_cos", "pitch_sin")

@@ -8,9 +8,9 @@ about axis i by the angle v. SciPy's are active: R3(c) R2(b) R3(a) is
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 ARCSEC_RAD = np.pi / 180 / 3600
 

@@ -6,9 +6,8 @@ from functools import cache
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 
 @cache

@@ -8,13 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import polar
 
+from agonic.arrays import Array
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.equation.gauge import entries
-
-Array = NDArray[np.float64]
 
 _GENERATORS = np.array(
     [

@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
+
 Order = Literal["roll-pitch", "pitch-roll"]
 
 

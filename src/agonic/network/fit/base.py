@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.errors import CoverageError
@@ -15,8 +15,6 @@ from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import noise_of
-
-Array = NDArray[np.float64]
 
 SOFT_IRON_SD = 0.1
 """Prior on the matrix about one gain, which decides where the readings do not."""

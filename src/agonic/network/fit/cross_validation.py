@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.maths.equation.coverage import cells_of
 from agonic.network.fit.problem import Task
 from agonic.network.fit.result import Comparison, Errors
 from agonic.network.fit.solve import blocks, correlation, trained
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 FOLDS = 4
 

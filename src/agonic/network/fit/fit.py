@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError
@@ -18,8 +17,6 @@ from agonic.network.fit.settings import Base, Settings, Target
 from agonic.network.fit.solve import Part, trained
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 def fit_network(

@@ -5,16 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.thermal import Thermal
 from agonic.maths.estimation.leastsq import robust_scale
 from agonic.network.fit.problem import Task
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Scale(NamedTuple):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH, stacked
 from agonic.calibration.thermal import Thermal
@@ -18,9 +18,6 @@ from agonic.network.fit import base as bases
 from agonic.network.fit.settings import Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 FEWEST = 40
 PER_WEIGHT = 1.0
@@ -39,13 +36,13 @@ class Task:
     inputs: Array
     columns: dict[str, Array]
     wanted: Array
-    rows: Rows
+    rows: Mask
     ends: bases.Ends
     source: str
     sd: float
     settings: Settings
 
-    def base(self, rows: NDArray[np.intp]) -> bases.Based:
+    def base(self, rows: Index) -> bases.Based:
         """The base that was given, or an affine one from some of the rows."""
         given = self.settings.base
         if not isinstance(given, str):
@@ -57,11 +54,11 @@ class Task:
             raw, wanted[:, 0], self.ends, robust=self.settings.robust, seed=self.settings.seed
         )
 
-    def beside(self, rows: NDArray[np.intp]) -> dict[str, Array]:
+    def beside(self, rows: Index) -> dict[str, Array]:
         """The columns that inputs and base take, of some of the rows."""
         return {name: values[rows] for name, values in self.columns.items()}
 
-    def based(self, base: Affine | Thermal | None, rows: NDArray[np.intp]) -> Array:
+    def based(self, base: Affine | Thermal | None, rows: Index) -> Array:
         """The field (n, 3) by the base, or zeros without one."""
         if base is None:
             return np.zeros((len(rows), 3))
@@ -163,7 +160,7 @@ def _meet(base: Affine | Thermal, ends: bases.Ends) -> None:
         )
 
 
-def _enough(rows: Rows, inputs: Array, settings: Settings) -> None:
+def _enough(rows: Mask, inputs: Array, settings: Settings) -> None:
     outputs = 3 if settings.target == "vector" else 1
     count = settings.hidden * (inputs.shape[1] + 1) + outputs * (settings.hidden + 1)
     needed = max(FEWEST, int(PER_WEIGHT * count))

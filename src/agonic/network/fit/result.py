@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.fit import Estimated
 from agonic.health import Finding, figure
 from agonic.maths.estimation.marquardt import Epoch
-
-Array = NDArray[np.float64]
 
 WORTH = 0.95
 """A network is worth it when it brings the rms error of unseen readings below this share."""
@@ -50,9 +48,9 @@ class Comparison:
 
     base: Errors | None
     network: Errors
-    rows: NDArray[np.intp]
-    block: NDArray[np.intp]
-    cell: NDArray[np.intp]
+    rows: Index
+    block: Index
+    cell: Index
     regression: float
 
     @property

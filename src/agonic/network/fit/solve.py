@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.calibration.inputs import WIDTH
@@ -22,9 +22,6 @@ from agonic.network.fit.base import Based
 from agonic.network.fit.input_noise import Noiseless, Scale
 from agonic.network.fit.problem import Task
 from agonic.provenance import Provenance
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 CENTRES = 64
 """Points that stand for the readings it was trained on."""
@@ -91,7 +88,7 @@ def _length(field: Array) -> Array:
     return np.asarray(np.linalg.norm(field, axis=1, keepdims=True))
 
 
-def _believed(target: Array, robust: bool) -> NDArray[np.bool_]:
+def _believed(target: Array, robust: bool) -> Mask:
     """Rows that are not gross: a network bends to what an affine leaves, but not to anything."""
     size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
     if not robust:
@@ -122,7 +119,7 @@ def blocks(n: int, count: int = BLOCKS) -> Index:
     return np.asarray(np.arange(n) * count // max(n, 1), dtype=np.intp)
 
 
-def _held(n: int) -> NDArray[np.bool_]:
+def _held(n: int) -> Mask:
     return np.asarray(blocks(n) % 5 == 2)
 
 
@@ -199,7 +196,7 @@ def _noise(
 def _unmodelled(
     problem: marquardt.Problem,
     outputs: Array,
-    kept: NDArray[np.bool_],
+    kept: Mask,
     noise: Noise,
     found: marquardt.Trained,
 ) -> float:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.network.fit import NetworkChoice, NetworkFit
 from agonic.report.markup import Markup, element
 from agonic.report.strips import Axis
-
-Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 720.0, 360.0
 LEFT, RIGHT, TOP, FOOT = 72.0, 24.0, 40.0, 56.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, NetworkFit
 from agonic.recording.report.figures import along_time
@@ -28,8 +28,6 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
-
-Array = NDArray[np.float64]
 
 PUBLISHED = -3.0
 """log₁₀ of the mean square error that the paper reaches, of a network without a base."""
@@ -117,7 +115,7 @@ def followed(residual: Array, time: Array, retrainings: Sequence[Retraining]) ->
     return plot(x, y, layers, "Residual over time with the retrainings", signs)
 
 
-def _along(time: Array | None, rows: NDArray[np.intp]) -> tuple[Axis, Array]:
+def _along(time: Array | None, rows: Index) -> tuple[Axis, Array]:
     """Time since the first reading, or the number of the reading where no times were logged."""
     if time is None or len(time) < 2:
         return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
@@ -12,8 +12,6 @@ from agonic.network.fit import Comparison, NetworkChoice
 from agonic.report.digits import counted, grouped, minused, percent, quantity, with_sd
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.tables import NOTHING
-
-Array = NDArray[np.float64]
 
 MAGNITUDE_ONLY = (
     "It was taught by the magnitude of the field alone. A magnitude cannot show by how much the "

@@ -8,8 +8,8 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.network import Network
@@ -20,8 +20,6 @@ from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
 from agonic.network.retrainer.rows import as_samples
 from agonic.network.retraining import movable, moved
-
-Array = NDArray[np.float64]
 
 PER_WEIGHT = 3.0
 """So many readings for each weight before weights are trained."""

@@ -6,15 +6,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Window
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 
 def met(

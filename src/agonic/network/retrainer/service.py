@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.retraining import (
     RetrainerParams,
     RetrainerState,
@@ -26,8 +26,6 @@ from agonic.network.retrainer.rows import met, rows_of
 from agonic.network.retraining import Judgement, Unseen
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-Array = NDArray[np.float64]
 
 ENOUGH = 50
 """Unseen readings from which on they say how large the noise is."""

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.retraining import RetrainerParams, Window
 from agonic.health import figure
 from agonic.maths.estimation.leastsq import correlation_length, robust_scale
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CERTAIN = 3.0
 """A candidate wins when the difference of square errors is so many of its standard errors."""

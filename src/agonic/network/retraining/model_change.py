@@ -18,16 +18,14 @@ from dataclasses import replace
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import Running, Window
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import noise_of
-
-Array = NDArray[np.float64]
 
 _ROUNDS = 6
 # entries of P that are one: six symmetric ones and the constants, as a magnitude shows no turn

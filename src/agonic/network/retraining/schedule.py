@@ -7,8 +7,8 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import (
     KEPT,
@@ -20,8 +20,6 @@ from agonic.calibration.retraining import (
     Window,
 )
 from agonic.maths.estimation import cusum
-
-Array = NDArray[np.float64]
 
 GROWTH = 1.25
 """A change that was learned is learned again with so many times the readings, until the window is

@@ -8,16 +8,15 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError, check_choice
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.simulation.draws import directions as random_directions
 from agonic.simulation.sensor import simulate
 
-Array = NDArray[np.float64]
 Directions = Literal["planar", "space"]
 
 CHANGE_S = 15.0

@@ -4,8 +4,8 @@ and after."""
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.report.quantities import unit_label
 from agonic.recording.report.residuals import Residuals, parted
@@ -24,8 +24,6 @@ from agonic.report.strips import (
     right,
     spread,
 )
-
-Array = NDArray[np.float64]
 
 _TIME_UNITS = (
     (172_800.0, 86_400.0, "days"),

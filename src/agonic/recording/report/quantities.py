@@ -8,18 +8,16 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference, signals
 from agonic.maths.equation.affine import model_basis, split
 from agonic.recording.calibrated import Calibrated
 from agonic.report.digits import degrees, grouped, quantity
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
 ADDED = "Added by "

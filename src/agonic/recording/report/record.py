@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.interference import Interference
 from agonic.recording.calibrated import Calibrated
@@ -118,7 +116,7 @@ def record(
     }
 
 
-def _sources(calibration: Affine, sd: NDArray[np.float64]) -> dict[str, Any]:
+def _sources(calibration: Affine, sd: Array) -> dict[str, Any]:
     """What disturbs on board, by the calibration; `sd` of the coefficients row by row."""
     if not isinstance(calibration, Interference):
         return dict.fromkeys(("sources", "coefficients", "coefficients_sd", "second_sensor"))

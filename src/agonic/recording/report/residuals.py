@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.maths.equation.affine import magnitude_residual
 from agonic.maths.equation.coverage import cells_of, icosphere
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import grouped, quantity, signed
 from agonic.report.strips import robust_limit
-
-Array = NDArray[np.float64]
 
 FEWEST = 10
 """Readings in a cell below which their mean says nothing."""
@@ -70,7 +68,7 @@ def residuals_of(result: Calibrated) -> Residuals:
     )
 
 
-def parted(result: Calibrated) -> NDArray[np.bool_] | None:
+def parted(result: Calibrated) -> Mask | None:
     """The rows held out of the fit (n,) where they are a part of it; `None` where every reading
     was judged in its turn, by a fit to others, and where the readings are others altogether."""
     held_out, weights = result.verification.held_out, result.fit.weights

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation.coverage import icosphere
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.report.residuals import Residuals, level
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 50_000
 """Points that a report holds, over all its sensors; more are thinned evenly."""

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array, Index
 from agonic.maths.estimation.common_mode import common_part
 from agonic.thermal.fit import ThermalFit
 from agonic.thermal.maths.binned_sums import Cells
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 CHAMBER = ("back", "right", "down")
 ALONG = ("along the field",)

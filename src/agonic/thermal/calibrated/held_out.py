@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
@@ -18,8 +18,6 @@ from agonic.thermal.fit import Facts, Spread, ThermalFit, fit_binned
 from agonic.thermal.fit.improvement import spread_of
 from agonic.thermal.maths.binned_sums import Binned, Cells
 from agonic.thermal.maths.bins import FEWEST
-
-Array = NDArray[np.float64]
 
 FOLDS = 4
 """Of twelve stations each fit leaves three out; the nine that are left still see all faces."""

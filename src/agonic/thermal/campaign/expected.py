@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation import affine
 from agonic.maths.estimation import leastsq
-
-Array = NDArray[np.float64]
 
 _EXACT = 1e-6
 """Standard deviation, nT, of the magnitude to which the field is scaled: it fixes the unit."""
@@ -39,7 +37,7 @@ def magnitude_errors(
     """What is to be expected where the stations teach by the magnitude alone.
 
     The nine coefficients are linear in `basis`; each reading gives the distance from the ellipsoid
-    (`maths.equation.affine.magnitude_residual`), so the information is Σ (n/σ²) (J Jᵀ) ⊗ (φ φᵀ) over
+    (`affine.magnitude_residual`), so the information is Σ (n/σ²) (J Jᵀ) ⊗ (φ φᵀ) over
     stations and temperatures.
 
     Parameters

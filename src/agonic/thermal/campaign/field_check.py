@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.health import Finding, figure
 from agonic.samples import Samples
 from agonic.thermal.campaign.description import stations
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.response_fit import Turned, exchanged, explain, together
-
-Array = NDArray[np.float64]
 
 FEWEST = 8
 """Stations needed: 3 n readings against 9 of the response, 3 of the bias, 2 of the field."""

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.errors import AgonicError
 from agonic.thermal.campaign.description import Description, Station
@@ -16,8 +15,6 @@ from agonic.thermal.campaign.expected import Expected, magnitude_errors, vector_
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, listed
 from agonic.thermal.campaign.standard import standard_stations, turn_words
-
-Array = NDArray[np.float64]
 
 HANDLING_MIN = 10.0
 """Minutes to open the chamber, turn the box and close it again."""

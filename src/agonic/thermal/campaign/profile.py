@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 
-Array = NDArray[np.float64]
 Action = Literal["heat", "cool", "hold"]
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.health import Finding, figure, gravest_first
 from agonic.thermal.campaign import missing_data
 from agonic.thermal.campaign.description import stations
@@ -15,8 +15,6 @@ from agonic.thermal.campaign.field_check import check_field
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.thermometers import MINUTE_S, Course, courses
-
-Array = NDArray[np.float64]
 
 END_C = 1.5
 """How far from its set point a chamber may hold, °C; also how far a sensor lags its rise."""

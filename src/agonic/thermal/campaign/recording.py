@@ -7,15 +7,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.health import Finding
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.thermal.campaign.description import Description
-
-Array = NDArray[np.float64]
 
 _BETWEEN_S = 60.0
 """Seconds put between stations whose clocks start anew."""

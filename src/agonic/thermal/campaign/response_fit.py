@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 _ROUNDS = 12
 AXES = Rotation.create_group("O").as_matrix()

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.samples import Samples
 from agonic.thermal.campaign.recording import Campaign
-
-Array = NDArray[np.float64]
 
 MINUTE_S = 60.0
 

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Index
 from agonic.errors import LogError
 from agonic.logs import csv_text
 from agonic.logs import parquet as read_parquet
@@ -295,7 +296,7 @@ def _split(table: Table, header: str | None) -> Iterator[tuple[str, Table]]:
         yield str(label).strip(), _rows(table, np.flatnonzero(codes == code))
 
 
-def _rows(table: Table, at: NDArray[np.intp]) -> Table:
+def _rows(table: Table, at: Index) -> Table:
     """Some rows of a table; a view where they are one stretch."""
     if len(at) and at[-1] - at[0] + 1 == len(at):
         chosen: Any = slice(int(at[0]), int(at[-1]) + 1)

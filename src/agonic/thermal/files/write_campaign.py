@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError, MissingExtraError, check_choice
 from agonic.maths.rotations.attitude import angles_deg
@@ -20,7 +20,6 @@ from agonic.thermal.campaign.description import Description
 from agonic.thermal.files.campaign_schema import FILE_NAME
 
 Format = Literal["csv", "parquet"]
-Array = NDArray[np.float64]
 
 _DECIMALS = {"time": 3, "field": 4, "temperature": 3}
 """Of seconds, µT and °C: a tenth of a nanotesla."""

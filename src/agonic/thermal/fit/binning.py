@@ -6,15 +6,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import CoverageError, LogError
 from agonic.health import Finding
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.thermal.maths.binned_sums import Binned
-
-Array = NDArray[np.float64]
 
 KELVIN = 273.15
 _HOTTEST_C = 150.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.maths.equation import model, polynomial
 from agonic.maths.estimation.series import running_mean
 from agonic.thermal.fit.problem import Posed
@@ -14,8 +14,6 @@ from agonic.thermal.fit.result import Bins, Hysteresis
 from agonic.thermal.fit.settings import LARGEST_AUTO
 from agonic.thermal.maths import bins as thermal_bins
 from agonic.thermal.maths import station_residuals
-
-Array = NDArray[np.float64]
 
 _SMOOTH_C = 5.0
 
@@ -71,7 +69,7 @@ def _direction(
     of: Posed,
     problem: station_residuals.Problem,
     points: Array,
-    place: NDArray[np.intp],
+    place: Index,
     bins: int,
     heating: bool,
     start: Array,

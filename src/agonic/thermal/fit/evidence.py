@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import Posed
 from agonic.thermal.fit.recordings_fit import named
 from agonic.thermal.fit.result import COEFFICIENTS, ThermalFit
 from agonic.thermal.fit.solve import Turns
 from agonic.thermal.maths.binned_sums import Binned
-
-Array = NDArray[np.float64]
 
 UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
 REFUSED = 0.05

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure, gravest_first
@@ -26,8 +26,6 @@ from agonic.thermal.fit.solve import Solved, solved
 from agonic.thermal.fit.vector_fit import fit_to_vector
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.estimate import UNREST
-
-Array = NDArray[np.float64]
 
 METHOD = ("nikolaev-2023", "huber-1981")
 OF_TURNS, OF_CHANGES, OF_DRIFT = "mackay-1992", "patterson-thompson-1971", "hoeting-1999"

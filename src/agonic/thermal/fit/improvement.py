@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import polynomial
 from agonic.thermal.fit.result import Spread
 from agonic.thermal.maths.binned_sums import Cells
 from agonic.units import RAW
-
-Array = NDArray[np.float64]
 
 
 def spread_of(cells: Cells, calibration: Thermal) -> Spread:

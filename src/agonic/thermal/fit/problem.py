@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.errors import CoverageError
@@ -17,8 +17,6 @@ from agonic.thermal.fit.binning import Facts
 from agonic.thermal.maths import estimate as chamber
 from agonic.thermal.maths import gaussian_process, station_residuals
 from agonic.thermal.maths.binned_sums import Binned, Cells
-
-Array = NDArray[np.float64]
 
 _NARROWEST_C = 1.0
 _MISSING = 3  # stations that may be missing at a temperature that still counts as seen
@@ -60,7 +58,7 @@ class Posed(NamedTuple):
     unit: str
 
     @property
-    def station(self) -> NDArray[np.intp]:
+    def station(self) -> Index:
         """The place of each cell's station in `numbers`."""
         return np.searchsorted(np.array(self.numbers), self.cells.number)
 

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.thermal import Thermal
 from agonic.fit import Estimated, ModelTest
 from agonic.health import Finding
-
-Array = NDArray[np.float64]
 
 COEFFICIENTS = (
     "bias_x",
@@ -125,8 +123,8 @@ class ThermalFit(Estimated):
     residuals: Array
     weights: Array
     temperature: Array
-    station: NDArray[np.intp]
-    heating: NDArray[np.bool_]
+    station: Index
+    heating: Mask
     noise: float
     excess: float
     correlation: float

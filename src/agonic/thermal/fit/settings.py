@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.thermal.maths.stations import twelve
 
-Array = NDArray[np.float64]
 Stations = Literal["known", "unknown"] | Mapping[int, Rotation]
 
 LARGEST_DEGREE = 9

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from agonic.arrays import Array
 from agonic.fit import ModelTest
 from agonic.health import figure
 from agonic.maths.equation import likelihood
@@ -18,8 +18,6 @@ from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths import estimate as chamber
 from agonic.thermal.maths import fixture, station_residuals
 from agonic.thermal.maths.bins import FEWEST
-
-Array = NDArray[np.float64]
 
 SIGNIFICANT = 1e-4
 """A term is kept when chance would make it this seldom."""
@@ -158,7 +156,7 @@ def _with_terms(
     """The estimate with the term in the rate where the readings ask for it.
 
     A rate that goes unseen hardly moves the others, for all temperatures were cooled and heated
-    through; it is decided upon. A drift would move them: it is averaged (`maths.estimation.model_averaging`).
+    through; it is decided upon. A drift would move them: it is averaged (`model_averaging`).
     """
     whole = first if posed.rot_nb is None else _estimated(posed, first, first.coefficients)
     test = _rate_test(of, posed, whole)

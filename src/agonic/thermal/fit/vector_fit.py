@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, CoverageError, LogError
@@ -23,8 +23,6 @@ from agonic.thermal.fit.binning import facts_of, in_celsius, temperature_of
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.fit.settings import LARGEST_AUTO, Settings
 from agonic.thermal.maths import vector_coil
-
-Array = NDArray[np.float64]
 
 FEWEST = 24
 _NARROWEST_C = 1.0
@@ -244,9 +242,7 @@ def _restored(
     )
 
 
-def _rms(
-    calibration: Thermal, samples: Samples, level: Array, field: Array, kept: NDArray[np.bool_]
-) -> float:
+def _rms(calibration: Thermal, samples: Samples, level: Array, field: Array, kept: Mask) -> float:
     columns = {"temperature": level}
     if calibration.rate is not None and samples.time is not None:
         columns["temperature_rate"] = series.rates(samples.time, level)
@@ -258,7 +254,7 @@ def _rms_raw(raw: Array, field: Array) -> float:
     return float(np.sqrt(np.mean((raw - field) ** 2)))
 
 
-def _findings(low: float, high: float, stray: NDArray[np.bool_]) -> list[Finding]:
+def _findings(low: float, high: float, stray: Mask) -> list[Finding]:
     found = []
     if high - low < _NARROW_C:
         found.append(

@@ -12,11 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.estimation import series
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 _UPPER = (np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2]))
 _SUMS = 17  # n, t, t², rate, time, raw (3), t·raw (3), raw rawᵀ (6)

@@ -10,13 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.maths.equation import model
 from agonic.maths.equation.affine import model_basis, split
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FEWEST = 9
 """Stations below which nine coefficients are not determined."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.model_averaging import averaged
 from agonic.maths.estimation.noise import noise_of
@@ -28,8 +28,6 @@ from agonic.thermal.maths.station_residuals import (
     residuals,
     spaces,
 )
-
-Array = NDArray[np.float64]
 
 _FIRST_EXCESS = 0.01**2
 UNREST = 16.0

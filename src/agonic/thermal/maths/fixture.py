@@ -9,10 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 _ROUNDS = 200
 _AXES = Rotation.create_group("O").as_matrix()

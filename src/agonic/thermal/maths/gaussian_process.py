@@ -16,12 +16,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh, solve_triangular
 from scipy.optimize import minimize_scalar
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from agonic.arrays import Array, Index
+
 Kind = tuple[str, float]
 
 ORDER = 6

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation import model
 from agonic.maths.estimation import leastsq
 from agonic.thermal.maths import fixture
 from agonic.thermal.maths.station_residuals import Poses, Problem, State
-
-Array = NDArray[np.float64]
 
 
 def beliefs(problem: Problem, state: State) -> leastsq.Prior:

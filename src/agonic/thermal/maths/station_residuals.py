@@ -12,15 +12,12 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Index
 from agonic.maths.equation import model
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.estimation import leastsq
 from agonic.thermal.maths import fixture, gaussian_process
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Problem(NamedTuple):

@@ -15,9 +15,8 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from agonic.arrays import Array
 
 TURNS = {
     "turn": (2, 90.0, "turn it 90° to the right (clockwise seen from above)"),

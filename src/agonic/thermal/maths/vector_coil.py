@@ -10,14 +10,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.maths.equation import model
 from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import Noise, noise_of
-
-Array = NDArray[np.float64]
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 

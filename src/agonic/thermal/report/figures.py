@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.thermal import Thermal
 from agonic.recording.report.figures import along_time
@@ -16,8 +16,6 @@ from agonic.report.markup import Markup
 from agonic.report.strips import Axis, down, level, path, plot, points, right
 from agonic.thermal.calibrated import ChamberField, HeldOut
 from agonic.thermal.fit import Bins, Spread
-
-Array = NDArray[np.float64]
 
 LEVELS = 61
 """Temperatures at which a curve is drawn."""

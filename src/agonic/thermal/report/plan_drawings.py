@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.report.markup import Markup, element
 from agonic.thermal.campaign import Profile
-
-Array = NDArray[np.float64]
 
 HALF = np.array([1.25, 0.85, 0.5])
 """Half the length (front), width (right side) and height (bottom) of the box."""

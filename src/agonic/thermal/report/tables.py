@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import counted, grouped, minused, quantity, signed, with_sd
@@ -16,8 +16,6 @@ from agonic.report.verdict import MEANINGS
 from agonic.thermal.calibrated import CalibratedCampaign, CalibratedSensor, ChamberField, HeldOut
 from agonic.thermal.fit import COEFFICIENTS, Anomaly, Hysteresis, Spread, ThermalFit
 from agonic.thermal.report import figures
-
-Array = NDArray[np.float64]
 
 COMPONENTS = ("x", "y", "z", "|B|")
 _MOST_TIMES = 5

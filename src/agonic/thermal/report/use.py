@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
 from agonic.recording.report.figures import along_time
@@ -16,8 +16,6 @@ from agonic.report.strips import BINS, Axis, Columns, captioned, marked, plot, s
 from agonic.samples import Samples
 from agonic.thermal.report import figures
 from agonic.verification import Verification
-
-Array = NDArray[np.float64]
 
 _MOST = 180
 """Columns along the temperature."""
@@ -65,7 +63,7 @@ def _strip(
     along: Array,
     verification: Verification,
     unit: str,
-    beyond: NDArray[np.bool_],
+    beyond: Mask,
     most: int,
 ) -> Markup:
     """Least to largest magnitude of each column, before and after."""

@@ -9,10 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.samples import Samples
@@ -22,8 +22,6 @@ from agonic.thermal.campaign.plan import HANDLING_MIN, ThermalPlan, plan_thermal
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import MODELS, Sensor
 from agonic.thermal.simulation.chamber import TICK_S, field_knots, lagged, spike
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

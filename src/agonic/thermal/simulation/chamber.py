@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from agonic.arrays import Array
 from agonic.simulation.draws import directions, knot_times
 from agonic.thermal.campaign.plan import ThermalPlan
-
-Array = NDArray[np.float64]
 
 TICK_S = 1.0
 """Between the temperatures that `lagged` takes."""

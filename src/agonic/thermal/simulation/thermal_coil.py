@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.simulation.thermal import readings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
