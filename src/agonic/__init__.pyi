@@ -96,7 +96,6 @@ from agonic.headings.report.card import card_text as card_text
 from agonic.headings.report.page import card_page as card_page
 from agonic.health import Finding as Finding
 from agonic.history import Drift as Drift
-from agonic.history import History as History
 from agonic.history import drift as drift
 from agonic.inflight.fit import InflightFit as InflightFit
 from agonic.inflight.fit import fit_inflight as fit_inflight
@@ -122,6 +121,7 @@ from agonic.network.fit import NetworkFit as NetworkFit
 from agonic.network.fit import choose_network as choose_network
 from agonic.network.fit import fit_network as fit_network
 from agonic.network.retrainer import Retrainer as Retrainer
+from agonic.population import History as History
 from agonic.population import Population as Population
 from agonic.population import read_population as read_population
 from agonic.population import write_population as write_population

@@ -9,8 +9,7 @@ import pytest
 
 from agonic.cli import run
 from agonic.fleet import work
-from agonic.history import History
-from agonic.population import read_population
+from agonic.population import History, read_population
 from tests.fleet.boards import write_bad, write_boards
 
 

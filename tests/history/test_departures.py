@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.history import History, beside, departure, drift
-from agonic.population import Row
+from agonic.history import beside, departures, drift
+from agonic.population import History, Row
 
 DAY = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -56,12 +56,12 @@ def history(tmp_path: Path):
 
 
 def test_regular_sensors_stay(history: History) -> None:
-    assert departure(history) == ()
+    assert departures(history) == ()
 
 
 def test_sensor_far_from_the_others_is_named_for_its_level(history: History) -> None:
     history.add(row("far", k, np.array([9000.0, 0.0, 0.0])) for k in range(3))
-    [one] = departure(history)
+    [one] = departures(history)
     assert (one.sensor, one.kind) == ("far", "level")
     assert one.distance > 10
 
@@ -70,7 +70,7 @@ def test_sensor_that_moved_is_named_for_its_move(history: History) -> None:
     """400 nT are nothing among the levels, and much among the moves."""
     moved = history.of("s11").bias[-1] + [400.0, 0.0, 0.0]
     history.add([row("s11", 3, moved)])
-    [one] = departure(history)
+    [one] = departures(history)
     assert (one.sensor, one.kind) == ("s11", "move")
     assert "bias x moved by +4" in one.sentence
     found = beside(drift(history.of("s11")), [one])
@@ -82,11 +82,11 @@ def test_sensor_that_moved_is_named_for_its_move(history: History) -> None:
 def test_move_between_units_is_none(history: History) -> None:
     in_counts = replace(row("s11", 3, np.zeros(3)), unit_in="raw")
     history.add([in_counts])
-    assert departure(history) == ()
+    assert departures(history) == ()
 
 
 def test_few_sensors_do_not_tell(tmp_path: Path) -> None:
     with History.open(tmp_path / "few.sqlite") as kept:
-        assert departure(kept) == ()
+        assert departures(kept) == ()
         kept.add(row(f"s{k}", 0, np.array([1e4 * (k == 3), 0.0, 0.0])) for k in range(5))
-        assert departure(kept) == ()
+        assert departures(kept) == ()

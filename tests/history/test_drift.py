@@ -8,10 +8,10 @@ import pytest
 
 from agonic.errors import AgonicError
 from agonic.history import drift, drifting
-from agonic.history.schema import UNDATED
-from agonic.history.store import History
 from agonic.history.trend import YEAR_S
 from agonic.population import Population, Row
+from agonic.population.store import History
+from agonic.population.store_schema import UNDATED
 
 START = datetime(2024, 1, 1, tzinfo=UTC)
 

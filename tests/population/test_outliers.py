@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agonic.fleet.maths.axis_swaps import signed_swaps, swapped
 from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.robust_line import robust_line
 from agonic.maths.estimation.robust_spread import robust_spread
 from agonic.maths.estimation.tails import tail_of
 from agonic.population import Outlier, Population, duplicates, outliers
+from agonic.population.axis_swaps import signed_swaps, swapped
 from agonic.population.peers import peers
 
 from .drawn import LAWS, changed, drawn, joined, refused, turned, with_bias

@@ -22,10 +22,10 @@ from agonic.fleet.local import Processes
 from agonic.fleet.report.page import fleet_page
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.fleet.work import Done, calibrate_log, sentence, unread
-from agonic.history import History
 from agonic.population import (
     Compared,
     Duplicate,
+    History,
     Outlier,
     Population,
     Row,

@@ -3,7 +3,6 @@
 from agonic.history.departure import Departure, beside, departures
 from agonic.history.drift_fit import Drift, Event, Moved, drift
 from agonic.history.listing import drifting
-from agonic.history.store import History, Kept
 from agonic.history.trend import Band, Trend
 
 __all__ = [
@@ -11,8 +10,6 @@ __all__ = [
     "Departure",
     "Drift",
     "Event",
-    "History",
-    "Kept",
     "Moved",
     "Trend",
     "beside",

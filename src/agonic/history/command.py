@@ -13,8 +13,9 @@ from agonic.console.options import Json
 
 if TYPE_CHECKING:
     from agonic.fleet.settings import FleetSettings
-    from agonic.history import Drift, History
+    from agonic.history import Drift
     from agonic.logs.log import Log
+    from agonic.population import History
     from agonic.recording.calibrated import Calibrated
 
 
@@ -51,7 +52,7 @@ def history(
     predict, or the sensor left its population.
     """
     from agonic.errors import AgonicError
-    from agonic.history import History
+    from agonic.population import History
 
     if store is None:
         raise AgonicError("name the history: --store STORE, or set AGONIC_STORE")
@@ -130,7 +131,7 @@ def keep(
     from agonic.fleet.inputs import identified
     from agonic.fleet.rows import row_of
     from agonic.fleet.settings import digest
-    from agonic.history import History
+    from agonic.population import History
     from agonic.version import __version__
 
     settings = asked.asked if between is None else f"{asked.asked} {between}"

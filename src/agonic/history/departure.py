@@ -12,12 +12,12 @@ from agonic.health import Finding
 from agonic.health.finding import figure
 from agonic.history.drift_fit import Drift
 from agonic.history.parameters import NAMES, parameters
-from agonic.history.store import History
 from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.robust_spread import robust_spread
 from agonic.maths.estimation.tails import Tail, tail_of
 from agonic.population import Population, outliers
 from agonic.population.outlier import usual_rate
+from agonic.population.store import History
 
 LEAST = 8
 """Fewer sensors do not tell what is usual among them."""

@@ -12,11 +12,11 @@ from agonic.errors import AgonicError
 from agonic.health import Finding
 from agonic.health.finding import Judged, figure
 from agonic.history.parameters import NAMES, Parameters, comparable, parameters
-from agonic.history.schema import UNDATED
 from agonic.history.trend import Trend, series_of, trend
 from agonic.maths.estimation.change_points import Shift, joined, shifts, size_of
 from agonic.maths.estimation.drift_model import Series, believed
 from agonic.population import Population
+from agonic.population.store_schema import UNDATED
 
 FEWEST = 5
 """Calibrations from which on a drift can be told from scatter."""

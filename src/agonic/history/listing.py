@@ -12,8 +12,8 @@ from scipy.special import stdtr
 from agonic.arrays import Array, Index, Mask
 from agonic.history.drift_fit import DRIFTING, FEWEST
 from agonic.history.parameters import NAMES
-from agonic.history.store import History
 from agonic.maths.estimation.drift_model import Series, believed
+from agonic.population.store import History
 
 _COLUMNS = (
     "sensor",

@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.fleet.maths.axis_swaps import swap_likelihoods, swapped
 from agonic.health.finding import figure
 from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.tails import Tail, tail_of
+from agonic.population.axis_swaps import swap_likelihoods, swapped
 from agonic.population.peers import LEAST, Peers, Quantity, peers
 from agonic.population.population import AXES, Population
 from agonic.units import RAW

@@ -11,8 +11,8 @@ from agonic.history import Drift, Event, Trend
 from agonic.history.drift_fit import moments
 from agonic.history.parameters import KINDS
 from agonic.history.report.record import figures
-from agonic.history.schema import UNDATED
 from agonic.population import Row
+from agonic.population.store_schema import UNDATED
 from agonic.recording.report.quantities import unit_label
 from agonic.report import tables as common
 from agonic.report.blocks import header, key_figures, part, verdict

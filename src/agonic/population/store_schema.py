@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.health import Finding
-from agonic.population import Population, Row
-from agonic.population.population import COLUMNS, dtype_of
+from agonic.population.population import COLUMNS, Population, dtype_of
+from agonic.population.row import Row
 from agonic.provenance import as_text
 
 APPLICATION = 0x61676E63

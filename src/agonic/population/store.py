@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.history import schema
-from agonic.population import Population, Row
-from agonic.population.population import COLUMNS, dtype_of
+from agonic.population import store_schema as schema
+from agonic.population.population import COLUMNS, Population, dtype_of
+from agonic.population.row import Row
 from agonic.provenance import as_text
 
 WAIT_S = 60.0

@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.history import History
-from agonic.history.schema import UNDATED
-from agonic.population import Population, Row
+from agonic.population import History, Population, Row
+from agonic.population.store_schema import UNDATED
 
 DAY = datetime(2026, 3, 1, 12, 30, 0, 250, tzinfo=UTC)
 
@@ -191,7 +190,7 @@ def test_what_fails_half_way_leaves_nothing(path: Path) -> None:
 KILLED = """
 import sys
 sys.path.insert(0, {tests!r})
-from tests.history.test_history_store import History, row
+from tests.population.test_store import History, row
 with History.open({path!r}) as history:
     for batch in range(10_000):
         history.add(row(k, f"s{{batch}}") for k in range(50))
