@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from agonic.maths.equation import network
 from agonic.maths.estimation import marquardt
 from agonic.network.fit import fit_network
-from agonic.network.simulation.network import SimulatedField, simulate_nonaffine, simulate_paper
+from agonic.network.simulate import SimulatedField, simulate_nonaffine, simulate_paper
 from benchmarks import tables
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ import numpy as np
 
 from agonic.network.fit import choose_network, fit_network
 from agonic.network.report.chart import Curve, chart, table_chart, training_chart
-from agonic.network.simulation.network import CHANGE_S, simulate_paper
+from agonic.network.simulate import CHANGE_S, simulate_paper
 
 PUBLISHED = {7: 0.9999, 6: 0.9999, 5: 0.9999, 4: 0.9999, 3: 0.9999, 2: 0.82121}
 ALONE = {"base": None, "stopping": "plain", "compared": False}  # as in the paper

@@ -103,7 +103,7 @@ from agonic.inflight.fit import fit_mission as fit_mission
 from agonic.inflight.simulation.kepler import Orbit as Orbit
 from agonic.inflight.simulation.orbit import SimulatedOrbit as SimulatedOrbit
 from agonic.inflight.simulation.orbit import simulate_orbit as simulate_orbit
-from agonic.inflight.tracker import Tracker as Tracker
+from agonic.inflight.tracking import Tracker as Tracker
 from agonic.inflight.tracking import WalkChoice as WalkChoice
 from agonic.inflight.tracking import choose_walk as choose_walk
 from agonic.live import LiveFit as LiveFit
@@ -120,7 +120,7 @@ from agonic.network.fit import NetworkChoice as NetworkChoice
 from agonic.network.fit import NetworkFit as NetworkFit
 from agonic.network.fit import choose_network as choose_network
 from agonic.network.fit import fit_network as fit_network
-from agonic.network.retrainer import Retrainer as Retrainer
+from agonic.network.retraining import Retrainer as Retrainer
 from agonic.population import History as History
 from agonic.population import Population as Population
 from agonic.population import read_population as read_population

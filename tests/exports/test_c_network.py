@@ -25,7 +25,7 @@ from agonic.exports.targets import TARGETS
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import load, save
 from agonic.network.fit import fit_network
-from agonic.network.simulation.network import simulate_nonaffine, simulate_paper
+from agonic.network.simulate import simulate_nonaffine, simulate_paper
 from agonic.reference import Reference
 from tests.exports.controller import compiled, library
 

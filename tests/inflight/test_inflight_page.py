@@ -19,7 +19,7 @@ from agonic.inflight.report.ground import compared
 from agonic.inflight.report.page import inflight_page, track_page
 from agonic.inflight.report.record import lasting_of, of_inflight
 from agonic.inflight.simulation.orbit import simulate_orbit
-from agonic.inflight.tracker import Tracker
+from agonic.inflight.tracking import Tracker
 from agonic.report.digits import MINUS, NO_BREAK, THIN
 from agonic.simulation import simulate
 

@@ -12,8 +12,7 @@ import agonic as ag
 from agonic.calibration.tracking import TrackerParams
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.inflight.simulation.orbit import simulate_orbit
-from agonic.inflight.tracker import Tracker
-from agonic.inflight.tracking import choose_walk, start, update
+from agonic.inflight.tracking import Tracker, choose_walk, start, update
 from agonic.maths.equation import gauge
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.estimation import leastsq

@@ -10,7 +10,7 @@ import agonic as ag
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError
 from agonic.network.fit import choose_network, fit_network
-from agonic.network.simulation.network import CHANGE_S, simulate_nonaffine, simulate_paper
+from agonic.network.simulate import CHANGE_S, simulate_nonaffine, simulate_paper
 
 WARM = ("field", "temperature", "temperature_rate")
 

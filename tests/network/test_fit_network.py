@@ -7,7 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import main
-from agonic.network.simulation.network import simulate_nonaffine
+from agonic.network.simulate import simulate_nonaffine
 
 
 def run(*words, capsys) -> tuple[int, str, str]:

@@ -18,7 +18,7 @@ from agonic.network.report.chart import (
     table_chart,
     training_chart,
 )
-from agonic.network.simulation.network import simulate_paper
+from agonic.network.simulate import simulate_paper
 
 SVG = "{http://www.w3.org/2000/svg}"
 

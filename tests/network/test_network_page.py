@@ -14,8 +14,8 @@ from agonic.calibration.retraining import RetrainerParams
 from agonic.network.fit import choose_network, fit_network
 from agonic.network.report.page import network_file_page, network_of, network_page
 from agonic.network.report.retrain_page import retrain_page
-from agonic.network.retrainer import Retrainer
-from agonic.network.simulation.network import simulate_nonaffine, simulate_paper
+from agonic.network.retraining import Retrainer
+from agonic.network.simulate import simulate_nonaffine, simulate_paper
 from agonic.report.digits import MINUS, NO_BREAK, THIN
 from agonic.verification import verify
 

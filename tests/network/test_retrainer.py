@@ -10,8 +10,8 @@ from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.network.fit import fit_network
-from agonic.network.retrainer import Retrainer
-from agonic.network.simulation.network import SimulatedField, simulate_nonaffine, simulate_paper
+from agonic.network.retraining import Retrainer
+from agonic.network.simulate import SimulatedField, simulate_nonaffine, simulate_paper
 
 CHANGE_S = 15.0
 JUMP = np.array([400.0, -250.0, 150.0])

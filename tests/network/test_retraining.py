@@ -8,20 +8,17 @@ from agonic.calibration.retraining import RetrainerParams, Window
 from agonic.errors import AgonicError
 from agonic.maths.estimation import cusum
 from agonic.network.fit import fit_network
-from agonic.network.retraining import (
+from agonic.network.retraining.acceptance import (
     Unseen,
-    acceptance,
-    best_of,
-    due_at,
-    model_change,
-    noise_of_rows,
-    started,
-    stuck,
-    taken,
+    choose_best,
+    estimate_noise,
+    find_stuck,
+    is_better,
+    judge,
 )
-from agonic.network.retraining.acceptance import better
-from agonic.network.retraining.schedule import begun
-from agonic.network.simulation.network import simulate_nonaffine
+from agonic.network.retraining.model_change import move
+from agonic.network.retraining.schedule import begin, find_due, reschedule, start, take_rows
+from agonic.network.simulate import simulate_nonaffine
 
 PARAMS = RetrainerParams()
 LIMITS = {"bias_sd": 0.05, "matrix_sd": 0.02}
@@ -100,7 +97,7 @@ class TestStep:
             matrix = base.matrix + 0.005 * rng.normal(size=(3, 3))
             bias = base.bias + 500.0 * rng.normal(size=3)
             raw = field @ np.linalg.inv(matrix).T + bias + 50.0 * rng.normal(size=field.shape)
-            step = model_change(base, window(raw, field), **LIMITS)
+            step = move(base, window(raw, field), **LIMITS)
             error = np.concatenate([step.bias - bias, _free(step.matrix - matrix)])
             scores.append(error / step.sd)
         assert np.abs(np.mean(scores, axis=0)).max() < 0.55  # four standard errors of a mean
@@ -114,7 +111,7 @@ class TestStep:
         shift = np.array([300.0, -200.0, 100.0])
         raw = field + base.bias + shift + 20.0 * rng.normal(size=field.shape)
         limits = {"bias_sd": PARAMS.bias_sd, "matrix_sd": PARAMS.matrix_sd}
-        step = model_change(base, window(raw, field), **limits)
+        step = move(base, window(raw, field), **limits)
         np.testing.assert_allclose(step.correct(raw).mean(axis=0), field.mean(axis=0), atol=10.0)
         opposite = -field
         far = step.correct(opposite + base.bias + shift) - opposite
@@ -128,9 +125,7 @@ class TestStep:
         network = fit_network(made.samples, made.reference, hidden=6, compared=False).calibration
         shift = np.array([500.0, 300.0, -400.0])
         some = slice(0, 400)
-        step = model_change(
-            network, window(made.samples.field[some] + shift, made.field[some]), **LIMITS
-        )
+        step = move(network, window(made.samples.field[some] + shift, made.field[some]), **LIMITS)
         np.testing.assert_array_equal(step.weights, network.weights)
         later = made.samples.field[1000:]
         before, _ = network.evaluated(later, {})
@@ -143,7 +138,7 @@ class TestStep:
         field = 50_000.0 * directions(rng, 500)
         raw = field + [400.0, -100.0, 250.0] + 30.0 * rng.normal(size=field.shape)
         size = np.linalg.norm(field, axis=1, keepdims=True)
-        step = model_change(base, window(raw, size), **LIMITS)
+        step = move(base, window(raw, size), **LIMITS)
         score = (step.bias - [400.0, -100.0, 250.0]) / step.sd[:3]
         assert np.abs(score).max() < 4.0
         np.testing.assert_allclose(step.matrix, step.matrix.T, atol=1e-4)
@@ -167,13 +162,13 @@ class TestJudge:
         wins = 0
         for seed in range(200):
             one, other = self.errors(20.0, seed=seed), self.errors(20.0, seed=1000 + seed)
-            wins += acceptance(self.unseen(one, other), PARAMS).accepted
+            wins += judge(self.unseen(one, other), PARAMS).accepted
         assert wins <= 3  # three standard errors on one side: 0.14 %
 
     def test_clearly_better_candidate_wins_whatever_errors_they_share(self) -> None:
         shared = self.errors(100.0, seed=5)
         told = self.unseen(shared + self.errors(40.0, seed=6), shared, noise=100.0)
-        verdict = acceptance(told, PARAMS)
+        verdict = judge(told, PARAMS)
         assert verdict.accepted
         assert "better" in verdict.reason
         assert verdict.candidate_rms < verdict.running_rms
@@ -182,7 +177,7 @@ class TestJudge:
         rng, wins = np.random.default_rng(7), 0
         for _ in range(200):
             one, other = (20.0 * np.repeat(rng.normal(size=(15, 3)), 20, axis=0) for _ in range(2))
-            wins += better(one, other)
+            wins += is_better(one, other)
         assert wins <= 8
 
     @pytest.mark.parametrize(
@@ -195,7 +190,7 @@ class TestJudge:
     )
     def test_wrong_reference_is_rejected_in_words(self, word: str, settings: dict) -> None:
         told = self.unseen(self.errors(200.0), self.errors(20.0, seed=1), **settings)
-        verdict = acceptance(told, PARAMS)
+        verdict = judge(told, PARAMS)
         assert not verdict.accepted
         assert verdict.poisoned
         assert verdict.reason.startswith(word)
@@ -203,25 +198,25 @@ class TestJudge:
     def test_outliers_are_counted(self) -> None:
         candidate = self.errors(20.0)
         candidate[::5] += 3000.0
-        verdict = acceptance(self.unseen(candidate + 1.0, candidate), PARAMS)
+        verdict = judge(self.unseen(candidate + 1.0, candidate), PARAMS)
         assert verdict.poisoned
         assert verdict.reason.startswith("outliers: 20 %")
 
     def test_simpler_candidate_wins_ties(self) -> None:
         simple, rich = self.errors(20.0), self.errors(19.9, seed=3)
-        assert best_of([simple, rich]) == 0
-        assert best_of([simple, 0.5 * rich]) == 1
+        assert choose_best([simple, rich]) == 0
+        assert choose_best([simple, 0.5 * rich]) == 1
 
     def test_stuck_readings_are_told_from_a_slow_sensor(self) -> None:
         raw = np.repeat(directions(np.random.default_rng(0), 50), 4, axis=0)
-        assert stuck(window(raw, raw)) == ""  # a log that runs four times as fast
+        assert find_stuck(window(raw, raw)) == ""  # a log that runs four times as fast
         raw[100:150] = raw[100]
-        assert "50 of 200 readings are one and the same" in stuck(window(raw, raw))
+        assert "50 of 200 readings are one and the same" in find_stuck(window(raw, raw))
 
     def test_noise_is_that_of_a_row_and_its_length(self) -> None:
         errors = np.repeat(self.errors(30.0, n=400), 5, axis=0)
         errors[7] = 1e5
-        sd, length = noise_of_rows(errors)
+        sd, length = estimate_noise(errors)
         assert sd == pytest.approx(30.0, rel=0.1)
         assert 3.0 < length < 7.0
 
@@ -229,20 +224,18 @@ class TestJudge:
 class TestSchedule:
     def run(self, params: RetrainerParams, times: np.ndarray, chunks: list[int]) -> list[int]:
         """The rows after which something is due, when nothing ever comes of it."""
-        state, due_rows, done = started(None, params), [], 0
-        state = begun(state, params, float(times[0]))
+        state, due_rows, done = start(None, params), [], 0
+        state = begin(state, params, float(times[0]))
         for stop in [*np.cumsum(chunks).tolist(), len(times)]:
             while done < stop:
-                due = due_at(state, params, times[done:stop])
+                due = find_due(state, params, times[done:stop])
                 end = stop if due is None else done + due.row + 1
                 rows = np.zeros((end - done, 3))
                 part = Window(time=times[done:end], raw=rows, wanted=rows)
-                state, done = taken(state, params, part), end
+                state, done = take_rows(state, params, part), end
                 if due is not None:
                     due_rows.append(done)
-                    from agonic.network.retraining.schedule import rescheduled
-
-                    state = rescheduled(state, params)
+                    state = reschedule(state, params)
         return due_rows
 
     def test_periods_in_readings_and_in_seconds(self) -> None:
@@ -261,12 +254,12 @@ class TestSchedule:
 
     def test_window_is_bounded_in_readings_and_in_seconds(self) -> None:
         params = RetrainerParams(window_s=10.0, window_n=80)
-        state = begun(started(None, params), params, 0.0)
+        state = begin(start(None, params), params, 0.0)
         rows = np.zeros((300, 3))
         dense = Window(time=np.arange(300) * 0.01, raw=rows, wanted=rows)
-        assert len(taken(state, params, dense).window) == 80
+        assert len(take_rows(state, params, dense).window) == 80
         sparse = Window(time=np.arange(300) * 1.0, raw=rows, wanted=rows)
-        assert len(taken(state, params, sparse).window) == 11
+        assert len(take_rows(state, params, sparse).window) == 11
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError
-from agonic.network.simulation.network import CHANGE_S, simulate_nonaffine, simulate_paper
+from agonic.network.simulate import CHANGE_S, simulate_nonaffine, simulate_paper
 
 
 def affine_left(made, *extra):

@@ -11,8 +11,7 @@ from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, U
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
-    from agonic.inflight.tracker import Tracker
-    from agonic.inflight.tracking import Coefficients
+    from agonic.inflight.tracking import Coefficients, Tracker
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -68,7 +67,7 @@ def track(
     jumped or is not to be trusted.
     """
     from agonic.console.output import print_json, say
-    from agonic.inflight.tracker import Tracker
+    from agonic.inflight.tracking import Tracker
 
     settings = {"solve": solve, "walk": walk, "noise": noise, "external_sd": external}
     if state.exists():
@@ -172,8 +171,7 @@ def _started(
 
     from agonic.calibration.tracking import TrackerParams
     from agonic.files.calibration import load
-    from agonic.inflight.tracker import Tracker
-    from agonic.inflight.tracking import choose_walk
+    from agonic.inflight.tracking import Tracker, choose_walk
 
     calibration = None if ground is None else cast(Any, load(ground))
     walk = settings["walk"] or "0"

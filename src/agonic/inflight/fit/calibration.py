@@ -15,7 +15,7 @@ from agonic.calibration.interference import Interference, signals
 from agonic.calibration.thermal import Thermal
 from agonic.inflight.fit.problem import Task
 from agonic.inflight.fit.solve import Estimate, turn_of
-from agonic.inflight.maths import inflight
+from agonic.inflight.maths.residuals import Layout
 from agonic.maths.equation.affine import join, model_basis
 from agonic.samples import Samples
 
@@ -31,7 +31,7 @@ def at_end(estimate: Estimate) -> Array:
     return onto
 
 
-def sizes(layout: inflight.Layout, magnitude: float) -> Array:
+def sizes(layout: Layout, magnitude: float) -> Array:
     """What bias and matrix are to be multiplied by, (9,) or (12,)."""
     return np.concatenate([np.full(3, magnitude), np.ones(layout.constants - 3)])
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.inflight.maths import inflight
+from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.correlated_errors import STRETCHES, Lasting, Sums, lasting, scatter
 from agonic.maths.estimation.noise import Noise
@@ -42,9 +42,9 @@ class Clock:
 
 
 def honest(
-    source: inflight.Source,
+    source: Source,
     params: Array,
-    layout: inflight.Layout,
+    layout: Layout,
     noise: dict[str, Noise],
     sds: dict[str, float],
     held: Array,
@@ -88,10 +88,10 @@ def honest(
 
 
 def _summed(
-    source: inflight.Source,
+    source: Source,
     kind: str,
     params: Array,
-    layout: inflight.Layout,
+    layout: Layout,
     noise: Noise,
     sd: float,
     clock: Clock,
@@ -101,7 +101,7 @@ def _summed(
     squares = np.zeros((len(params), len(params)))
     sums = Sums.empty(clock.count, len(params), (1, 3, 3) if outside else (1, 3))
 
-    def watch(rows: inflight.Rows, residuals: Array, jacobian: Array) -> None:
+    def watch(rows: Rows, residuals: Array, jacobian: Array) -> None:
         weights = noise.loss.weight((residuals / noise.sd) ** 2)
         directions = [np.ones((len(residuals), 1)), jacobian[:, :3]]
         if outside:
@@ -111,6 +111,6 @@ def _summed(
         squares[:] += scored.T @ scored
         sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions)
 
-    seen = inflight.pieces(source, kind, layout, sd, watch)
+    seen = residual_pieces(source, kind, layout, sd, watch)
     normal = leastsq.accumulate(seen, params, noise.loss, noise.sd, keep=False)
     return sums, normal, squares

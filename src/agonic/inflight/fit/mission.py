@@ -17,7 +17,7 @@ from agonic.inflight.fit.large_scan import Known, Progress, Recording, Scan, rea
 from agonic.inflight.fit.problem import Settings, Solve, Task, require_enough
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import Estimate, Found, found, prior_of, residuals_of, with_honest
-from agonic.inflight.maths import inflight
+from agonic.inflight.maths.residuals import Rows, residual_pieces
 from agonic.maths.estimation import leastsq
 from agonic.samples import Samples
 
@@ -126,7 +126,7 @@ def _solved(
     noise = estimate.noise["magnitude"]._replace(loss=loss)
     passes = 0
 
-    def source() -> Iterator[inflight.Rows]:
+    def source() -> Iterator[Rows]:
         nonlocal passes
         passes, done = passes + 1, 0
         cache.seek(0)
@@ -137,7 +137,7 @@ def _solved(
             done += len(samples)
             told(f"iteration {passes}", done)
 
-    plain = inflight.pieces(source, "magnitude", estimate.layout, noise.sd)
+    plain = residual_pieces(source, "magnitude", estimate.layout, noise.sd)
     channel = leastsq.Channel(plain, noise.sd, loss, noise.correlation, keep=False)
     solution = leastsq.solve_together(
         [channel], estimate.solution.params, prior=prior_of(task, estimate.layout), tolerance=3e-2
@@ -148,7 +148,7 @@ def _solved(
     return with_honest(task, whole, source, clock)
 
 
-def _rows(task: Task, estimate: Estimate, samples: Samples, known: Known) -> inflight.Rows:
+def _rows(task: Task, estimate: Estimate, samples: Samples, known: Known) -> Rows:
     """The readings of a piece that take part, as the kernel takes them."""
     ground = task.ground
     here = replace(

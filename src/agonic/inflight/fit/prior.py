@@ -7,7 +7,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.inflight.maths.inflight import Layout
+from agonic.inflight.maths.residuals import Layout
 from agonic.maths.equation.affine import model_basis
 from agonic.maths.estimation import leastsq
 

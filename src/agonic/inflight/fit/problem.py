@@ -10,7 +10,7 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import FEWEST, usable_rows
 from agonic.inflight.fit.terms import Terms, terms_of
-from agonic.inflight.maths import inflight
+from agonic.inflight.maths.residuals import Rows
 from agonic.samples import Samples
 
 Solve = Literal["bias", "gains", "full"]
@@ -77,10 +77,10 @@ class Task:
             sources=asked.sources,
         )
 
-    def rows(self, terms: Terms) -> inflight.Rows:
+    def rows(self, terms: Terms) -> Rows:
         """All readings as the kernel takes them."""
         toward = self.toward
-        return inflight.Rows(
+        return Rows(
             points=self.samples.field / self.magnitude,
             wanted=self.wanted,
             aim=None if toward is None else toward.aim @ self.turn,

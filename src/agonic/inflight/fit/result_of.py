@@ -18,7 +18,7 @@ from agonic.inflight.fit.pointing import eclipse
 from agonic.inflight.fit.problem import Task
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import Estimate, Found, residuals_of, turn_of
-from agonic.inflight.maths import inflight
+from agonic.inflight.maths.residuals import correct
 from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.rotations.polar import turned
 from agonic.provenance import Provenance
@@ -35,7 +35,7 @@ def fit(result: Found, samples: Samples) -> InflightFit:
     parts = calibration.Parts.of(task, estimate, change)
     turn = turn_of(estimate)
     rows = task.rows(estimate.terms)
-    field = inflight.corrected(rows, estimate.solution.params, estimate.layout) * task.magnitude
+    field = correct(rows, estimate.solution.params, estimate.layout) * task.magnitude
     weights = np.zeros(len(samples))
     weights[task.believed] = estimate.weight
     channels = _channels(task, estimate)

@@ -16,7 +16,16 @@ from agonic.inflight.fit.channel_noise import mean_correlation, over_spreads, sp
 from agonic.inflight.fit.covariance import Clock, honest
 from agonic.inflight.fit.problem import Task, require_enough
 from agonic.inflight.fit.terms import Terms
-from agonic.inflight.maths import inflight
+from agonic.inflight.maths.residuals import (
+    KINDS,
+    Layout,
+    Rows,
+    Source,
+    compute_residuals,
+    correct,
+    find_rotation,
+    residual_pieces,
+)
 from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.estimation import leastsq
@@ -39,7 +48,7 @@ class Estimate(NamedTuple):
     of the magnitude; `sds` as `flight.residual` takes them."""
 
     solution: leastsq.Solution
-    layout: inflight.Layout
+    layout: Layout
     terms: Terms
     noise: dict[str, Noise]
     sds: dict[str, float]
@@ -92,7 +101,7 @@ def _honest(task: Task, estimate: Estimate) -> Estimate:
     return with_honest(task, estimate, lambda: [rows], clock)
 
 
-def with_honest(task: Task, estimate: Estimate, source: inflight.Source, clock: Clock) -> Estimate:
+def with_honest(task: Task, estimate: Estimate, source: Source, clock: Clock) -> Estimate:
     """The estimate with the covariance and the noise by all readings that a source gives; as it is
     where there are too few to tell what lasts."""
     if clock.count < FEWEST_STRETCHES:
@@ -121,7 +130,7 @@ def with_honest(task: Task, estimate: Estimate, source: inflight.Source, clock: 
 def start(task: Task) -> Array:
     """Bias and matrix, nine numbers, to start from."""
     if task.ground is not None:
-        return inflight.Layout(SYMMETRIC, 0, 0).start
+        return Layout(SYMMETRIC, 0, 0).start
     rows = np.flatnonzero(task.believed)
     if len(rows) > _ENOUGH:
         chosen = np.random.default_rng(task.settings.seed).choice(len(rows), _ENOUGH, replace=False)
@@ -146,11 +155,11 @@ def fitted(task: Task, first: Array, believed: Mask, intervals: int) -> Estimate
     """The estimate from some of the rows with so many intervals of the bias in time."""
     terms = task.terms(intervals)
     gauge = SYMMETRIC if task.toward is None else FREE
-    layout = inflight.Layout(gauge, terms.bias_count, terms.matrix_count)
+    layout = Layout(gauge, terms.bias_count, terms.matrix_count)
     return refined(task, task.rows(terms).select(believed), layout, terms, _begun(layout, first))
 
 
-def _begun(layout: inflight.Layout, first: Array) -> Array:
+def _begun(layout: Layout, first: Array) -> Array:
     """Parameters of a layout from the nine of another, terms at zero."""
     params = layout.start
     params[:9] = first[:9]
@@ -159,18 +168,16 @@ def _begun(layout: inflight.Layout, first: Array) -> Array:
     return params
 
 
-def refined(
-    task: Task, rows: inflight.Rows, layout: inflight.Layout, terms: Terms, params: Array
-) -> Estimate:
+def refined(task: Task, rows: Rows, layout: Layout, terms: Terms, params: Array) -> Estimate:
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = task.settings.robust
-    kinds = inflight.KINDS if task.toward is not None else inflight.KINDS[:1]
+    kinds = KINDS if task.toward is not None else KINDS[:1]
     prior = prior_of(task, layout)
 
-    def source() -> list[inflight.Rows]:
+    def source() -> list[Rows]:
         return [rows]
 
-    seen = {kind: inflight.residual(rows, kind, params, layout)[0] for kind in kinds}
+    seen = {kind: compute_residuals(rows, kind, params, layout)[0] for kind in kinds}
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
@@ -179,7 +186,7 @@ def refined(
         lasts = mean_correlation(noise)
         channels = [
             leastsq.Channel(
-                inflight.pieces(source, kind, layout, sds[kind]),
+                residual_pieces(source, kind, layout, sds[kind]),
                 of.sd,
                 of.loss,
                 lasts,
@@ -199,7 +206,7 @@ def refined(
     return Estimate(solution, layout, terms, noise, sds, seen, {})
 
 
-def prior_of(task: Task, layout: inflight.Layout) -> leastsq.Prior:
+def prior_of(task: Task, layout: Layout) -> leastsq.Prior:
     """What is believed of the parameters beforehand."""
     asked = task.settings
     return belief.prior(layout, task.ground, asked.solve, asked.gain_sd, asked.soft_iron_sd)
@@ -209,7 +216,7 @@ def residuals_of(task: Task, estimate: Estimate, kind: str) -> Array:
     """The residuals of every row, (n,)."""
     rows = task.rows(estimate.terms)
     sd = 0.0 if kind == "magnitude" else estimate.sds[kind]
-    parts = inflight.pieces(lambda: [rows], kind, estimate.layout, sd)(estimate.solution.params)
+    parts = residual_pieces(lambda: [rows], kind, estimate.layout, sd)(estimate.solution.params)
     return np.concatenate([r for r, _ in parts])
 
 
@@ -234,9 +241,9 @@ def _with_attitude(task: Task, estimate: Estimate, intervals: int) -> tuple[Task
     """
     assert task.toward is not None
     rows = task.rows(estimate.terms).select(task.believed)
-    field = inflight.corrected(rows, estimate.solution.params, estimate.layout)
+    field = correct(rows, estimate.solution.params, estimate.layout)
     seen = field / np.linalg.norm(field, axis=1)[:, None]
-    turn = inflight.turn_between(seen, task.toward.aim[task.believed], estimate.weight)
+    turn = find_rotation(seen, task.toward.aim[task.believed], estimate.weight)
     first = estimate.solution.params[:9]
     for _ in range(_ROUNDS):
         task = replace(task, turn=turn)

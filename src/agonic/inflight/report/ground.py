@@ -10,7 +10,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.inflight.fit import InflightFit
-from agonic.inflight.tracker import Tracker
+from agonic.inflight.tracking import Tracker
 from agonic.maths.rotations.polar import turned
 from agonic.report.digits import grouped
 

@@ -9,8 +9,7 @@ from agonic.inflight.report import figures, tables
 from agonic.inflight.report.attitude import currents, direction
 from agonic.inflight.report.causes import explained
 from agonic.inflight.report.record import Flight, of_inflight, of_tracked
-from agonic.inflight.tracker import Tracker
-from agonic.inflight.tracking import Coefficients
+from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.recording.report.quantities import unit_label
 from agonic.report.blocks import key_figures
 from agonic.report.digits import counted, grouped, minused, quantity

@@ -15,8 +15,7 @@ from agonic.health import Finding
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.fit.pointing import eclipse
 from agonic.inflight.report.ground import Numbers, of_fit, of_tracker
-from agonic.inflight.tracker import Tracker
-from agonic.inflight.tracking import Coefficients
+from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, lasting
 from agonic.maths.estimation.leastsq import correlation_length
 from agonic.samples import Samples

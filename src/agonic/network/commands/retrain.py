@@ -13,7 +13,7 @@ from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.calibration.retraining import Retraining
-    from agonic.network.retrainer import Corrected, Retrainer
+    from agonic.network.retraining import Correction, Retrainer
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -85,7 +85,7 @@ def retrain(
     from agonic.console.output import print_json, say
     from agonic.files.calibration import save
     from agonic.network.commands.fit_network import _known
-    from agonic.network.retrainer import Retrainer
+    from agonic.network.retraining import Retrainer
 
     given = {
         "window": window,
@@ -164,7 +164,7 @@ def _started(
     from agonic.calibration.retraining import RetrainerParams
     from agonic.files.calibration import load
     from agonic.network.commands.fit_network import _target
-    from agonic.network.retrainer import Retrainer
+    from agonic.network.retraining import Retrainer
 
     settings: dict[str, Any] = {"target": given["target"] or _target(samples, known)}
     for name, (unit, length) in spans.items():
@@ -198,14 +198,14 @@ def _new(retrainer: Retrainer, samples: Samples) -> Any:
     return samples.seconds_since(state.epoch, known=state.n > 0) > state.time
 
 
-def _page(path: Path, retrainer: Retrainer, seen: Corrected, title: str) -> str:
+def _page(path: Path, retrainer: Retrainer, seen: Correction, title: str) -> str:
     from agonic.atomic import write_atomically
     from agonic.network.report.retrain_page import retrain_page
 
     return str(write_atomically(path, retrain_page(retrainer, seen, title=title)))
 
 
-def record(retrainer: Retrainer, seen: Corrected | None, rows: int) -> dict[str, Any]:
+def record(retrainer: Retrainer, seen: Correction | None, rows: int) -> dict[str, Any]:
     """What there is to say of a retrainer after a log."""
     import numpy as np
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from agonic.network.simulation.network import SimulatedField
+    from agonic.network.simulate import SimulatedField
 
 KINDS = ("paper", "paper-space", "nonaffine")
 
@@ -47,7 +47,7 @@ def network(kind: str, out: Path, as_json: bool, *, n: int, noise: float | None,
 
 
 def _simulated(kind: str, n: int, noise: float | None, seed: int) -> SimulatedField:
-    from agonic.network.simulation.network import simulate_nonaffine, simulate_paper
+    from agonic.network.simulate import simulate_nonaffine, simulate_paper
 
     if kind == "nonaffine":
         return simulate_nonaffine(n=n, noise=20.0 if noise is None else noise, seed=seed)

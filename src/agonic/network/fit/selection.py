@@ -82,7 +82,7 @@ def choose_network(
 
     Examples
     --------
-    >>> from agonic.network.simulation.network import simulate_paper
+    >>> from agonic.network.simulate import simulate_paper
     >>> made = simulate_paper(15.0, directions="space")
     >>> choice = choose_network(
     ...     made.samples, made.reference, hidden=(3, 2), base=None, stopping="plain"

@@ -39,7 +39,7 @@ def network_page(
         was chosen from, if one was made. title : default: the sensor.
 
     >>> from agonic.network.fit import fit_network
-    >>> from agonic.network.simulation.network import simulate_nonaffine
+    >>> from agonic.network.simulate import simulate_nonaffine
     >>> made = simulate_nonaffine(n=1000, hysteresis=0.0)
     >>> page = network_page(fit_network(made.samples, made.reference), made.samples, title="<a>")
     >>> page.count("&lt;a&gt;"), "unseen" in page
@@ -93,7 +93,7 @@ def network_file_page(
     samples, verification : readings that it was tried on, and what that showed.
 
     >>> from agonic.network.fit import fit_network
-    >>> from agonic.network.simulation.network import simulate_paper
+    >>> from agonic.network.simulate import simulate_paper
     >>> made = simulate_paper(15.0)
     >>> net = fit_network(made.samples, made.reference, compared=False).calibration
     >>> network_file_page(net, net).count("node 3")

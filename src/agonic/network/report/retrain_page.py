@@ -7,7 +7,7 @@ import numpy as np
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import Retraining
 from agonic.network.report import figures, tables
-from agonic.network.retrainer import Corrected, Retrainer
+from agonic.network.retraining import Correction, Retrainer
 from agonic.report import tables as common
 from agonic.report.blocks import header, key_figures, part, verdict
 from agonic.report.digits import NO_BREAK, counted, grouped, minused, quantity
@@ -26,7 +26,7 @@ _WHY = {
 }
 
 
-def retrain_page(retrainer: Retrainer, seen: Corrected, *, title: str = "") -> str:
+def retrain_page(retrainer: Retrainer, seen: Correction, *, title: str = "") -> str:
     """What a retrainer made of a log, as one self-contained HTML page.
 
     Parameters
@@ -35,7 +35,7 @@ def retrain_page(retrainer: Retrainer, seen: Corrected, *, title: str = "") -> s
         sensor.
 
     >>> from agonic.calibration.retraining import RetrainerParams
-    >>> from agonic.network.simulation.network import simulate_paper
+    >>> from agonic.network.simulate import simulate_paper
     >>> made = simulate_paper(20.0)
     >>> retrainer = Retrainer(None, RetrainerParams(window_n=500))
     >>> seen = retrainer.update(made.samples, made.reference)
@@ -67,7 +67,7 @@ def _verdict(retrainer: Retrainer) -> Markup:
     return verdict(retrainer.verdict, minused(retrainer.status), move=first)
 
 
-def _key_figures(retrainer: Retrainer, seen: Corrected) -> Markup:
+def _key_figures(retrainer: Retrainer, seen: Correction) -> Markup:
     state = retrainer.state
     known = seen.residual[np.isfinite(seen.residual[:, 0])]
     rms = float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
@@ -85,7 +85,7 @@ def _key_figures(retrainer: Retrainer, seen: Corrected) -> Markup:
     )
 
 
-def _residual(seen: Corrected) -> list[Markup]:
+def _residual(seen: Correction) -> list[Markup]:
     if not np.isfinite(seen.residual[:, 0]).any():
         return [element("p", "Nothing was running yet.")]
     drawn = figures.followed(seen.residual, seen.time, seen.retrainings)

@@ -1,50 +1,5 @@
-"""What keeps a network up to date: its base moved on, candidates judged, changes noticed."""
+"""A network that is trained again while its sensor is in use: candidates, acceptance, schedule."""
 
-from agonic.network.retraining.acceptance import (
-    CERTAIN,
-    Judgement,
-    Unseen,
-    best_of,
-    changed,
-    held_out,
-    judged,
-    noise_of_rows,
-    stuck,
-)
-from agonic.network.retraining.findings import findings
-from agonic.network.retraining.model_change import movable, moved
-from agonic.network.retraining.schedule import (
-    Due,
-    begun,
-    brought_forward,
-    due_at,
-    is_full,
-    pushed,
-    started,
-    taken,
-    watching,
-)
+from agonic.network.retraining.retrainer import Correction, Retrainer
 
-__all__ = [
-    "CERTAIN",
-    "Due",
-    "Judgement",
-    "Unseen",
-    "begun",
-    "best_of",
-    "brought_forward",
-    "changed",
-    "due_at",
-    "findings",
-    "held_out",
-    "is_full",
-    "judged",
-    "movable",
-    "moved",
-    "noise_of_rows",
-    "pushed",
-    "started",
-    "stuck",
-    "taken",
-    "watching",
-]
+__all__ = ["Correction", "Retrainer"]

@@ -14,9 +14,9 @@ from agonic.maths.estimation.leastsq import correlation_length, robust_scale
 
 CERTAIN = 3.0
 """A candidate wins when the difference of square errors is so many of its standard errors."""
-STRAYS = 0.1
+OUTLIERS = 0.1
 """Share of readings that fit nothing, from which on a window is not believed."""
-STRAY = 6.0
+OUTLIER = 6.0
 """Standard deviations from which on a reading is a stray."""
 BLOCKS = 20
 """Blocks of time in a window; every fifth is held out."""
@@ -47,16 +47,16 @@ class Unseen(NamedTuple):
     noise: float | None
 
 
-def held_out(n: int) -> Mask:
+def hold_out(n: int) -> Mask:
     """The rows (n,) that no candidate is trained on: every fifth block of time.
 
-    >>> held_out(20).astype(int).tolist()
+    >>> hold_out(20).astype(int).tolist()
     [0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0]
     """
     return np.asarray(np.arange(n) * BLOCKS // max(n, 1) % 5 == 2)
 
 
-def stuck(window: Window) -> str:
+def find_stuck(window: Window) -> str:
     """What is wrong with readings that stay the same, or nothing."""
     still = np.concatenate([[False], (np.diff(window.raw, axis=0) == 0).all(axis=1), [False]])
     edges = np.flatnonzero(still[1:] != still[:-1])
@@ -66,7 +66,7 @@ def stuck(window: Window) -> str:
     return f"the sensor is stuck: {longest} of {len(window)} readings are one and the same"
 
 
-def changed(errors: Array, noise: float | None, params: RetrainerParams) -> bool:
+def has_changed(errors: Array, noise: float | None, params: RetrainerParams) -> bool:
     """Whether errors (k, o) since an alarm are so large that it is another sensor now.
 
     Where they are less, it had not been learned well, and what was seen before still counts.
@@ -74,31 +74,31 @@ def changed(errors: Array, noise: float | None, params: RetrainerParams) -> bool
     return noise is None or _rms(errors) > params.misfit * noise
 
 
-def judged(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN) -> Judgement:
+def judge(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN) -> Judgement:
     """The judgement on a candidate; what is running wins ties.
 
     Parameters: `certain` by how many standard errors it has to be better.
     """
     candidate, running = unseen.candidate, unseen.running
-    believed = _believed(candidate, running)
-    strays = 1.0 - float(believed.mean())
-    if strays > STRAYS:
+    fitting = _select_fitting(candidate, running)
+    outliers = 1.0 - float(fitting.mean())
+    if outliers > OUTLIERS:
         return Judgement(
             False,
-            f"outliers: {figure(100 * strays)} % of the unseen readings fit neither the "
+            f"outliers: {figure(100 * outliers)} % of the unseen readings fit neither the "
             "candidate nor what is running",
             True,
         )
-    made = _rms(candidate[believed])
-    before = float("nan") if running is None else _rms(running[believed])
-    wrong = _wrong_reference(unseen, made, params)
+    made = _rms(candidate[fitting])
+    before = float("nan") if running is None else _rms(running[fitting])
+    wrong = _doubt_reference(unseen, made, params)
     if wrong:
         return Judgement(False, wrong, True, before, made)
     if running is None:
         said = f"there was nothing before: unseen readings err by {figure(made, 3)} nT (rms)"
         return Judgement(True, said, False, before, made)
     both = f"{figure(made, 3)} nT with the candidate, {figure(before, 3)} nT without (rms)"
-    if better(candidate[believed], running[believed], certain):
+    if is_better(candidate[fitting], running[fitting], certain):
         return Judgement(
             True, f"the candidate is better: unseen readings err by {both}", False, before, made
         )
@@ -107,7 +107,7 @@ def judged(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN)
     return Judgement(False, said, False, before, made)
 
 
-def better(errors: Array, than: Array, certain: float = CERTAIN) -> bool:
+def is_better(errors: Array, than: Array, certain: float = CERTAIN) -> bool:
     """Whether errors (k, o) are clearly smaller than others of the same readings."""
     gained = (than**2 - errors**2).sum(axis=1)
     away = gained - gained.mean()
@@ -116,33 +116,33 @@ def better(errors: Array, than: Array, certain: float = CERTAIN) -> bool:
     return float(gained.mean()) > certain * sd
 
 
-def best_of(errors: Sequence[Array]) -> int:
+def choose_best(errors: Sequence[Array]) -> int:
     """The number of the best of candidates, by their errors (k, o); an earlier one wins ties."""
     best = 0
     for later in range(1, len(errors)):
-        rows = _believed(errors[later], errors[best])
-        if rows.any() and better(errors[later][rows], errors[best][rows]):
+        rows = _select_fitting(errors[later], errors[best])
+        if rows.any() and is_better(errors[later][rows], errors[best][rows]):
             best = later
     return best
 
 
-def noise_of_rows(errors: Array) -> tuple[float, float]:
+def estimate_noise(errors: Array) -> tuple[float, float]:
     """Standard deviation on an axis, nT, and how many successive rows count as one."""
     sd = max(robust_scale(errors.ravel()), 1e-6)
-    kept: Array = np.asarray((np.abs(errors) < STRAY * sd).all(axis=1), dtype=np.float64)
+    kept: Array = np.asarray((np.abs(errors) < OUTLIER * sd).all(axis=1), dtype=np.float64)
     return sd, max(correlation_length(column, kept) for column in errors.T)
 
 
-def _believed(candidate: Array, running: Array | None) -> Mask:
+def _select_fitting(candidate: Array, running: Array | None) -> Mask:
     """Rows that fit the candidate or what is running, to a few times the candidate's noise."""
-    limit = STRAY * max(robust_scale(candidate.ravel()), 1e-6)
+    limit = OUTLIER * max(robust_scale(candidate.ravel()), 1e-6)
     fits = (np.abs(candidate) < limit).all(axis=1)
     if running is not None:
         fits |= (np.abs(running) < limit).all(axis=1)
     return np.asarray(fits)
 
 
-def _wrong_reference(unseen: Unseen, made: float, params: RetrainerParams) -> str:
+def _doubt_reference(unseen: Unseen, made: float, params: RetrainerParams) -> str:
     """What speaks against the reference, or nothing."""
     if unseen.moves > params.furthest:
         return (

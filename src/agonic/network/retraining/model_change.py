@@ -32,19 +32,19 @@ _ROUNDS = 6
 _SYMMETRIC = ([0], [5], [10], [1, 4], [2, 8], [6, 9], [3], [7], [11])
 
 
-def movable(running: Running) -> bool:
+def can_move(running: Running) -> bool:
     """Whether there is a plain affine to take the step, alone or under a network; a base that
     depends on temperature or sources is kept as it is."""
     return type(running.base if isinstance(running, Network) else running) is Affine
 
 
 @overload
-def moved(running: Affine, window: Window, *, bias_sd: float, matrix_sd: float) -> Affine: ...
+def move(running: Affine, window: Window, *, bias_sd: float, matrix_sd: float) -> Affine: ...
 @overload
-def moved(running: Network, window: Window, *, bias_sd: float, matrix_sd: float) -> Network: ...
+def move(running: Network, window: Window, *, bias_sd: float, matrix_sd: float) -> Network: ...
 
 
-def moved(
+def move(
     running: Affine | Network, window: Window, *, bias_sd: float, matrix_sd: float
 ) -> Affine | Network:
     """What is running with the affine step that the window calls for; of an affine base also the
@@ -52,7 +52,7 @@ def moved(
 
     Parameters
     ----------
-    running : something `movable`. window : readings with the known field (k, 3) or magnitude
+    running : something `can_move`. window : readings with the known field (k, 3) or magnitude
         (k, 1). bias_sd, matrix_sd : prior standard deviations of the step, as shares of the field.
     """
     if isinstance(running, Network):
@@ -65,11 +65,11 @@ def moved(
     vector = window.wanted.shape[1] == 3
     basis = np.eye(12) if vector else _symmetric_basis()
     pieces = _pieces(field, x, window.wanted, basis)
-    solution, noise = _solved(pieces, basis, strength, bias_sd, matrix_sd)
+    solution, noise = _solve(pieces, basis, strength, bias_sd, matrix_sd)
     base = running.base if isinstance(running, Network) else running
     assert isinstance(base, Affine)
     covariance = basis @ solution.covariance @ basis.T
-    base = _composed(base, basis @ solution.params, covariance, strength, noise)
+    base = _compose(base, basis @ solution.params, covariance, strength, noise)
     return replace(running, base=base) if isinstance(running, Network) else base
 
 
@@ -100,7 +100,7 @@ def _pieces(u: Array, x: Array, wanted: Array, basis: Array) -> leastsq.Pieces:
     return of_vectors if wanted.shape[1] == 3 else of_magnitudes
 
 
-def _solved(
+def _solve(
     pieces: leastsq.Pieces, basis: Array, strength: float, bias_sd: float, matrix_sd: float
 ) -> tuple[leastsq.Solution, float]:
     """The move, and the noise of a residual; robust, its noise and correlation found on the way."""
@@ -131,7 +131,7 @@ def _solved(
     return solution, noise.sd
 
 
-def _composed(
+def _compose(
     base: Affine, params: Array, covariance: Array, strength: float, noise: float
 ) -> Affine:
     """Bias and matrix after the move; with dP: dW' = dP_m W/F, db' = W'⁻¹ (dW' W'⁻¹ p − dp)."""

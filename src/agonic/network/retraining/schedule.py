@@ -33,12 +33,12 @@ class Due(NamedTuple):
     why: Why
 
 
-def due_at(state: RetrainerState, params: RetrainerParams, time: Array) -> Due | None:
+def find_due(state: RetrainerState, params: RetrainerParams, time: Array) -> Due | None:
     """The first of rows at `time` (n,) after which a retraining is due, if one is.
 
     Short of a change nothing is trained on less than a whole window: what runs knows more.
     """
-    full = _full(state, params, time)
+    full = _full_row(state, params, time)
     why: Why = "period"
     if state.onset is not None:
         why, row = "change", state.onset + state.wait - state.n - 1
@@ -53,7 +53,7 @@ def due_at(state: RetrainerState, params: RetrainerParams, time: Array) -> Due |
     return Due(row, why) if row < len(time) else None
 
 
-def _full(state: RetrainerState, params: RetrainerParams, time: Array) -> int:
+def _full_row(state: RetrainerState, params: RetrainerParams, time: Array) -> int:
     """The row with which the window is as long as it may get."""
     row = state.since_n + params.window_n - state.n - 1
     if params.window_s is not None:
@@ -67,13 +67,13 @@ def is_full(state: RetrainerState, params: RetrainerParams) -> bool:
     return by_time or state.n - state.since_n >= params.window_n
 
 
-def watching(state: RetrainerState) -> bool:
+def is_watching(state: RetrainerState) -> bool:
     """Whether changes are looked for: not before anything runs, nor while one is being learned."""
     learning = state.onset is not None or state.settling is not None or state.early
     return state.running is not None and state.noise is not None and not learning
 
 
-def taken(state: RetrainerState, params: RetrainerParams, rows: Window) -> RetrainerState:
+def take_rows(state: RetrainerState, params: RetrainerParams, rows: Window) -> RetrainerState:
     """The state after rows that were seen, without those that are too old."""
     window = state.window.with_rows(rows)
     n, time = state.n + len(rows), float(rows.time[-1])
@@ -86,7 +86,7 @@ def taken(state: RetrainerState, params: RetrainerParams, rows: Window) -> Retra
     return replace(state, window=window, n=n, time=time, onset=onset)
 
 
-def started(running: Running | None, params: RetrainerParams) -> RetrainerState:
+def start(running: Running | None, params: RetrainerParams) -> RetrainerState:
     """The state before any reading, with what corrects at the start, if anything does."""
     channels = 3 if params.target == "vector" else 1
     nothing = Window(time=np.empty(0), raw=np.empty((0, 3)), wanted=np.empty((0, channels)))
@@ -102,13 +102,13 @@ def started(running: Running | None, params: RetrainerParams) -> RetrainerState:
     )
 
 
-def begun(state: RetrainerState, params: RetrainerParams, time: float) -> RetrainerState:
+def begin(state: RetrainerState, params: RetrainerParams, time: float) -> RetrainerState:
     """The state before its first reading, at `time` s: periods count from there."""
-    state = rescheduled(replace(state, time=time, since_time=time), params)
+    state = reschedule(replace(state, time=time, since_time=time), params)
     return replace(state, time=-np.inf)
 
 
-def rescheduled(state: RetrainerState, params: RetrainerParams) -> RetrainerState:
+def reschedule(state: RetrainerState, params: RetrainerParams) -> RetrainerState:
     """The state with the next periodical retraining a period from now."""
     every_n, every_s = params.every_n, params.every_s
     if every_n is None and every_s is None:
@@ -122,32 +122,34 @@ def rescheduled(state: RetrainerState, params: RetrainerParams) -> RetrainerStat
     )
 
 
-def brought_forward(state: RetrainerState) -> RetrainerState:
+def bring_forward(state: RetrainerState) -> RetrainerState:
     """The state after an alarm too faint for a change: trained again once the window is full."""
     return replace(state, onset=None, early=True)
 
 
-def pushed(state: RetrainerState, params: RetrainerParams, done: Retraining) -> RetrainerState:
+def close_retraining(
+    state: RetrainerState, params: RetrainerParams, done: Retraining
+) -> RetrainerState:
     """The state after a retraining: what is kept of the window, and what is due next.
 
     After an accepted change the readings from before it are dropped, and it is learned again as the
     window fills. A poisoned stretch is dropped, and the next one waited out twice as long before it
     is believed.
     """
-    window, wait, changed = state.window, params.fewest, done.onset is not None
-    if changed and done.poisoned:
+    window, wait, has_changed = state.window, params.fewest, done.onset is not None
+    if has_changed and done.poisoned:
         assert state.onset is not None
         window = window.select(slice(0, state.onset - state.first))
         wait = min(2 * state.wait, params.window_n)
-    elif changed and done.accepted:
+    elif has_changed and done.accepted:
         assert state.onset is not None
         window = window.select(slice(state.onset - state.first, None))
         state = replace(state, since_n=state.onset, since_time=float(window.time[0]))
-    learning = done.why == "settling" or (done.accepted and changed)
+    learning = done.why == "settling" or (done.accepted and has_changed)
     settling = None
     if learning and not done.poisoned and not is_full(state, params):
         settling = ceil(GROWTH * (state.n - state.since_n))
-    return rescheduled(
+    return reschedule(
         replace(
             state,
             window=window,

@@ -104,13 +104,13 @@ class Layout(NamedTuple):
         return np.asarray((_SIX @ six).T.reshape(-1, 3, 3))
 
 
-def corrected(rows: Rows, params: Array, layout: Layout) -> Array:
+def correct(rows: Rows, params: Array, layout: Layout) -> Array:
     """The field (n, 3) of readings.
 
     >>> alone = Rows(np.ones((1, 3)), np.ones(1), None, None, np.ones((1, 1)), np.zeros((1, 0)),
     ...              np.zeros(1), None)
     >>> layout = Layout("symmetric", 1, 0)
-    >>> corrected(alone, layout.start + 0.5 * (np.arange(12) == 9), layout).tolist()
+    >>> correct(alone, layout.start + 0.5 * (np.arange(12) == 9), layout).tolist()
     [[0.5, 1.0, 1.0]]
     """
     bias, matrix = split(model_basis("full", layout.gauge) @ params[: layout.constants])
@@ -120,7 +120,7 @@ def corrected(rows: Rows, params: Array, layout: Layout) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", _matrices(rows, params, layout, matrix), d))
 
 
-def pieces(
+def residual_pieces(
     source: Source, kind: str, layout: Layout, sd: float = 0.0, watch: Watch | None = None
 ) -> leastsq.Pieces:
     """The residuals of one kind, block by block, for the solver; `watch` sees each block."""
@@ -129,7 +129,7 @@ def pieces(
         for rows in source():
             for start in range(0, len(rows.points), _ROWS):
                 block = rows.select(slice(start, start + _ROWS))
-                r, jacobian = residual(block, kind, params, layout, sd)
+                r, jacobian = compute_residuals(block, kind, params, layout, sd)
                 if watch is not None:
                     watch(block, r, jacobian)
                 yield r, jacobian
@@ -137,7 +137,7 @@ def pieces(
     return blocks
 
 
-def residual(
+def compute_residuals(
     rows: Rows, kind: str, params: Array, layout: Layout, sd: float = 0.0
 ) -> tuple[Array, Array]:
     """Residuals (n,) of one kind and their Jacobian (n, m).
@@ -157,7 +157,7 @@ def residual(
     each = _matrices(rows, params, layout, matrix) if layout.matrix_terms else None
     if kind != "magnitude":
         spread = np.square(sd * rows.wanted)
-        r, by_local = _sideways(
+        r, by_local = _across_residual(
             raw - bias, matrix if each is None else each, _across(rows, kind), spread
         )
     elif each is None:
@@ -182,7 +182,7 @@ def _matrices(rows: Rows, params: Array, layout: Layout, matrix: Array) -> Array
     return np.asarray(matrix + np.tensordot(rows.matrix_terms, layout.matrices(params), axes=1))
 
 
-def _sideways(d: Array, matrix: Array, e: Array, spread: Array) -> tuple[Array, Array]:
+def _across_residual(d: Array, matrix: Array, e: Array, spread: Array) -> tuple[Array, Array]:
     """u·e/g with g² = |Wᵀe|² + spread, W (3, 3) or (n, 3, 3), and its Jacobian (n, 12).
 
     With s = Wᵀe:   ∂r/∂bias = −s/g,   ∂r/∂W = e dᵀ/g − (r/g²) e sᵀ
@@ -221,14 +221,14 @@ def _row_by_row(d: Array, matrix: Array, wanted: Array, noise_sd: float) -> tupl
     return r, jacobian
 
 
-def turn_between(seen: Array, wanted: Array, weights: Array) -> Array:
+def find_rotation(seen: Array, wanted: Array, weights: Array) -> Array:
     """The rotation (3, 3) that takes directions (n, 3) best onto others: wanted ≈ R seen.
 
     Wahba's problem by singular values (Markley 1988).
 
     >>> quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     >>> seen = np.eye(3)
-    >>> np.allclose(turn_between(seen, seen @ quarter.T, np.ones(3)), quarter)
+    >>> np.allclose(find_rotation(seen, seen @ quarter.T, np.ones(3)), quarter)
     True
     """
     left, _, right = np.linalg.svd((wanted * weights[:, None]).T @ seen)

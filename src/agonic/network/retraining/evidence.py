@@ -6,12 +6,12 @@ from agonic.calibration.retraining import RetrainerState, Retraining
 from agonic.health import Finding
 
 
-def findings(state: RetrainerState) -> tuple[Finding, ...]:
+def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
     """What the user should know about a state.
 
     >>> from agonic.calibration.retraining import RetrainerParams
-    >>> from agonic.network.retraining import started
-    >>> [finding.name for finding in findings(started(None, RetrainerParams()))]
+    >>> from agonic.network.retraining.schedule import start
+    >>> [finding.name for finding in list_findings(start(None, RetrainerParams()))]
     ['not trained yet']
     """
     found = []
@@ -45,11 +45,11 @@ def findings(state: RetrainerState) -> tuple[Finding, ...]:
             )
         )
     if state.changes:
-        found.append(_changed(state.changes))
+        found.append(_describe_changes(state.changes))
     return tuple(found)
 
 
-def _changed(changes: tuple[Retraining, ...]) -> Finding:
+def _describe_changes(changes: tuple[Retraining, ...]) -> Finding:
     times = ", ".join(f"{one.onset:.1f} s" for one in changes[-3:])
     last = f" (the last {len(changes[-3:])} of {len(changes)})" if len(changes) > 3 else ""
     return Finding(

@@ -123,14 +123,14 @@ def save_retrainer(params: RetrainerParams, state: RetrainerState, path: Path | 
         asdict(params),
         StateRecord(
             running=running,
-            window=_recorded(state.window),
+            window=_record_window(state.window),
             watch=_rows(state.watch.size),
             age=tuple(map(tuple, state.watch.age.tolist())),
             time=_finite(state.time),
             since_time=_finite(state.since_time),
             due_n=None if state.due_n == inf else int(state.due_n),
             due_time=_finite(state.due_time),
-            retrainings=tuple(_retraining(one) for one in state.retrainings),
+            retrainings=tuple(_record_retraining(one) for one in state.retrainings),
             **{name: getattr(state, name) for name in _AS_THEY_ARE},
         ),
     )
@@ -147,12 +147,12 @@ def load_retrainer(path: Path | str) -> tuple[RetrainerParams, RetrainerState]:
         record = msgspec.json.decode(data, type=RetrainFile)
         if record.schema != SCHEMA:
             raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
-        return msgspec.convert(record.params, RetrainerParams), _state(record.state)
+        return msgspec.convert(record.params, RetrainerParams), _restore_state(record.state)
     except (AgonicError, ValueError, TypeError, RecursionError) as error:
         raise LogError(f"not a usable retraining file: {error}", path=path) from None
 
 
-def _state(record: StateRecord) -> RetrainerState:
+def _restore_state(record: StateRecord) -> RetrainerState:
     text = bytes(record.running)
     running: Any = None if text == b"null" else decode(text)
     window = record.window
@@ -175,12 +175,12 @@ def _state(record: StateRecord) -> RetrainerState:
         since_time=-inf if record.since_time is None else record.since_time,
         due_n=inf if record.due_n is None else record.due_n,
         due_time=inf if record.due_time is None else record.due_time,
-        retrainings=tuple(_restored(one) for one in record.retrainings),
+        retrainings=tuple(_restore_retraining(one) for one in record.retrainings),
         **{name: getattr(record, name) for name in _AS_THEY_ARE},
     )
 
 
-def _recorded(window: Window) -> WindowRecord:
+def _record_window(window: Window) -> WindowRecord:
     return WindowRecord(
         tuple(window.time.tolist()),
         _rows(window.raw),
@@ -197,14 +197,14 @@ def _finite(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def _retraining(one: Retraining) -> RetrainingRecord:
+def _record_retraining(one: Retraining) -> RetrainingRecord:
     values = asdict(one)
     for name in ("running_rms", "candidate_rms"):
         values[name] = _finite(values[name])
     return RetrainingRecord(**values)
 
 
-def _restored(record: RetrainingRecord) -> Retraining:
+def _restore_retraining(record: RetrainingRecord) -> Retraining:
     values = msgspec.structs.asdict(record)
     for name in ("running_rms", "candidate_rms"):
         values[name] = float("nan") if values[name] is None else values[name]

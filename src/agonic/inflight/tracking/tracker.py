@@ -14,9 +14,9 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health import Finding, sentences
-from agonic.inflight.files.tracker import load_track, save_track
-from agonic.inflight.tracking import Coefficients, start, update
-from agonic.inflight.tracking.findings import findings
+from agonic.inflight.tracking.evidence import findings
+from agonic.inflight.tracking.files import load_track, save_track
+from agonic.inflight.tracking.filter import Coefficients, start, update
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -17,13 +17,20 @@ from agonic.calibration.retraining import (
     Window,
 )
 from agonic.errors import AgonicError
-from agonic.health import Finding, figure, sentences, verdict_of
+from agonic.health import Finding, Judged, figure, sentences
 from agonic.maths.estimation import cusum
-from agonic.network import retraining
-from agonic.network.files.retrainer import load_retrainer, save_retrainer
-from agonic.network.retrainer.candidates import Candidate, adapted, candidates, corrected, errors
-from agonic.network.retrainer.rows import met, rows_of
-from agonic.network.retraining import Judgement, Unseen
+from agonic.network.retraining import acceptance, schedule
+from agonic.network.retraining.acceptance import Judgement, Unseen
+from agonic.network.retraining.candidates import (
+    Candidate,
+    adapt,
+    compute_errors,
+    correct,
+    train_candidates,
+)
+from agonic.network.retraining.evidence import list_findings
+from agonic.network.retraining.files import load_retrainer, save_retrainer
+from agonic.network.retraining.problem import collect_rows, match_samples
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -32,7 +39,7 @@ ENOUGH = 50
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Corrected:
+class Correction:
     """What an update gave: readings corrected by what was running when each of them came.
 
     `time` (n,) s, `field` (n, 3) nT, and `residual` (n, 3), or (n, 1) of the magnitude, nT, are of
@@ -45,7 +52,7 @@ class Corrected:
     retrainings: tuple[Retraining, ...]
 
 
-class Retrainer:
+class Retrainer(Judged):
     """A network that is trained again on the last readings, periodically and after a change.
 
     Holds the settings and the state; `update` moves the state on. A candidate, which starts from
@@ -64,7 +71,7 @@ class Retrainer:
     Examples
     --------
     >>> from agonic.network.fit import fit_network
-    >>> from agonic.network.simulation.network import simulate_paper
+    >>> from agonic.network.simulate import simulate_paper
     >>> made = simulate_paper(30.0)  # the sensor changes at 15 s
     >>> ground = made.select(made.samples.time < 15.0)
     >>> fit = fit_network(ground.samples, ground.reference, base=None, compared=False)
@@ -77,10 +84,10 @@ class Retrainer:
     def __init__(
         self, calibration: Running | None = None, params: RetrainerParams | None = None
     ) -> None:
-        self.params = adapted(params or RetrainerParams(), calibration)
-        self.state: RetrainerState = retraining.started(calibration, self.params)
+        self.params = adapt(params or RetrainerParams(), calibration)
+        self.state: RetrainerState = schedule.start(calibration, self.params)
 
-    def update(self, samples: Samples, reference: Reference) -> Corrected:
+    def update(self, samples: Samples, reference: Reference) -> Correction:
         """Move on by the readings of a log or of a moment; one or many come to the same.
 
         Parameters: samples with times later than all before, in the unit and axes of the
@@ -93,38 +100,38 @@ class Retrainer:
         Raises `LogError` without times or columns, `UnitError` and `FrameError` where samples and
         reference do not meet the calibration, `AgonicError` where they are not later.
         """
-        state = met(self.state, self.params, samples, reference)
-        rows = rows_of(state, self.params, samples, reference)
+        state = match_samples(self.state, self.params, samples, reference)
+        rows = collect_rows(state, self.params, samples, reference)
         if state.n == 0 and len(rows):
-            begun = replace(state, epoch=samples.epoch)
-            state = retraining.begun(begun, self.params, float(rows.time[0]))
+            fresh_state = replace(state, epoch=samples.epoch)
+            state = schedule.begin(fresh_state, self.params, float(rows.time[0]))
         self.state, done = state, 0
         seen: list[tuple[Array, Array]] = []
         fresh: list[Retraining] = []
         while done < len(rows):
-            due = retraining.due_at(self.state, self.params, rows.time[done:])
+            due = schedule.find_due(self.state, self.params, rows.time[done:])
             stop = len(rows) if due is None else done + due.row + 1
             piece = rows.select(slice(done, stop))
-            field = corrected(self.state.running, piece)
-            residual = errors(field, piece.wanted)
-            taken, alarmed = self._taken(piece, residual)
+            field = correct(self.state.running, piece)
+            residual = compute_errors(field, piece.wanted)
+            taken, alarmed = self._take(piece, residual)
             seen.append((field[:taken], residual[:taken]))
             done += taken
             if due is not None and done == stop and not alarmed:
-                fresh += self._due(due.why)
+                fresh += self._run_due(due.why)
         fields, residuals = zip(*seen, strict=True) if seen else ((rows.raw,), (rows.wanted,))
-        return Corrected(
+        return Correction(
             time=rows.time,
             field=np.concatenate(fields),
             residual=np.concatenate(residuals),
             retrainings=tuple(fresh),
         )
 
-    def _taken(self, piece: Window, residual: Array) -> tuple[int, bool]:
+    def _take(self, piece: Window, residual: Array) -> tuple[int, bool]:
         """Rows into the window, up to the first at which the residual is seen to have changed."""
         state, params = self.state, self.params
-        if state.noise is None or not retraining.watching(state):
-            self.state = retraining.taken(state, params, piece)
+        if state.noise is None or not schedule.is_watching(state):
+            self.state = schedule.take_rows(state, params, piece)
             return len(piece), False
         seen = cusum.advance(
             state.watch,
@@ -134,30 +141,30 @@ class Retrainer:
             correlation=state.correlation,
         )
         state = replace(state, watch=seen.sums)
-        state = retraining.taken(state, params, piece.select(slice(0, seen.rows)))
+        state = schedule.take_rows(state, params, piece.select(slice(0, seen.rows)))
         if seen.alarmed:
             state = replace(state, onset=max(state.n - seen.age, state.first))
         self.state = state
         return seen.rows, seen.alarmed
 
-    def _due(self, why: Why) -> list[Retraining]:
+    def _run_due(self, why: Why) -> list[Retraining]:
         """The retraining that is due, unless an alarm turns out too faint for one."""
         state = self.state
         if state.onset is None:
-            return [self._retrained(state.window, why)]
+            return [self._retrain(state.window, why)]
         rows = state.window.select(slice(state.onset - state.first, None))
-        since = errors(corrected(state.running, rows), rows.wanted)
-        if retraining.changed(since, state.noise, self.params):
-            return [self._retrained(rows, why)]
-        self.state = retraining.brought_forward(state)
-        if not retraining.is_full(state, self.params):
+        since = compute_errors(correct(state.running, rows), rows.wanted)
+        if acceptance.has_changed(since, state.noise, self.params):
+            return [self._retrain(rows, why)]
+        self.state = schedule.bring_forward(state)
+        if not schedule.is_full(state, self.params):
             return []
-        return [self._retrained(state.window, why)]
+        return [self._retrain(state.window, why)]
 
-    def _retrained(self, rows: Window, why: Why) -> Retraining:
+    def _retrain(self, rows: Window, why: Why) -> Retraining:
         """Train candidates on rows, and put the best in place if it is clearly better."""
         state = self.state
-        verdict, chosen = self._judged(rows, why)
+        verdict, chosen = self._judge(rows, why)
         done = Retraining(
             time=state.time,
             n=state.n,
@@ -174,48 +181,48 @@ class Retrainer:
         )
         if verdict.accepted and chosen is not None:
             state = replace(state, running=chosen.calibration)
-        state = retraining.pushed(state, self.params, done)
-        unseen = rows.select(retraining.held_out(len(rows)))
+        state = schedule.close_retraining(state, self.params, done)
+        unseen = rows.select(acceptance.hold_out(len(rows)))
         told = not verdict.poisoned and (verdict.accepted or done.onset is None)
         if told and (state.noise is None or len(unseen) >= ENOUGH):
-            left = errors(corrected(state.running, unseen), unseen.wanted)
-            noise, correlation = retraining.noise_of_rows(left)
+            left = compute_errors(correct(state.running, unseen), unseen.wanted)
+            noise, correlation = acceptance.estimate_noise(left)
             state = replace(state, noise=noise, correlation=correlation)
         self.state = state
         return done
 
-    def _judged(self, rows: Window, why: Why) -> tuple[Judgement, Candidate | None]:
+    def _judge(self, rows: Window, why: Why) -> tuple[Judgement, Candidate | None]:
         """The best candidate of some rows, and whether it is to replace what is running."""
         state, params = self.state, self.params
-        wrong = retraining.stuck(rows)
+        wrong = acceptance.find_stuck(rows)
         if wrong:
             return Judgement(False, wrong, True), None
-        out = retraining.held_out(len(rows))
+        out = acceptance.hold_out(len(rows))
         unseen = rows.select(out)
-        whole = state.onset is None and retraining.is_full(state, params)
+        whole = state.onset is None and schedule.is_full(state, params)
         try:
-            offered = candidates(state, params, rows.select(~out), whole=whole)
+            offered = train_candidates(state, params, rows.select(~out), whole=whole)
         except AgonicError as error:
             return Judgement(False, f"nothing could be trained: {error}", True), None
         if not offered:
             return Judgement(False, f"{len(rows)} readings are too few to train on", False), None
         left = [one.errors(unseen) for one in offered]
-        best = retraining.best_of(left)
-        now, then = corrected(state.running, unseen), corrected(offered[best].calibration, unseen)
+        best = acceptance.choose_best(left)
+        now, then = correct(state.running, unseen), correct(offered[best].calibration, unseen)
         strength = float(np.sqrt(np.mean((then**2).sum(axis=1))))
         moves = 0.0
         if state.running is not None:
             moves = float(np.sqrt(np.mean(((then - now) ** 2).sum(axis=1)))) / strength
         told = Unseen(
-            running=None if state.running is None else errors(now, unseen.wanted),
+            running=None if state.running is None else compute_errors(now, unseen.wanted),
             candidate=left[best],
             moves=moves,
             strength=strength,
             noise=state.noise,
         )
         # what runs after a change was trained on fewer of the same readings: no proof is needed
-        certain = 0.0 if why == "settling" else retraining.CERTAIN
-        return retraining.judged(told, params, certain=certain), offered[best]
+        certain = 0.0 if why == "settling" else acceptance.CERTAIN
+        return acceptance.judge(told, params, certain=certain), offered[best]
 
     @property
     def calibration(self) -> Running:
@@ -238,19 +245,9 @@ class Retrainer:
         return self.state.retrainings
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[Finding, ...]:  # type: ignore[override]
         """What the user should know, by name."""
-        return retraining.findings(self.state)
-
-    @property
-    def verdict(self) -> str:
-        """`good`, `check` or `refused`."""
-        return verdict_of(self.findings)
-
-    @property
-    def ok(self) -> bool:
-        """Nothing to object."""
-        return self.verdict == "good"
+        return list_findings(self.state)
 
     @property
     def status(self) -> str:

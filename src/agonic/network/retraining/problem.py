@@ -15,7 +15,7 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 
 
-def met(
+def match_samples(
     state: RetrainerState, params: RetrainerParams, samples: Samples, reference: Reference
 ) -> RetrainerState:
     """The state, with the sensor's names before the first reading, once the samples meet it."""
@@ -42,7 +42,7 @@ def met(
     return replace(state, reference_sd=reference.sd, source=reference.source)
 
 
-def rows_of(
+def collect_rows(
     state: RetrainerState, params: RetrainerParams, samples: Samples, reference: Reference
 ) -> Window:
     """The rows of samples that are not flagged, with the field that was wanted."""
@@ -61,18 +61,18 @@ def rows_of(
         time=time,
         raw=samples.field,
         wanted=wanted,
-        columns=_columns(samples, needed(state, params)),
+        columns=_columns(samples, list_columns(state, params)),
     )
     return rows if samples.flagged is None else rows.select(samples.flagged == 0)
 
 
-def needed(state: RetrainerState, params: RetrainerParams) -> tuple[str, ...]:
+def list_columns(state: RetrainerState, params: RetrainerParams) -> tuple[str, ...]:
     """The columns that what is running takes, and what is to be trained."""
     running = () if state.running is None else state.running.needs
     return tuple(dict.fromkeys((*running, *(n for n in params.inputs if n != "field"))))
 
 
-def as_samples(state: RetrainerState, rows: Window) -> tuple[Samples, Reference]:
+def to_samples(state: RetrainerState, rows: Window) -> tuple[Samples, Reference]:
     """Rows of the window as a training takes them."""
     samples = Samples(
         time=rows.time,

@@ -18,8 +18,8 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
-from agonic.network.retrainer.rows import as_samples
-from agonic.network.retraining import movable, moved
+from agonic.network.retraining.model_change import can_move, move
+from agonic.network.retraining.problem import to_samples
 
 PER_WEIGHT = 3.0
 """So many readings for each weight before weights are trained."""
@@ -34,10 +34,10 @@ class Candidate(NamedTuple):
 
     def errors(self, rows: Window) -> Array:
         """How far it is from the known field (k, 3), or from the magnitude (k, 1), nT."""
-        return errors(corrected(self.calibration, rows), rows.wanted)
+        return compute_errors(correct(self.calibration, rows), rows.wanted)
 
 
-def adapted(params: RetrainerParams, running: Running | None) -> RetrainerParams:
+def adapt(params: RetrainerParams, running: Running | None) -> RetrainerParams:
     """The params with what is running deciding target, inputs and hidden nodes, and with as many
     readings as the smallest training takes."""
     if running is not None and not isinstance(running, Affine | Thermal | Network):
@@ -51,19 +51,19 @@ def adapted(params: RetrainerParams, running: Running | None) -> RetrainerParams
         params = replace(
             params, target=running.target, inputs=running.inputs, hidden=running.shape.hidden
         )
-    if movable(running) if running is not None else params.base is not None:
+    if can_move(running) if running is not None else params.base is not None:
         return params
-    fewest = ceil(1.25 * PER_WEIGHT * weights(params))  # a fifth is held out
+    fewest = ceil(1.25 * PER_WEIGHT * count_weights(params))  # a fifth is held out
     return replace(params, fewest=max(params.fewest, fewest))
 
 
-def weights(params: RetrainerParams) -> int:
+def count_weights(params: RetrainerParams) -> int:
     """How many weights a network of these params has."""
     outputs = 3 if params.target == "vector" else 1
     return Shape(sum(WIDTH[name] for name in params.inputs), params.hidden, outputs).size
 
 
-def candidates(
+def train_candidates(
     state: RetrainerState, params: RetrainerParams, seen: Window, *, whole: bool
 ) -> list[Candidate]:
     """Candidates from the simplest, trained on some rows.
@@ -79,13 +79,13 @@ def candidates(
         first = [] if fit.base is None else [Candidate(fit.base, "an affine calibration")]
         return [*first, Candidate(fit.calibration, "a network", fit.iterations)]
     found = []
-    if movable(running) and isinstance(running, Affine | Network):
+    if can_move(running) and isinstance(running, Affine | Network):
         sds = {"bias_sd": params.bias_sd, "matrix_sd": params.matrix_sd}
-        running = moved(running, seen, **sds)
+        running = move(running, seen, **sds)
         found.append(Candidate(running, "an affine step"))
         if not whole:
             return found
-    if len(seen) >= PER_WEIGHT * weights(params):
+    if len(seen) >= PER_WEIGHT * count_weights(params):
         if isinstance(running, Network):
             fit = _fit(state, params, seen, start=running)
         else:
@@ -94,7 +94,7 @@ def candidates(
     return found
 
 
-def corrected(running: Running | None, rows: Window) -> Array:
+def correct(running: Running | None, rows: Window) -> Array:
     """The field (k, 3) by a calibration, NaN without one."""
     if running is None:
         return np.full((len(rows), 3), np.nan)
@@ -104,7 +104,7 @@ def corrected(running: Running | None, rows: Window) -> Array:
     return running.correct(rows.raw, **beside)
 
 
-def errors(field: Array, wanted: Array) -> Array:
+def compute_errors(field: Array, wanted: Array) -> Array:
     """How far fields (k, 3) are from vectors (k, 3), or from magnitudes (k, 1)."""
     if wanted.shape[1] == 3:
         return field - wanted
@@ -119,7 +119,7 @@ def _fit(
     base: Affine | Thermal | str | None = None,
     start: Network | None = None,
 ) -> NetworkFit:
-    samples, reference = as_samples(state, rows)
+    samples, reference = to_samples(state, rows)
     fit = fit_network(
         samples,
         reference,
