@@ -14,9 +14,10 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
+from agonic.calibration.encoding import schema
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning, LogError, ValidityError
-from agonic.files.calibration import load, save, schema
+from agonic.files.calibration import load, save
 
 BIAS = np.array([[100.0, -200.0, 50.0], [800.0, 0.0, -300.0], [10.0, 20.0, 30.0]])
 MATRIX = np.array(

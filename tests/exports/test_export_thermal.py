@@ -22,11 +22,11 @@ from agonic.exports.c_header import apply_c, parse_c, write_c
 from agonic.exports.fixed_temperature import held, remainder
 from agonic.exports.matlab import apply_matlab, parse_matlab, write_matlab
 from agonic.exports.motioncal import apply_motioncal, parse_motioncal
+from agonic.exports.polynomials import affine_at, polynomials
 from agonic.exports.px4 import apply_px4, parse_px4, px4_parameters, write_px4
 from agonic.exports.ros import apply_ros, parse_ros
 from agonic.exports.table import apply_table, parse_table, write_table
 from agonic.exports.targets import TARGETS, write
-from agonic.files.polynomials import affine_at, polynomials
 from tests.exports.controller import STRICT, library
 
 RNG = np.random.default_rng(12)

@@ -15,9 +15,10 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
+from agonic.calibration.encoding import encode, schema
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, LogError
-from agonic.files.calibration import encode, load, save, schema
+from agonic.files.calibration import load, save
 from agonic.fit import Fit
 from agonic.provenance import Input, Provenance
 

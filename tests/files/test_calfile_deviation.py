@@ -7,8 +7,10 @@ import jsonschema
 import numpy as np
 import pytest
 
+from agonic.calibration.chain import require_calibration
+from agonic.calibration.encoding import schema
 from agonic.errors import AgonicError, LogError
-from agonic.files.calibration import load, require_calibration, save, schema
+from agonic.files.calibration import load, save
 from agonic.headings.deviation import fit_deviation
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration
+from agonic.calibration.deviation import Deviation
 from agonic.calibration.inputs import SOURCES
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
@@ -188,3 +190,31 @@ def _blocks(step: Affine) -> dict[str, Array]:
         return {}
     ends = np.cumsum([SOURCES[name] for name in step.sources])[:-1]
     return dict(zip(step.sources, np.split(step.coefficients, ends, axis=1), strict=True))
+
+
+AnyCalibration: TypeAlias = Affine | Thermal | Network | Alignment | Chain
+"""Every calibration of readings that is saved, exported and loaded; an `Affine` may be an
+`Interference`."""
+
+
+def require_calibration(value: object) -> AnyCalibration:
+    """The value itself, or an `AgonicError` that says what to give instead."""
+    if isinstance(value, AnyCalibration):
+        return value
+    if isinstance(value, Deviation):
+        raise AgonicError(
+            "a Deviation corrects headings and a calibration of readings is needed: an Affine, a "
+            "Thermal, a Network, an Alignment or a Chain of them"
+        )
+    if "calibration" in getattr(value, "__dataclass_fields__", ()):
+        raise AgonicError("a Fit was given and a calibration is needed: give fit.calibration")
+    raise AgonicError(
+        f"a {type(value).__name__} was given and a calibration is needed: "
+        "an Affine, a Thermal, a Network, an Alignment or a Chain of them"
+    )
+
+
+def steps_of(calibration: Calibration) -> tuple[Affine | Thermal | Network | Alignment, ...]:
+    """The steps of a chain, or the one that a calibration is."""
+    known = require_calibration(calibration)
+    return known.steps if isinstance(known, Chain) else (known,)

@@ -14,9 +14,10 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.equation import gauge
+from agonic.maths.equation.affine import symmetric_of
 from agonic.maths.estimation.kalman import STATES, Belief, Model
 from agonic.maths.estimation.ud_filter import CLIPPED_SQUARE, SCALE, TIME
-from agonic.maths.rotations.polar import Turned, symmetric_of
+from agonic.maths.rotations.polar import Turned
 from agonic.provenance import Provenance
 
 Solve = Literal["bias", "gains", "full"]

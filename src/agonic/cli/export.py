@@ -80,10 +80,11 @@ def export(
     A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading. A
     calibration that changes with temperature keeps doing so in c, px4, matlab and table.
     """
+    from agonic.calibration.chain import require_calibration
     from agonic.exports.firmware import write_firmware
     from agonic.exports.targets import SUFFIXES
     from agonic.exports.targets import write as write_target
-    from agonic.files.calibration import load, require_calibration
+    from agonic.files.calibration import load
     from agonic.files.setup import load_setup
     from agonic.logs.contents import read_bytes
 

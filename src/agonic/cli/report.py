@@ -42,10 +42,11 @@ def report(
     One over temperature, or a network, is shown without a log too: its numbers and range.
     """
     from agonic.atomic import write_atomically
+    from agonic.calibration.chain import require_calibration
     from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
     from agonic.console.place import expected
-    from agonic.files.calibration import load, require_calibration
+    from agonic.files.calibration import load
     from agonic.network.report.page import network_of
     from agonic.recording.calibrated import judge
     from agonic.recording.report.page import render

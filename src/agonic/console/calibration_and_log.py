@@ -21,7 +21,8 @@ def calibration_and_samples(
     The samples come with the second magnetometer where the calibration mixes one, and each with
     the moment it was measured at where the calibration knows how late the readings are.
     """
-    from agonic.files.calibration import load, require_calibration
+    from agonic.calibration.chain import require_calibration
+    from agonic.files.calibration import load
     from agonic.logs.read import open_log
 
     calibration, recording = require_calibration(load(cal)), open_log(log, unit=unit)

@@ -27,13 +27,13 @@ from agonic.exports.convert import (
     float32_text,
     six_numbers,
     source_term,
-    symmetric_of,
 )
 from agonic.exports.fixed_temperature import held
+from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.logs.contents import read_bytes
+from agonic.maths.equation.affine import symmetric_of
 from agonic.units import NANOTESLA_PER
 
-LARGEST_SCALE = 1.5  # COMPASS_MAX_SCALE_FACTOR: outside 1/1.5…1.5 the firmware takes 1
 LARGEST_OFFSET = 1800.0  # COMPASS_OFFS_MAX as delivered, mG, of the vector's length
 DIAGONAL = (0.2, 5.0)  # CompassCalibrator.cpp: what the on-board calibration accepts
 OFF_DIAGONAL = 1.0

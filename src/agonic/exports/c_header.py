@@ -26,7 +26,7 @@ from agonic.exports.c_thermal import thermal_header
 from agonic.exports.convert import Export, banner, float32_text, left_out, reduced, scaled_to
 from agonic.exports.firmware.ctext import comment
 from agonic.exports.fixed_temperature import held
-from agonic.files.polynomials import changes
+from agonic.exports.polynomials import changes
 from agonic.logs.contents import read_bytes
 
 Float32 = NDArray[np.float32]

@@ -11,7 +11,7 @@ from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.exports.convert import banner, float32_text, left_out, reduced, scaled_to
 from agonic.exports.firmware.ctext import braced, comment, filled
-from agonic.files.polynomials import RATE, Polynomials, polynomials
+from agonic.exports.polynomials import RATE, Polynomials, polynomials
 
 TESTS = 7
 """Known readings of the self-test, over the range of temperatures."""

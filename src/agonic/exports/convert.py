@@ -20,12 +20,11 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain
+from agonic.calibration.chain import Chain, require_calibration, steps_of
+from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
-from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
-from agonic.files.calibration import encode, require_calibration
 
 NEGLIGIBLE_DEG = 0.01
 """A rotation below this is not worth a warning."""
@@ -188,14 +187,6 @@ def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     return turn if calibration.frame_in == "m" else turn.inv(), warning
 
 
-def steps_of(
-    calibration: Calibration,
-) -> tuple[Affine | Thermal | Network | Alignment, ...]:
-    """The steps of a chain, or the one that a calibration is."""
-    known = require_calibration(calibration)
-    return known.steps if isinstance(known, Chain) else (known,)
-
-
 def symmetric_part(matrix: ArrayLike) -> tuple[Array, Rotation]:
     """The polar decomposition matrix = rotation @ symmetric, as (symmetric, rotation).
 
@@ -229,12 +220,6 @@ def six_numbers(
             "out, and its field is turned by as much",
         )
     return bias, np.append(np.diag(symmetric), symmetric[[0, 0, 1], [1, 2, 2]]), warnings
-
-
-def symmetric_of(six: Iterable[float]) -> Array:
-    """The symmetric matrix (3, 3) of its entries xx yy zz xy xz yz."""
-    xx, yy, zz, xy, xz, yz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
 
 
 def banner(calibration: Calibration, formula: str, warnings: Iterable[str] = ()) -> tuple[str, ...]:

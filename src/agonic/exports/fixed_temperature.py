@@ -14,10 +14,10 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
+from agonic.calibration.chain import require_calibration
 from agonic.errors import AgonicError, ValidityError
 from agonic.exports.convert import scaled_to
-from agonic.files.calibration import require_calibration
-from agonic.files.polynomials import affine_at, changes, range_C, signals
+from agonic.exports.polynomials import affine_at, changes, range_C, signals
 
 LEVELS = 121
 """Temperatures at which the error is looked at."""

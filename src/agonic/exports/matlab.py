@@ -27,7 +27,7 @@ from agonic.calibration.base import Calibration
 from agonic.errors import LogError
 from agonic.exports.convert import Export, banner, left_out, reduced, scaled_to
 from agonic.exports.fixed_temperature import held
-from agonic.files.polynomials import RATE, changes, polynomials, range_C
+from agonic.exports.polynomials import RATE, changes, polynomials, range_C
 from agonic.logs.contents import read_bytes
 
 HEADER = 116  # bytes of free text at the start of a MAT-file, version 5

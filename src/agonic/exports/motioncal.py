@@ -22,9 +22,10 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import LogError
-from agonic.exports.convert import Export, left_out, scaled_to, six_numbers, symmetric_of
+from agonic.exports.convert import Export, left_out, scaled_to, six_numbers
 from agonic.exports.fixed_temperature import held
 from agonic.logs.contents import read_bytes
+from agonic.maths.equation.affine import symmetric_of
 from agonic.units import NANOTESLA_PER
 
 SIGNATURE = b"\x75\x54"

@@ -30,13 +30,13 @@ from agonic.exports.convert import (
     float32_text,
     six_numbers,
     source_term,
-    symmetric_of,
     turns,
 )
 from agonic.exports.fixed_temperature import held
+from agonic.exports.polynomials import changes
 from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
-from agonic.files.polynomials import changes
 from agonic.logs.contents import read_bytes
+from agonic.maths.equation.affine import symmetric_of
 from agonic.units import NANOTESLA_PER
 
 DEAD_BAND = 0.01

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.exports.fixed_temperature import LEVELS, lag, remainder, require_within
-from agonic.files.polynomials import affine_at, range_C
+from agonic.exports.polynomials import affine_at, range_C
 from agonic.units import NANOTESLA_PER
 
 THERMAL = "TC_M_ENABLE"

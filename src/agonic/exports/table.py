@@ -18,7 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import LogError
 from agonic.exports.convert import Export, banner, left_out, reduced
 from agonic.exports.fixed_temperature import held
-from agonic.files.polynomials import RATE, changes, polynomials
+from agonic.exports.polynomials import RATE, changes, polynomials
 from agonic.logs.contents import read_bytes
 from agonic.maths.equation.affine import join, model_basis, split
 

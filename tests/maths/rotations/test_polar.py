@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.maths.equation import gauge as gauges
-from agonic.maths.rotations.polar import symmetric_of, turned
+from agonic.maths.equation.affine import symmetric_of
+from agonic.maths.rotations.polar import turned
 
 SYMMETRIC = np.array([[1.1, 0.02, -0.03], [0.02, 0.95, 0.01], [-0.03, 0.01, 1.02]])
 TURN = Rotation.from_rotvec([0.2, -0.1, 0.3])

@@ -35,9 +35,10 @@ def gravity(
     """The rotation from magnetometer to accelerometer, from orientations at rest."""
     from agonic.alignment.gravity import fit_gravity
     from agonic.alignment.report.north_text import gravity_text
+    from agonic.calibration.chain import require_calibration
     from agonic.console.output import print_json, say
     from agonic.errors import AgonicError
-    from agonic.files.calibration import load, require_calibration, save
+    from agonic.files.calibration import load, save
 
     _, sensors = log_and_sensors(log, sensor, unit, between)
     if len(sensors) > 1:

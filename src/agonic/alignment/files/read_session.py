@@ -65,8 +65,9 @@ from agonic.alignment.session import Mounting, Pier, Session, Site, StarReadings
 from agonic.alignment.session.session import unix_of
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
+from agonic.calibration.chain import require_calibration
 from agonic.errors import AgonicError, LogError
-from agonic.files.calibration import load, require_calibration
+from agonic.files.calibration import load
 from agonic.files.toml_sections import read_toml, section, tried
 from agonic.logs.read import open_log
 from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s

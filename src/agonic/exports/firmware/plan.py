@@ -18,7 +18,7 @@ from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
 from agonic.exports.convert import composed
 from agonic.exports.firmware.grid import DeclinationGrid
-from agonic.files.polynomials import RATE, Polynomials, changes, polynomials, range_C, steady
+from agonic.exports.polynomials import RATE, Polynomials, changes, polynomials, range_C, steady
 from agonic.maths.rotations.tilt import Order
 from agonic.units import RAW
 

@@ -10,7 +10,7 @@ from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import MEMBERS, Prediction, corrected, predict
 from agonic.exports.firmware.sources import about
-from agonic.files.polynomials import affine_at, changes
+from agonic.exports.polynomials import affine_at, changes
 from agonic.maths.rotations.attitude import rot_nb
 
 TOLERANCE_DEG = 0.01

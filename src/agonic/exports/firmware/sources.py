@@ -13,7 +13,7 @@ from agonic.exports.firmware.ctext import braced, comment, filled, literal, whol
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, weakest
-from agonic.files.polynomials import RATE
+from agonic.exports.polynomials import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
 

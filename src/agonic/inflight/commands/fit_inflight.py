@@ -91,9 +91,10 @@ def inflight(
     as_json: Json = False,
 ) -> int:
     """Bias, gains or all nine numbers from the field that is known on the way."""
+    from agonic.calibration.chain import require_calibration
     from agonic.console.output import print_json, say
     from agonic.errors import AgonicError
-    from agonic.files.calibration import load, require_calibration, save
+    from agonic.files.calibration import load, save
     from agonic.inflight.fit import fit_inflight
     from agonic.logs.large.mission import is_long
 

@@ -15,13 +15,13 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.exports.ardupilot import LARGEST_SCALE
-from agonic.exports.convert import symmetric_of
 from agonic.logs.ardupilot.dataflash_binary import Index, Table
-from agonic.maths.equation.affine import correct
+from agonic.maths.equation.affine import correct, symmetric_of
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
 
+LARGEST_SCALE = 1.5
+"""COMPASS_MAX_SCALE_FACTOR: outside 1/1.5…1.5 the firmware takes 1."""
 LARGEST_ENTRY, SMALLEST_DETERMINANT = 100.0, 1e-3
 """Beyond these, parameters are damage: the on-board fit takes diagonals of 0.2…5 only."""
 

@@ -17,8 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.exports.convert import symmetric_of
-from agonic.maths.equation.affine import correct
+from agonic.maths.equation.affine import correct, symmetric_of
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
 

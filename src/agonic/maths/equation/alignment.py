@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.maths.equation.affine import symmetric_of
 from agonic.maths.equation.gauge import entries
 from agonic.maths.rotations.frames import cross_matrix
-from agonic.maths.rotations.polar import symmetric_of
 
 GROUPS = {
     "alignment": slice(0, 3),

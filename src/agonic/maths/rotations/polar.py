@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array
-from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.equation.affine import FREE, model_basis, symmetric_of
 from agonic.maths.equation.gauge import entries
 
 _GENERATORS = np.array(
@@ -44,12 +44,6 @@ class Turned(NamedTuple):
         whole[9:, 9:] = self.covariance[9:, 9:]
         change = _change(self.rotation, symmetric)
         return self.rotation @ symmetric, change @ whole @ change.T
-
-
-def symmetric_of(six: Array) -> Array:
-    """The symmetric matrix of xx yy zz xy xz yz."""
-    xx, yy, zz, xy, xz, yz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def turned(matrix: Array, covariance: Array | None, gauge: str) -> tuple[Array, Turned]:

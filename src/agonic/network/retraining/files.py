@@ -13,9 +13,9 @@ import numpy as np
 from msgspec import Struct
 
 from agonic.atomic import write_atomically
+from agonic.calibration.encoding import decode, encode
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retraining, Window
 from agonic.errors import AgonicError, LogError
-from agonic.files.calibration import decode, encode
 from agonic.logs.contents import read_bytes
 from agonic.maths.estimation import cusum
 

@@ -1,0 +1,166 @@
+"""The calibration file: JSON that holds a calibration exactly, and its JSON Schema.
+
+The version in `schema` changes when the meaning of a reading changes. Fields that only add
+information may come without a new version, so unknown fields are passed over when loading.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from math import isfinite
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+from scipy.spatial.transform import Rotation
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration, Validity
+from agonic.calibration.chain import AnyCalibration, Chain, require_calibration
+from agonic.calibration.deviation import Deviation
+from agonic.calibration.interference import Interference
+from agonic.calibration.network import Network
+from agonic.calibration.schema import (
+    AffineRecord,
+    AlignmentRecord,
+    AnyRecord,
+    CalibrationFile,
+    ChainRecord,
+    DeviationRecord,
+    InterferenceRecord,
+    NetworkRecord,
+    ProvenanceRecord,
+    ThermalRecord,
+)
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, LogError
+from agonic.provenance import Provenance
+
+SCHEMA = "agonic/calibration"
+VERSION = 1
+
+
+class _Heading(Struct):
+    schema: str = ""
+
+
+def encode(calibration: Calibration | Deviation) -> bytes:
+    """The bytes of the calibration file: the same for the same calibration, always."""
+    known = calibration if isinstance(calibration, Deviation) else require_calibration(calibration)
+    plain = {
+        "schema": f"{SCHEMA}@{VERSION}",
+        "equation": known.equation,
+        "calibration": _plain(known),
+    }
+    try:
+        record = msgspec.convert(plain, CalibrationFile)
+    except msgspec.ValidationError as error:
+        raise AgonicError(f"this calibration cannot be saved: {error}") from None
+    return _rows_on_one_line(msgspec.json.format(msgspec.json.encode(record), indent=2)) + b"\n"
+
+
+def decode(data: bytes) -> AnyCalibration | Deviation:
+    """The calibration in the bytes of a calibration file, as `encode` wrote them.
+
+    Raises `AgonicError` or `ValueError` where they are something else.
+    """
+    _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
+    return _restored(msgspec.json.decode(data, type=CalibrationFile).calibration)
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of the calibration file.
+
+    >>> schema()["$defs"]["AffineRecord"]["properties"]["bias"]["description"]
+    'Subtracted from the readings, in unit_in.'
+    """
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **msgspec.json.schema(CalibrationFile),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """The value in what JSON has, every float as it is."""
+    if is_dataclass(value):
+        plain = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        return {"kind": value.kind, **plain} if hasattr(value, "kind") else plain
+    if isinstance(value, Rotation):
+        return {"quat_wxyz": np.roll(value.as_quat(), 1).tolist()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not isfinite(value):
+        raise AgonicError(f"a calibration with {value} in it cannot be saved; fit it again")
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise AgonicError(
+        f"a {type(value).__name__} in the provenance cannot be saved; "
+        "settings are numbers, text, or lists of them"
+    )
+
+
+def _rows_on_one_line(text: bytes) -> bytes:
+    """Indented JSON with each row of numbers on a line; strings never hold a raw line break."""
+    return re.sub(
+        rb'\[\n\s*([^][{}"]*?)\s*\n\s*\]',
+        lambda row: b"[" + re.sub(rb"\s*\n\s*", b" ", row[1]) + b"]",
+        text,
+    )
+
+
+def _require_known_version(text: str) -> None:
+    name, _, version = text.partition("@")
+    if name != SCHEMA or not version.isdecimal():
+        raise LogError(f'it needs "schema": "{SCHEMA}@{VERSION}" and has {text!r}')
+    if int(version) > VERSION:
+        raise LogError(
+            f"it was made by a newer agonic (version {version} of the format, this one knows "
+            f"up to {VERSION}); update agonic"
+        )
+
+
+def _restored(record: AnyRecord) -> AnyCalibration | Deviation:
+    if isinstance(record, DeviationRecord):
+        values = msgspec.structs.asdict(record)
+        return Deviation(**{**values, "provenance": _provenance(record.provenance)})
+    if isinstance(record, ChainRecord):
+        steps = tuple(_restored_step(step) for step in record.steps)
+        return Chain(steps=steps, provenance=_provenance(record.provenance))
+    return _restored_step(record)
+
+
+def _restored_step(
+    record: AffineRecord | ThermalRecord | NetworkRecord | AlignmentRecord,
+) -> Affine | Thermal | Network | Alignment:
+    values = msgspec.structs.asdict(record)
+    values["provenance"] = _provenance(record.provenance)
+    if isinstance(record, AffineRecord | ThermalRecord | NetworkRecord):
+        values["validity"] = msgspec.convert(record.validity, Validity, from_attributes=True)
+        if isinstance(record, ThermalRecord):
+            return Thermal(**values)
+        if isinstance(record, NetworkRecord):
+            base = None if record.base is None else _restored_step(record.base)
+            return Network(**{**values, "base": base})
+        return (Interference if isinstance(record, InterferenceRecord) else Affine)(**values)
+    values["rotation"] = _rotation(record.rotation.quat_wxyz)
+    if record.covariance is not None:
+        values["covariance"] = np.array(record.covariance)
+    return Alignment(**values)
+
+
+def _provenance(record: ProvenanceRecord) -> Provenance:
+    return msgspec.convert(record, Provenance, from_attributes=True)
+
+
+def _rotation(quat_wxyz: tuple[float, ...]) -> Rotation:
+    """The rotation; a quaternion of length 1 keeps its bits, which normalising would not."""
+    quat = np.roll(np.array(quat_wxyz), -1)
+    return Rotation(quat, normalize=bool(abs(np.linalg.norm(quat) - 1.0) > 1e-12))
