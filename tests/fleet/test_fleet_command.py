@@ -1,6 +1,7 @@
 """`agonic fleet` as a person or a script runs it."""
 
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,9 @@ import numpy as np
 import pytest
 
 from agonic.cli import run
+from agonic.fleet import run as fleet_run
 from agonic.fleet import work
+from agonic.fleet.journal import Journal
 from agonic.population import History, read_population
 from tests.fleet.boards import write_bad, write_boards
 
@@ -87,6 +90,41 @@ def test_bad_usage_is_one_line(logs: Path, arguments: list[str], capsys) -> None
     said = capsys.readouterr()
     assert (said.out, said.err.count("\n")) == ("", 1)
     assert said.err.startswith("agonic: ")
+
+
+INTERRUPTED = "agonic: interrupted; the same command goes on from where it was, with the same -o\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_while_the_journal_is_written(logs, number, capsys, monkeypatch) -> None:
+    """Between two transactions there is nothing to keep."""
+
+    def commit(journal: Journal) -> None:
+        journal._db.execute("commit")
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(Journal, "commit", commit)
+    assert run(["fleet", str(logs), "-o", "cut", "--workers", "0"]) == 2
+    assert capsys.readouterr().err == INTERRUPTED
+    assert signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler)
+
+
+@pytest.mark.parametrize("other", [None, ImportError("core failed to import")])
+def test_an_interruption_that_a_library_loses(logs, other, capsys, monkeypatch) -> None:
+    """Python drops what is raised while it cleans up, and some libraries make an error of it."""
+    calibrate = fleet_run.calibrate_log
+
+    def interrupted(*arguments: Any, **settings: Any) -> Any:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            if other:
+                raise other from None
+        return calibrate(*arguments, **settings)
+
+    monkeypatch.setattr(fleet_run, "calibrate_log", interrupted)
+    assert run(["fleet", str(logs), "-o", "cut", "--workers", "0"]) == 2
+    assert capsys.readouterr().err == INTERRUPTED
 
 
 def test_a_history_is_kept(logs: Path, capsys) -> None:

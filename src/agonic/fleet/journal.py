@@ -98,7 +98,7 @@ class Journal:
     ) -> None:
         with closing(self._db):
             try:
-                if not isinstance(error, sqlite3.Error):
+                if self._db.in_transaction and not isinstance(error, sqlite3.Error):
                     self._db.execute("commit")
             except sqlite3.Error as failed:
                 error = failed

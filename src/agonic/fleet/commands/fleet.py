@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +16,7 @@ from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.fleet.engine import Engine
-    from agonic.fleet.run import FleetRun
+    from agonic.fleet.run import FleetRun, Progress
 
 FAIL_ABOVE = 0.05
 REASONS = 5
@@ -116,7 +116,7 @@ def fleet(
         reports=reports,
     )
     chosen = _engine(engine, scheduler, workers)
-    with _telling() as progress:
+    with _interruptible() as progress:
         run = run_fleet(
             inputs, out, settings=settings, engine=chosen, store=store, progress=progress
         )
@@ -143,25 +143,53 @@ def _engine(engine: str | None, scheduler: str | None, workers: int | None) -> E
 
 
 @contextmanager
-def _telling() -> Iterator[Any]:
-    """Progress on a terminal; an interruption is told as what it costs, which is nothing."""
+def _interruptible() -> Iterator[Any]:
+    """Progress on a terminal; an interruption is told as what it costs, which is nothing.
+
+    What interrupts is noted, for a library may lose the `KeyboardInterrupt` or make another error
+    of it.
+    """
     from agonic.console.progress import paced
     from agonic.errors import AgonicError
 
-    heard = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if heard else None
+    interrupted = False
+
+    def interrupt(*_: object) -> None:
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    def tell(progress: Progress) -> None:
+        if interrupted:
+            raise KeyboardInterrupt
+        show(progress.done, progress.logs, progress.resumed, progress.stage)
+
+    before = _handle((signal.SIGINT, signal.SIGTERM), interrupt)
     try:
-        with paced("Calibrating", "logs") as told:
-            yield lambda progress: told(
-                progress.done, progress.logs, progress.resumed, progress.stage
-            )
-    except KeyboardInterrupt:
-        raise AgonicError(
-            "interrupted; the same command goes on from where it was, with the same -o"
-        ) from None
+        with paced("Calibrating", "logs") as show:
+            yield tell
+    except BaseException as error:
+        if interrupted or isinstance(error, KeyboardInterrupt):
+            raise AgonicError(
+                "interrupted; the same command goes on from where it was, with the same -o"
+            ) from None
+        raise
     finally:
-        if heard:
-            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _handle(
+    numbers: Iterable[signal.Signals], handler: Callable[..., None]
+) -> dict[signal.Signals, Any]:
+    """Handle these signals, but for those that are ignored; returns what handled them before."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in numbers}
+    before = {number: old for number, old in before.items() if old is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, handler)
+    return before
 
 
 def _failed(run: FleetRun) -> int:
