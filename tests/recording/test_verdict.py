@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from agonic.health import Finding
-from agonic.report.verdict import WHEN_GOOD, next_move
+from agonic.recording.report.next_move import next_move
+from agonic.report.verdict import WHEN_GOOD
 
 
 def test_a_good_calibration_is_to_be_used(good):

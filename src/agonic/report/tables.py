@@ -1,4 +1,4 @@
-"""The tables and lists of the report: numbers, verification, model, findings, provenance."""
+"""Tables and lists that many pages have: checks, findings, definitions, provenance."""
 
 from __future__ import annotations
 
@@ -8,33 +8,14 @@ from typing import Any
 from agonic.calibration.base import Calibration
 from agonic.citations import CITATIONS
 from agonic.health import Finding
-from agonic.recording.calibrated import Calibrated
-from agonic.recording.choice import undone
-from agonic.recording.report.quantities import (
-    Group,
-    Quantity,
-    mixes,
-    quality,
-    quantities,
-    unit_label,
-    views,
-)
-from agonic.report.digits import counted, minused, percent, quantity, rounded, signed, with_sd
-from agonic.report.markup import Markup, element, grouped_table, markup, table
+from agonic.report.digits import counted, minused, percent, quantity
+from agonic.report.labels import FRAMES, unit_label
+from agonic.report.markup import Markup, element, markup, table
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
 from agonic.verification import Check, Verification
 
 NOTHING = "–"
-
-FRAMES = {
-    "m": "magnetometer",
-    "b": "body: forward, right, down",
-    "c": "star camera",
-    "n": "north, east, down",
-    "e": "Earth-fixed",
-    "i": "inertial",
-}
 
 ICONS = {
     "good": "M3.5 8.5l3 3 6-7",
@@ -57,40 +38,6 @@ def mark(verdict: str, *words: str) -> Markup:
     stroke = element("path", d=ICONS[verdict])
     sign = element("svg", stroke, class_="sign", viewBox="0 0 16 16", aria_hidden="true")
     return element("span", sign, *words, class_=f"mark {verdict}")
-
-
-def numbers(result: Calibrated) -> Markup:
-    """Every number with its standard error, beside what the log held."""
-    first, others = quantities(result), views(result)
-    compared = result.samples.logged is not None and not mixes(result.fit.calibration)
-    quality_rows = quality(result).items()
-    return element(
-        "div",
-        _numbers(first, compared),
-        element(
-            "div",
-            _numbers(others, compared) if others else "",
-            table(["Quality", "This calibration"], quality_rows, class_="numbers"),
-        ),
-        class_="pair tables",
-    )
-
-
-def _numbers(groups: Sequence[Group], compared: bool) -> Markup:
-    head = ["Number", "This calibration", *(["In the log", "Change"] if compared else [])]
-    rows = ((_heading(group), (_number_cells(q, compared) for q in group.rows)) for group in groups)
-    return grouped_table(head, rows, class_="numbers")
-
-
-def _heading(group: Group) -> str:
-    return f"{group.name}, {group.unit}" if group.unit else group.name
-
-
-def _number_cells(q: Quantity, compared: bool) -> list[str]:
-    cells = [q.name, with_sd(q.value, q.sd)]
-    if compared and q.logged is not None:
-        cells += [rounded(q.logged, q.sd), signed(rounded(q.value - q.logged, q.sd))]
-    return cells
 
 
 def checks(verification: Verification) -> Markup:
@@ -116,33 +63,6 @@ def _outcome(check: Check) -> Markup:
     if check.passed is None:
         return mark("note", "For information")
     return mark("good", "Passed") if check.passed else mark("refused", "Failed")
-
-
-def method(result: Calibrated) -> Markup:
-    """The method and why, and the choice of model in words with the statistics behind them."""
-    fit, calibration = result.fit, result.fit.calibration
-    chosen = element(
-        "p",
-        f"Method: {result.method}. {sentence(result.reason)} "
-        f"Model: {calibration.model}, {calibration.gauge} matrix."
-        + (f" {undone(result.latency)}" if result.latency else ""),
-    )
-    if not fit.tests:
-        return chosen
-    items = (
-        element(
-            "li",
-            minused(sentence(test.sentence)),
-            element(
-                "span",
-                f" {test.larger} against {test.smaller}: statistic "
-                f"{test.statistic:.3g}, p = {test.p_value:.2g}",
-                class_="aside",
-            ),
-        )
-        for test in fit.tests
-    )
-    return markup(chosen, element("ul", *items))
 
 
 def findings(found: Sequence[Finding]) -> Markup:

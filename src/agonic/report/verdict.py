@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agonic.health import Finding
-from agonic.recording.calibrated import Calibrated
 
 MEANINGS = {
     "good": ("Good", "ready to use"),
@@ -17,17 +16,6 @@ MEANINGS = {
 WHEN_GOOD = (
     "use this calibration, and repeat it when iron, magnets or currents near the sensor change"
 )
-
-
-def next_move(result: Calibrated) -> str:
-    """What to do first: the move of the gravest finding, or of the first check that failed."""
-    if result.verdict == "good":
-        return WHEN_GOOD
-    failed = [check.meaning for check in result.verification.checks if check.passed is False]
-    return next(
-        (m for m in (*moves(result.fit.findings), result.fit.coverage.turns, *failed) if m),
-        result.status,
-    )
 
 
 def moves(findings: Iterable[Finding]) -> list[str]:

@@ -10,8 +10,8 @@ import numpy as np
 from agonic.alignment.star_sensor import AlignmentFit, AlignmentPlan, error_budget
 from agonic.maths.equation.alignment import GROUPS
 from agonic.maths.rotations.frames import ARCSEC_RAD
-from agonic.recording.report.text import SIGNS
 from agonic.report.digits import MINUS, grouped, minused, quantity, significant, with_sd
+from agonic.report.text import SIGNS
 from agonic.report.verdict import MEANINGS
 
 WIDTH, NOTHING = 98, "–"

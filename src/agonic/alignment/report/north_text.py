@@ -12,8 +12,8 @@ from agonic.alignment.coil import CoilFit
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.north import DiFluxFit, NorthFit
 from agonic.health import Judged
-from agonic.recording.report.text import SIGNS
 from agonic.report.digits import grouped, minused, quantity, significant, with_sd
+from agonic.report.text import SIGNS
 from agonic.report.verdict import MEANINGS
 
 WIDTH, NOTHING = 98, "–"

@@ -14,10 +14,10 @@ from agonic.fleet.report.related import drawn, related
 from agonic.population import Outlier, Population, duplicates
 from agonic.population import outliers as standing_out
 from agonic.population.peers import Peers, peers
-from agonic.recording.report.quantities import unit_label
 from agonic.report.blocks import header, part
 from agonic.report.digits import counted
 from agonic.report.documents import document, static
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
 from agonic.report.verdict import sentence
 

@@ -12,8 +12,8 @@ from agonic.maths.estimation.robust_line import Line, robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES
-from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import counted, signed, with_sd
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
 
 

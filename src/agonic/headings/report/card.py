@@ -11,8 +11,8 @@ import numpy as np
 from agonic.calibration.deviation import Deviation, east_west, heading_name
 from agonic.errors import AgonicError
 from agonic.headings.deviation import DeviationFit
-from agonic.recording.report.text import SIGNS
 from agonic.report.digits import NO_BREAK, grouped, with_sd
+from agonic.report.text import SIGNS
 from agonic.report.verdict import MEANINGS, sentence
 
 LIMITS = ((3.0, "new"), (5.0, "in service"))

@@ -13,11 +13,11 @@ from agonic.history.parameters import KINDS
 from agonic.history.report.record import figures
 from agonic.population import Row
 from agonic.population.store_schema import UNDATED
-from agonic.recording.report.quantities import unit_label
 from agonic.report import tables as common
 from agonic.report.blocks import header, key_figures, part, verdict
 from agonic.report.digits import counted, minused, quantity, rounded, signed, with_sd
 from agonic.report.documents import document, static
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.strips import Axis, captioned, down, path, plot, points, right
 from agonic.report.verdict import moves

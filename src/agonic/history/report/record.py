@@ -12,8 +12,8 @@ import numpy as np
 from agonic.history import Departure, Drift, Event, Trend
 from agonic.population import Kept, Row
 from agonic.population.store_schema import UNDATED
-from agonic.recording.report.text import SIGNS, WIDTH
 from agonic.report.digits import counted, grouped, minused, rounded, signed, with_sd
+from agonic.report.text import SIGNS, WIDTH
 from agonic.report.verdict import moves, sentence
 
 LINES = 60

@@ -218,8 +218,8 @@ def summary(fit: InflightFit, name: str) -> str:
     """The result in a few lines."""
     import textwrap
 
-    from agonic.recording.report.text import SIGNS
     from agonic.report.digits import quantity, with_sd
+    from agonic.report.text import SIGNS
     from agonic.report.verdict import MEANINGS
 
     sd = fit.sd

@@ -6,11 +6,11 @@ import numpy as np
 
 from agonic.calibration.alignment import Alignment
 from agonic.inflight.fit import InflightFit
-from agonic.recording.report.figures import along_time
-from agonic.recording.report.quantities import PER, unit_label
 from agonic.report.digits import degrees, quantity, with_sd
+from agonic.report.labels import PER, unit_label
 from agonic.report.markup import Markup, element, table
 from agonic.report.strips import Axis, Columns, arrows, captioned, line, plot, spread
+from agonic.report.time_axis import along_time
 
 ARCSEC = 3600.0
 _FINE_DEG = 0.05  # standard errors below this are shown in arcseconds

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.record import Course, Flight
-from agonic.recording.report.figures import along_time
 from agonic.report.digits import grouped
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
@@ -27,6 +26,7 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
+from agonic.report.time_axis import along_time
 
 PER_COLUMN = 25
 """Readings that a column needs on average before its quartiles are drawn."""

@@ -10,10 +10,10 @@ from agonic.inflight.report.attitude import currents, direction
 from agonic.inflight.report.causes import explained
 from agonic.inflight.report.record import Flight, of_inflight, of_tracked
 from agonic.inflight.tracking import Coefficients, Tracker
-from agonic.recording.report.quantities import unit_label
 from agonic.report.blocks import key_figures
 from agonic.report.digits import counted, grouped, minused, quantity
 from agonic.report.documents import document, static
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
 from agonic.report.strips import beyond_words, captioned
 from agonic.report.tables import findings, mark, provenance

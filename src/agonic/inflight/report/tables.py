@@ -10,8 +10,8 @@ from agonic.inflight.report.figures import sigma_bar
 from agonic.inflight.report.ground import Compared, Numbers
 from agonic.inflight.report.record import Flight
 from agonic.maths.estimation.leastsq import robust_scale
-from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import counted, grouped, percent, quantity, rounded, signed, with_sd
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
 from agonic.report.tables import NOTHING
 from agonic.report.verdict import sentence

@@ -182,7 +182,7 @@ def summary(fit: NetworkFit, choice: NetworkChoice | None, name: str) -> str:
     """The result in a few lines, with the table where one was made."""
     import textwrap
 
-    from agonic.recording.report.text import SIGNS
+    from agonic.report.text import SIGNS
     from agonic.report.verdict import MEANINGS
 
     word = MEANINGS[fit.verdict][0].lower()

@@ -253,7 +253,7 @@ def _of(one: Retraining) -> dict[str, Any]:
 
 def sentences(said: dict[str, Any]) -> list[str]:
     """The record for people, a line for each retraining."""
-    from agonic.recording.report.text import SIGNS
+    from agonic.report.text import SIGNS
 
     passed = f", {said['passed_over']} passed over" if said["passed_over"] else ""
     lines = [

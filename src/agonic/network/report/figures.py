@@ -9,7 +9,6 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, NetworkFit
-from agonic.recording.report.figures import along_time
 from agonic.report.markup import Markup
 from agonic.report.strips import (
     BINS,
@@ -28,6 +27,7 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
+from agonic.report.time_axis import along_time
 
 PUBLISHED = -3.0
 """log₁₀ of the mean square error that the paper reaches, of a network without a base."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.report.quantities import unit_label
 from agonic.recording.report.residuals import Residuals, parted
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup
 from agonic.report.strips import (
     Axis,
@@ -24,13 +24,7 @@ from agonic.report.strips import (
     right,
     spread,
 )
-
-_TIME_UNITS = (
-    (172_800.0, 86_400.0, "days"),
-    (7200.0, 3600.0, "h"),
-    (300.0, 60.0, "min"),
-    (0.0, 1.0, "s"),
-)
+from agonic.report.time_axis import along_time
 
 
 def time_axis(result: Calibrated) -> tuple[Axis, Array]:
@@ -40,17 +34,6 @@ def time_axis(result: Calibrated) -> tuple[Axis, Array]:
         n = len(result.samples)
         return Axis("reading", 0.0, float(max(n - 1, 1))), np.arange(n, dtype=np.float64)
     return along_time(time, float(time[0]), float(time[-1]))
-
-
-def along_time(time: Array, start: float, stop: float) -> tuple[Axis, Array]:
-    """An axis of the time since `start` in a unit that fits, and times as they lie along it.
-
-    >>> along_time(np.array([60.0, 660.0]), 60.0, 660.0)
-    (Axis(label='time since the first reading, min', low=0.0, high=10.0), array([ 0., 10.]))
-    """
-    seconds, name = next((s, n) for least, s, n in _TIME_UNITS if stop - start >= least)
-    label = f"time since the first reading, {name}"
-    return Axis(label, 0.0, (stop - start) / seconds), (time - start) / seconds
 
 
 def residual_strip(result: Calibrated, residuals: Residuals) -> Markup:

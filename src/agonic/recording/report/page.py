@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.report import sections, sphere
-from agonic.recording.report.quantities import unit_label
 from agonic.report import tables
 from agonic.report.digits import degrees, grouped, quantity
 from agonic.report.documents import document, static
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, data_script, element, markup, table
 from agonic.report.verdict import MEANINGS
 

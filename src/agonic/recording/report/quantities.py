@@ -17,12 +17,10 @@ from agonic.calibration.interference import Interference, signals
 from agonic.maths.equation.affine import model_basis, split
 from agonic.recording.calibrated import Calibrated
 from agonic.report.digits import degrees, grouped, quantity
-from agonic.units import RAW
+from agonic.report.labels import PER, unit_label
 
 _AXES = ("x", "y", "z")
 ADDED = "Added by "
-PER = {"current": "per A", "throttle": "at full throttle", "second": "per unit"}
-"""What a source is counted in."""
 _PAIRS = ("xy", "xz", "yz")
 _ENTRIES = {
     "xx": (0, 0),
@@ -54,15 +52,6 @@ class Group:
     name: str
     unit: str
     rows: tuple[Quantity, ...]
-
-
-def unit_label(unit: str) -> str:
-    """A unit as it is shown.
-
-    >>> unit_label("raw")
-    'raw units'
-    """
-    return "raw units" if unit == RAW else unit
 
 
 def _ratio(above: str, below: str) -> str:

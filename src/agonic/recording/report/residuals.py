@@ -10,8 +10,8 @@ from agonic.arrays import Array, Mask
 from agonic.maths.equation.affine import magnitude_residual
 from agonic.maths.equation.coverage import cells_of, icosphere
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import grouped, quantity, signed
+from agonic.report.labels import unit_label
 from agonic.report.strips import robust_limit
 
 FEWEST = 10

@@ -9,13 +9,16 @@ import numpy as np
 
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.report import figures, sphere
-from agonic.recording.report.quantities import mixes, unit_label
+from agonic.recording.report.next_move import next_move
+from agonic.recording.report.quantities import mixes
 from agonic.recording.report.residuals import FEWEST, Residuals, parted, residuals_of
+from agonic.recording.report.tables import method, numbers
 from agonic.report import blocks, tables
 from agonic.report.digits import counted, degrees, grouped, minused, percent, quantity
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, data_script, element
 from agonic.report.strips import beyond_words, captioned
-from agonic.report.verdict import next_move, sentence
+from agonic.report.verdict import sentence
 
 TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys; Home turns back."
 
@@ -27,11 +30,11 @@ def sensor(number: int, result: Calibrated, exports: Sequence[str], most: int) -
         element("h2", result.samples.name, id=f"{name}-name"),
         blocks.verdict(result.verdict, minused(sentence(result.status)), move=next_move(result)),
         _key_figures(result),
-        _part("Numbers", tables.numbers(result), _logged_note(result)),
+        _part("Numbers", numbers(result), _logged_note(result)),
         _part("Sphere before and after", *_spheres(result, most)),
         _part("Magnitude and residuals", *_residuals(result, residuals)),
         _part("Verification", _held_out_note(result), tables.checks(result.verification)),
-        _part("Method and model", tables.method(result)),
+        _part("Method and model", method(result)),
         _part("Findings", tables.findings(result.fit.findings)),
         _part("Coverage", *_coverage(result)),
         _part("Exports", _exports(exports)),

@@ -6,13 +6,14 @@ import textwrap
 from collections.abc import Iterator, Sequence
 
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.report.quantities import ADDED, quantities, unit_label
+from agonic.recording.report.next_move import next_move
+from agonic.recording.report.quantities import ADDED, quantities
 from agonic.report.digits import degrees, grouped, minused, quantity, with_sd
+from agonic.report.labels import unit_label
 from agonic.report.tables import spread
-from agonic.report.verdict import MEANINGS, next_move, sentence
+from agonic.report.text import SIGNS, WIDTH
+from agonic.report.verdict import MEANINGS, sentence
 
-WIDTH = 100
-SIGNS = {"good": "✓", "check": "!", "refused": "✗"}
 LABELS = {"current_A": "Current", "throttle": "Throttle"}
 
 _MOST_LINES = 2  # of a sentence, so that three sensors fit on a screen of 24 lines

@@ -10,10 +10,10 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.thermal import Thermal
-from agonic.recording.report.figures import along_time
-from agonic.recording.report.quantities import unit_label
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup
 from agonic.report.strips import Axis, down, level, path, plot, points, right
+from agonic.report.time_axis import along_time
 from agonic.thermal.calibrated import ChamberField, HeldOut
 from agonic.thermal.fit import Bins, Spread
 

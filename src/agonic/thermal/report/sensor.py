@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agonic.calibration.thermal import MARGIN_C, Thermal
-from agonic.recording.report.quantities import unit_label
 from agonic.report import blocks
 from agonic.report import tables as common
 from agonic.report.digits import minused, quantity
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import captioned
 from agonic.report.verdict import moves, sentence

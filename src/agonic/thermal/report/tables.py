@@ -8,8 +8,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
-from agonic.recording.report.quantities import unit_label
 from agonic.report.digits import counted, grouped, minused, quantity, signed, with_sd
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS

@@ -7,8 +7,8 @@ import textwrap
 import numpy as np
 
 from agonic.calibration.thermal import Thermal
-from agonic.recording.report.text import SIGNS, WIDTH
 from agonic.report.digits import grouped, with_sd
+from agonic.report.text import SIGNS, WIDTH
 from agonic.report.verdict import MEANINGS, sentence
 from agonic.thermal.calibrated import CalibratedCampaign, CalibratedSensor
 from agonic.thermal.campaign.description import ranges

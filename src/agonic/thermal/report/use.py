@@ -7,12 +7,12 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
-from agonic.recording.report.figures import along_time
-from agonic.recording.report.quantities import unit_label
 from agonic.report import tables as common
 from agonic.report.digits import counted, grouped, minused
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import BINS, Axis, Columns, captioned, marked, plot, spread
+from agonic.report.time_axis import along_time
 from agonic.samples import Samples
 from agonic.thermal.report import figures
 from agonic.verification import Verification

@@ -1,0 +1,55 @@
+"""How a command ends: its files are written, its result is said, and its exit status follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from agonic.report.document import Document
+
+
+def finish(
+    document: Document,
+    *,
+    files: Sequence[Path | str] | None = None,
+    report: Path | None = None,
+    option: str = "--report",
+    as_json: bool = False,
+) -> int:
+    """Write the report that was asked for, say the result, and return the exit status.
+
+    `files` are written already; None where the command writes none unless a report is asked for.
+    `option` is the one that `report` was given by. The status is 0 where nothing is objected to.
+    """
+    from agonic.console.output import print_json, say
+
+    written = [str(file) for file in files or ()]
+    if report is not None:
+        made = {".html": document.to_html, ".txt": lambda: document.to_text() + "\n"}
+        written.append(write_as_named(report, option, made))
+    if as_json:
+        print_json(document.schema, {**document.to_record(), "files": written})
+    else:
+        say(document.to_text())
+        if written or files is not None:
+            say(f"\nWritten   {', '.join(written)}" if written else "\nNothing was written.")
+    return 0 if document.good else 1
+
+
+def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]]) -> str:
+    """Write a file in the form that its name asks for, and return its name.
+
+    `made` gives the content for each ending; `option` names the file on the command line.
+    """
+    from agonic.atomic import write_atomically
+    from agonic.errors import AgonicError
+
+    ending = file.suffix.lower()
+    make = made.get(".html" if ending == ".htm" else ending)
+    if make is None:
+        *others, last = made
+        named = f"{', '.join(others)} or {last}"
+        raise AgonicError(f"{option} {file} is no kind of page; name it {named}")
+    return str(write_atomically(file, make()))

@@ -1,0 +1,252 @@
+"""`Document`: what is said and shown of a result, once, for a page, plain text and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from agonic.calibration.base import Calibration
+from agonic.health import Finding
+from agonic.report import blocks, tables, text
+from agonic.report.digits import minused
+from agonic.report.documents import document, static
+from agonic.report.markup import Markup, data_script, element, markup, table
+from agonic.report.verdict import MEANINGS, moves, sentence
+from agonic.samples import Samples
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: its head and its rows, whose first cell names them.
+
+    `style` are its classes in the style sheets; `scrolls` lets it be wider than a small screen.
+    Cells of a table that is printed as text are plain strings.
+    """
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    style: str = "numbers"
+    scrolls: bool = False
+
+    def to_html(self) -> Markup:
+        """The table as markup."""
+        made = table(self.head, self.rows, class_=self.style)
+        return element("div", made, class_="scroll") if self.scrolls else made
+
+
+Drawn = Callable[[], "Markup | Sequence[Markup]"]
+"""Makes a figure, or other markup; called only for a page."""
+
+Block = str | Mapping[str, str] | Table | Drawn
+"""Prose (or markup as it stands), entries, a table, or what makes a figure."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a document under its heading, which may be empty.
+
+    `printed` sections are part of the plain text too, without what is drawn in them.
+    """
+
+    title: str
+    blocks: Sequence[Block]
+    printed: bool = False
+
+    def to_html(self, level: str = "h2") -> Markup:
+        """The section as markup, its heading of a level."""
+        drawn = [_block(block) for block in self.blocks]
+        return blocks.part(self.title, *drawn, level=level) if self.title else markup(*drawn)
+
+    def to_text(self) -> list[str]:
+        """The section as lines, after an empty one."""
+        lines = ["", *([self.title] if self.title else [])]
+        for block in self.blocks:
+            if isinstance(block, Table):
+                lines += text.columns(block.head, block.rows)
+            elif isinstance(block, Mapping):
+                lines += text.wrap_entries(block)
+            elif isinstance(block, str) and not isinstance(block, Markup):
+                lines.append(text.wrap(block))
+        return lines
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Document:
+    """What is said and shown of one result.
+
+    Attributes
+    ----------
+    schema : of its JSON. kind : what the page is: "Axis of a coil". name : what it is about.
+    title : heading of the page; default: the name. method : how, and from how much, after the
+        verdict in text. about : a line under the heading of the page.
+    verdict, status : the result in a word and in sentences. Without a verdict the status is a
+        summary: first in the text, under the heading of the page.
+    findings : what was seen; None where nothing was looked for. move : what to do next; default:
+        what helps against the gravest finding. remarks : notes for whoever uses it.
+    key_figures : name, value, and what it is of. entries : label → text, in the text, and on the
+        page under the heading `entries_title`, unless that is "". sections : the rest.
+    values : what the JSON says beside verdict, status and findings.
+    sensors : a document for each sensor, where there are several.
+    calibration, samples : whose provenance is shown.
+    styles, scripts : files of `static/`. data : JSON for the scripts, by its id in the page.
+    """
+
+    schema: str = ""
+    kind: str = ""
+    name: str
+    title: str = ""
+    method: str = ""
+    about: str = ""
+    verdict: str = ""
+    status: str = ""
+    findings: Sequence[Finding] | None = None
+    move: str | None = None
+    remarks: Sequence[str] = ()
+    key_figures: Sequence[tuple[str, str, str]] = ()
+    entries: Mapping[str, str] | None = None
+    entries_title: str = "What was found"
+    sections: Sequence[Section] = ()
+    values: Mapping[str, Any] | None = None
+    sensors: Sequence[Document] = ()
+    calibration: Calibration | None = None
+    samples: Samples | None = None
+    styles: Sequence[str] = ()
+    scripts: Sequence[str] = ()
+    data: Mapping[str, Callable[[], Any]] | None = None
+
+    @property
+    def good(self) -> bool:
+        """Nothing to object."""
+        return self.verdict in ("", "good")
+
+    def to_html(self) -> str:
+        """The page, which needs nothing else.
+
+        >>> made = Document(kind="Coil", name="a < b", verdict="good", status="All is well.")
+        >>> page = made.to_html()
+        >>> page.count("a &lt; b"), "All is well." in page
+        (2, True)
+        """
+        name = self.title or self.name
+        about = self.about or ("" if self.verdict else self.status)
+        under = [element("p", minused(about), class_="kicker")] if about else []
+        inside = [
+            *self._opening(),
+            *self._middle("h2"),
+            *(sensor._article(f"sensor-{k}") for k, sensor in enumerate(self.sensors, start=1)),
+            *self._origin("h2"),
+        ]
+        body = markup(
+            blocks.header(self.kind, name, *under), element("main", *inside), *self._scripts()
+        )
+        return document(
+            f"{self.kind}: {name}",
+            body,
+            style="".join(map(static, ("report.css", *self.styles))),
+            script="".join(map(static, self.scripts)),
+        )
+
+    def to_text(self) -> str:
+        """The result for people, on a terminal; of a refused one no more than why.
+
+        >>> made = Document(name="coil", verdict="good", method="4 reversals",
+        ...                 status="All is well.", entries={"Constant": "76 nT/A"})
+        >>> print(made.to_text())
+        ✓ coil: good (4 reversals)
+          All is well.
+          Constant  76 nT/A
+        """
+        return "\n".join(self._lines()).removeprefix("\n")
+
+    def to_record(self) -> dict[str, Any]:
+        """The result for programs, without the name of the schema."""
+        record: dict[str, Any] = {}
+        if self.verdict:
+            record["verdict"] = self.verdict
+        if self.verdict and self.status:
+            record["status"] = self.status
+        if self.findings is not None:
+            record["findings"] = [asdict(finding) for finding in self.findings]
+        record |= self.values or {}
+        if self.sensors:
+            record["sensors"] = [sensor.to_record() for sensor in self.sensors]
+        return record
+
+    @property
+    def next_move(self) -> str:
+        """What to do next."""
+        if self.move is not None:
+            return self.move
+        return next(iter(moves(self.findings or ())), "")
+
+    def _lines(self) -> Iterable[str]:
+        if self.verdict:
+            word = MEANINGS[self.verdict][0].lower()
+            method = f" ({self.method})" if self.method else ""
+            yield text.printable(f"{text.SIGNS[self.verdict]} {self.name}: {word}{method}")
+        if self.status:
+            yield text.wrap(self.status, indent="  " if self.verdict else "")
+        if self.verdict != "refused":
+            yield from text.wrap_entries(self.entries or {})
+            for section in self.sections:
+                if section.printed:
+                    yield from section.to_text()
+        yield from (text.wrap(note, label="Note      ") for note in self.remarks)
+        for sensor in self.sensors:
+            yield ""
+            yield from sensor._lines()
+
+    def _opening(self) -> Iterable[Markup]:
+        """Verdict and figures to look at first; of a refused result the verdict alone."""
+        if self.verdict:
+            yield blocks.verdict(self.verdict, minused(self.status), move=self.next_move)
+        if self.key_figures and self.verdict != "refused":
+            yield blocks.key_figures(self.key_figures)
+
+    def _middle(self, level: str) -> Iterable[Markup]:
+        if self.entries and self.entries_title and self.verdict != "refused":
+            yield Section(self.entries_title, [self.entries]).to_html(level)
+        yield from (section.to_html(level) for section in self.sections)
+        if self.findings is not None:
+            yield blocks.part("Findings", tables.findings(self.findings), level=level)
+        if self.remarks:
+            notes = [element("p", sentence(note)) for note in self.remarks]
+            yield blocks.part("Notes", *notes, level=level)
+
+    def _origin(self, level: str) -> Iterable[Markup]:
+        if self.calibration is not None:
+            made = tables.provenance(self.calibration, self.samples)
+            yield blocks.part("Provenance", made, level=level)
+
+    def _article(self, anchor: str) -> Markup:
+        """The document of one sensor within that of several."""
+        head = element("h2", self.title or self.name, id=f"{anchor}-name")
+        return element(
+            "article",
+            head,
+            *self._opening(),
+            *self._middle("h3"),
+            *self._origin("h3"),
+            *self._scripts(),
+            id=anchor,
+            aria_labelledby=f"{anchor}-name",
+            data_source=next(iter(self.data or {}), None),
+        )
+
+    def _scripts(self) -> list[Markup]:
+        return [data_script(make(), id=name) for name, make in (self.data or {}).items()]
+
+
+def _block(block: Block) -> Markup:
+    """A block of a section as markup."""
+    if isinstance(block, Markup):
+        return block
+    if isinstance(block, str):
+        return element("p", minused(block))
+    if isinstance(block, Table):
+        return block.to_html()
+    if isinstance(block, Mapping):
+        return tables.definitions({name: minused(words) for name, words in block.items() if words})
+    drawn = block()
+    return drawn if isinstance(drawn, Markup) else markup(*drawn)

@@ -1,0 +1,72 @@
+"""Plain text for a terminal: the signs of verdicts, wrapped lines, entries with labels, tables."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+
+from agonic.report.digits import minused
+
+WIDTH = 100
+SIGNS = {"good": "✓", "check": "!", "refused": "✗"}
+"""The sign of each verdict at the head of a line."""
+
+
+def wrap(text: str, *, indent: str = "  ", label: str = "", most_lines: int | None = None) -> str:
+    """Text as lines of a terminal's width; a label stands before the first.
+
+    Parameters
+    ----------
+    indent : before every line. label : before the first; the other lines begin where it ends.
+    most_lines : of which the last ends in an ellipsis where the text is longer.
+
+    >>> print(wrap("turn it about all the axes " * 5, label="Next  "))
+      Next  turn it about all the axes turn it about all the axes turn it about all the axes turn it
+            about all the axes turn it about all the axes
+    """
+    return textwrap.fill(
+        minused(printable(text)),
+        WIDTH,
+        initial_indent=indent + label,
+        subsequent_indent=indent + " " * len(label),
+        break_long_words=False,
+        max_lines=most_lines,
+        placeholder=" …",
+    )
+
+
+def wrap_entries(entries: Mapping[str, str]) -> list[str]:
+    """Each entry on as many lines as it takes, its label before it.
+
+    >>> wrap_entries({"Noise": "12 nT", "Condition": "3.1"})
+    ['  Noise      12 nT', '  Condition  3.1']
+    """
+    wide = max(map(len, entries), default=0) + 2
+    return [wrap(text, label=f"{label:<{wide}}") for label, text in entries.items() if text]
+
+
+def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as lines: the first column from the left, the others from the right.
+
+    >>> columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
+    ['  nodes  rms, nT', '  3         12.5', '  10         9.1']
+    """
+    table = [head, *rows]
+    wide = [max(len(row[k]) for row in table) for k in range(len(head))]
+    return [
+        "  "
+        + "  ".join(
+            f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
+            for k, (cell, w) in enumerate(zip(row, wide, strict=True))
+        ).rstrip()
+        for row in table
+    ]
+
+
+def printable(text: str) -> str:
+    """Text without the control characters that a log could smuggle into a terminal.
+
+    >>> printable("a\\x07b")
+    'a?b'
+    """
+    return "".join(c if c.isprintable() else "?" for c in text)

@@ -1,0 +1,43 @@
+"""How commands end: files, what is said, exit status."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from agonic.console.finish import finish
+from agonic.errors import AgonicError
+from agonic.report.document import Document
+
+GOOD = Document(schema="agonic/a@1", kind="A", name="coil", verdict="good", values={"n": 3})
+DOUBTED = Document(schema="agonic/a@1", name="coil", verdict="check", values={})
+
+
+def test_the_status_follows_from_the_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    assert finish(GOOD) == 0
+    assert finish(DOUBTED) == 1
+    assert capsys.readouterr().out == "✓ coil: good\n! coil: check\n"
+
+
+def test_programs_get_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.HTML"
+    assert finish(GOOD, files=["a.json"], report=page, as_json=True) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert list(said) == ["schema", "verdict", "n", "files"]
+    assert said["files"] == ["a.json", str(page)]
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_people_are_told_what_was_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    finish(GOOD, report=tmp_path / "a.txt")
+    assert capsys.readouterr().out == f"✓ coil: good\n\nWritten   {tmp_path / 'a.txt'}\n"
+    assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "✓ coil: good\n"
+    finish(GOOD, files=())
+    assert capsys.readouterr().out.endswith("\nNothing was written.\n")
+
+
+def test_another_ending_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(AgonicError, match=r"-o .*a\.pdf is no kind of page; name it .html or .txt"):
+        finish(GOOD, report=tmp_path / "a.pdf", option="-o")
