@@ -19,6 +19,8 @@ def save(calibration: Calibration | Deviation, path: Path | str) -> Path:
     Raises `AgonicError` where it is no calibration, holds a NaN, or the file cannot be written.
 
     >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from agonic.calibration.affine import Affine
     >>> with TemporaryDirectory() as folder:
     ...     path = save(Affine(bias=[10, 0, 0.1], matrix=np.eye(3)), folder + "/mag.json")
     ...     load(path).bias.tolist()
@@ -33,6 +35,8 @@ def load(path: Path | str) -> AnyCalibration | Deviation:
     Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
 
     >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from agonic.calibration.affine import Affine
     >>> with TemporaryDirectory() as folder:
     ...     load(save(Affine(bias=[1, 2, 3], matrix=np.eye(3)), folder + "/mag.json")).kind
     'affine'
