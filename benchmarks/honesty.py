@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import agonic as ag
-from agonic.maths.equation.gauge import entries
+from agonic.maths.equation.symmetric import pack_symmetric
 from benchmarks import tables
 from benchmarks.scenarios import COVERAGES, MAGNITUDE, Case, Model, draw, over_cases
 
@@ -61,7 +61,7 @@ def score(case: Case, draws: int) -> Array:
 
 
 def _numbers(calibration: ag.Affine) -> Array:
-    return np.concatenate([calibration.bias, entries(calibration.matrix)])
+    return np.concatenate([calibration.bias, pack_symmetric(calibration.matrix)])
 
 
 def spread(pairs: Array) -> float:

@@ -11,7 +11,7 @@ import pytest
 
 import agonic as ag
 from agonic.maths.equation.affine import correction_jacobian, magnitude_residual, model_basis
-from agonic.maths.equation.gauge import entries
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.simulation import random_calibration, simulate, with_outliers
 
 FIELD = 50_000.0
@@ -54,7 +54,10 @@ def draw(coverage: str, model: str, *, k: int, n: int, noise: float, defects=(),
         )
         fit = ag.fit_ellipsoid(made.samples, ag.Reference.constant(FIELD), model=model, **settings)
         error = np.concatenate(
-            [fit.calibration.bias - truth.bias, entries(fit.calibration.matrix - truth.matrix)]
+            [
+                fit.calibration.bias - truth.bias,
+                pack_symmetric(fit.calibration.matrix - truth.matrix),
+            ]
         )
         own = {"sphere": 4, "diagonal": 6}.get(model, 9)
         z.append(error[:own] / fit.sd[:own])
@@ -116,7 +119,7 @@ def test_the_prior_moves_nothing_under_full_coverage(n: int) -> None:
         moved = np.concatenate(
             [
                 held.calibration.bias - free.calibration.bias,
-                entries(held.calibration.matrix - free.calibration.matrix),
+                pack_symmetric(held.calibration.matrix - free.calibration.matrix),
             ]
         )
         assert np.abs(moved / free.sd).max() < 0.01

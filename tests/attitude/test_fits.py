@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.attitude import fit_interference, fit_levelled, fit_vector
 from agonic.field.place import field_along
-from agonic.maths.equation.gauge import entries
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.simulation import simulate
@@ -78,7 +78,9 @@ def draws(kind: str, k: int, **settings: Any) -> np.ndarray:
         else:
             fit = fit_interference(samples, PLACE)
         found, truth = fit.calibration, made.truth
-        error = np.concatenate([found.bias - truth.bias, entries(found.matrix - truth.matrix)])
+        error = np.concatenate(
+            [found.bias - truth.bias, pack_symmetric(found.matrix - truth.matrix)]
+        )
         sd = fit.sd[:9]
         if kind == "interference":
             slope = np.linalg.solve(truth.matrix, STRAY)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import agonic as ag
 from agonic.calibration.affine import PARAMETERS
-from agonic.maths.equation.gauge import entries
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.simulation import random_calibration
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -60,7 +60,7 @@ def test_uncertainty_is_that_of_many_calibrations() -> None:
     raw = 50_000 * rng.normal(size=(4, 3))
     fields = []
     for error in rng.multivariate_normal(np.zeros(9), affine.covariance, 20_000):
-        xx, yy, zz, xy, xz, yz = entries(affine.matrix) + error[3:]
+        xx, yy, zz, xy, xz, yz = pack_symmetric(affine.matrix) + error[3:]
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         fields.append((raw - affine.bias - error[:3]) @ matrix.T)
     found = np.array([np.cov(np.array(fields)[:, k].T) for k in range(4)])

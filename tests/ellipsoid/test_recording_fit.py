@@ -18,13 +18,14 @@ from agonic.ellipsoid import large_scan, large_solve
 from agonic.ellipsoid.maths import block_sums
 from agonic.logs.large.mission import Mission, open_mission
 from agonic.maths.equation import likelihood
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import batch_scores, leastsq
 
 F = 50_000.0
 REFERENCE = ag.Reference.constant(F)
 BIAS = np.array([3000.0, -500.0, 100.0])
 MATRIX = np.eye(3) + 0.05 * np.array([[0.3, 0.2, -0.1], [0.2, -0.5, 0.4], [-0.1, 0.4, 0.6]])
-TRUTH = np.concatenate([BIAS, MATRIX[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
+TRUTH = np.concatenate([BIAS, pack_symmetric(MATRIX)])
 Write = Callable[..., Mission]
 
 
@@ -58,7 +59,7 @@ def write(tmp_path: Path) -> Write:
 
 def parameters(fit: ag.Fit) -> np.ndarray:
     w = fit.calibration.matrix
-    return np.concatenate([fit.calibration.bias, w[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
+    return np.concatenate([fit.calibration.bias, pack_symmetric(w)])
 
 
 def apart(one: ag.Fit, other: ag.Fit) -> float:

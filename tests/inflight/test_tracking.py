@@ -15,6 +15,7 @@ from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.inflight.tracking import Tracker, choose_walk, start, update
 from agonic.maths.equation import gauge
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.estimation import leastsq
 from agonic.simulation import random_calibration, simulate
 
@@ -78,7 +79,7 @@ def test_without_walk_it_equals_the_batch_fit(n: int) -> None:
         state, _ = update(
             start(None, PARAMS), PARAMS, made.samples.time, made.samples.field, 50_000.0
         )
-        truth = np.concatenate([made.truth.bias, gauge.entries(made.truth.matrix)])
+        truth = np.concatenate([made.truth.bias, pack_symmetric(made.truth.matrix)])
         solution = batch(made.samples, 50_000.0, truth)
         sd = np.sqrt(np.diag(np.linalg.inv(solution.information)))
         assert np.abs((state.belief.state[1:] - solution.params) / sd).max() < 0.05
@@ -96,19 +97,16 @@ def test_error_over_sd_is_standard_normal(kind: str) -> None:
         samples, reference, bias, truth = orbiting(seed, n=2500, walk=walk, external=external)
         rng = np.random.default_rng(1000 + seed)
         off = rng.standard_normal(9) * sd
-        symmetric = np.zeros((3, 3))
-        symmetric[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]] = off[3:]
-        symmetric = symmetric + np.triu(symmetric, 1).T
         ground = replace(
             truth,
-            matrix=truth.matrix + symmetric,
+            matrix=truth.matrix + unpack_symmetric(off[3:]),
             covariance=np.diag(sd**2),
             bias=truth.bias + off[:3] + 2000 * rng.standard_normal(3),
         )
         tracker = Tracker(ground, params)
         tracker.update(samples, reference)
         now = tracker.calibration
-        error = np.concatenate([now.bias - bias[-1], gauge.entries(now.matrix - truth.matrix)])
+        error = np.concatenate([now.bias - bias[-1], pack_symmetric(now.matrix - truth.matrix)])
         z.append(error / now.sd)
         assert not tracker.jumps
     # 40 draws of nine correlated errors scatter as some 160 numbers: 0.06
@@ -326,7 +324,7 @@ def test_only_what_is_asked_for_moves(solve, moved: int) -> None:
     tracker = Tracker(replace(truth, covariance=covariance), replace(PARAMS, solve=solve))
     tracker.update(samples, reference)
     now = tracker.calibration
-    change = np.concatenate([now.bias - truth.bias, gauge.entries(now.matrix - truth.matrix)])
+    change = np.concatenate([now.bias - truth.bias, pack_symmetric(now.matrix - truth.matrix)])
     assert np.count_nonzero(np.abs(change) > 1e-12) == moved
 
 

@@ -17,6 +17,7 @@ from agonic.calibration.base import Validity
 from agonic.calibration.interference import Interference, signals
 from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.equation.attitude_aided import Estimate, Problem
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
@@ -124,7 +125,7 @@ def _of_readings(
 
 def _entries(matrix: Numbers, gauge: str) -> Numbers:
     """The entries of a matrix in the order of a calibration's covariance."""
-    entries = matrix[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    entries = pack_symmetric(matrix)
     return np.concatenate([entries, matrix[[1, 2, 2], [0, 0, 1]]]) if gauge == FREE else entries
 
 

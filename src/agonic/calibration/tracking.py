@@ -14,7 +14,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.equation import gauge
-from agonic.maths.equation.affine import symmetric_of
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.kalman import STATES, Belief, Model
 from agonic.maths.estimation.ud_filter import CLIPPED_SQUARE, SCALE, TIME
 from agonic.maths.rotations.polar import Turned
@@ -193,7 +193,7 @@ class TrackerState:
         covariance[3:, 3:] = held[3:9, 3:9]
         m = len(self.belief.diagonal) - 1
         covariance[:m, :m] = self.belief.covariance[1:, 1:]
-        symmetric = symmetric_of(self.belief.state[4:])
+        symmetric = unpack_symmetric(self.belief.state[4:])
         if self.base.gauge == "triangular":
             matrix, covariance = gauge.triangular(symmetric, covariance)
         elif self.base.gauge == "free":

@@ -31,7 +31,7 @@ from agonic.exports.convert import (
 from agonic.exports.fixed_temperature import held
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.logs.contents import read_bytes
-from agonic.maths.equation.affine import symmetric_of
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
 
 LARGEST_OFFSET = 1800.0  # COMPASS_OFFS_MAX as delivered, mG, of the vector's length
@@ -111,7 +111,7 @@ def ardupilot_parameters(
     term = source_term(calibration, "b", rotation_bm=rotation_bm)
     if term is not None:
         source, added = term
-        motor = -symmetric_of(six) @ added / NANOTESLA_PER["mG"]
+        motor = -unpack_symmetric(six) @ added / NANOTESLA_PER["mG"]
         parameters |= dict(zip(_motor_names(compass), motor.tolist(), strict=True))
         parameters["COMPASS_MOTCT"] = float(MOTOR_KIND[source])
         warnings += (
@@ -132,7 +132,7 @@ def apply_ardupilot(
     offset, six, scale = values[:3], values[3:9], values[9]
     if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
         scale = 1.0
-    matrix = symmetric_of(six) if six[:3].any() else symmetric_of([1, 1, 1, *six[3:]])
+    matrix = unpack_symmetric(six) if six[:3].any() else unpack_symmetric([1, 1, 1, *six[3:]])
     motor = np.array([parameters.get(name, 0.0) for name in _motor_names(compass)])
     added = np.asarray(x, dtype=np.float64)[..., None] * motor
     return np.asarray((scale * (np.asarray(raw) + offset)) @ matrix.T + added)

@@ -25,7 +25,7 @@ from agonic.errors import LogError
 from agonic.exports.convert import Export, left_out, scaled_to, six_numbers
 from agonic.exports.fixed_temperature import held
 from agonic.logs.contents import read_bytes
-from agonic.maths.equation.affine import symmetric_of
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
 
 SIGNATURE = b"\x75\x54"
@@ -104,7 +104,7 @@ def parse_motioncal(path: Path | str) -> Packet:
 
 def apply_motioncal(packet: Packet, raw: ArrayLike) -> Array:
     """The field (…, 3) that the device makes of readings, both in µT and sensor axes."""
-    return np.asarray((np.asarray(raw) - packet.offset) @ symmetric_of(packet.matrix).T)
+    return np.asarray((np.asarray(raw) - packet.offset) @ unpack_symmetric(packet.matrix).T)
 
 
 def crc16(data: bytes) -> int:

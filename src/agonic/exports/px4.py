@@ -36,7 +36,7 @@ from agonic.exports.fixed_temperature import held
 from agonic.exports.polynomials import changes
 from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
 from agonic.logs.contents import read_bytes
-from agonic.maths.equation.affine import symmetric_of
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
 
 DEAD_BAND = 0.01
@@ -183,7 +183,7 @@ def apply_px4(
     comp = np.array([parameters.get(name, 0.0) for name in _power_names(slot)])
     power = np.asarray(x, np.float64)[..., None] / AMPERES.get(int(parameters.get(POWER, 1)), 1.0)
     offset = values[:3] + thermal_offset(parameters, temperature_C, slot=slot)
-    return np.asarray((np.asarray(raw) + power * comp - offset) @ symmetric_of(values[3:]).T)
+    return np.asarray((np.asarray(raw) + power * comp - offset) @ unpack_symmetric(values[3:]).T)
 
 
 def parse_px4(path: Path | str) -> dict[str, float | int]:

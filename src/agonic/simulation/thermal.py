@@ -7,6 +7,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
+from agonic.maths.equation.symmetric import unpack_symmetric
 
 DEGREE = 3
 
@@ -55,13 +56,9 @@ def random_drifting(
     entries = np.zeros((DEGREE + 1, 6))
     entries[0] = [1, 1, 1, 0, 0, 0] + soft_iron * rng.uniform(-1, 1, 6) * [1, 1, 1, 0.5, 0.5, 0.5]
     entries[1:] = _cubics(rng, gain_drift * rng.uniform(0.2, 1.0, 6) * [1, 1, 1, 0.5, 0.5, 0.5])
-    matrix = np.zeros((DEGREE + 1, 3, 3))
-    rows, columns = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-    matrix[:, rows, columns] = entries
-    matrix[:, columns, rows] = entries
     return Thermal(
         bias=biases,
-        matrix=matrix,
+        matrix=unpack_symmetric(entries),
         centre_C=centre_C,
         half_range_C=half_range_C,
         rate=per_rate * rng.uniform(-1.0, 1.0, 3),

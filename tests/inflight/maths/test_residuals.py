@@ -9,9 +9,9 @@ from agonic.inflight.maths.residuals import (
     Rows,
     compute_residuals,
     correct,
-    find_rotation,
 )
 from agonic.maths.equation.affine import azimuth_residual, magnitude_residual
+from agonic.maths.rotations.vectors import find_best_rotation
 
 N = 60
 
@@ -97,8 +97,8 @@ def test_the_turn_between_directions_is_found_without_a_reflection() -> None:
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     noisy = seen @ turn.T + 1e-3 * rng.normal(size=seen.shape)
-    found = find_rotation(seen, noisy, np.ones(200))
+    found = find_best_rotation(seen, noisy, np.ones(200))
     assert np.linalg.det(found) == pytest.approx(1.0)
     assert np.abs(found - turn).max() < 5e-4
     flat = seen * [1, 1, 0]  # all in a plane: still a rotation
-    assert np.linalg.det(find_rotation(flat, flat @ turn.T, np.ones(200))) > 0
+    assert np.linalg.det(find_best_rotation(flat, flat @ turn.T, np.ones(200))) > 0

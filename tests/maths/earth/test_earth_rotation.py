@@ -36,8 +36,8 @@ from agonic.maths.rotations.frames import (
     rot_ci,
     rot_cn,
     rot_en,
-    turn_onto,
 )
+from agonic.maths.rotations.vectors import find_smallest_rotation
 
 arcsec = 1 / 3600
 
@@ -228,7 +228,7 @@ def test_aberration_is_the_speed_of_the_earth() -> None:
 
 def test_the_smallest_turn() -> None:
     start, end = np.array([0.6, 0.8, 0.0]), np.array([0.0, 0.6, 0.8])
-    turn = turn_onto(start, end)
+    turn = find_smallest_rotation(start, end)
     np.testing.assert_allclose(turn @ start, end, atol=1e-15)
     vector = Rotation.from_matrix(turn).as_rotvec()
     np.testing.assert_allclose(

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.maths.equation import coverage
 from agonic.maths.equation.affine import correct, model_basis, split
-from agonic.maths.equation.gauge import entries
+from agonic.maths.equation.symmetric import pack_symmetric
 
 SEEDS = st.integers(0, 2**32 - 1)
 FIELD = 50_000.0
@@ -63,7 +63,7 @@ def test_field_covariance_is_that_of_many_calibrations(gauge: str) -> None:
     units = random_units(5)
     claimed = coverage.field_covariance(units, FIELD, BIAS, matrix, covariance, gauge)
     raw = FIELD * units @ np.linalg.inv(matrix).T + BIAS
-    centre = np.concatenate([BIAS, entries(matrix)])
+    centre = np.concatenate([BIAS, pack_symmetric(matrix)])
     draws = rng.multivariate_normal(centre, covariance, 20_000) @ model_basis("full", gauge).T
     bias, drawn = split(draws)
     fields = correct(raw[None], bias[:, None], drawn)
@@ -90,7 +90,7 @@ def test_heading_sd_is_that_of_many_calibrations() -> None:
     claimed = coverage.heading_sd_deg(60.0, FIELD, MATRIX, covariance, "symmetric")
     along, _ = coverage.level_directions(60.0)
     raw = FIELD * along @ np.linalg.inv(MATRIX).T + BIAS
-    centre = np.concatenate([BIAS, entries(MATRIX)])
+    centre = np.concatenate([BIAS, pack_symmetric(MATRIX)])
     draws = rng.multivariate_normal(centre, covariance, 5000) @ model_basis("full").T
     bias, drawn = split(draws)
     fields = correct(raw[None], bias[:, None], drawn)

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import kstest
 
 from agonic.maths.equation import gauge
+from agonic.maths.equation.symmetric import pack_symmetric
 
 W = np.array([[1.1, 0.05, -0.1], [0.05, 0.9, 0.08], [-0.1, 0.08, 1.0]])
 STEPS = 1e-6
@@ -24,12 +25,12 @@ def random_covariance(seed: int = 0) -> np.ndarray:
 def carried(function, derivative, covariance: np.ndarray) -> np.ndarray:
     """The covariance (9, 9) that a map of the six matrix elements makes of one, by differences."""
     change = np.eye(9)
-    change[3:, 3:] = derivative(function, gauge.entries(W), STEPS)
+    change[3:, 3:] = derivative(function, pack_symmetric(W), STEPS)
     return change @ covariance @ change.T
 
 
 def test_entries_are_listed_diagonal_first() -> None:
-    assert np.array_equal(symmetric(gauge.entries(W)), W)
+    assert np.array_equal(symmetric(pack_symmetric(W)), W)
 
 
 def test_models_spread_to_nine_parameters() -> None:
@@ -53,7 +54,7 @@ def test_mean_gain_one(derivative) -> None:
     assert gain == pytest.approx(2.0)
     assert np.trace(matrix) == pytest.approx(3.0)
     change = np.eye(9)
-    change[3:, 3:] = derivative(lambda flat: flat / flat[:3].mean(), gauge.entries(2 * W), STEPS)
+    change[3:, 3:] = derivative(lambda flat: flat / flat[:3].mean(), pack_symmetric(2 * W), STEPS)
     assert spread == pytest.approx(change @ covariance @ change.T, rel=1e-6, abs=1e-14)
 
 
@@ -75,7 +76,7 @@ def test_triangular_gauge_only_turns_the_field(derivative) -> None:
 
     def by_qr(flat: np.ndarray) -> np.ndarray:
         r = np.linalg.qr(symmetric(flat))[1]
-        return gauge.entries(r * np.sign(np.diag(r))[:, None])
+        return pack_symmetric(r * np.sign(np.diag(r))[:, None])
 
     assert spread == pytest.approx(carried(by_qr, derivative, covariance), rel=1e-4, abs=1e-13)
 

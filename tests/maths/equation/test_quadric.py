@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import model_basis
-from agonic.maths.equation.gauge import entries
+from agonic.maths.equation.symmetric import pack_symmetric
 
 SEEDS = st.integers(0, 2**32 - 1)
 MODELS = {
@@ -158,7 +158,7 @@ def test_algebraic_covariance_is_that_of_many_draws(model: str) -> None:
         covariance, condition = quadric.algebraic_covariance(cleaned, bias, matrix, basis, variance)
         assert 1 <= condition < 100
         free = {"sphere": [3], "diagonal": [3, 4, 5]}.get(model, range(3, 9))
-        error = np.concatenate([bias - BIAS, entries(matrix - MODELS[model])])
+        error = np.concatenate([bias - BIAS, pack_symmetric(matrix - MODELS[model])])
         errors.append(error[[0, 1, 2, *free]])
         claimed.append(np.sqrt(np.diag(covariance)))
     z = np.array(errors) / np.array(claimed)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.maths.equation import gauge as gauges
-from agonic.maths.equation.affine import symmetric_of
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.rotations.polar import turned
 
 SYMMETRIC = np.array([[1.1, 0.02, -0.03], [0.02, 0.95, 0.01], [-0.03, 0.01, 1.02]])
@@ -19,7 +19,7 @@ def spread(seed: int, m: int) -> np.ndarray:
 
 def test_the_parts_give_the_matrix() -> None:
     six, rest = turned(TURN.as_matrix() @ SYMMETRIC, None, "free")
-    assert symmetric_of(six) == pytest.approx(SYMMETRIC, abs=1e-12)
+    assert unpack_symmetric(six) == pytest.approx(SYMMETRIC, abs=1e-12)
     assert rest.rotation == pytest.approx(TURN.as_matrix(), abs=1e-12)
 
 
@@ -54,7 +54,7 @@ def test_free_goes_back() -> None:
     covariance = spread(3, 12)
     matrix = TURN.as_matrix() @ SYMMETRIC
     six, rest = turned(matrix, covariance, "free")
-    back, again = rest.free(symmetric_of(six), rest.covariance[:9, :9])
+    back, again = rest.free(unpack_symmetric(six), rest.covariance[:9, :9])
     assert back == pytest.approx(matrix)
     # only the correlation of the rotation with the rest is given up
     kept = rest.covariance.copy()

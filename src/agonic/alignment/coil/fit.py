@@ -19,7 +19,8 @@ from agonic.calibration.base import beside
 from agonic.errors import CoverageError, ValidityError
 from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import angle_deg
-from agonic.maths.rotations.frames import ARCSEC_RAD, cross_matrix, rot_en
+from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
+from agonic.maths.rotations.vectors import skew
 
 METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02
@@ -179,7 +180,7 @@ def _turned(given: Direction, frame: str, matrix: Array, spread: Array | None) -
     axis = matrix @ given.axis
     covariance = matrix @ given.covariance @ matrix.T
     if spread is not None:
-        cross = cross_matrix(axis)
+        cross = skew(axis)
         covariance = covariance + cross @ spread @ cross.T
     return Direction(frame=frame, axis=axis, covariance=covariance)
 

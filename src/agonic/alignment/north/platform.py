@@ -19,6 +19,7 @@ from agonic.maths.equation.alignment import SIZE, Given, Unknowns
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.maths.rotations.vectors import find_best_rotation
 from agonic.samples import Samples
 
 AZIMUTH = 5
@@ -71,7 +72,7 @@ def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> 
     heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
     given = _given(session, platform, heading)
     at = kernel.start()._replace(offset=np.asarray(session.pier.difference, dtype=np.float64))
-    at = at._replace(rot_mc=kernel.nearest_rotation(kernel.expected_c(at, given), given.field))
+    at = at._replace(rot_mc=find_best_rotation(kernel.expected_c(at, given), given.field))
     magnitude = float(np.linalg.norm(given.reference, axis=1).mean())
     held = _held(session, north_sd_arcsec)
     free = np.flatnonzero(held != np.inf)

@@ -9,6 +9,7 @@ import numpy as np
 
 from agonic.alignment.star_sensor import AlignmentFit, AlignmentPlan, error_budget
 from agonic.maths.equation.alignment import GROUPS
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.report.digits import MINUS, grouped, minused, quantity, significant, with_sd
 from agonic.report.text import SIGNS
@@ -81,7 +82,7 @@ def others(fit: AlignmentFit) -> dict[str, str]:
     if "bias" in groups:
         said["Bias"] = _three(fit.solution.unknowns.bias, sd[GROUPS["bias"]], "nT")
     if "matrix" in groups:
-        six = fit.solution.unknowns.matrix[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        six = pack_symmetric(fit.solution.unknowns.matrix)
         said["Matrix"] = "xx yy zz xy xz yz  " + ", ".join(
             with_sd(float(v), float(s)) for v, s in zip(six, sd[GROUPS["matrix"]], strict=True)
         )

@@ -17,7 +17,8 @@ from agonic.alignment.session.session import PRESENT, Session, Site, StarReading
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.maths.earth.starlight import aberrated, observer_velocity_i, refracted
-from agonic.maths.rotations.frames import rot_en, turn_onto
+from agonic.maths.rotations.frames import rot_en
+from agonic.maths.rotations.vectors import find_smallest_rotation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,7 +123,7 @@ def seen_turn(site: Site, star: StarReadings, rotation_ei: Array) -> Array:
         seen = aberrated(seen, observer_velocity_i(star.time, east, site.latitude_deg))
     if star.refraction == PRESENT:
         seen = refracted(seen, -rotation_in[:, :, 2], site.air)
-    return turn_onto(star.boresight_i, seen)
+    return find_smallest_rotation(star.boresight_i, seen)
 
 
 def _rows(numbers: NDArray[np.int64], wanted: NDArray[np.int64]) -> list[Index]:

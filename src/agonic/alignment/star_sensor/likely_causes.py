@@ -15,6 +15,7 @@ from agonic.alignment.star_sensor.solve import Solved, given_of, rotation_vector
 from agonic.arrays import Index
 from agonic.errors import AgonicError
 from agonic.maths.equation import alignment as kernel
+from agonic.maths.rotations.vectors import find_best_rotation
 
 FAR_BETTER = 0.5
 """A mistake is named where undoing it leaves less than this share of the misfit."""
@@ -97,7 +98,7 @@ def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
         return np.inf
     at = kernel.start()._replace(offset=np.asarray(changed.pier.difference, dtype=np.float64))
     expected = kernel.expected_c(at, given)
-    turn = kernel.nearest_rotation(expected, given.field)
+    turn = find_best_rotation(expected, given.field)
     away = 0.0
     if changed.mounting is not None:
         vector = rotation_vector(turn @ changed.mounting.rot_mc.T)

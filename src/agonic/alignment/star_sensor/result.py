@@ -20,9 +20,9 @@ from agonic.maths.rotations.frames import (
     ARCSEC_RAD,
     angles_232_deg,
     angles_323_deg,
-    cross_matrix,
     rot_en,
 )
+from agonic.maths.rotations.vectors import skew
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,7 +113,7 @@ class AlignmentFit(Judged):
     @property
     def matrix_sd_arcsec(self) -> Array:
         """Standard errors (3, 3) of the direction cosines, as angles."""
-        across = -cross_matrix(self.rot_mc.T)  # ∂(column j)/∂turn, a row of matrices a column
+        across = -skew(self.rot_mc.T)  # ∂(column j)/∂turn, a row of matrices a column
         block = self.covariance[GROUPS["alignment"], GROUPS["alignment"]]
         variance = np.einsum("jia,ab,jib->ij", across, block, across)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)) / ARCSEC_RAD)

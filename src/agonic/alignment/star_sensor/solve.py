@@ -16,6 +16,7 @@ from agonic.maths.equation import alignment as kernel
 from agonic.maths.equation.alignment import GROUPS, SIZE, Given, Unknowns
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.maths.rotations.vectors import find_best_rotation
 
 ROUNDS, STEPS = 6, 30
 HOPELESS = 1e4
@@ -185,7 +186,7 @@ def _start(session: Session, given: Given, groups: tuple[str, ...]) -> Unknowns:
     expected, field = kernel.expected_c(at, given), given.field
     if "bias" in groups and len(field) > 3:
         expected, field = expected - expected.mean(axis=0), field - field.mean(axis=0)
-    return at._replace(rot_mc=kernel.nearest_rotation(expected, field))
+    return at._replace(rot_mc=find_best_rotation(expected, field))
 
 
 def _pieces(

@@ -23,15 +23,16 @@ from agonic.inflight.maths.residuals import (
     Source,
     compute_residuals,
     correct,
-    find_rotation,
     residual_pieces,
 )
 from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.correlated_errors import Lasting
 from agonic.maths.estimation.leastsq import robust_scale
 from agonic.maths.estimation.noise import Noise, noise_of
+from agonic.maths.rotations.vectors import find_best_rotation
 
 BLOCKS = 10
 MOST_INTERVALS = 32
@@ -243,7 +244,7 @@ def _with_attitude(task: Task, estimate: Estimate, intervals: int) -> tuple[Task
     rows = task.rows(estimate.terms).select(task.believed)
     field = correct(rows, estimate.solution.params, estimate.layout)
     seen = field / np.linalg.norm(field, axis=1)[:, None]
-    turn = find_rotation(seen, task.toward.aim[task.believed], estimate.weight)
+    turn = find_best_rotation(seen, task.toward.aim[task.believed], estimate.weight)
     first = estimate.solution.params[:9]
     for _ in range(_ROUNDS):
         task = replace(task, turn=turn)
@@ -261,7 +262,7 @@ def _symmetric_part(estimate: Estimate, turn: Array) -> Array:
     c = estimate.layout.constants
     bias, matrix = split(model_basis("full", FREE) @ estimate.solution.params[:c])
     s = turn.T @ matrix
-    return np.concatenate([bias, s[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]])
+    return np.concatenate([bias, pack_symmetric(s)])
 
 
 def _intervals(task: Task, first: Array) -> tuple[int, dict[int, float]]:

@@ -219,18 +219,3 @@ def _row_by_row(d: Array, matrix: Array, wanted: Array, noise_sd: float) -> tupl
         bend = np.einsum("ni,ni->n", turned, turned) - along**2
         r = r - noise_sd**2 * 0.5 * (trace - 4.0 * bend) / (size * gradient)
     return r, jacobian
-
-
-def find_rotation(seen: Array, wanted: Array, weights: Array) -> Array:
-    """The rotation (3, 3) that takes directions (n, 3) best onto others: wanted ≈ R seen.
-
-    Wahba's problem by singular values (Markley 1988).
-
-    >>> quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    >>> seen = np.eye(3)
-    >>> np.allclose(find_rotation(seen, seen @ quarter.T, np.ones(3)), quarter)
-    True
-    """
-    left, _, right = np.linalg.svd((wanted * weights[:, None]).T @ seen)
-    flip = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(left @ right)))])
-    return np.asarray(left @ flip @ right)

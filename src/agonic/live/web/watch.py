@@ -14,7 +14,7 @@ from agonic.live import LiveFit, LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Sensor
 from agonic.live.web.view import Shown
-from agonic.maths.equation.gauge import entries
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
@@ -141,10 +141,10 @@ class Watched:
         return (low + high) / 2, np.eye(3) / reach
 
     def _numbers(self, calibration: Affine) -> list[Number]:
-        now = [*calibration.bias, *entries(calibration.matrix)]
+        now = [*calibration.bias, *pack_symmetric(calibration.matrix)]
         sd = [None] * 9 if calibration.sd is None else calibration.sd.tolist()
         before = self._comparable(calibration)
-        old = [None] * 9 if before is None else [*before.bias, *entries(before.matrix)]
+        old = [None] * 9 if before is None else [*before.bias, *pack_symmetric(before.matrix)]
         units = [calibration.unit_in] * 3 + [""] * 6
         rows = zip(PARAMETERS, units, now, sd, old, strict=True)
         old_spread = None if before is None else self._spread(before.correct)

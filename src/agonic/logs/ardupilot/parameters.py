@@ -16,7 +16,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.ardupilot.dataflash_binary import Index, Table
-from agonic.maths.equation.affine import correct, symmetric_of
+from agonic.maths.equation.affine import correct
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
 
@@ -78,7 +79,7 @@ def soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, Array]:
 
 def _matrix(six: Array, scale: float) -> Array:
     """M s; diagonals of zero mean that there is no M, and a scale out of bounds is not used."""
-    matrix = symmetric_of(six) if six[:3].any() else np.eye(3)
+    matrix = unpack_symmetric(six) if six[:3].any() else np.eye(3)
     if abs(np.linalg.det(matrix)) < SMALLEST_DETERMINANT:
         matrix = np.eye(3)
     return matrix * scale if 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE else matrix

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.maths.equation.affine import correct, symmetric_of
+from agonic.maths.equation.affine import correct
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.samples import Logged
 from agonic.units import NANOTESLA_PER
 
@@ -89,7 +90,7 @@ def correction(parameters: Parameters, slot: str) -> Logged | None:
     """OFF and S of a slot, or `None` where its numbers cannot be a calibration."""
     bias = np.array([number(parameters, f"{slot}_{axis}OFF") for axis in AXES])
     diagonal = [number(parameters, f"{slot}_{axis}SCALE", 1.0) for axis in AXES]
-    matrix = symmetric_of(
+    matrix = unpack_symmetric(
         [*diagonal, *(number(parameters, f"{slot}_{axis}ODIAG") for axis in AXES)]
     )
     if max(np.abs(matrix).max(), np.abs(bias).max()) > 100 or abs(np.linalg.det(matrix)) < 1e-3:

@@ -7,7 +7,7 @@ the parameters of a model and gauge, and `with_covariates` spreads them over a b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -26,12 +26,6 @@ _LOWER = ((1, 0), (2, 0), (2, 1))  # yx zx zy
 def correct(raw: Array, bias: Array, matrix: Array) -> Array:
     """Apply the calibration, field = matrix @ (raw − bias); broadcasts over leading axes."""
     return np.asarray((raw - bias) @ np.swapaxes(matrix, -1, -2))
-
-
-def symmetric_of(six: Sequence[float] | Array) -> Array:
-    """The symmetric matrix (3, 3) of its entries xx yy zz xy xz yz."""
-    xx, yy, zz, xy, xz, yz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
 
 
 @lru_cache(maxsize=16)

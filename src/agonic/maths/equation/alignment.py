@@ -13,9 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.maths.equation.affine import symmetric_of
-from agonic.maths.equation.gauge import entries
-from agonic.maths.rotations.frames import cross_matrix
+from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
+from agonic.maths.rotations.vectors import skew
 
 GROUPS = {
     "alignment": slice(0, 3),
@@ -44,7 +43,7 @@ class Unknowns(NamedTuple):
             turned(step[3:6]) @ self.rot_nr,
             self.offset + step[6:9],
             self.bias + step[9:12],
-            symmetric_of(entries(self.matrix) + step[12:18]),
+            unpack_symmetric(pack_symmetric(self.matrix) + step[12:18]),
         )
 
 
@@ -84,12 +83,12 @@ def residual(at: Unknowns, given: Given) -> tuple[Array, Array]:
     onto_m = at.rot_mc @ given.rot_cn
     beside = (given.reference + at.offset) @ at.rot_nr.T
     jacobian = np.empty((len(d), 3, SIZE))
-    jacobian[:, :, :3] = cross_matrix(expected)
-    jacobian[:, :, 3:6] = onto_m @ cross_matrix(beside)
+    jacobian[:, :, :3] = skew(expected)
+    jacobian[:, :, 3:6] = onto_m @ skew(beside)
     jacobian[:, :, 6:9] = -onto_m @ at.rot_nr
     jacobian[:, :, 9:12] = -at.matrix
     for k, unit in enumerate(np.eye(6)):
-        jacobian[:, :, 12 + k] = d @ symmetric_of(unit)
+        jacobian[:, :, 12 + k] = d @ unpack_symmetric(unit)
     return d @ at.matrix - expected, jacobian
 
 
@@ -98,7 +97,7 @@ def spread(at: Unknowns, given: Given) -> Array:
 
     An attitude that is off by the small rotation ε sees the field v off by ε × v.
     """
-    across = at.rot_mc @ cross_matrix(expected_c(at, given))
+    across = at.rot_mc @ skew(expected_c(at, given))
     stars = across @ given.star_covariance @ np.swapaxes(across, 1, 2)
     own = given.noise[:, None, None] ** 2 * (at.matrix @ at.matrix)
     beside = given.reference_noise[:, None, None] ** 2 * np.eye(3)
@@ -115,20 +114,6 @@ def information(at: Unknowns, given: Given) -> Array:
     _, jacobian = residual(at, given)
     white = whitener(spread(at, given)) @ jacobian
     return np.asarray(np.einsum("kir,kis->rs", white, white))
-
-
-def nearest_rotation(from_c: Array, to_m: Array) -> Array:
-    """The rotation R with R from_c ≈ to_m, (n, 3) each, in the least-squares sense.
-
-    Source: Kabsch, Acta Crystallographica A32, 1976; Markley, Journal of the Astronautical
-    Sciences 36, 1988.
-
-    >>> nearest_rotation(np.eye(3), np.roll(np.eye(3), 1, axis=1)).round(9).tolist()
-    [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    """
-    u, _, vt = np.linalg.svd(to_m.T @ from_c)
-    proper = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u) * np.linalg.det(vt)))])
-    return np.asarray(u @ proper @ vt)
 
 
 def units(magnitude: float) -> Array:

@@ -12,14 +12,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from agonic.arrays import Array
+from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.estimation.leastsq import inverse
-
-_ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-
-
-def entries(matrix: Array) -> Array:
-    """xx yy zz xy xz yz of a matrix, (…, 6)."""
-    return np.asarray(matrix[..., _ROWS, _COLUMNS])
 
 
 def mean_gain(matrix: Array) -> Any:
@@ -51,7 +45,7 @@ def mean_gain_one(matrix: Array, covariance: Array) -> tuple[Array, Array, Any]:
     toward = np.array([1.0, 1, 1, 0, 0, 0]) / 3
     change = np.zeros(covariance.shape)
     change[..., :3, :3] = np.eye(3)
-    change[..., 3:, 3:] = (np.eye(6) - entries(matrix)[..., :, None] / k * toward) / k
+    change[..., 3:, 3:] = (np.eye(6) - pack_symmetric(matrix)[..., :, None] / k * toward) / k
     spread = change @ covariance @ np.swapaxes(change, -1, -2)
     # a sphere's entries are exactly 1 now, but for rounding
     exact = np.diagonal(spread, axis1=-2, axis2=-1) < 1e-24
@@ -90,7 +84,7 @@ def in_units(
     covariance = scaled(covariance, size, factor)
     if units.magnitude is not None:
         stretch = np.zeros(covariance.shape[:-1])
-        stretch[..., 3:] = entries(matrix) * units.sd / magnitude
+        stretch[..., 3:] = pack_symmetric(matrix) * units.sd / magnitude
         covariance = covariance + stretch[..., :, None] * stretch[..., None, :]
     if gauge == "triangular":
         matrix, covariance = triangular(matrix, covariance)
@@ -105,18 +99,16 @@ def triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:
     """
 
     def upper(flat: Array) -> Array:
-        w = np.empty((*flat.shape[:-1], 3, 3))
-        w[..., _ROWS, _COLUMNS] = flat
-        w[..., _COLUMNS, _ROWS] = flat
+        w = unpack_symmetric(flat)
         return np.swapaxes(np.linalg.cholesky(w @ w), -1, -2)
 
-    flat = entries(matrix)
+    flat = pack_symmetric(matrix)
     step = 1e-6 * np.asarray(mean_gain(matrix))[..., None]
     change = np.zeros(covariance.shape)
     change[..., :3, :3] = np.eye(3)
     for k, direction in enumerate(np.eye(6)):
-        ahead = entries(upper(flat + direction * step))
-        behind = entries(upper(flat - direction * step))
+        ahead = pack_symmetric(upper(flat + direction * step))
+        behind = pack_symmetric(upper(flat - direction * step))
         change[..., 3:, 3 + k] = (ahead - behind) / (2 * step)
     return upper(flat), change @ covariance @ np.swapaxes(change, -1, -2)
 
@@ -133,7 +125,7 @@ def soft_iron_tests(matrix: Array, covariance: Array) -> list[tuple[str, str, An
     conditions[2:, 3:] = np.eye(3)
     tests = []
     for smaller, rows in (("sphere", conditions), ("diagonal", conditions[2:])):
-        difference = entries(matrix) @ rows.T
+        difference = pack_symmetric(matrix) @ rows.T
         spread = rows @ covariance[..., 3:, 3:] @ rows.T
         statistic = np.einsum("...i,...ij,...j", difference, inverse(spread), difference)[()]
         tests.append((smaller, "full", statistic, chdtrc(len(rows), statistic)))

@@ -15,7 +15,8 @@ from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.equation.coverage import cells_of
-from agonic.maths.equation.gauge import entries, mean_gain
+from agonic.maths.equation.gauge import mean_gain
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.least_median import least_median_sphere
 from agonic.maths.estimation.noise import Noise, like_gaussian, noise_of
@@ -100,7 +101,7 @@ def soft_iron_pull(matrix: Array, covariance: Array, sd: float) -> Array:
     """
     delta = np.array([1.0, 1, 1, 0, 0, 0])
     gain = np.asarray(mean_gain(matrix))[..., None]
-    ratio = entries(matrix) / gain
+    ratio = pack_symmetric(matrix) / gain
     residuals = (ratio - delta) / sd
     along = (residuals * ratio).sum(axis=-1, keepdims=True)
     gradient = (residuals - along * delta / 3) / (gain * sd)

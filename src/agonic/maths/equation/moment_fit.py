@@ -17,6 +17,7 @@ from agonic.arrays import Array
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import correct, correction_jacobian, model_basis
 from agonic.maths.equation.likelihood import parameters, soft_iron_prior
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation import leastsq
 
 PLENTY = 25.0
@@ -36,17 +37,7 @@ it is 1.0 (rms over 16 simulated sessions)."""
 FINEST = 1e-6
 """Less noise than this, over the radius, is not believed."""
 
-_BASIS = np.array(
-    [
-        [[1, 0, 0], [0, 0, 0], [0, 0, 0]],
-        [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
-        [[0, 0, 0], [0, 0, 0], [0, 0, 1]],
-        [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
-        [[0, 0, 1], [0, 0, 0], [1, 0, 0]],
-        [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
-    ],
-    dtype=np.float64,
-)
+_BASIS = unpack_symmetric(np.eye(6))
 """The matrices of xx yy zz xy xz yz."""
 
 

@@ -138,28 +138,3 @@ def angles_232_deg(matrix: Array) -> Array:
     zeta = np.arctan2(side * level, matrix[..., 1, 1])
     eta = np.where(pole, 0.0, np.arctan2(side * matrix[..., 2, 1], side * matrix[..., 0, 1]))
     return np.asarray(np.degrees(np.stack([chi, zeta, eta], axis=-1)))
-
-
-def cross_matrix(vector: Array) -> Array:
-    """[v]× with [v]× w = v × w, (…, 3, 3) of vectors (…, 3).
-
-    >>> cross_matrix(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]
-    array([0., 0., 1.])
-    """
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
-    matrix = np.zeros((*x.shape, 3, 3))
-    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = x, y, z
-    return matrix - np.swapaxes(matrix, -1, -2)
-
-
-def turn_onto(start: Array, end: Array) -> Array:
-    """The smallest rotation (…, 3, 3), active, that takes unit vectors (…, 3) onto others.
-
-    1 + [w]× + [w]×²/(1 + a·b) with w = a × b; undefined for opposite vectors.
-
-    >>> turn_onto(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])) @ [0.0, 1.0, 0.0]
-    array([-1.,  0.,  0.])
-    """
-    across = cross_matrix(np.cross(start, end))
-    along = (start * end).sum(axis=-1)[..., None, None]
-    return np.asarray(np.eye(3) + across + across @ across / (1.0 + along))

@@ -11,17 +11,9 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array
-from agonic.maths.equation.affine import FREE, model_basis, symmetric_of
-from agonic.maths.equation.gauge import entries
-
-_GENERATORS = np.array(
-    [
-        [[0, 0, 0], [0, 0, -1], [0, 1, 0]],
-        [[0, 0, 1], [0, 0, 0], [-1, 0, 0]],
-        [[0, -1, 0], [1, 0, 0], [0, 0, 0]],
-    ],
-    dtype=np.float64,
-)
+from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
+from agonic.maths.rotations.vectors import skew
 
 
 class Turned(NamedTuple):
@@ -58,7 +50,7 @@ def turned(matrix: Array, covariance: Array | None, gauge: str) -> tuple[Array, 
     if covariance is not None:
         spread = np.linalg.inv(_change(rotation, symmetric)) @ _to_free(gauge)
         whole = spread @ covariance @ spread.T
-    return entries(symmetric), Turned(rotation, whole)
+    return pack_symmetric(symmetric), Turned(rotation, whole)
 
 
 def _to_free(gauge: str) -> Array:
@@ -71,7 +63,7 @@ def _change(rotation: Array, symmetric: Array) -> Array:
     basis = model_basis("full", FREE)[3:, 3:]  # the free entries' places in the matrix
     change = np.eye(12)
     for k in range(6):
-        change[3:, 3 + k] = basis.T @ (rotation @ symmetric_of(np.eye(6)[k])).ravel()
-    for k, generator in enumerate(_GENERATORS):
+        change[3:, 3 + k] = basis.T @ (rotation @ unpack_symmetric(np.eye(6)[k])).ravel()
+    for k, generator in enumerate(skew(np.eye(3))):
         change[3:, 9 + k] = basis.T @ (generator @ rotation @ symmetric).ravel()
     return change

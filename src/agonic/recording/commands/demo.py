@@ -29,7 +29,7 @@ def demo(
     from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
     from agonic.logs.read import open_log
-    from agonic.maths.equation.gauge import entries
+    from agonic.maths.equation.symmetric import pack_symmetric
     from agonic.recording.calibrated import calibrate
     from agonic.recording.report.folder import write_folder
     from agonic.recording.report.record import record
@@ -43,8 +43,8 @@ def demo(
     log = open_log(write_csv(made.samples, out / "demo.csv"))
     result = calibrate(log.sensors[0], Reference.constant(50_000, source="the simulation"))
     written = write_folder([result], out, title=log.path.name)
-    fit, truth = result.fit, [*made.truth.bias, *entries(made.truth.matrix)]
-    found = [*fit.calibration.bias, *entries(fit.calibration.matrix)]
+    fit, truth = result.fit, [*made.truth.bias, *pack_symmetric(made.truth.matrix)]
+    found = [*fit.calibration.bias, *pack_symmetric(fit.calibration.matrix)]
     if as_json:
         print_json(
             "agonic/demo@1",

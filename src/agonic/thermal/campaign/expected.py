@@ -9,6 +9,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation import affine
 from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.vectors import skew
 
 _EXACT = 1e-6
 """Standard deviation, nT, of the magnitude to which the field is scaled: it fixes the unit."""
@@ -91,7 +92,7 @@ def vector_errors(
     nuisance = np.zeros((stations, 3, 3 + 6 * stations))
     nuisance[:, :, :3] = -turned
     for k in range(stations):
-        nuisance[k, :, 3 + 3 * k : 6 + 3 * k] = np.radians(max(fixture_sd_deg, 1e-6)) * _cross(
+        nuisance[k, :, 3 + 3 * k : 6 + 3 * k] = np.radians(max(fixture_sd_deg, 1e-6)) * skew(
             fields[k]
         )
         at = 3 + 3 * stations + 3 * k
@@ -102,12 +103,6 @@ def vector_errors(
     covariance = _covariance(local, nuisance, basis, readings, noise, None, prior)
     symmetric = np.asarray(np.linalg.pinv(affine.model_basis("full")), np.float64)
     return _errors(covariance, symmetric, basis, size)
-
-
-def _cross(field: Array) -> Array:
-    """[field]×: how a small turn of the box moves the field in its axes."""
-    x, y, z = field
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _covariance(

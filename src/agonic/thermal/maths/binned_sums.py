@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation import series
 
-_UPPER = (np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2]))
 _SUMS = 17  # n, t, t², rate, time, raw (3), t·raw (3), raw rawᵀ (6)
 
 
@@ -248,9 +248,7 @@ class Binned:
         count = total[:, 0]
         mean = total[:, 1:] / count[:, None]
         t, raw = mean[:, 0], mean[:, 4:7]
-        second = np.empty((len(keys), 3, 3))
-        second[:, _UPPER[0], _UPPER[1]] = mean[:, 10:16]
-        second[:, _UPPER[1], _UPPER[0]] = mean[:, 10:16]
+        second = unpack_symmetric(mean[:, 10:16])
         return Cells(
             number=keys[:, 0].astype(np.intp),
             heating=keys[:, 1].astype(bool),

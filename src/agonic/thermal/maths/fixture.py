@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.maths.rotations.vectors import find_best_rotation
 
 _ROUNDS = 200
 _AXES = Rotation.create_group("O").as_matrix()
@@ -42,19 +43,12 @@ def _settle(directions: Array, rot_nb: Array, mount: Array) -> Mounted:
         field = np.einsum("kij,jl,kl->i", rot_nb, mount, directions)
         field /= max(float(np.linalg.norm(field)), 1e-12)
         in_box = np.swapaxes(rot_nb, 1, 2) @ field
-        mount = _kabsch(directions, in_box)
+        mount = find_best_rotation(directions, in_box)
         left = float(np.sum((directions @ mount.T - in_box) ** 2))
         if before - left < 1e-12 * max(left, 1e-12):
             break
         before = left
     return Mounted(mount, field, float(np.sqrt(left / len(directions))))
-
-
-def _kabsch(from_: Array, to: Array) -> Array:
-    """The rotation that turns unit vectors (k, 3) into others best."""
-    u, _, vt = np.linalg.svd(to.T @ from_)
-    fix = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ vt)))])
-    return np.asarray(u @ fix @ vt)
 
 
 class Exchange(NamedTuple):
@@ -80,27 +74,6 @@ def exchanged(directions: Array, rot_nb: Array) -> Exchange:
             rms = _settle(directions, rot_nb[order], start).rms
             best = min(best, Exchange(i, j, rms), key=lambda e: e.rms)
     return best
-
-
-def cross(v: Array) -> Array:
-    """The matrices (…, 3, 3) that take the cross product with vectors (…, 3).
-
-    >>> (cross(np.array([1.0, 2.0, 3.0])) @ [1.0, 0.0, 0.0]).tolist()
-    [0.0, 3.0, -2.0]
-    """
-    return np.cross(np.eye(3), v[..., None, :])
-
-
-def shortest(before: Array, after: Array) -> Array:
-    """The smallest rotations (k, 3, 3) that turn unit vectors (k, 3) into others.
-
-    >>> x, y = np.eye(3)[:1], np.eye(3)[1:2]
-    >>> shortest(x, y)[0].round(9).tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    turning = cross(np.cross(before, after))
-    cosine = np.maximum(np.einsum("ki,ki->k", before, after), -1 + 1e-9)
-    return np.asarray(np.eye(3) + turning + turning @ turning / (1 + cosine)[:, None, None])
 
 
 def tangents(unit: Array) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation import model
 from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.vectors import skew
 from agonic.thermal.maths import fixture
 from agonic.thermal.maths.station_residuals import Poses, Problem, State
 
@@ -56,16 +57,14 @@ def _of_fixture(problem: Problem, state: State, poses: Poses) -> leastsq.Prior:
         seen, sway = fixture.moved(poses.directions, seen_tangent, steps)
         field, lean = fixture.moved(poses.field, field_tangent, shift)
         in_box = seen @ poses.mount.T
-        small = np.eye(3) + fixture.cross(turn)
+        small = np.eye(3) + skew(turn)
         r = in_box @ small.T - back @ field
         jacobian = np.zeros((k, 3, len(params)))
         moved = small @ poses.mount @ sway
         for station in range(k):
             at = first + 2 * station
             jacobian[station, :, at : at + 2] = moved[station]
-            jacobian[station, :, first + 2 * k : first + 2 * k + 3] = -fixture.cross(
-                in_box[station]
-            )
+            jacobian[station, :, first + 2 * k : first + 2 * k + 3] = -skew(in_box[station])
         jacobian[:, :, first + 2 * k + 3 :] = -back @ lean
         flat = np.swapaxes(across, 1, 2)
         z = np.einsum("kij,kj->ki", flat, r).ravel() / state.fixture_sd
@@ -81,5 +80,5 @@ def stepped(poses: Poses, steps: Array, k: int) -> Poses:
         poses.directions, fixture.tangents(poses.directions), steps[: 2 * k].reshape(k, 2)
     )
     field, _ = fixture.moved(poses.field, fixture.tangents(poses.field), steps[2 * k + 3 :])
-    u, _, vt = np.linalg.svd((np.eye(3) + fixture.cross(steps[2 * k : 2 * k + 3])) @ poses.mount)
+    u, _, vt = np.linalg.svd((np.eye(3) + skew(steps[2 * k : 2 * k + 3])) @ poses.mount)
     return Poses(seen, u @ vt, field)

@@ -17,6 +17,7 @@ from agonic.arrays import Array, Index
 from agonic.maths.equation import model
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.vectors import find_smallest_rotation
 from agonic.thermal.maths import fixture, gaussian_process
 
 
@@ -159,7 +160,7 @@ def _to_sensor(problem: Problem, poses: Poses) -> Array:
     """
     assert problem.rot_nb is not None
     described = np.einsum("ji,mkj->mik", poses.mount, problem.rot_nb)
-    shortest = fixture.shortest(described @ poses.field, poses.directions)
+    shortest = find_smallest_rotation(described @ poses.field, poses.directions)
     return np.asarray((shortest @ described)[problem.station])
 
 
