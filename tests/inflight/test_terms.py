@@ -12,7 +12,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
-from agonic.inflight.fit.pointing import eclipse, local_vertical_nb
+from agonic.inflight.fit.pointing import find_eclipse, local_vertical_nb
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.attitude import rot_nb
 from tests.inflight.orbits import ARCSEC, SENSOR, coefficients, efficient, precise, rescaled
@@ -61,7 +61,7 @@ def test_the_local_vertical_is_that_of_the_simulated_track() -> None:
     assert np.sqrt(np.mean(wobble**2)) == pytest.approx(3 * np.sqrt(3), rel=0.4)
     assert wobble.max() < 15.0
     s = made.samples
-    assert (eclipse(s) == made.eclipse).mean() > 0.99
+    assert (find_eclipse(s) == made.eclipse).mean() > 0.99
     roll, pitch = np.abs(s.roll_deg).max(), np.abs(s.pitch_deg).max()
     assert max(roll, pitch) < 20.0
 

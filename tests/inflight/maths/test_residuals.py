@@ -30,7 +30,7 @@ def rows(terms: int, matrix_terms: int) -> Rows:
         bias_terms=rng.normal(size=(N, terms)),
         matrix_terms=rng.normal(size=(N, matrix_terms)),
         time=np.arange(N, dtype=float),
-        outside=None,
+        direction_e=None,
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from agonic.maths.estimation.noise import Noise
 
 
-def spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:
+def attitude_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:
     """The noise of the readings, and for what is across the field that of the attitude over it.
 
     What a kind scatters by beyond the magnitude, σ²(1 + κ²) with the field about one, is the
@@ -28,7 +28,9 @@ def mean_correlation(noise: dict[str, Noise]) -> float:
     return float(np.mean([of.correlation for of in noise.values()]))
 
 
-def over_spreads(noise: Noise, kind: str, before: dict[str, float], now: dict[str, float]) -> Noise:
+def rescale_noise(
+    noise: Noise, kind: str, before: dict[str, float], now: dict[str, float]
+) -> Noise:
     """The noise of residuals that are now over another √(1 + κ²)."""
     if kind == "magnitude":
         return noise

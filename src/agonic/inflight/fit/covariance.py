@@ -1,4 +1,4 @@
-"""The covariance of an estimate whose errors last: each kind of residual says how."""
+"""The covariance of an estimate under correlated errors: each kind of residual says how."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from agonic.maths.estimation.correlated_errors import STRETCHES, Lasting, Sums, 
 from agonic.maths.estimation.noise import Noise
 
 
-class Honest(NamedTuple):
-    """A covariance, for how many readings each counts as one, and what lasts, by kind."""
+class RobustCovariance(NamedTuple):
+    """A covariance, and by kind how many readings count as one and the correlated errors."""
 
     covariance: Array
     correlation: dict[str, float]
@@ -41,50 +41,52 @@ class Clock:
         return np.floor((time - self.start) / self.step_s).astype(np.intp)
 
 
-def honest(
+def compute_covariance(
     source: Source,
     params: Array,
     layout: Layout,
     noise: dict[str, Noise],
     sds: dict[str, float],
-    held: Array,
-    lasts: float,
+    information: Array,
+    mean_correlation: float,
     clock: Clock,
-    outside: bool,
-) -> Honest:
+    *,
+    earth_fixed: bool,
+) -> RobustCovariance:
     """The covariance at the minimum, one more pass a kind.
 
-    Parameters: `sds` as `flight.residual` takes them; `held` (m, m) the prior's information;
-    `lasts`, how many readings counted as one when the data were weighed against it; `outside`,
-    whether rows know the direction of the field.
+    Parameters: `sds` as `compute_residuals` takes them; `information` (m, m) the prior's;
+    `mean_correlation`, how many readings counted as one when the data were weighed against it (the
+    effective sample size is n over it); `earth_fixed`, whether rows know the direction of the field
+    in Earth-fixed axes.
 
     With D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the scatter of its gradient by noise,
-    which need not be the same everywhere, and E_c by errors that last:
+    which need not be the same everywhere, and E_c by correlated errors:
 
         A = Σ D_c/ν + H,   B = Σ (S_c + E_c)/ν² + H,   covariance A⁻¹BA⁻¹.
     """
-    bread, white, errors = held.copy(), {}, {}
+    bread, white, errors = information.copy(), {}, {}
     extra: dict[str, Array] = {}
     for kind, of in noise.items():
         sums, normal, squares = _summed(
-            source, kind, params, layout, of, sds[kind], clock, outside and kind == "magnitude"
+            source, kind, params, layout, of, sds[kind], clock, earth_fixed and kind == "magnitude"
         )
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
         freedom = normal.total / max(normal.total - len(params), 1)
-        bread += normal.information * curved / lasts
+        bread += normal.information * curved / mean_correlation
         white[kind] = freedom * squares / of.sd**4
         errors[kind] = lasting(sums, of.sd**2, clock.step_s)
         extra[kind] = scatter(sums, errors[kind], clock.step_s) / of.sd**4
     inverse = leastsq.inverse(bread)
-    plain = {kind: inverse @ (part / lasts**2) @ inverse for kind, part in white.items()}
-    added = {kind: inverse @ (part / lasts**2) @ inverse for kind, part in extra.items()}
+    plain = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in white.items()}
+    added = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in extra.items()}
     correlation = {
         kind: 1.0
         + float(np.trace(added[kind][:3, :3]) / max(np.trace(plain[kind][:3, :3]), 1e-300))
         for kind in noise
     }
-    total = np.sum([*plain.values(), *added.values(), inverse @ held @ inverse], axis=0)
-    return Honest((total + total.T) / 2, correlation, errors)
+    total = np.sum([*plain.values(), *added.values(), inverse @ information @ inverse], axis=0)
+    return RobustCovariance((total + total.T) / 2, correlation, errors)
 
 
 def _summed(
@@ -95,18 +97,18 @@ def _summed(
     noise: Noise,
     sd: float,
     clock: Clock,
-    outside: bool,
+    earth_fixed: bool,
 ) -> tuple[Sums, leastsq.Normal, Array]:
     """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
     squares = np.zeros((len(params), len(params)))
-    sums = Sums.empty(clock.count, len(params), (1, 3, 3) if outside else (1, 3))
+    sums = Sums.empty(clock.count, len(params), (1, 3, 3) if earth_fixed else (1, 3))
 
     def watch(rows: Rows, residuals: Array, jacobian: Array) -> None:
         weights = noise.loss.weight((residuals / noise.sd) ** 2)
         directions = [np.ones((len(residuals), 1)), jacobian[:, :3]]
-        if outside:
-            assert rows.outside is not None
-            directions.append(rows.outside)
+        if earth_fixed:
+            assert rows.direction_e is not None
+            directions.append(rows.direction_e)
         scored = jacobian * (weights * residuals)[:, None]
         squares[:] += scored.T @ scored
         sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions)

@@ -41,7 +41,7 @@ class Drift:
     def at(self, time: Array) -> tuple[Array, Array]:
         """Bias (k, 3) and its standard error (k, 3); outside the record that of its end."""
         within = np.clip(time, self.start, self.stop)
-        terms = spline(within, self.knots) - self.middle
+        terms = evaluate_spline(within, self.knots) - self.middle
         bias = self.constant + terms @ self.coefficients.T
         jacobian = np.zeros((len(time), 3, len(self.covariance)))
         jacobian[:, :, :3] = np.eye(3)
@@ -52,7 +52,7 @@ class Drift:
         return bias, np.sqrt(np.maximum(variance, 0.0))
 
 
-def knots_between(start: float, stop: float, intervals: int) -> Array:
+def place_knots(start: float, stop: float, intervals: int) -> Array:
     """The knot vector of a cubic spline with so many even intervals; none for 0."""
     if intervals == 0:
         return np.empty(0)
@@ -60,7 +60,7 @@ def knots_between(start: float, stop: float, intervals: int) -> Array:
     return np.concatenate([[start] * DEGREE, inner, [stop] * DEGREE])
 
 
-def spline(time: Array, knots: Array) -> Array:
+def evaluate_spline(time: Array, knots: Array) -> Array:
     """The basis functions at times (n, k); the last one is left out, for all add up to one."""
     if len(knots) == 0:
         return np.zeros((len(time), 0))

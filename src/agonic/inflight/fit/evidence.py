@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, figure, gravest_first, inspect, misscaled
-from agonic.inflight.fit.likely_causes import impossible_track, likely_cause
+from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
 from agonic.inflight.fit.result import InflightFit
 from agonic.maths.equation.coverage import nearest_axis
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
-    from agonic.inflight.fit.problem import Task
+    from agonic.inflight.fit.problem import Problem
 
 
 SUSPICIOUS = 0.003
@@ -25,36 +25,36 @@ LARGE = 0.015
 """Scatter over the field's magnitude from which the reference itself is doubted."""
 UNDETERMINED = 0.02
 """Standard error of a bias over the magnitude from which it is called undetermined."""
-STRAYS_DOUBTFUL = 0.1
+OUTLIERS_DOUBTFUL = 0.1
 ATTITUDE_DOUBTFUL_DEG = 5.0
 
 
-def examined(fit: InflightFit, task: Task, samples: Samples) -> InflightFit:
+def examine(fit: InflightFit, problem: Problem, samples: Samples) -> InflightFit:
     """The fit with findings, refusals first, and remarks."""
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
-        *_reference(fit, task, samples),
+        *_reference(fit, problem, samples),
         *_scale(fit),
         *_axes(samples),
-        *_undetermined(fit, task.magnitude),
-        *_strays(fit),
+        *_undetermined(fit, problem.magnitude),
+        *_outliers(fit),
         *_attitude(fit),
     ]
     fit = replace(fit, findings=gravest_first(found))
-    return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, task))
+    return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, problem))
 
 
-def _reference(fit: InflightFit, task: Task, samples: Samples) -> list[Finding]:
+def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> list[Finding]:
     """A track that cannot be, or a residual that a common mistake would explain."""
-    impossible = impossible_track(samples)
+    impossible = find_impossible_track(samples)
     if impossible is not None:
         return [Finding("track", "refuse", *impossible)]
     mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
-    if fit.noise < SUSPICIOUS * task.magnitude and not mostly_lasting:
+    if fit.noise < SUSPICIOUS * problem.magnitude and not mostly_lasting:
         return []
-    cause = likely_cause(fit, task, samples)
+    cause = find_likely_cause(fit, problem, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"
-    if cause is None and fit.noise < LARGE * task.magnitude:
+    if cause is None and fit.noise < LARGE * problem.magnitude:
         return []
     if cause is None:
         return [
@@ -106,10 +106,9 @@ def _undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
     ]
 
 
-def _strays(fit: InflightFit) -> list[Finding]:
-    believed = fit.weights[fit.weights > 0]
-    share = 1.0 - len(believed) / max(fit.n, 1)
-    if share <= STRAYS_DOUBTFUL:
+def _outliers(fit: InflightFit) -> list[Finding]:
+    share = 1.0 - np.count_nonzero(fit.weights > 0) / max(fit.n, 1)
+    if share <= OUTLIERS_DOUBTFUL:
         return []
     return [
         Finding(
@@ -138,11 +137,11 @@ def _attitude(fit: InflightFit) -> list[Finding]:
     ]
 
 
-def _remarks(fit: InflightFit, task: Task) -> tuple[str, ...]:
+def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
     """How good the result is, in words."""
     sd = fit.sd
     said = [f"the bias is known to {figure(float(sd[:3].max()))} nT"]
-    if task.ground is not None:
+    if problem.ground is not None:
         said.append(
             f"it has moved by {figure(float(np.linalg.norm(fit.change.bias)))} nT since the ground"
         )

@@ -11,11 +11,18 @@ from numpy.typing import ArrayLike
 from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
 from agonic.field.place import field_along, lacking
-from agonic.inflight.fit import evidence, result_of
-from agonic.inflight.fit.pointing import outside, toward
-from agonic.inflight.fit.problem import Attitude, Settings, Solve, Task, kept, require_enough
-from agonic.inflight.fit.result import InflightFit
-from agonic.inflight.fit.solve import found
+from agonic.inflight.fit import evidence
+from agonic.inflight.fit.pointing import expect_direction, find_direction_e
+from agonic.inflight.fit.problem import (
+    Attitude,
+    Problem,
+    Settings,
+    Solve,
+    require_enough,
+    select_rows,
+)
+from agonic.inflight.fit.result import InflightFit, build_result
+from agonic.inflight.fit.solve import find_estimate
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -46,8 +53,8 @@ def fit_inflight(
         Σ ρ(r/σ)/ν + |prior|²/2,   r = (|M (u − c)| − F) / |Mᵀû|,
 
     c = c₀ + spline(t) + powers of temperature + currents, M alike. With the attitude two more kinds
-    of residual across the field join, each with a noise of its own. Errors of the model last: what
-    of the residuals does, and how long, enters every standard error.
+    of residual across the field join, each with a noise of its own. Errors of the model are
+    correlated in time: how much of the residuals, and how long, enters every standard error.
 
     Parameters
     ----------
@@ -69,9 +76,9 @@ def fit_inflight(
     matrix_rate : let the matrix change steadily with time; the calibration is that at the end.
     sources : what disturbs on board, recorded in the samples: "current_A", "throttle", "second";
         the calibration is then an `Interference`.
-    attitude : "logged": roll, pitch and heading teach as well, and the turn from the sensor to them
-        is found; "nadir": they are those of a spacecraft that keeps one side to the Earth, from its
-        track; "none".
+    attitude : "logged": the fit is aided by roll, pitch and heading, and the rotation from the
+        sensor to them is found; "nadir": they are those of a spacecraft that keeps one side to the
+        Earth, from its track; "none".
     gain_sd : how far gains and cross terms may have moved since the ground, as a share.
     soft_iron_sd : prior on soft iron where there is no ground calibration.
 
@@ -79,7 +86,7 @@ def fit_inflight(
     `AgonicError` without a reference or a track, `LogError` where a column is missing.
 
     Source: Olsen et al. (2003) for the scalar calibration in orbit, Earth Planets Space 55, 11–18;
-    Huber (1981) for loss and covariance; Markley (1988) for the first turn.
+    Huber (1981) for loss and covariance; Markley (1988) for the first rotation.
 
     Examples
     --------
@@ -107,17 +114,18 @@ def fit_inflight(
         robust=robust,
         seed=seed,
     )
-    result = found(_task(samples, reference, ground, exclude, settings))
-    return evidence.examined(result_of.fit(result, samples), result.task, samples)
+    problem = _pose_problem(samples, reference, ground, exclude, settings)
+    problem, estimate = find_estimate(problem)
+    return evidence.examine(build_result(problem, estimate, samples), problem, samples)
 
 
-def _task(
+def _pose_problem(
     samples: Samples,
     reference: Reference | None,
     ground: Calibration | None,
     exclude: ArrayLike | None,
     settings: Settings,
-) -> Task:
+) -> Problem:
     """What is to be fitted, or an error that says what is missing."""
     _check(samples, ground, settings)
     along = reference
@@ -133,18 +141,18 @@ def _task(
     wanted = (reference or along).magnitudes(len(samples))
     magnitude = float(wanted.mean())
     left_out = None if exclude is None else np.asarray(exclude, dtype=bool)
-    believed = kept(samples, left_out, settings.latitude_deg)
-    require_enough(believed)
-    return Task(
+    used = select_rows(samples, left_out, settings.latitude_deg)
+    require_enough(used)
+    return Problem(
         samples=samples if ground is None else apply(ground, samples),
         wanted=np.broadcast_to(wanted / magnitude, len(samples)),
         magnitude=magnitude,
-        believed=believed,
+        used=used,
         ground=ground,
         settings=settings,
-        toward=toward(samples, along, settings.attitude),
-        turn=np.eye(3),
-        outside=outside(samples, along),
+        direction=expect_direction(samples, along, settings.attitude),
+        rotation=np.eye(3),
+        direction_e=find_direction_e(samples, along),
     )
 
 

@@ -12,8 +12,8 @@ from agonic.arrays import Array, Index
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import lacking, model_for
-from agonic.inflight.fit.pointing import outside
-from agonic.inflight.fit.problem import Settings, kept, require_enough
+from agonic.inflight.fit.pointing import find_direction_e
+from agonic.inflight.fit.problem import Settings, require_enough, select_rows
 from agonic.samples import COLUMNS, Samples
 
 Progress = Callable[[str, int], None]
@@ -38,22 +38,24 @@ class Known(NamedTuple):
     field in Earth-fixed axes, NaN where it is not known."""
 
     magnitudes: Array
-    outside: Array | None
+    direction_e: Array | None
 
 
 def write_known(cache: IO[bytes], known: Known) -> None:
     """Append to the cache."""
     n = len(known.magnitudes)
-    outside = np.full((n, 3), np.nan) if known.outside is None else known.outside
+    direction_e = np.full((n, 3), np.nan) if known.direction_e is None else known.direction_e
     known.magnitudes.tofile(cache)
-    outside.astype(np.float32).tofile(cache)
+    direction_e.astype(np.float32).tofile(cache)
 
 
 def read_known(cache: IO[bytes], n: int) -> Known:
     """The next n readings of the cache, as they were written."""
     magnitudes = np.fromfile(cache, count=n)
-    outside = np.fromfile(cache, dtype=np.float32, count=3 * n).reshape(n, 3)
-    return Known(magnitudes, None if np.isnan(outside[0, 0]) else outside.astype(np.float64))
+    direction_e = np.fromfile(cache, dtype=np.float32, count=3 * n).reshape(n, 3)
+    return Known(
+        magnitudes, None if np.isnan(direction_e[0, 0]) else direction_e.astype(np.float64)
+    )
 
 
 class Scan(NamedTuple):
@@ -62,33 +64,35 @@ class Scan(NamedTuple):
 
     samples: Samples
     magnitudes: Array
-    outside: Array | None
+    direction_e: Array | None
     stride: int
     taking_part: int
     step_s: float
     without: tuple[str, ...]
 
 
-def scanned(
-    recording: Recording, cache: IO[bytes], scalar: bool, settings: Settings, told: Progress
+def scan_recording(
+    recording: Recording, cache: IO[bytes], scalar: bool, settings: Settings, progress: Progress
 ) -> Scan:
     """The first pass: magnitudes into the cache, and rows for the fit in memory."""
     magnitude = _scalar if scalar else _Model()
-    thin, done, count, clean, step = _Thin(), 0, 0, True, 0.0
+    thin, done, count, clean, step = _ThinnedRows(), 0, 0, True, 0.0
     for samples in recording.pieces():
         if samples.time is None:
             raise AgonicError("a fit in flight needs times; the log has none")
         if not step and len(samples) > 1:
             step = float(np.median(np.diff(samples.time)))
         known = magnitude(samples)
-        values = np.where(kept(samples, None, settings.latitude_deg), known.magnitudes, np.nan)
+        values = np.where(
+            select_rows(samples, None, settings.latitude_deg), known.magnitudes, np.nan
+        )
         known = known._replace(magnitudes=values)
         write_known(cache, known)
         thin.add(samples, known)
         clean &= not samples.rejected
         done += len(samples)
         count += int(np.isfinite(values).sum())
-        told("world model", done)
+        progress("world model", done)
     if not done:
         raise LogError("the record is empty")
     require_enough(np.ones(count, dtype=bool))
@@ -116,7 +120,7 @@ class _Model:
             begun = samples.epoch + timedelta(seconds=float(samples.time[0]))
             self._model = model_for(float(decimal_year(begun)))
         reference = self._model.along(samples)
-        return Known(reference.magnitudes(len(samples)), outside(samples, reference))
+        return Known(reference.magnitudes(len(samples)), find_direction_e(samples, reference))
 
 
 def _scalar(samples: Samples) -> Known:
@@ -125,7 +129,7 @@ def _scalar(samples: Samples) -> Known:
     return Known(samples.scalar, None)
 
 
-class _Thin:
+class _ThinnedRows:
     """Rows of a record at even steps, never many more than `MOST`."""
 
     def __init__(self) -> None:
@@ -155,7 +159,7 @@ class _Thin:
         }
         gone = {name: None for name in COLUMNS if name not in columns}
         samples = parts[0].samples.with_columns(**columns, **gone)
-        outsides = [part.known.outside for part in parts if part.known.outside is not None]
+        outsides = [part.known.direction_e for part in parts if part.known.direction_e is not None]
         known = Known(
             np.concatenate([part.known.magnitudes for part in parts]),
             np.concatenate(outsides) if len(outsides) == len(parts) else None,

@@ -18,7 +18,7 @@ from agonic.maths.rotations.angles import wrapped_deg
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
-    from agonic.inflight.fit.problem import Task
+    from agonic.inflight.fit.problem import Problem
     from agonic.inflight.fit.result import InflightFit
 
 
@@ -39,7 +39,7 @@ class Cause(NamedTuple):
     move: str
 
 
-def impossible_track(samples: Samples) -> Cause | None:
+def find_impossible_track(samples: Samples) -> Cause | None:
     """A track as fast as an orbit at a height where nothing orbits."""
     latitude, longitude, time = samples.latitude_deg, samples.longitude_deg, samples.time
     if latitude is None or longitude is None or time is None or len(time) < 3:
@@ -56,11 +56,11 @@ def impossible_track(samples: Samples) -> Cause | None:
     )
 
 
-def likely_cause(fit: InflightFit, task: Task, samples: Samples) -> Cause | None:
+def find_likely_cause(fit: InflightFit, problem: Problem, samples: Samples) -> Cause | None:
     """The usual mistake that explains the residual best, or None where none does."""
-    rows = np.flatnonzero(task.believed)
+    rows = np.flatnonzero(problem.used)
     rows = rows[np.linspace(0, len(rows) - 1, min(SOME, len(rows))).astype(int)]
-    some = samples.with_columns(field=task.samples.field, unit="nT").select(rows)
+    some = samples.with_columns(field=problem.samples.field, unit="nT").select(rows)
     if some.latitude_deg is None or some.longitude_deg is None:
         return None
     now = _misfit(some)
@@ -96,13 +96,13 @@ def _misfit(samples: Samples) -> float:
 
 def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     """The usual mistakes, each with the change that would undo it."""
-    yield from _of_time()
-    yield from _of_place(samples)
-    yield from _of_altitude(samples)
-    yield from _of_date(samples)
+    yield from _time_mistakes()
+    yield from _place_mistakes(samples)
+    yield from _altitude_mistakes(samples)
+    yield from _date_mistakes(samples)
 
 
-def _of_time() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+def _time_mistakes() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     for seconds, words in (
         (18.0, "18 s (GPS time taken for UTC)"),
         (-18.0, "−18 s (UTC taken for GPS time)"),
@@ -114,11 +114,11 @@ def _of_time() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     ):
         yield (
             Cause(f"positions {words} off in time would explain it", "check the time scale"),
-            _shifted(seconds),
+            _shift_time(seconds),
         )
 
 
-def _of_place(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+def _place_mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     latitude, longitude = samples.latitude_deg, samples.longitude_deg
     assert latitude is not None
     assert longitude is not None
@@ -140,7 +140,7 @@ def _of_place(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Sam
                 "longitudes among the stars (inertial axes) would explain it",
                 "turn positions into Earth-fixed axes with the sidereal time",
             ),
-            _earth_fixed,
+            _from_inertial,
         )
     yield (
         Cause("geocentric latitudes would explain it", "give geodetic latitudes"),
@@ -159,7 +159,7 @@ def _of_place(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Sam
         )
 
 
-def _earth_fixed(samples: Samples) -> Samples:
+def _from_inertial(samples: Samples) -> Samples:
     """The track if its longitudes were right ascensions."""
     assert samples.epoch is not None
     assert samples.longitude_deg is not None
@@ -168,7 +168,7 @@ def _earth_fixed(samples: Samples) -> Samples:
     return samples.with_columns(longitude_deg=(samples.longitude_deg - turned + 180) % 360 - 180)
 
 
-def _shifted(seconds: float) -> Callable[[Samples], Samples]:
+def _shift_time(seconds: float) -> Callable[[Samples], Samples]:
     """The track as it would be if the positions were recorded so many seconds later."""
 
     def change(samples: Samples) -> Samples:
@@ -188,7 +188,7 @@ def _shifted(seconds: float) -> Callable[[Samples], Samples]:
     return change
 
 
-def _of_altitude(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+def _altitude_mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     altitude = samples.altitude_m
     if altitude is None:
         altitude = np.zeros(len(samples))
@@ -211,7 +211,7 @@ def _of_altitude(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], 
         )
 
 
-def _of_date(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+def _date_mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     """Only decades change the field by so much."""
     if samples.epoch is None:
         return

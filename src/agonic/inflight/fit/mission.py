@@ -11,12 +11,25 @@ import numpy as np
 
 from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
-from agonic.inflight.fit import evidence, result_of
+from agonic.inflight.fit import evidence
 from agonic.inflight.fit.covariance import Clock
-from agonic.inflight.fit.large_scan import Known, Progress, Recording, Scan, read_known, scanned
-from agonic.inflight.fit.problem import Settings, Solve, Task, require_enough
-from agonic.inflight.fit.result import InflightFit
-from agonic.inflight.fit.solve import Estimate, Found, found, prior_of, residuals_of, with_honest
+from agonic.inflight.fit.large_scan import (
+    Known,
+    Progress,
+    Recording,
+    Scan,
+    read_known,
+    scan_recording,
+)
+from agonic.inflight.fit.problem import Problem, Settings, Solve, require_enough
+from agonic.inflight.fit.result import InflightFit, build_result
+from agonic.inflight.fit.solve import (
+    Estimate,
+    add_covariance,
+    compute_residuals_of,
+    find_estimate,
+    prior_of,
+)
 from agonic.inflight.maths.residuals import Rows, residual_pieces
 from agonic.maths.estimation import leastsq
 from agonic.samples import Samples
@@ -44,7 +57,7 @@ def fit_mission(
     The first pass evaluates the world model along the track and keeps the field in a temporary
     file, 20 bytes a reading; some 100 000 rows evenly over the record are fitted in memory and
     settle what the terms are. Then each iteration is one pass that adds up the normal equations of
-    all readings, and a last pass reads off how long errors last.
+    all readings, and a last pass reads off how long errors are correlated.
 
     Parameters
     ----------
@@ -91,38 +104,42 @@ def fit_mission(
         raise AgonicError(
             f'solve="{settings.solve}" moves a ground calibration; give one, or solve "full"'
         )
-    told = progress or (lambda _name, _rows: None)
+    progress = progress or (lambda _name, _rows: None)
     with TemporaryFile() as cache:
-        scan = scanned(recording, cache, scalar, settings, told)
-        thin = found(_task_of(scan, ground, settings))
-        whole = _solved(recording, cache, scan, thin, told)
-    return _restored(scan, thin, whole)
+        scan = scan_recording(recording, cache, scalar, settings, progress)
+        problem, thinned = find_estimate(_pose_thinned(scan, ground, settings))
+        estimate = _solve_whole(recording, cache, scan, problem, thinned, progress)
+    return _build_result(scan, problem, estimate)
 
 
-def _task_of(scan: Scan, ground: Calibration | None, settings: Settings) -> Task:
+def _pose_thinned(scan: Scan, ground: Calibration | None, settings: Settings) -> Problem:
     """The fit in memory."""
-    believed = np.isfinite(scan.magnitudes)
-    require_enough(believed)
-    magnitude = float(scan.magnitudes[believed].mean())
-    return Task(
+    used = np.isfinite(scan.magnitudes)
+    require_enough(used)
+    magnitude = float(scan.magnitudes[used].mean())
+    return Problem(
         samples=scan.samples if ground is None else apply(ground, scan.samples),
-        wanted=np.where(believed, scan.magnitudes, magnitude) / magnitude,
+        wanted=np.where(used, scan.magnitudes, magnitude) / magnitude,
         magnitude=magnitude,
-        believed=believed,
+        used=used,
         ground=ground,
         settings=settings,
-        toward=None,
-        turn=np.eye(3),
-        outside=scan.outside,
+        direction=None,
+        rotation=np.eye(3),
+        direction_e=scan.direction_e,
     )
 
 
-def _solved(
-    recording: Recording, cache: IO[bytes], scan: Scan, thin: Found, told: Progress
+def _solve_whole(
+    recording: Recording,
+    cache: IO[bytes],
+    scan: Scan,
+    problem: Problem,
+    estimate: Estimate,
+    progress: Progress,
 ) -> Estimate:
     """The estimate from all readings, noise and terms as the rows in memory had them."""
-    estimate, task = thin.estimate, thin.task
-    loss = leastsq.tukey() if task.settings.robust else leastsq.squares()
+    loss = leastsq.tukey() if problem.settings.robust else leastsq.squares()
     noise = estimate.noise["magnitude"]._replace(loss=loss)
     passes = 0
 
@@ -131,40 +148,43 @@ def _solved(
         passes, done = passes + 1, 0
         cache.seek(0)
         for samples in recording.pieces(scan.without):
-            rows = _rows(task, estimate, samples, read_known(cache, len(samples)))
+            rows = _corrected_rows(problem, estimate, samples, read_known(cache, len(samples)))
             if len(rows.points):
                 yield rows
             done += len(samples)
-            told(f"iteration {passes}", done)
+            progress(f"iteration {passes}", done)
 
     plain = residual_pieces(source, "magnitude", estimate.layout, noise.sd)
     channel = leastsq.Channel(plain, noise.sd, loss, noise.correlation, keep=False)
     solution = leastsq.solve_together(
-        [channel], estimate.solution.params, prior=prior_of(task, estimate.layout), tolerance=3e-2
+        [channel],
+        estimate.solution.params,
+        prior=prior_of(problem, estimate.layout),
+        tolerance=3e-2,
     )
-    time = task.time[task.believed]
+    time = problem.time[problem.used]
     clock = Clock.of(float(time[0]), float(time[-1]), scan.step_s)
     whole = estimate._replace(solution=solution, noise={"magnitude": noise})
-    return with_honest(task, whole, source, clock)
+    return add_covariance(problem, whole, source, clock)
 
 
-def _rows(task: Task, estimate: Estimate, samples: Samples, known: Known) -> Rows:
+def _corrected_rows(problem: Problem, estimate: Estimate, samples: Samples, known: Known) -> Rows:
     """The readings of a piece that take part, as the kernel takes them."""
-    ground = task.ground
+    ground = problem.ground
     here = replace(
-        task,
+        problem,
         samples=samples if ground is None else apply(ground, samples),
-        wanted=known.magnitudes / task.magnitude,
-        outside=known.outside,
+        wanted=known.magnitudes / problem.magnitude,
+        direction_e=known.direction_e,
     )
     rows, usable = here.rows(estimate.terms), np.isfinite(known.magnitudes)
     return rows if usable.all() else rows.select(usable)
 
 
-def _restored(scan: Scan, thin: Found, whole: Estimate) -> InflightFit:
-    """The record of the fit, with the residuals of the rows that were kept."""
-    seen = residuals_of(thin.task, whole, "magnitude")[thin.task.believed]
-    result = thin._replace(estimate=whole._replace(residuals={"magnitude": seen}))
-    fit = result_of.fit(result, scan.samples)
+def _build_result(scan: Scan, problem: Problem, estimate: Estimate) -> InflightFit:
+    """The result, with the residuals of the rows that were kept."""
+    seen = compute_residuals_of(problem, estimate, "magnitude")[problem.used]
+    estimate = estimate._replace(residuals={"magnitude": seen})
+    fit = build_result(problem, estimate, scan.samples)
     fit = replace(fit, correlation_s=fit.correlation * scan.step_s, thinned=scan.stride)
-    return replace(evidence.examined(fit, thin.task, scan.samples), n=scan.taking_part)
+    return replace(evidence.examine(fit, problem, scan.samples), n=scan.taking_part)

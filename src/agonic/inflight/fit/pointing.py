@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, LogError
-from agonic.inflight.fit.problem import Attitude, Toward
+from agonic.inflight.fit.problem import Attitude, ExpectedDirection
 from agonic.maths.earth.earth_rotation import sidereal_rad, turned
 from agonic.maths.earth.eclipse import shadowed
 from agonic.maths.earth.geodesy import (
@@ -24,7 +24,9 @@ from agonic.samples import Samples
 LOWEST_ORBIT_M = 80_000.0
 
 
-def toward(samples: Samples, reference: Reference, attitude: Attitude) -> Toward | None:
+def expect_direction(
+    samples: Samples, reference: Reference, attitude: Attitude
+) -> ExpectedDirection | None:
     """Where the field should point in the axes of the attitude; None without attitude."""
     if attitude == "none":
         return None
@@ -38,7 +40,9 @@ def toward(samples: Samples, reference: Reference, attitude: Attitude) -> Toward
     aim_n = field_n / np.linalg.norm(field_n, axis=1)[:, None]
     level = np.maximum(np.hypot(aim_n[:, 0], aim_n[:, 1]), 1e-12)
     side_n = np.stack([-aim_n[:, 1] / level, aim_n[:, 0] / level, np.zeros(len(samples))], axis=1)
-    return Toward(aim=np.einsum("nji,nj->ni", nb, aim_n), side=np.einsum("nji,nj->ni", nb, side_n))
+    return ExpectedDirection(
+        aim=np.einsum("nji,nj->ni", nb, aim_n), side=np.einsum("nji,nj->ni", nb, side_n)
+    )
 
 
 def _logged(samples: Samples) -> Array:
@@ -89,7 +93,7 @@ def local_vertical_nb(samples: Samples) -> Array:
     return np.moveaxis(np.stack(columns, axis=1), -1, 0)
 
 
-def outside(samples: Samples, reference: Reference) -> Array | None:
+def find_direction_e(samples: Samples, reference: Reference) -> Array | None:
     """The direction of the field in Earth-fixed axes (n, 3); None where it is not known."""
     if reference.kind != "vector" or reference.frame != "n":
         return None
@@ -100,7 +104,7 @@ def outside(samples: Samples, reference: Reference) -> Array | None:
     return earth_fixed(np.broadcast_to(unit_n, (len(samples), 3)).T, where).T
 
 
-def eclipse(samples: Samples) -> Mask | None:
+def find_eclipse(samples: Samples) -> Mask | None:
     """Whether each row is in the shadow of the Earth, (n,); None where that cannot be told."""
     track = _track(samples)
     if track is None or np.median(track[2]) < LOWEST_ORBIT_M:

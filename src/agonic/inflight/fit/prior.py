@@ -1,4 +1,4 @@
-"""What is believed before the flight: the ground calibration, and how far things may have moved."""
+"""The prior: the ground calibration, and how far gains and terms may have moved since."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ UNIT = np.array([1.0, 1, 1, 0, 0, 0])
 FREED = {"bias": 0, "gains": 3, "full": 6}
 
 
-def matrix_sd(ground: Calibration | None, solve: str, gain_sd: float) -> Array:
+def compute_matrix_sd(ground: Calibration | None, solve: str, gain_sd: float) -> Array:
     """Standard deviations (6,) of xx yy zz xy xz yz of the change about identity.
 
     With a ground calibration: what it was uncertain by and `gain_sd`, by which gains may have moved
-    since. Diagonal and other entries that are not solved for are held.
+    since. Diagonal and other entries that are not solved for are fixed.
     """
     sd = np.full(6, gain_sd)
     if isinstance(ground, Affine) and ground.covariance is not None:
@@ -35,7 +35,7 @@ def matrix_sd(ground: Calibration | None, solve: str, gain_sd: float) -> Array:
     return sd
 
 
-def prior(
+def build_prior(
     layout: Layout,
     ground: Calibration | None,
     solve: str,
@@ -53,10 +53,10 @@ def prior(
     mean = shape[:3].mean(axis=0)
     sd = np.full(6, soft_iron_sd or np.inf)
     if ground is not None:
-        sd = matrix_sd(ground, solve, gain_sd)
-    held = np.where(np.arange(6) < FREED[solve], MATRIX_TERM_SD, FIXED)
+        sd = compute_matrix_sd(ground, solve, gain_sd)
+    matrix_term_sd = np.where(np.arange(6) < FREED[solve], MATRIX_TERM_SD, FIXED)
     term_sd = np.concatenate(
-        [np.full(3 * layout.bias_terms, TERM_SD), np.repeat(held, layout.matrix_terms)]
+        [np.full(3 * layout.bias_terms, TERM_SD), np.repeat(matrix_term_sd, layout.matrix_terms)]
     )
 
     def residuals(params: Array) -> tuple[Array, Array]:

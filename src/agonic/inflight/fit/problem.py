@@ -9,7 +9,7 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import FEWEST, usable_rows
-from agonic.inflight.fit.terms import Terms, terms_of
+from agonic.inflight.fit.terms import Terms, build_terms
 from agonic.inflight.maths.residuals import Rows
 from agonic.samples import Samples
 
@@ -36,7 +36,7 @@ class Settings:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Toward:
+class ExpectedDirection:
     """Directions in the axes of the attitude (n, 3): of the field, and level across it."""
 
     aim: Array
@@ -44,20 +44,20 @@ class Toward:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Task:
-    """`samples` after the ground calibration; `wanted` (n,) over `magnitude`; rows `believed`;
-    where the attitude teaches, `toward`, and `turn` from sensor axes to those of the attitude;
-    `outside` (n, 3) the direction of the field in Earth-fixed axes, where it is known."""
+class Problem:
+    """`samples` after the ground calibration; `wanted` (n,) over `magnitude`; rows `used`; where
+    the fit is aided by attitude, the `direction` expected, and the `rotation` from sensor axes to
+    those of the attitude; `direction_e` (n, 3) of the field in Earth-fixed axes, where known."""
 
     samples: Samples
     wanted: Array
     magnitude: float
-    believed: Mask
+    used: Mask
     ground: Calibration | None
     settings: Settings
-    toward: Toward | None
-    turn: Array
-    outside: Array | None
+    direction: ExpectedDirection | None
+    rotation: Array
+    direction_e: Array | None
 
     @property
     def time(self) -> Array:
@@ -68,7 +68,7 @@ class Task:
     def terms(self, intervals: int) -> Terms:
         """The terms with so many intervals of the bias in time."""
         asked = self.settings
-        return terms_of(
+        return build_terms(
             self.samples,
             intervals,
             degree=asked.temperature_degree,
@@ -79,20 +79,21 @@ class Task:
 
     def rows(self, terms: Terms) -> Rows:
         """All readings as the kernel takes them."""
-        toward = self.toward
         return Rows(
             points=self.samples.field / self.magnitude,
             wanted=self.wanted,
-            aim=None if toward is None else toward.aim @ self.turn,
-            side=None if toward is None else toward.side @ self.turn,
+            aim=None if self.direction is None else self.direction.aim @ self.rotation,
+            side=None if self.direction is None else self.direction.side @ self.rotation,
             bias_terms=terms.of_bias(self.samples),
             matrix_terms=terms.of_matrix(self.samples),
             time=self.time,
-            outside=self.outside,
+            direction_e=self.direction_e,
         )
 
 
-def kept(samples: Samples, exclude: Mask | None, latitude_deg: tuple[float, float] | None) -> Mask:
+def select_rows(
+    samples: Samples, exclude: Mask | None, latitude_deg: tuple[float, float] | None
+) -> Mask:
     """The rows that take part: usable, not flagged, not excluded, within the latitudes."""
     rows = usable_rows(samples.field)
     if samples.flagged is not None:

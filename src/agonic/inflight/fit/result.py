@@ -18,7 +18,14 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.thermal import Thermal
 from agonic.fit import Channel
 from agonic.health import Finding, Judged
+from agonic.inflight.fit import calibration as saved
 from agonic.inflight.fit.drift import Drift
+from agonic.inflight.fit.pointing import find_eclipse
+from agonic.inflight.fit.problem import Problem
+from agonic.inflight.fit.solve import Estimate, compute_residuals_of, rotation_of
+from agonic.inflight.maths.residuals import correct
+from agonic.maths.equation.affine import model_basis, split
+from agonic.samples import Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +43,7 @@ class InflightFit(Judged):
         end of the record, both from readings to field: what to compare. `before` is None where
         there was no ground calibration.
     drift : how the bias changed over the record; `bias_at` evaluates it.
-    n : how many readings taught the fit.
+    n : how many readings took part.
     time, epoch : (n,) s since `epoch` (None where the log has no date).
     latitude_deg, temperature, eclipse : (n,) beside the residuals, each None where the log cannot
         tell; `eclipse` is true in the shadow of the Earth.
@@ -109,3 +116,88 @@ class InflightFit(Judged):
     def bias_at(self, time: ArrayLike) -> tuple[Array, Array]:
         """The bias found in flight at times (k,) of the record, nT, and its standard error."""
         return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))
+
+
+def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> InflightFit:
+    """The fit in nT, before it is examined; `samples` are those before the ground calibration."""
+    change = saved.build_change(problem, estimate, samples)
+    ground = saved.find_ground_affine(problem, estimate)
+    sources, sources_sd = saved.build_sources(problem, estimate)
+    params, layout = estimate.solution.params, estimate.layout
+    field = correct(problem.rows(estimate.terms), params, layout) * problem.magnitude
+    weights = np.zeros(len(samples))
+    weights[problem.used] = estimate.weight
+    channels = _build_channels(problem, estimate)
+    magnitude = channels["magnitude"]
+    lasting_nT, lasting_s = _sum_correlated_errors(estimate, magnitude.noise)
+    return InflightFit(
+        calibration=saved.build_calibration(problem, estimate, change, samples),
+        change=change,
+        after=change if ground is None else saved.join_affine(ground, change, samples),
+        before=ground,
+        ground=problem.ground,
+        drift=saved.build_drift(estimate, problem.magnitude),
+        n=int(problem.used.sum()),
+        time=problem.time,
+        epoch=samples.epoch,
+        latitude_deg=samples.latitude_deg,
+        temperature=samples.temperature,
+        eclipse=find_eclipse(samples),
+        field=field @ rotation_of(estimate),
+        residuals=np.linalg.norm(field, axis=1) - problem.wanted * problem.magnitude,
+        weights=weights,
+        channels=channels,
+        alignment=saved.build_alignment(problem, estimate, change),
+        direction_error_deg=_direction_error_deg(problem, field),
+        source_names=estimate.terms.sources,
+        sources=sources,
+        sources_sd=sources_sd,
+        noise=magnitude.noise,
+        correlation=magnitude.correlation,
+        correlation_s=magnitude.correlation * float(np.median(np.diff(problem.time))),
+        lasting_nT=lasting_nT,
+        lasting_s=lasting_s,
+        condition=estimate.solution.condition,
+        iterations=estimate.solution.iterations,
+        converged=estimate.solution.converged,
+        solve=problem.settings.solve,
+        held_out=estimate.held_out,
+    )
+
+
+def _build_channels(problem: Problem, estimate: Estimate) -> dict[str, Channel]:
+    """Residuals and noise by kind in the calibrated field, nT."""
+    layout = estimate.layout
+    constants = estimate.solution.params[: layout.constants]
+    _, matrix = split(model_basis("full", layout.gauge) @ constants)
+    size = problem.magnitude * float(np.trace(matrix)) / 3
+    channels = {}
+    for kind, noise in estimate.noise.items():
+        # across the field residuals are over √(1 + κ²F²), F about one
+        wide = size if kind == "magnitude" else size * np.sqrt(1 + estimate.sds[kind] ** 2)
+        channels[kind] = Channel(
+            residuals=compute_residuals_of(problem, estimate, kind) * wide,
+            noise=noise.sd * float(wide),
+            correlation=noise.correlation,
+        )
+    return channels
+
+
+def _sum_correlated_errors(estimate: Estimate, noise: float) -> tuple[float, float]:
+    """Standard deviation of what lasts in the magnitude, nT, and how long it does, s."""
+    errors = estimate.errors.get("magnitude", ())
+    variance = sum(error.variance for error in errors)
+    if not variance:
+        return 0.0, 0.0
+    size = noise / estimate.noise["magnitude"].sd
+    time = sum(error.variance * error.time_s for error in errors) / variance
+    return min(float(np.sqrt(variance)) * size, noise), float(time)
+
+
+def _direction_error_deg(problem: Problem, field: Array) -> Array | None:
+    """Angles between field and reference, both in the axes of the turned sensor."""
+    if problem.direction is None:
+        return None
+    aim = problem.direction.aim @ problem.rotation
+    across = np.linalg.norm(np.cross(field, aim), axis=1)
+    return np.asarray(np.degrees(np.arctan2(across, (field * aim).sum(axis=1))))

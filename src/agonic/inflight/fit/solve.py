@@ -11,10 +11,10 @@ from scipy.linalg import polar
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError
 from agonic.inflight.fit import drift
-from agonic.inflight.fit import prior as belief
-from agonic.inflight.fit.channel_noise import mean_correlation, over_spreads, spreads
-from agonic.inflight.fit.covariance import Clock, honest
-from agonic.inflight.fit.problem import Task, require_enough
+from agonic.inflight.fit.channel_noise import attitude_spreads, mean_correlation, rescale_noise
+from agonic.inflight.fit.covariance import Clock, compute_covariance
+from agonic.inflight.fit.prior import build_prior
+from agonic.inflight.fit.problem import Problem, require_enough
 from agonic.inflight.fit.terms import Terms
 from agonic.inflight.maths.residuals import (
     KINDS,
@@ -37,16 +37,17 @@ from agonic.maths.rotations.vectors import find_best_rotation
 BLOCKS = 10
 MOST_INTERVALS = 32
 WORTH = 0.98
-"""More knots are kept when they bring the unseen residual below this share."""
+"""More knots are kept when they bring the held-out error below this share."""
 FEWEST_STRETCHES = 120
 _ENOUGH = 3000  # readings for a start without a ground calibration
-_TURNED_RAD = 1e-6
+_ROTATED_RAD = 1e-6
 _ROUNDS = 5
 
 
 class Estimate(NamedTuple):
-    """The solution, and of each kind the noise, the residuals, and the errors that last, in units
-    of the magnitude; `sds` as `flight.residual` takes them."""
+    """The solution, and of each kind the noise, the residuals, and the correlated errors, in units
+    of the magnitude; `sds` as `compute_residuals` takes them; `held_out` the held-out error, nT, by
+    the number of intervals tried."""
 
     solution: leastsq.Solution
     layout: Layout
@@ -55,6 +56,7 @@ class Estimate(NamedTuple):
     sds: dict[str, float]
     residuals: dict[str, Array]
     errors: dict[str, tuple[Lasting, ...]]
+    held_out: dict[int, float]
 
     @property
     def weight(self) -> Array:
@@ -66,60 +68,48 @@ class Estimate(NamedTuple):
         return np.asarray(np.minimum.reduce(weights))
 
 
-class Found(NamedTuple):
-    """The estimate, the task as it was at last, and unseen residuals by intervals tried, nT."""
-
-    estimate: Estimate
-    task: Task
-    held_out: dict[int, float]
-
-
-def found(task: Task) -> Found:
-    """The estimate of a task; rows beyond the limit of residuals and a turn are settled here."""
-    first = start(task)
-    plain = replace(task, toward=None)
-    intervals, held_out = _intervals(plain, first)
-    estimate = fitted(plain, first, task.believed, intervals)
-    limit = task.settings.residual_limit
+def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
+    """The estimate, and the problem with the rows and the rotation that were settled on the way."""
+    first = find_start(problem)
+    plain = replace(problem, direction=None)
+    intervals, held_out = _choose_intervals(plain, first)
+    estimate = fit_rows(plain, first, problem.used, intervals)
+    limit = problem.settings.residual_limit
     for _ in range(_ROUNDS if limit is not None else 0):
         assert limit is not None
-        near = _near(task, estimate, limit)
-        if (near == task.believed).all():
+        near = _near(problem, estimate, limit)
+        if (near == problem.used).all():
             break
         require_enough(near)
-        task = replace(task, believed=near)
-        estimate = fitted(replace(task, toward=None), first, near, intervals)
-    if task.toward is not None:
-        task, estimate = _with_attitude(task, estimate, intervals)
-    return Found(_honest(task, estimate), task, held_out)
-
-
-def _honest(task: Task, estimate: Estimate) -> Estimate:
-    """The estimate with the covariance that errors that last leave it."""
-    rows = task.rows(estimate.terms).select(task.believed)
+        problem = replace(problem, used=near)
+        estimate = fit_rows(replace(problem, direction=None), first, near, intervals)
+    if problem.direction is not None:
+        problem, estimate = _with_attitude(problem, estimate, intervals)
+    rows = problem.rows(estimate.terms).select(problem.used)
     time = rows.time
     clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
-    return with_honest(task, estimate, lambda: [rows], clock)
+    estimate = add_covariance(problem, estimate, lambda: [rows], clock)
+    return problem, estimate._replace(held_out=held_out)
 
 
-def with_honest(task: Task, estimate: Estimate, source: Source, clock: Clock) -> Estimate:
-    """The estimate with the covariance and the noise by all readings that a source gives; as it is
-    where there are too few to tell what lasts."""
+def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: Clock) -> Estimate:
+    """The estimate with the covariance under correlated errors, by all readings that a source
+    gives; as it is where there are too few to tell the correlation."""
     if clock.count < FEWEST_STRETCHES:
         return estimate
     params, layout, noise = estimate.solution.params, estimate.layout, estimate.noise
-    _, jacobian = prior_of(task, layout)(params)
-    held = jacobian.T @ jacobian
-    found = honest(
+    _, jacobian = prior_of(problem, layout)(params)
+    information = jacobian.T @ jacobian
+    found = compute_covariance(
         source,
         params,
         layout,
         noise,
         estimate.sds,
-        held,
+        information,
         mean_correlation(noise),
         clock,
-        task.outside is not None,
+        earth_fixed=problem.direction_e is not None,
     )
     return estimate._replace(
         solution=estimate.solution._replace(covariance=found.covariance),
@@ -128,39 +118,43 @@ def with_honest(task: Task, estimate: Estimate, source: Source, clock: Clock) ->
     )
 
 
-def start(task: Task) -> Array:
+def find_start(problem: Problem) -> Array:
     """Bias and matrix, nine numbers, to start from."""
-    if task.ground is not None:
+    if problem.ground is not None:
         return Layout(SYMMETRIC, 0, 0).start
-    rows = np.flatnonzero(task.believed)
+    rows = np.flatnonzero(problem.used)
     if len(rows) > _ENOUGH:
-        chosen = np.random.default_rng(task.settings.seed).choice(len(rows), _ENOUGH, replace=False)
+        chosen = np.random.default_rng(problem.settings.seed).choice(
+            len(rows), _ENOUGH, replace=False
+        )
         rows = rows[np.sort(chosen)]
-    problem = attitude_aided.Problem(
-        points=task.samples.field[rows] / task.magnitude,
+    static = attitude_aided.Problem(
+        points=problem.samples.field[rows] / problem.magnitude,
         terms=np.zeros((len(rows), 0)),
-        horizontal=task.wanted[rows],
+        horizontal=problem.wanted[rows],
         vertical=np.zeros(1),
         down=None,
         across=None,
         model="full",
         gauge=SYMMETRIC,
-        soft_iron_sd=task.settings.soft_iron_sd,
+        soft_iron_sd=problem.settings.soft_iron_sd,
         turn_sd=None,
     )
-    asked = task.settings
-    return attitude_aided.estimate(problem, robust=asked.robust, seed=asked.seed).solution.params
+    asked = problem.settings
+    return attitude_aided.estimate(static, robust=asked.robust, seed=asked.seed).solution.params
 
 
-def fitted(task: Task, first: Array, believed: Mask, intervals: int) -> Estimate:
+def fit_rows(problem: Problem, first: Array, used: Mask, intervals: int) -> Estimate:
     """The estimate from some of the rows with so many intervals of the bias in time."""
-    terms = task.terms(intervals)
-    gauge = SYMMETRIC if task.toward is None else FREE
+    terms = problem.terms(intervals)
+    gauge = SYMMETRIC if problem.direction is None else FREE
     layout = Layout(gauge, terms.bias_count, terms.matrix_count)
-    return refined(task, task.rows(terms).select(believed), layout, terms, _begun(layout, first))
+    return refine(
+        problem, problem.rows(terms).select(used), layout, terms, _start_params(layout, first)
+    )
 
 
-def _begun(layout: Layout, first: Array) -> Array:
+def _start_params(layout: Layout, first: Array) -> Array:
     """Parameters of a layout from the nine of another, terms at zero."""
     params = layout.start
     params[:9] = first[:9]
@@ -169,11 +163,11 @@ def _begun(layout: Layout, first: Array) -> Array:
     return params
 
 
-def refined(task: Task, rows: Rows, layout: Layout, terms: Terms, params: Array) -> Estimate:
+def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: Array) -> Estimate:
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
-    robust = task.settings.robust
-    kinds = KINDS if task.toward is not None else KINDS[:1]
-    prior = prior_of(task, layout)
+    robust = problem.settings.robust
+    kinds = KINDS if problem.direction is not None else KINDS[:1]
+    prior = prior_of(problem, layout)
 
     def source() -> list[Rows]:
         return [rows]
@@ -182,8 +176,8 @@ def refined(task: Task, rows: Rows, layout: Layout, terms: Terms, params: Array)
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
-        before, sds = sds, spreads(noise, sds)
-        noise = {kind: over_spreads(of, kind, before, sds) for kind, of in noise.items()}
+        before, sds = sds, attitude_spreads(noise, sds)
+        noise = {kind: rescale_noise(of, kind, before, sds) for kind, of in noise.items()}
         lasts = mean_correlation(noise)
         channels = [
             leastsq.Channel(
@@ -202,80 +196,84 @@ def refined(task: Task, rows: Rows, layout: Layout, terms: Terms, params: Array)
         again = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
         if all(again[kind].settled(noise[kind]) for kind in noise) and len(kinds) == 1:
             break
-        if all(abs(v / max(sds[k], 1e-12) - 1) < 0.02 for k, v in spreads(again, sds).items()):
+        if all(
+            abs(v / max(sds[k], 1e-12) - 1) < 0.02 for k, v in attitude_spreads(again, sds).items()
+        ):
             break
-    return Estimate(solution, layout, terms, noise, sds, seen, {})
+    return Estimate(solution, layout, terms, noise, sds, seen, {}, {})
 
 
-def prior_of(task: Task, layout: Layout) -> leastsq.Prior:
-    """What is believed of the parameters beforehand."""
-    asked = task.settings
-    return belief.prior(layout, task.ground, asked.solve, asked.gain_sd, asked.soft_iron_sd)
+def prior_of(problem: Problem, layout: Layout) -> leastsq.Prior:
+    """The prior on the parameters of a layout."""
+    asked = problem.settings
+    return build_prior(layout, problem.ground, asked.solve, asked.gain_sd, asked.soft_iron_sd)
 
 
-def residuals_of(task: Task, estimate: Estimate, kind: str) -> Array:
+def compute_residuals_of(problem: Problem, estimate: Estimate, kind: str) -> Array:
     """The residuals of every row, (n,)."""
-    rows = task.rows(estimate.terms)
+    rows = problem.rows(estimate.terms)
     sd = 0.0 if kind == "magnitude" else estimate.sds[kind]
     parts = residual_pieces(lambda: [rows], kind, estimate.layout, sd)(estimate.solution.params)
     return np.concatenate([r for r, _ in parts])
 
 
-def turn_of(estimate: Estimate) -> Array:
+def rotation_of(estimate: Estimate) -> Array:
     """The rotation (3, 3) in a free matrix, M = R S."""
     c = estimate.layout.constants
     basis = model_basis("full", estimate.layout.gauge)
     return np.asarray(polar(split(basis @ estimate.solution.params[:c])[1])[0])
 
 
-def _near(task: Task, estimate: Estimate, limit: float) -> Mask:
+def _near(problem: Problem, estimate: Estimate, limit: float) -> Mask:
     """The rows whose residual is within a limit, nT."""
-    far = np.abs(residuals_of(task, estimate, "magnitude")) * task.magnitude > limit
-    return np.asarray(task.believed & ~far)
+    far = np.abs(compute_residuals_of(problem, estimate, "magnitude")) * problem.magnitude > limit
+    return np.asarray(problem.used & ~far)
 
 
-def _with_attitude(task: Task, estimate: Estimate, intervals: int) -> tuple[Task, Estimate]:
-    """The turn from sensor to attitude by Wahba, then all three kinds of residual together.
+def _with_attitude(
+    problem: Problem, estimate: Estimate, intervals: int
+) -> tuple[Problem, Estimate]:
+    """The rotation from sensor to attitude by Wahba, then all three kinds of residual together.
 
-    The turn found is taken into the directions until none is left, so that what remains of it in
-    the matrix is small.
+    The rotation found is taken into the directions until none is left, so that what remains of it
+    in the matrix is small.
     """
-    assert task.toward is not None
-    rows = task.rows(estimate.terms).select(task.believed)
+    assert problem.direction is not None
+    rows = problem.rows(estimate.terms).select(problem.used)
     field = correct(rows, estimate.solution.params, estimate.layout)
     seen = field / np.linalg.norm(field, axis=1)[:, None]
-    turn = find_best_rotation(seen, task.toward.aim[task.believed], estimate.weight)
+    aim = problem.direction.aim[problem.used]
+    rotation = find_best_rotation(seen, aim, estimate.weight)
     first = estimate.solution.params[:9]
     for _ in range(_ROUNDS):
-        task = replace(task, turn=turn)
-        estimate = fitted(task, first, task.believed, intervals)
-        left = turn_of(estimate)
-        if np.abs(left - np.eye(3)).max() < _TURNED_RAD:
+        problem = replace(problem, rotation=rotation)
+        estimate = fit_rows(problem, first, problem.used, intervals)
+        left = rotation_of(estimate)
+        if np.abs(left - np.eye(3)).max() < _ROTATED_RAD:
             break
-        turn = turn @ left
+        rotation = rotation @ left
         first = _symmetric_part(estimate, left)
-    return task, estimate
+    return problem, estimate
 
 
-def _symmetric_part(estimate: Estimate, turn: Array) -> Array:
+def _symmetric_part(estimate: Estimate, rotation: Array) -> Array:
     """Bias and the six entries of S in M = R S."""
     c = estimate.layout.constants
     bias, matrix = split(model_basis("full", FREE) @ estimate.solution.params[:c])
-    s = turn.T @ matrix
-    return np.concatenate([bias, pack_symmetric(s)])
+    return np.concatenate([bias, pack_symmetric(rotation.T @ matrix)])
 
 
-def _intervals(task: Task, first: Array) -> tuple[int, dict[int, float]]:
-    """How many intervals of drift, and the unseen residual of each number tried, nT."""
-    asked = task.settings.drift_knots
+def _choose_intervals(problem: Problem, first: Array) -> tuple[int, dict[int, float]]:
+    """How many intervals of drift, by cross-validation, and the held-out error of each, nT."""
+    asked = problem.settings.drift_knots
     if asked != "auto":
         if asked < 0:
             raise AgonicError(f"drift_knots is {asked}; it counts intervals, 0 for a constant bias")
         return asked, {}
-    tried = {0: _unseen(task, first, 0)}
+    tried = {0: _held_out_error(problem, first, 0)}
     best, intervals = 0, 1
-    while intervals <= MOST_INTERVALS and task.believed.sum() > 40 * (intervals + drift.DEGREE):
-        tried[intervals] = _unseen(task, first, intervals)
+    while intervals <= MOST_INTERVALS and problem.used.sum() > 40 * (intervals + drift.DEGREE):
+        tried[intervals] = _held_out_error(problem, first, intervals)
         if tried[intervals] < WORTH * tried[best]:
             best = intervals
         elif intervals > 2 * max(best, 1):
@@ -284,11 +282,11 @@ def _intervals(task: Task, first: Array) -> tuple[int, dict[int, float]]:
     return best, tried
 
 
-def _unseen(task: Task, first: Array, intervals: int) -> float:
+def _held_out_error(problem: Problem, first: Array, intervals: int) -> float:
     """Robust rms of residuals in every second block of time, by a fit to the others, nT."""
-    block = np.arange(len(task.time)) * BLOCKS // len(task.time) % 2 == 0
+    block = np.arange(len(problem.time)) * BLOCKS // len(problem.time) % 2 == 0
     left = []
     for rows in (block, ~block):
-        estimate = fitted(task, first, task.believed & rows, intervals)
-        left.append(residuals_of(task, estimate, "magnitude")[task.believed & ~rows])
-    return robust_scale(np.concatenate(left)) * task.magnitude
+        estimate = fit_rows(problem, first, problem.used & rows, intervals)
+        left.append(compute_residuals_of(problem, estimate, "magnitude")[problem.used & ~rows])
+    return robust_scale(np.concatenate(left)) * problem.magnitude

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.interference import signals, stacked
 from agonic.errors import CoverageError, LogError
-from agonic.inflight.fit.drift import knots_between, spline
+from agonic.inflight.fit.drift import evaluate_spline, place_knots
 from agonic.maths.equation import polynomial
 from agonic.samples import Samples
 
@@ -53,13 +53,16 @@ class Terms:
     @property
     def last(self) -> Array:
         """The terms of the bias at the end, at the middle temperature, with nothing switched on."""
-        at_stop = spline(np.array([self.stop]), self.knots)[0] - self.middle
+        at_stop = evaluate_spline(np.array([self.stop]), self.knots)[0] - self.middle
         return np.concatenate([at_stop, np.zeros(self.bias_count - self.splines)])
 
     def of_bias(self, samples: Samples) -> Array:
         """The terms of the bias of each row, (n, k)."""
         assert samples.time is not None
-        parts = [spline(samples.time, self.knots) - self.middle, self._powers(samples, self.degree)]
+        parts = [
+            evaluate_spline(samples.time, self.knots) - self.middle,
+            self._powers(samples, self.degree),
+        ]
         if self.sources:
             parts.append(stacked(self.sources, samples.columns()) / self.spread)
         return np.concatenate(parts, axis=1)
@@ -79,7 +82,7 @@ class Terms:
         return polynomial.powers(x, degree)[:, 1:]
 
 
-def terms_of(
+def build_terms(
     samples: Samples,
     intervals: int,
     *,
@@ -91,13 +94,13 @@ def terms_of(
     """The terms of a record with so many intervals of the bias in time."""
     assert samples.time is not None
     start, stop = float(samples.time[0]), float(samples.time[-1])
-    knots = knots_between(start, stop, intervals)
+    knots = place_knots(start, stop, intervals)
     low, high = _range(samples, degree)
     return Terms(
         start=start,
         stop=stop,
         knots=knots,
-        middle=spline(samples.time, knots).mean(axis=0),
+        middle=evaluate_spline(samples.time, knots).mean(axis=0),
         degree=degree,
         matrix_degree=degree if of_matrix else 0,
         rate=rate and of_matrix,

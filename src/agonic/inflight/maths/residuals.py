@@ -1,4 +1,4 @@
-"""A calibration that changes slowly, taught by magnitude and direction of a known field.
+"""A calibration that changes slowly: residuals by magnitude and direction of a known field.
 
     field = M(τ) (u − c(τ)),   c(τ) = c₀ + Σ_k c_k τ_k,   M(τ) = M₀ + Σ_k M_k τ_k
 
@@ -41,8 +41,8 @@ class Rows(NamedTuple):
 
     `points` (n, 3); `wanted` (n,) magnitudes; `aim` and `side` (n, 3) unit vectors in the axes of
     the corrected field: the direction of the field and the horizontal one across it, or None;
-    `bias_terms` (n, k) and `matrix_terms` (n, l); `time` (n,) s; `outside` (n, 3) the direction of
-    the field in the axes in which errors of the model last, Earth-fixed ones, or None.
+    `bias_terms` (n, k) and `matrix_terms` (n, l); `time` (n,) s; `direction_e` (n, 3)
+    of the field in Earth-fixed axes, in which errors of the model are correlated, or None.
     """
 
     points: Array
@@ -52,7 +52,7 @@ class Rows(NamedTuple):
     bias_terms: Array
     matrix_terms: Array
     time: Array
-    outside: Array | None
+    direction_e: Array | None
 
     def select(self, rows: Mask | slice) -> Rows:
         """Some of them."""

@@ -13,7 +13,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.tracking import Jump
 from agonic.health import Finding
 from agonic.inflight.fit import InflightFit
-from agonic.inflight.fit.pointing import eclipse
+from agonic.inflight.fit.pointing import find_eclipse
 from agonic.inflight.report.ground import Numbers, of_fit, of_tracker
 from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, lasting
@@ -154,7 +154,7 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
         latitude_deg=samples.latitude_deg,
         longitude_deg=samples.longitude_deg,
         temperature=samples.temperature,
-        eclipse=eclipse(samples),
+        eclipse=find_eclipse(samples),
         noise=float(np.sqrt(np.mean(found.residual[used] ** 2))) if used.any() else 0.0,
         correlation=correlation,
         lasting_nT=lasting_nT,
