@@ -1,8 +1,5 @@
 """Simulated magnetometers whose calibration is known, and the defects that real logs have."""
 
-from agonic.fleet.simulation.fleet import SimulatedFleet, simulate_fleet
-from agonic.inflight.simulation.kepler import Orbit
-from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.simulation.defects import (
     Defect,
     clipped,
@@ -24,10 +21,7 @@ from agonic.simulation.vehicle import SimulatedVehicle, simulate_vehicle
 
 __all__ = [
     "Defect",
-    "Orbit",
     "Simulated",
-    "SimulatedFleet",
-    "SimulatedOrbit",
     "SimulatedVehicle",
     "clipped",
     "delayed",
@@ -40,8 +34,6 @@ __all__ = [
     "quantised",
     "random_calibration",
     "simulate",
-    "simulate_fleet",
-    "simulate_orbit",
     "simulate_vehicle",
     "with_correlated_noise",
     "with_gap",
