@@ -15,7 +15,8 @@ from tests.fitting.chambers import FIELD, KNOWN, campaign, efficient, nine
 
 from agonic import Reference
 from agonic.thermal.campaign.published import IMPROVEMENT
-from agonic.thermal.fit import Facts, fit_binned, fit_thermal
+from agonic.thermal.fit.fit import fit_binned, fit_thermal
+from agonic.thermal.fit.readings import Facts
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 from benchmarks import tables

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import agonic as ag
-from agonic.thermal.report.plan_page import plan_page
+from agonic.thermal.plan.page import plan_page
 
 PUBLISHED = {
     "MMC5883MA-1": (5.44, 24.58, 1.11, 12.42),

@@ -11,7 +11,7 @@ import agonic as ag
 from agonic.maths.equation import model, polynomial
 from agonic.maths.estimation import leastsq
 from agonic.simulation.thermal import random_drifting, readings
-from agonic.thermal.maths.stations import twelve
+from agonic.thermal.maths.stations import list_standard_rotations
 
 FIELD = 48_000.0
 KNOWN = ag.Reference.constant(FIELD)
@@ -46,7 +46,7 @@ def campaign(
     t = np.concatenate([np.linspace(50, -10, n), np.linspace(-10, 50, n)])
     rate = np.repeat([-6.0 / n, 6.0 / n], n)  # °C/s, a reading every ten seconds
     parts, fields = [], []
-    for turned in twelve():
+    for turned in list_standard_rotations():
         off = Rotation.from_rotvec(np.radians(fixture_deg) * rng.standard_normal(3)).as_matrix()
         seen = (turned @ off).T @ field_n
         if mount is not None:
@@ -77,7 +77,7 @@ def efficient(made: Made, temperature: np.ndarray, *, turns: bool) -> np.ndarray
     """
     size = len(made.samples) // 12
     information, gradient = 0.0, 0.0
-    for station, turned in enumerate(twelve()):
+    for station, turned in enumerate(list_standard_rotations()):
         part = slice(station * size, (station + 1) * size)
         rows, seen = _linearised(made, part, turned if turns else None)
         information = information + rows.T @ rows

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError
-from agonic.thermal.calibrated import CalibratedCampaign, calibrate_campaign, chamber_field
-from agonic.thermal.calibrated.chamber_field import Seen
-from agonic.thermal.campaign import Campaign, check_campaign
-from agonic.thermal.fit.binning import gathered
+from agonic.thermal.all_sensors import calibrate_campaign
+from agonic.thermal.campaign.recording import Campaign
+from agonic.thermal.checks.programme import check_campaign
+from agonic.thermal.common_mode import FittedSensor, find_chamber_field
+from agonic.thermal.fit.readings import sum_readings
+from agonic.thermal.result import CalibratedCampaign
 from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 
 RANGE = np.linspace(-10.0, 50.0, 61)
@@ -166,14 +168,14 @@ def test_what_a_polynomial_gets_wrong_is_the_sensors_own_and_not_the_chambers(re
     result = calibrated(restless.campaign)
     seen = {}
     for sensor in result.sensors:
-        sums, _ = gathered(result.campaign.samples(sensor.name), 0.5)
-        seen[sensor.name] = Seen(sensor.fit, sums.cells())
+        sums, _ = sum_readings(result.campaign.samples(sensor.name), 0.5)
+        seen[sensor.name] = FittedSensor(sensor.fit, sums.cells())
     fit = seen["MMC5883MA-1"].fit
     bias = fit.calibration.bias.copy()
     bias[3, 0] += 300.0  # of x³
     wrong = replace(fit, calibration=replace(fit.calibration, bias=bias))
     seen["MMC5883MA-1"] = seen["MMC5883MA-1"]._replace(fit=wrong)
-    found = chamber_field(seen, result.campaign.description.rotations)
+    found = find_chamber_field(seen, result.campaign.description.rotations)
     level = result.campaign.samples("MMC5883MA-1").temperature
     misfit = 300.0 * np.std(((level - 20.0) / 30.0) ** 3) / np.sqrt(3)  # on one axis of three
     assert found.shares[0].own_sd == pytest.approx(misfit, rel=0.1)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agonic.cli import run
-from agonic.thermal.files.read_campaign import read_campaign
+from agonic.thermal.files.read import read_campaign
 
 
 @pytest.fixture(autouse=True)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.thermal.campaign import Campaign
-from agonic.thermal.files.campaign_schema import read_description
-from agonic.thermal.files.read_campaign import read_campaign
-from agonic.thermal.files.write_campaign import write_campaign
+from agonic.thermal.campaign.recording import Campaign
+from agonic.thermal.files.read import read_campaign
+from agonic.thermal.files.schema import read_description
+from agonic.thermal.files.write import write_campaign
 from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 
 SENSORS = "2xMMC5883MA,MPU-9255"

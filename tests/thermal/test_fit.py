@@ -6,11 +6,12 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.simulation.thermal import readings
-from agonic.thermal.fit import Facts, fit_binned, fit_thermal
+from agonic.thermal.fit.fit import fit_binned, fit_thermal
+from agonic.thermal.fit.readings import Facts
 from agonic.thermal.maths.binned_sums import Binned
-from agonic.thermal.maths.stations import twelve
+from agonic.thermal.maths.stations import list_standard_rotations
 from agonic.thermal.simulation.campaign import Faults, simulate_campaign
-from agonic.thermal.simulation.thermal_coil import simulate_thermal_coil
+from agonic.thermal.simulation.coil import simulate_thermal_coil
 from tests.thermal.chambers import FIELD, KNOWN, campaign, efficient, nine
 
 AT = np.linspace(-10.0, 50.0, 13)
@@ -430,7 +431,9 @@ def test_a_coil_that_drives_two_axes_only_is_refused() -> None:
 
 def test_twelve_is_what_known_means() -> None:
     made = campaign(10)
-    described = {k: Rotation.from_matrix(r) for k, r in enumerate(twelve(), start=1)}
+    described = {
+        k: Rotation.from_matrix(r) for k, r in enumerate(list_standard_rotations(), start=1)
+    }
     known = fit_thermal(made.samples, KNOWN, stations="known", **WIDE)
     given = fit_thermal(made.samples, KNOWN, stations=described, **WIDE)
     assert given.calibration.bias == pytest.approx(known.calibration.bias, abs=1e-6)

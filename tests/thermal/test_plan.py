@@ -6,9 +6,15 @@ import pytest
 import agonic as ag
 from agonic.maths.equation import affine
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.thermal.campaign import Profile, Sensor, Station, plan_thermal, standard_stations
-from agonic.thermal.campaign.expected import magnitude_errors, vector_errors
-from agonic.thermal.campaign.sensors import listed
+from agonic.thermal.campaign.description import Station
+from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.campaign.sensors import Sensor, parse_sensors
+from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.plan.plan import plan_thermal
+from agonic.thermal.plan.standard_errors import (
+    expect_errors_by_magnitude,
+    expect_errors_by_orientations,
+)
 
 
 def test_the_standard_programme() -> None:
@@ -48,7 +54,7 @@ def test_the_published_campaign_in_numbers() -> None:
 
 def simulated_error(noise: float, seeds: int) -> tuple[float, float]:
     """The rms error of bias and matrix × field of ellipsoids through noisy stations."""
-    rot_nb = np.array([s.rot_nb.as_matrix() for s in standard_stations()])
+    rot_nb = np.array([s.rot_nb.as_matrix() for s in list_standard_stations()])
     field_n = 48_000 * np.array([np.cos(1.134), 0.0, np.sin(1.134)])
     truth = np.swapaxes(rot_nb, 1, 2) @ field_n
     rng = np.random.default_rng(5)
@@ -67,9 +73,9 @@ def simulated_error(noise: float, seeds: int) -> tuple[float, float]:
 
 
 def test_the_expected_errors_are_those_that_fits_make() -> None:
-    rot_nb = np.array([s.rot_nb.as_matrix() for s in standard_stations()])
+    rot_nb = np.array([s.rot_nb.as_matrix() for s in list_standard_stations()])
     field_n = 48_000 * np.array([np.cos(1.134), 0.0, np.sin(1.134)])
-    expected = magnitude_errors(
+    expected = expect_errors_by_magnitude(
         np.swapaxes(rot_nb, 1, 2) @ field_n, np.ones((1, 1)), np.ones(1), 20.0
     )
     bias, matrix = simulated_error(20.0, 1500)
@@ -78,12 +84,15 @@ def test_the_expected_errors_are_those_that_fits_make() -> None:
 
 
 def test_known_turns_help_and_never_hurt() -> None:
-    rot_nb = np.array([s.rot_nb.as_matrix() for s in standard_stations()])
+    rot_nb = np.array([s.rot_nb.as_matrix() for s in list_standard_stations()])
     field_n = np.array([20_000.0, 0.0, 43_600.0])
     given = (np.ones((1, 1)), np.array([1e4]), 100.0)
-    alone = magnitude_errors(np.swapaxes(rot_nb, 1, 2) @ field_n, *given)
-    exact = vector_errors(rot_nb, field_n, *given)
-    coarse = [vector_errors(rot_nb, field_n, *given, fixture_sd_deg=d) for d in (1.0, 30.0)]
+    alone = expect_errors_by_magnitude(np.swapaxes(rot_nb, 1, 2) @ field_n, *given)
+    exact = expect_errors_by_orientations(rot_nb, field_n, *given)
+    coarse = [
+        expect_errors_by_orientations(rot_nb, field_n, *given, fixture_sd_deg=d)
+        for d in (1.0, 30.0)
+    ]
     assert exact.bias == pytest.approx(100 / np.sqrt(12e4), rel=0.1)  # a mean of all readings
     assert exact.bias < coarse[0].bias < coarse[1].bias <= alone.bias * 1.001
     assert coarse[1].matrix == pytest.approx(alone.matrix, rel=0.01)
@@ -115,7 +124,7 @@ def test_stations_that_do_not_determine_the_numbers_are_seen() -> None:
 )
 def test_lists_of_sensors_that_are_none(text, says) -> None:
     with pytest.raises(ag.AgonicError, match=says):
-        listed(text)
+        parse_sensors(text)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +133,7 @@ def test_lists_of_sensors_that_are_none(text, says) -> None:
         ({"range_C": (50, -10)}, "lower end first"),
         ({"rate_Hz": 0.0}, "rate 0 Hz"),
         ({"noise": 0.0}, "noise of each"),
-        ({"stations": standard_stations()[:8]}, "nine stations"),
+        ({"stations": list_standard_stations()[:8]}, "nine stations"),
     ],
 )
 def test_plans_that_cannot_be(given, says) -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.thermal.campaign import plan_thermal, standard_stations
-from agonic.thermal.report.plan_drawings import FACES, pose_drawing, profile_drawing
-from agonic.thermal.report.plan_page import plan_page
-from agonic.thermal.report.plan_text import plan_text
+from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.plan.drawings import FACES, draw_pose, draw_profile
+from agonic.thermal.plan.page import plan_page
+from agonic.thermal.plan.plan import plan_thermal
+from agonic.thermal.plan.text import plan_text
 
 SENSORS = "2xMMC5883MA,3xMPU-9255"
 
@@ -29,14 +30,14 @@ def centre(drawing: str, face: str) -> np.ndarray:
     return np.array([p.split(",") for p in polygon[1].split()], dtype=float).mean(axis=0)
 
 
-@pytest.mark.parametrize("station", standard_stations(), ids=lambda s: str(s.number))
+@pytest.mark.parametrize("station", list_standard_stations(), ids=lambda s: str(s.number))
 def test_each_drawing_shows_what_is_up_and_what_looks_to_the_door_and_left(station) -> None:
     def face(chamber):
         seen = station.rot_nb.apply(np.array(chamber, float), inverse=True).round().astype(int)
         return next(name for name, normal in FACES if tuple(seen) == normal)
 
     up, door, left = face([0, 0, -1]), face([-1, 0, 0]), face([0, -1, 0])
-    drawing = pose_drawing(station.rot_nb, station.pose)
+    drawing = draw_pose(station.rot_nb, station.pose)
     assert names(drawing) == {up, door, left}
     assert station.pose.startswith(up)
     assert centre(drawing, up)[1] < min(centre(drawing, door)[1], centre(drawing, left)[1])
@@ -44,12 +45,12 @@ def test_each_drawing_shows_what_is_up_and_what_looks_to_the_door_and_left(stati
 
 
 def test_a_skew_pose_is_drawn_too() -> None:
-    drawing = pose_drawing(yaw_pitch_roll(20.0, 30.0, 10.0), "askew")
+    drawing = draw_pose(yaw_pitch_roll(20.0, 30.0, 10.0), "askew")
     assert drawing.count("<polygon") == 4  # three faces and the floor
 
 
 def test_the_profile_is_drawn_to_scale(plan) -> None:
-    drawing = profile_drawing(plan.profile)
+    drawing = draw_profile(plan.profile)
     path = re.search(r'd="M([^"]+)" class="course"', drawing)[1]
     points = np.array([p.split(",") for p in path.split(" L")], dtype=float)
     right = (points[:, 0] - points[0, 0]) / np.ptp(points[:, 0])
@@ -75,7 +76,7 @@ def test_the_text_says_everything(plan) -> None:
 
 
 def test_stations_that_determine_nothing_are_warned_of(plan) -> None:
-    from agonic.thermal.campaign import Station
+    from agonic.thermal.campaign.description import Station
 
     flat = [Station(number=k, rot_nb=yaw_pitch_roll(30.0 * k, 0, 0)) for k in range(1, 13)]
     assert "do not determine" in plan_text(plan_thermal("MPU-9255", stations=flat))

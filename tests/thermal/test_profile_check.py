@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.thermal.campaign import Campaign, Profile, Sensor, check_campaign, plan_thermal
+from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.campaign.recording import Campaign
+from agonic.thermal.campaign.sensors import Sensor
+from agonic.thermal.checks.programme import check_campaign
+from agonic.thermal.plan.plan import plan_thermal
 from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 
 SENSORS = "2xMMC5883MA,MPU-9255"
@@ -186,7 +190,7 @@ def test_clocks_that_start_anew_are_put_in_line(clean) -> None:
 
 def test_two_sensors_of_one_name_are_no_description() -> None:
     from agonic.errors import AgonicError
-    from agonic.thermal.campaign import Description
+    from agonic.thermal.campaign.description import Description
 
     with pytest.raises(AgonicError, match="described twice"):
         Description(sensors=(Sensor(name="a"), Sensor(name="a")))

@@ -11,9 +11,10 @@ from agonic.calibration.thermal import Thermal
 from agonic.health import Finding
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.report.digits import MINUS, THIN
-from agonic.thermal.calibrated import CalibratedCampaign, CalibratedSensor, calibrate_campaign
-from agonic.thermal.report import figures
-from agonic.thermal.report.page import campaign_page, thermal_of, thermal_page
+from agonic.thermal import figures
+from agonic.thermal.all_sensors import calibrate_campaign
+from agonic.thermal.page import campaign_page, thermal_of, thermal_page
+from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 from agonic.thermal.simulation.campaign import simulate_campaign
 
 EVIL = "</style><img src=x onerror=alert(1)>&\"'"

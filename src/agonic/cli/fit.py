@@ -24,7 +24,7 @@ from agonic.errors import AgonicError
 from agonic.headings.commands import fit_deviation
 from agonic.inflight.commands import fit_inflight
 from agonic.network.commands import fit_network
-from agonic.thermal.commands import fit_thermal
+from agonic.thermal.commands import fit as fit_thermal
 
 if TYPE_CHECKING:
     from agonic.recording.calibrated import Calibrated

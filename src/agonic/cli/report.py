@@ -51,7 +51,7 @@ def report(
     from agonic.recording.calibrated import judge
     from agonic.recording.report.page import render
     from agonic.recording.report.record import record
-    from agonic.thermal.report.page import thermal_of
+    from agonic.thermal.page import thermal_of
 
     given = require_calibration(load(cal))
     network = network_of(given)
@@ -93,7 +93,7 @@ def _thermal(
     from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
     from agonic.console.place import expected
-    from agonic.thermal.report.page import thermal_page
+    from agonic.thermal.page import thermal_page
     from agonic.verification import verify
 
     samples, verification = None, None

@@ -15,8 +15,8 @@ from agonic.errors import AgonicError
 from agonic.fleet.commands import simulate_fleet
 from agonic.inflight.commands import simulate_orbit
 from agonic.network.commands import simulate_network
-from agonic.thermal.commands import simulate_campaign
-from agonic.thermal.commands.simulate_campaign import FAULTS
+from agonic.thermal.commands import simulate as simulate_campaign
+from agonic.thermal.commands.simulate import FAULTS
 
 if TYPE_CHECKING:
     from agonic.calibration.affine import Affine
@@ -178,7 +178,7 @@ def simulate(
         return simulate_north.session(kind, out, as_json=as_json, seed=seed, noise=own_noise)
     if kind == "campaign":
         own_noise = noise if _stated(context, "noise") else None
-        return simulate_campaign.campaign(
+        return simulate_campaign.simulate_chamber(
             out,
             sensors=sensors,
             rate=rate,

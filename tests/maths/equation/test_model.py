@@ -8,15 +8,15 @@ from agonic.maths.equation import model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis
 from agonic.maths.estimation import leastsq
 from agonic.thermal.maths import (
-    bins,
+    ellipsoids,
     estimate,
     fixture,
     gaussian_process,
+    known_field,
     station_residuals,
-    vector_coil,
 )
-from agonic.thermal.maths.prior import beliefs
-from agonic.thermal.maths.stations import twelve
+from agonic.thermal.maths.prior import make_prior
+from agonic.thermal.maths.stations import list_standard_rotations
 
 RNG = np.random.default_rng(0)
 
@@ -84,11 +84,13 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
     field[2] = np.sqrt(1 - field @ field)
     mount = Rotation.from_euler("zyx", [100, 20, -40], degrees=True).as_matrix()
     off = Rotation.from_rotvec(np.radians(fixture_deg) * rng.normal(size=(12, 3))).as_matrix()
-    seen = np.array([mount.T @ (r @ e).T @ field for r, e in zip(twelve(), off, strict=True)])
+    seen = np.array(
+        [mount.T @ (r @ e).T @ field for r, e in zip(list_standard_rotations(), off, strict=True)]
+    )
     bias, matrix = model.local(truth, onto, phi)
     points = bias + np.linalg.solve(matrix, seen[station][:, :, None])[:, :, 0]
     points = points + noise * rng.normal(size=points.shape)
-    problem = station_residuals.Problem(
+    problem = station_residuals.StationProblem(
         points=points,
         covariance=np.tile(max(noise, 1e-6) ** 2 * np.eye(3), (264, 1, 1)),
         phi=phi,
@@ -96,7 +98,7 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
         pace=None,
         degree=2,
         rate=rate,
-        rot_nb=twelve(),
+        rot_nb=list_standard_rotations(),
         fixture_sd=np.radians(1.0),
     )
     start = np.zeros_like(truth)
@@ -107,9 +109,9 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
 @pytest.mark.parametrize("rate", [False, True])
 def test_without_noise_the_truth_comes_back(rate: bool) -> None:
     problem, truth, start, mount = campaign(rate=rate)
-    alone = estimate.by_magnitude(problem, start)
+    alone = estimate.estimate_by_magnitude(problem, start)
     assert alone.coefficients == pytest.approx(truth, abs=1e-6)
-    known = estimate.by_turns(problem, alone.coefficients)
+    known = estimate.estimate_by_orientations(problem, alone.coefficients)
     assert known.coefficients == pytest.approx(truth, abs=1e-6)
     assert known.poses is not None
     angle = Rotation.from_matrix(known.poses.mount @ mount.T).magnitude()
@@ -122,18 +124,20 @@ def test_all_jacobians_of_the_joint_problem_are_derivatives(taught: str, derivat
     problem, _, start, _ = campaign(noise=1e-3, rate=True)
     m = len(problem.points)
     time = np.linspace(-0.5, 0.5, m)
-    problem = problem._replace(pace=time, course=gaussian_process.course(time, problem.station))
+    problem = problem._replace(
+        pace=time, course=gaussian_process.make_time_basis(time, problem.station)
+    )
     poses = None
     if taught == "turns":
-        seen = station_residuals.directions(problem, start)
-        found = fixture.mounted(seen, problem.rot_nb)
+        seen = station_residuals.find_directions(problem, start)
+        found = fixture.find_mounting(seen, problem.rot_nb)
         poses = station_residuals.Poses(seen, found.mount, found.field)
     width = problem.clock.shape[1] * (1 if poses is None else 3)
-    slow = gaussian_process.Wander(0.01, ("smooth", 1.0), 20.0)
+    slow = gaussian_process.GaussianProcess(0.01, ("smooth", 1.0), 20.0)
     followed = np.zeros((m, 1 if poses is None else 3))
     state = station_residuals.State(start, np.zeros(width), poses, 1e-6, 0.02, slow, followed)
-    pieces, prior = station_residuals.pieces(problem, state), beliefs(problem, state)
-    at = station_residuals.parameters(state, len(start))
+    pieces, prior = station_residuals.make_pieces(problem, state), make_prior(problem, state)
+    at = station_residuals.collect_parameters(state, len(start))
     at = at + 1e-3 * RNG.normal(size=len(at))
     _, jacobian = next(iter(pieces(at)))
     found = derivative(lambda p: next(iter(pieces(p)))[0], at, 1e-6)
@@ -148,7 +152,7 @@ def test_each_temperature_by_itself_agrees_with_one_solved_alone() -> None:
     points = problem.points.reshape(12, 2, 11, 3)[:, 0].swapaxes(0, 1)
     covariance = np.tile(4e-8 * np.eye(3), (11, 12, 1, 1))
     start = np.tile(np.array([0, 0, 0, 1.0, 1, 1, 0, 0, 0]), (11, 1))
-    found = bins.ellipsoids(points, covariance, np.ones((11, 12), dtype=bool), start)
+    found = ellipsoids.fit_ellipsoids(points, covariance, np.ones((11, 12), dtype=bool), start)
     assert found.determined.all()
     basis = model_basis("full")
 
@@ -168,23 +172,25 @@ def test_each_temperature_by_itself_agrees_with_one_solved_alone() -> None:
 def test_eight_stations_do_not_determine_a_temperature() -> None:
     there = np.ones((2, 12), dtype=bool)
     there[1, :4] = False
-    points = np.tile(np.swapaxes(twelve(), 1, 2) @ [0.4, 0.1, 0.911], (2, 1, 1))
+    points = np.tile(np.swapaxes(list_standard_rotations(), 1, 2) @ [0.4, 0.1, 0.911], (2, 1, 1))
     start = np.tile(np.array([0, 0, 0, 1.0, 1, 1, 0, 0, 0]), (2, 1))
-    found = bins.ellipsoids(points, np.tile(1e-6 * np.eye(3), (2, 12, 1, 1)), there, start)
+    found = ellipsoids.fit_ellipsoids(
+        points, np.tile(1e-6 * np.eye(3), (2, 12, 1, 1)), there, start
+    )
     assert found.determined.tolist() == [True, False]
 
 
 def test_mounting_and_exchanged_stations_are_found() -> None:
     mount = Rotation.from_euler("zyx", [-30, 50, 170], degrees=True).as_matrix()
     field = np.array([0.4, -0.2, np.sqrt(1 - 0.2)])
-    seen = np.array([mount.T @ r.T @ field for r in twelve()])
-    found = fixture.mounted(seen, twelve())
+    seen = np.array([mount.T @ r.T @ field for r in list_standard_rotations()])
+    found = fixture.find_mounting(seen, list_standard_rotations())
     assert found.mount == pytest.approx(mount, abs=1e-6)
     assert found.field == pytest.approx(field, abs=1e-6)
     order = np.arange(12)
     order[[2, 9]] = 9, 2
-    assert fixture.mounted(seen[order], twelve()).rms > np.radians(10)
-    swap = fixture.exchanged(seen[order], twelve())
+    assert fixture.find_mounting(seen[order], list_standard_rotations()).rms > np.radians(10)
+    swap = fixture.find_exchange(seen[order], list_standard_rotations())
     assert (swap.first, swap.second) == (2, 9)
     assert swap.rms < np.radians(1)
 
@@ -203,7 +209,9 @@ def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> Non
         bias, matrix = model.local(truth, onto, phi)
         raw = bias + np.linalg.solve(matrix, field[:, :, None])[:, :, 0]
         raw = raw + 0.1 * rng.normal(size=raw.shape)
-        found = vector_coil.estimate(vector_coil.Problem(raw, field, phi, 1), robust=False)
+        found = known_field.estimate(
+            known_field.KnownFieldProblem(raw, field, phi, 1), robust=False
+        )
         assert found.noise.sd == pytest.approx(0.1, rel=0.05)
         sd = np.sqrt(np.diag(found.solution.covariance))
         errors.append((found.solution.params - truth) / sd)

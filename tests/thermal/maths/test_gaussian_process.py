@@ -14,11 +14,11 @@ def drawn(seed: int, sd: float, kind: gaussian_process.Kind = ("smooth", 0.7), a
     rng = np.random.default_rng(seed)
     station = np.repeat(np.arange(STATIONS), EACH)
     time = np.tile(np.linspace(0.0, 100.0, EACH), STATIONS) + 120.0 * station
-    course = gaussian_process.course(time, station)
+    course = gaussian_process.make_time_basis(time, station)
     m = len(time)
     by_field = np.eye(axes) * rng.uniform(0.5, 1.5, (m, 1, 1))
-    of = gaussian_process.spaces(by_field, course, station)
-    blocks = gaussian_process.covariance(course, kind)
+    of = gaussian_process.project_on_stations(by_field, course, station)
+    blocks = gaussian_process.compute_covariance(course, kind)
     k, s = blocks.shape[:2]
     root = np.linalg.cholesky(blocks.reshape(k * s, k * s) + 1e-9 * np.eye(k * s))
     changes = np.empty((m, axes))
@@ -31,10 +31,10 @@ def drawn(seed: int, sd: float, kind: gaussian_process.Kind = ("smooth", 0.7), a
 
 
 def dense(
-    of: gaussian_process.Spaces, n: int, sd: float, kind: gaussian_process.Kind
+    of: gaussian_process.StationSpaces, n: int, sd: float, kind: gaussian_process.Kind
 ) -> np.ndarray:
     """The covariance of all residuals, written out."""
-    blocks = gaussian_process.covariance(of.course, kind)
+    blocks = gaussian_process.compute_covariance(of.course, kind)
     total = np.eye(n)
     s = blocks.shape[1]
     for a, (rows_a, q_a, r_a) in enumerate(zip(of.rows, of.bases, of.triangles, strict=True)):
@@ -51,8 +51,8 @@ def test_whitened_is_the_inverse_root_of_the_covariance(
     axes: int, kind: gaussian_process.Kind
 ) -> None:
     of, z, jacobian, _ = drawn(0, 3.0, axes=axes)
-    axis = gaussian_process.principal(of, kind)
-    ours = gaussian_process.whitened(of, 3.0, axis, np.column_stack([z, jacobian]))
+    axis = gaussian_process.find_principal_axes(of, kind)
+    ours = gaussian_process.whiten(of, 3.0, axis, np.column_stack([z, jacobian]))
     both = np.column_stack([z, jacobian])
     written = both.T @ np.linalg.solve(dense(of, len(z), 3.0, kind), both)
     assert ours.T @ ours == pytest.approx(written, rel=1e-8)
@@ -60,9 +60,9 @@ def test_whitened_is_the_inverse_root_of_the_covariance(
 
 def test_followed_is_the_conditional_mean() -> None:
     of, z, _, changes = drawn(1, 5.0, axes=3)
-    by = gaussian_process.Wander(5.0, ("smooth", 0.7), 1.0)
-    seen, taken = gaussian_process.followed(
-        of, by, gaussian_process.principal(of, by.kind), z, len(changes)
+    by = gaussian_process.GaussianProcess(5.0, ("smooth", 0.7), 1.0)
+    seen, taken = gaussian_process.predict_changes(
+        of, by, gaussian_process.find_principal_axes(of, by.kind), z, len(changes)
     )
     assert np.sqrt(np.mean((seen + changes) ** 2)) < 0.6  # residual = … + change, field = −change
     assert 20 < taken < 105
@@ -80,7 +80,7 @@ def test_nothing_is_found_in_white_noise() -> None:
         of, _, jacobian, _ = drawn(seed, 0.0)
         heavy = of._replace(triangles=tuple(500.0 * r for r in of.triangles))
         gains.append(
-            gaussian_process.estimated(
+            gaussian_process.estimate_process(
                 heavy, rng.standard_normal(STATIONS * EACH), jacobian, nothing
             )[0]
         )
@@ -95,7 +95,7 @@ def test_size_and_length_are_found_with_the_parameters_freedom_taken_off() -> No
     for seed in range(25):
         of, z, jacobian, _ = drawn(100 + seed, 2.0, axes=3)
         heavy = of._replace(triangles=tuple(500.0 * r for r in of.triangles))
-        by, _ = gaussian_process.estimated(heavy, z, jacobian, nothing)
+        by, _ = gaussian_process.estimate_process(heavy, z, jacobian, nothing)
         sizes.append(500.0 * by.sd)
         lengths.append(by.kind)
         assert by.gain > 16.0

@@ -9,7 +9,7 @@ import typer
 
 from agonic.alignment.commands import plan_alignment
 from agonic.console.options import Json
-from agonic.thermal.commands import plan_thermal
+from agonic.thermal.commands import plan as plan_thermal
 
 
 def add_to(app: typer.Typer) -> None:

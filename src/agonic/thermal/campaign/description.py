@@ -58,7 +58,7 @@ class Description:
             ("sensor", [sensor.name for sensor in self.sensors]),
             ("station", [station.number for station in self.stations]),
         ):
-            twice = repeated(given)
+            twice = find_repeated(given)
             if twice:
                 raise AgonicError(f"{what} {', '.join(map(str, twice))} is described twice")
 
@@ -74,19 +74,19 @@ class Description:
         return known if known and len(known) == len(self.stations) else None
 
 
-def repeated(values: Iterable[object]) -> list[object]:
+def find_repeated(values: Iterable[object]) -> list[object]:
     """The values that are there more than once.
 
-    >>> repeated(["a", "b", "a"])
+    >>> find_repeated(["a", "b", "a"])
     ['a']
     """
     return [value for value, times in Counter(values).items() if times > 1]
 
 
-def ranges(numbers: Iterable[int]) -> str:
+def join_numbers(numbers: Iterable[int]) -> str:
     """Numbers in words, runs of three and more drawn together.
 
-    >>> ranges([7, 2, 3, 4, 10]), ranges([5])
+    >>> join_numbers([7, 2, 3, 4, 10]), join_numbers([5])
     ('2–4, 7, 10', '5')
     """
     left = sorted(set(numbers))
@@ -102,11 +102,11 @@ def ranges(numbers: Iterable[int]) -> str:
     return ", ".join(parts)
 
 
-def stations(numbers: Iterable[int]) -> str:
+def name_stations(numbers: Iterable[int]) -> str:
     """Stations by number, in words.
 
-    >>> stations([3]), stations([2, 3, 4])
+    >>> name_stations([3]), name_stations([2, 3, 4])
     ('station 3', 'stations 2–4')
     """
     given = set(numbers)
-    return f"station{'s' if len(given) > 1 else ''} {ranges(given)}"
+    return f"station{'s' if len(given) > 1 else ''} {join_numbers(given)}"

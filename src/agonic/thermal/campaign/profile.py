@@ -14,10 +14,10 @@ from agonic.errors import AgonicError
 Action = Literal["heat", "cool", "hold"]
 
 
-def signed(level_C: float) -> str:
+def format_signed(level_C: float) -> str:
     """A temperature with its sign, 0 without one.
 
-    >>> signed(50.0), signed(0.0)
+    >>> format_signed(50.0), format_signed(0.0)
     ('+50', '0')
     """
     return f"{level_C:+.4g}" if level_C else "0"
@@ -38,9 +38,9 @@ class Segment:
         """What to set on the chamber."""
         minutes = f"{self.duration_s / 60:.3g} min"
         if self.action == "hold":
-            return f"hold {signed(self.end_C)} °C for {minutes}"
+            return f"hold {format_signed(self.end_C)} °C for {minutes}"
         rate = abs(self.end_C - self.start_C) / self.duration_s * 60
-        return f"{self.action} to {signed(self.end_C)} °C in {minutes} ({rate:.3g} °C/min)"
+        return f"{self.action} to {format_signed(self.end_C)} °C in {minutes} ({rate:.3g} °C/min)"
 
 
 @dataclass(frozen=True, kw_only=True)

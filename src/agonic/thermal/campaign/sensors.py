@@ -66,15 +66,15 @@ class Sensor:
 _ENTRY = re.compile(r"(?:(?P<times>\d+)\s*[x×]\s*)?(?P<model>[^=:]+?)(?::(?P<noise>[\d.]+))?")
 
 
-def listed(text: str) -> tuple[Sensor, ...]:
+def parse_sensors(text: str) -> tuple[Sensor, ...]:
     """The sensors of a list such as "2xMMC5883MA, 3xMPU-9255:400", noise in nT after the colon.
 
     Several of one model are numbered. Raises `AgonicError` for what is no list, and for a model
     that is not known and comes without noise.
 
-    >>> [sensor.name for sensor in listed("2xMMC5883MA,HMC5883L:200")]
+    >>> [sensor.name for sensor in parse_sensors("2xMMC5883MA,HMC5883L:200")]
     ['MMC5883MA-1', 'MMC5883MA-2', 'HMC5883L']
-    >>> round(listed("MPU-9255")[0].reading_sd, 1)
+    >>> round(parse_sensors("MPU-9255")[0].reading_sd, 1)
     402.3
     """
     found: list[Sensor] = []
@@ -86,7 +86,7 @@ def listed(text: str) -> tuple[Sensor, ...]:
                 f"{entry!r} is no sensor; write a model, 2xMODEL for two, MODEL:NOISE with the "
                 "noise of a reading in nT"
             )
-        model = _spelled(match["model"].strip())
+        model = _spell(match["model"].strip())
         noise = None if match["noise"] is None else float(match["noise"])
         if model not in MODELS and not noise:
             raise AgonicError(
@@ -96,10 +96,10 @@ def listed(text: str) -> tuple[Sensor, ...]:
         found += [Sensor(name=model, model=model, noise=noise)] * times
     if not found:
         raise AgonicError("no sensors were named; write for instance 2xMMC5883MA,3xMPU-9255")
-    return numbered(found)
+    return number_sensors(found)
 
 
-def numbered(sensors: list[Sensor]) -> tuple[Sensor, ...]:
+def number_sensors(sensors: list[Sensor]) -> tuple[Sensor, ...]:
     """The sensors with a number after each name that occurs more than once."""
     names = [sensor.name for sensor in sensors]
     made = []
@@ -110,7 +110,7 @@ def numbered(sensors: list[Sensor]) -> tuple[Sensor, ...]:
     return tuple(made)
 
 
-def _spelled(model: str) -> str:
+def _spell(model: str) -> str:
     """The known spelling of a model, or what was written."""
     plain = re.sub(r"[^a-z0-9]", "", model.lower())
     return next((name for name in MODELS if re.sub(r"[^a-z0-9]", "", name.lower()) == plain), model)

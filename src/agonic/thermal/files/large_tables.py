@@ -62,7 +62,7 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recorded:
+class RecordedFile:
     """What a file of a campaign holds, and notes on the file."""
 
     parts: tuple[Part, ...]
@@ -70,7 +70,7 @@ class Recorded:
     notes: tuple[str, ...] = field(default_factory=tuple)
 
 
-def read_recorded(path: Path, unit: str | None = None) -> Recorded:
+def read_recording(path: Path, unit: str | None = None) -> RecordedFile:
     """The readings in a file of a campaign, by station and sensor.
 
     `unit` is that of the field where no header names one. Raises `LogError` where nothing in the
@@ -82,44 +82,46 @@ def read_recorded(path: Path, unit: str | None = None) -> Recorded:
     if table_reader is None and not csv_text.accepts(head):
         log = open_log(path, unit=unit)
         part = Part(station=None, sensors={samples.name: samples for samples in log.sensors})
-        return Recorded(parts=(part,), source=log.source, notes=log.notes)
+        return RecordedFile(parts=(part,), source=log.source, notes=log.notes)
     try:
-        table, notes = _tabulated(path, head, table_reader is not None)
-        source = Input(name=path.name, sha256=sha256_of(path), count=len(_first(table)))
-        parts = tuple(_parts(table, path, source, unit))
+        table, notes = _read_table(path, head, table_reader is not None)
+        source = Input(name=path.name, sha256=sha256_of(path), count=len(_take_first(table)))
+        parts = tuple(_split_table(table, path, source, unit))
     except LogError as error:
         raise error if error.path else LogError(str(error), path=path) from error
     except Exception as error:  # parsers fail on damaged files in every way there is
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
         raise LogError(f"damaged, or not what it looks like ({reason})", path=path) from error
-    return Recorded(parts=parts, source=source, notes=notes)
+    return RecordedFile(parts=parts, source=source, notes=notes)
 
 
-def _tabulated(path: Path, head: bytes, parquet: bool) -> tuple[Table, tuple[str, ...]]:
+def _read_table(path: Path, head: bytes, parquet: bool) -> tuple[Table, tuple[str, ...]]:
     """The wanted columns of a file, and notes."""
     if parquet:
         table, facts = read_parquet.tabulated(path)
     else:
-        quick = _quick(path, head)
+        quick = _read_clean_table(path, head)
         if quick is not None:
             return quick
         table, facts = csv_text.tabulated(path)
-    wanted = {header: values for header, values in table.items() if _quantity(header) in WANTED}
+    wanted = {
+        header: values for header, values in table.items() if _find_quantity(header) in WANTED
+    }
     return wanted, facts.get("notes", ())
 
 
-def _quantity(header: str) -> str:
+def _find_quantity(header: str) -> str:
     column = understood(header)
     return "" if column is None else column.quantity.column
 
 
-def _first(table: Table) -> NDArray[Any]:
+def _take_first(table: Table) -> NDArray[Any]:
     if not table:
         raise LogError("no column of it is understood; name them time_s, mag_x_uT, temperature_C …")
     return next(iter(table.values()))
 
 
-def _quick(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] | None:
+def _read_clean_table(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] | None:
     """The wanted columns of a clean comma-separated table; `None` where it is not one."""
     try:
         lines = head.decode("utf-8-sig", "strict" if len(head) < _HEAD_BYTES else "ignore")
@@ -129,16 +131,16 @@ def _quick(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] | None:
     header = [cell.strip() for cell in next(csv.reader([first.rstrip("\r")]), [])]
     if not end or len(header) < 2 or first.startswith(("#", "%")):
         return None
-    wanted = {at: name for at, name in positions(header).items() if _quantity(name) in WANTED}
-    if not any(_quantity(name) == "field" for name in wanted.values()):
+    wanted = {at: name for at, name in positions(header).items() if _find_quantity(name) in WANTED}
+    if not any(_find_quantity(name) == "field" for name in wanted.values()):
         return None
     try:
-        return _by_pyarrow(path, header, wanted)
+        return _read_by_pyarrow(path, header, wanted)
     except ImportError:
-        return _by_numpy(path, wanted)
+        return _read_by_numpy(path, wanted)
 
 
-def _by_pyarrow(
+def _read_by_pyarrow(
     path: Path, header: list[str], wanted: dict[int, str]
 ) -> tuple[Table, tuple[str, ...]] | None:
     import pyarrow as pa
@@ -150,8 +152,10 @@ def _by_pyarrow(
         next(short)
         return "skip"
 
-    numeric = {n: pa.float64() for n in wanted.values() if _quantity(n) not in (*_LABELS, *_TIMES)}
-    labels = {n: pa.string() for n in wanted.values() if _quantity(n) in _LABELS}
+    numeric = {
+        n: pa.float64() for n in wanted.values() if _find_quantity(n) not in (*_LABELS, *_TIMES)
+    }
+    labels = {n: pa.string() for n in wanted.values() if _find_quantity(n) in _LABELS}
     names = [wanted.get(at, f"{at}") for at in range(len(header))]
     try:
         read = arrow.read_csv(
@@ -171,24 +175,25 @@ def _by_pyarrow(
     table: Table = {}
     for name in read.column_names:
         column = read.column(name)
-        table[name] = _labels(column) if name in labels else column.to_numpy()
+        table[name] = _decode_labels(column) if name in labels else column.to_numpy()
         read = read.drop_columns([name])  # what has been copied need not stay
     left_out = next(short)
     notes = (f"{left_out} lines with too few or too many cells were left out",) * (left_out > 0)
     return table, notes
 
 
-def _labels(column: Any) -> NDArray[Any]:
+def _decode_labels(column: Any) -> NDArray[Any]:
     """A column of labels as Python strings, each made once."""
     whole = column.combine_chunks().dictionary_encode()
     names = np.array([str(name) for name in whole.dictionary.to_pylist()], dtype=object)
     return np.asarray(names[whole.indices.fill_null(0).to_numpy(zero_copy_only=False)])
 
 
-def _by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...]] | None:
+def _read_by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...]] | None:
     """The same without pyarrow, some rows at a time."""
     kinds = [
-        (f"{at}", f"S{_LABEL}" if _quantity(n) in _LABELS else "f8") for at, n in wanted.items()
+        (f"{at}", f"S{_LABEL}" if _find_quantity(n) in _LABELS else "f8")
+        for at, n in wanted.items()
     ]
     pieces: dict[str, list[NDArray[Any]]] = {name: [] for name in wanted.values()}
     known: dict[bytes, str] = {}
@@ -210,7 +215,7 @@ def _by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...
                 return None
             for (at, kind), name in zip(kinds, wanted.values(), strict=True):
                 values = rows[at]
-                pieces[name].append(values.copy() if kind == "f8" else _texts(values, known))
+                pieces[name].append(values.copy() if kind == "f8" else _decode_texts(values, known))
             if len(rows) < _PIECE:
                 break
     if any(len(label) == _LABEL for label in known):
@@ -218,25 +223,25 @@ def _by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...
     return {name: np.concatenate(parts) for name, parts in pieces.items()}, ()
 
 
-def _texts(values: NDArray[Any], known: dict[bytes, str]) -> NDArray[Any]:
+def _decode_texts(values: NDArray[Any], known: dict[bytes, str]) -> NDArray[Any]:
     """Labels as Python strings, each made once."""
     listed = values.tolist()
     known.update({label: label.decode("latin-1") for label in set(listed) - known.keys()})
     return np.array(list(map(known.__getitem__, listed)), dtype=object)
 
 
-def _parts(table: Table, path: Path, source: Input, unit: str | None) -> Iterator[Part]:
+def _split_table(table: Table, path: Path, source: Input, unit: str | None) -> Iterator[Part]:
     """The readings by station."""
     found = identified(table)
-    hot = _celsius(table)
+    hot = _convert_to_celsius(table)
     stations = next(iter(found.get("station", {"": {}}).values())).get("")
     labels = next(iter(found.get("sensor", {"": {}}).values())).get("")
     failures: list[str] = []
-    for number, rows in _stations(table, None if stations is None else stations.header):
+    for number, rows in _split_by_station(table, None if stations is None else stations.header):
         sensors: dict[str, Samples] = {}
         failures = []
-        for label, own in _split(rows, None if labels is None else labels.header):
-            plain = {h: v for h, v in own.items() if _quantity(h) not in ("station", "sensor")}
+        for label, own in _split_by_sensor(rows, None if labels is None else labels.header):
+            plain = {h: v for h, v in own.items() if _find_quantity(h) not in ("station", "sensor")}
             try:
                 log = log_of_table(plain, path=path, source=source, format="table", unit=unit)
             except LogError as error:
@@ -253,7 +258,7 @@ def _parts(table: Table, path: Path, source: Input, unit: str | None) -> Iterato
             yield Part(station=number, sensors=sensors, kelvin=kelvin, failures=tuple(failures))
 
 
-def _celsius(table: Table) -> bool:
+def _convert_to_celsius(table: Table) -> bool:
     """Take 273.15 off temperatures that are kelvin although nothing says so; whether there were."""
     hot = False
     for header, values in table.items():
@@ -270,7 +275,7 @@ def _celsius(table: Table) -> bool:
     return hot
 
 
-def _stations(table: Table, header: str | None) -> Iterator[tuple[int | None, Table]]:
+def _split_by_station(table: Table, header: str | None) -> Iterator[tuple[int | None, Table]]:
     """The rows of each station that a column numbers."""
     if header is None:
         yield None, table
@@ -281,10 +286,10 @@ def _stations(table: Table, header: str | None) -> Iterator[tuple[int | None, Ta
     if not len(numbers):
         raise LogError(f"{header!r} holds no numbers of stations")
     for number in numbers:
-        yield int(number), _rows(table, np.flatnonzero(values == number))
+        yield int(number), _select_rows(table, np.flatnonzero(values == number))
 
 
-def _split(table: Table, header: str | None) -> Iterator[tuple[str, Table]]:
+def _split_by_sensor(table: Table, header: str | None) -> Iterator[tuple[str, Table]]:
     """The rows of each sensor that a column names."""
     if header is None:
         yield "", table
@@ -293,10 +298,10 @@ def _split(table: Table, header: str | None) -> Iterator[tuple[str, Table]]:
     values = table[header]
     codes = np.fromiter(map(known.__getitem__, values.tolist()), np.intp, len(values))
     for label, code in list(known.items()):
-        yield str(label).strip(), _rows(table, np.flatnonzero(codes == code))
+        yield str(label).strip(), _select_rows(table, np.flatnonzero(codes == code))
 
 
-def _rows(table: Table, at: Index) -> Table:
+def _select_rows(table: Table, at: Index) -> Table:
     """Some rows of a table; a view where they are one stretch."""
     if len(at) and at[-1] - at[0] + 1 == len(at):
         chosen: Any = slice(int(at[0]), int(at[-1]) + 1)

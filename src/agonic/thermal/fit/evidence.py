@@ -6,10 +6,10 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health import Finding, figure
-from agonic.thermal.fit.problem import Posed
-from agonic.thermal.fit.recordings_fit import named
+from agonic.thermal.fit.problem import ChamberReadings
+from agonic.thermal.fit.recordings import named
 from agonic.thermal.fit.result import COEFFICIENTS, ThermalFit
-from agonic.thermal.fit.solve import Turns
+from agonic.thermal.fit.solve import Orientations
 from agonic.thermal.maths.binned_sums import Binned
 
 UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
@@ -22,7 +22,9 @@ STRAYS_DOUBTFUL = 0.05
 HYSTERESIS_DOUBTFUL = 2e-3
 
 
-def of_fit(fit: ThermalFit, of: Posed, sums: Binned, turns: Turns | None) -> list[Finding]:
+def judge_fit(
+    fit: ThermalFit, of: ChamberReadings, sums: Binned, turns: Orientations | None
+) -> list[Finding]:
     """What the fit says: what is not determined, turns, drift, scatter, hysteresis, anomalies."""
     found = [
         _undetermined(fit),
@@ -37,7 +39,7 @@ def of_fit(fit: ThermalFit, of: Posed, sums: Binned, turns: Turns | None) -> lis
     return [finding for finding in found if finding is not None]
 
 
-def relative_sd(fit: ThermalFit) -> Array:
+def compute_relative_sd(fit: ThermalFit) -> Array:
     """Standard errors of the nine at the worst temperature of the range, over the field, (9,)."""
     calibration = fit.calibration
     assert calibration.validity.temperature_C is not None
@@ -50,7 +52,7 @@ def relative_sd(fit: ThermalFit) -> Array:
 
 
 def _undetermined(fit: ThermalFit) -> Finding | None:
-    relative = relative_sd(fit)
+    relative = compute_relative_sd(fit)
     poor = [name for name, sd in zip(COEFFICIENTS, relative, strict=True) if sd > UNKNOWN]
     if not poor:
         return None
@@ -66,7 +68,7 @@ def _undetermined(fit: ThermalFit) -> Finding | None:
     )
 
 
-def _range(of: Posed) -> Finding | None:
+def _range(of: ChamberReadings) -> Finding | None:
     low, high = of.scale.low_C, of.scale.high_C
     if high - low >= NARROW_C:
         return None
@@ -78,7 +80,7 @@ def _range(of: Posed) -> Finding | None:
     )
 
 
-def _turns(turns: Turns | None) -> Finding | None:
+def _turns(turns: Orientations | None) -> Finding | None:
     """Described turns that the readings contradict."""
     if turns is None or turns.believed:
         return None

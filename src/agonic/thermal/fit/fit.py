@@ -15,15 +15,15 @@ from agonic.health import Finding, figure, gravest_first
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.thermal.fit import bins as by_bins
-from agonic.thermal.fit import evidence, recordings_fit
-from agonic.thermal.fit.binning import Facts, facts_of, gathered
-from agonic.thermal.fit.improvement import spread_of
-from agonic.thermal.fit.problem import Posed, posed, restored
+from agonic.thermal.fit import each_temperature as by_bins
+from agonic.thermal.fit import evidence, recordings
+from agonic.thermal.fit.known_field import fit_known_field
+from agonic.thermal.fit.problem import ChamberReadings, make_calibration, select_readings
+from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
 from agonic.thermal.fit.result import Anomaly, Fixture, ThermalFit
 from agonic.thermal.fit.settings import Settings
-from agonic.thermal.fit.solve import Solved, solved
-from agonic.thermal.fit.vector_fit import fit_to_vector
+from agonic.thermal.fit.solve import Solution, solve
+from agonic.thermal.fit.spread import compute_spread
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.estimate import UNREST
 
@@ -76,10 +76,10 @@ def fit_thermal(
 
     Examples
     --------
-    >>> from agonic.thermal.maths.stations import twelve
+    >>> from agonic.thermal.maths.stations import list_standard_rotations
     >>> t = np.concatenate([np.linspace(50.0, -10.0, 300), np.linspace(-10.0, 50.0, 300)])
     >>> drifting = np.outer((t - 20.0) / 30.0, [2000.0, -500.0, 800.0])
-    >>> seen = np.swapaxes(twelve(), 1, 2) @ [20_000.0, 0.0, 43_000.0]
+    >>> seen = np.swapaxes(list_standard_rotations(), 1, 2) @ [20_000.0, 0.0, 43_000.0]
     >>> noise = 100.0 * np.random.default_rng(0).normal(size=(12, 600, 3))
     >>> samples = Samples(field=(seen[:, None] + drifting + noise).reshape(-1, 3),
     ...                   temperature=np.tile(t, 12), station=np.repeat(np.arange(1, 13), 600))
@@ -89,9 +89,9 @@ def fit_thermal(
     """
     chosen = Settings(**settings)
     if reference is not None and reference.kind == "vector" and len(reference.values) > 1:
-        return fit_to_vector(samples, reference, chosen)
-    sums, findings = gathered(samples, chosen.bin_width_C)
-    return fit_binned(sums, facts_of(samples), reference, found=findings, **settings)
+        return fit_known_field(samples, reference, chosen)
+    sums, findings = sum_readings(samples, chosen.bin_width_C)
+    return fit_binned(sums, collect_facts(samples), reference, found=findings, **settings)
 
 
 def fit_binned(
@@ -112,28 +112,28 @@ def fit_binned(
     chosen = Settings(**{**settings, "bin_width_C": sums.width_C})
     if not sums.stations:
         raise AgonicError("no readings were added; add the recordings of the stations first")
-    left_out = recordings_fit.still(sums)
-    of = posed(sums, left_out, reference, facts.unit)
-    result = solved(of, chosen)
+    left_out = recordings.find_still_thermometers(sums)
+    of = select_readings(sums, left_out, reference, facts.unit)
+    result = solve(of, chosen)
     largest = max(seen.largest for seen in sums.stations.values())
     provenance = Provenance(
         inputs=() if facts.source is None else (facts.source,),
-        settings=_told(chosen, reference, result, of),
-        method=_method(result),
+        settings=_record_settings(chosen, reference, result, of),
+        method=_list_methods(result),
     )
-    calibration = restored(result.estimate, result.problem, of, facts, largest, provenance)
-    fit = _assembled(calibration, result, of, sums)
+    calibration = make_calibration(result.estimate, result.problem, of, facts, largest, provenance)
+    fit = _assemble(calibration, result, of, sums)
     findings = [
         *found,
-        *recordings_fit.of_recordings(sums, left_out, chosen),
-        *evidence.of_fit(fit, of, sums, result.turns),
+        *recordings.judge_recordings(sums, left_out, chosen),
+        *evidence.judge_fit(fit, of, sums, result.turns),
     ]
     fit = replace(fit, findings=gravest_first(findings))
-    return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, reference))
+    return fit if fit.verdict == "refused" else replace(fit, remarks=_make_remarks(fit, reference))
 
 
-def _told(
-    settings: Settings, reference: Reference | None, result: Solved, of: Posed
+def _record_settings(
+    settings: Settings, reference: Reference | None, result: Solution, of: ChamberReadings
 ) -> dict[str, Any]:
     """What was chosen, for the provenance."""
     words = "none: mean gain at the centre of the range set to 1"
@@ -143,7 +143,7 @@ def _told(
     return {"fit": "thermal", "taught_by": taught, "reference": words, **settings.recorded()}
 
 
-def _method(result: Solved) -> tuple[str, ...]:
+def _list_methods(result: Solution) -> tuple[str, ...]:
     """The sources of what was used."""
     of = result.problem
     used = {
@@ -154,13 +154,15 @@ def _method(result: Solved) -> tuple[str, ...]:
     return (*METHOD, *(key for key, there in used.items() if there))
 
 
-def _assembled(calibration: Thermal, result: Solved, of: Posed, sums: Binned) -> ThermalFit:
+def _assemble(
+    calibration: Thermal, result: Solution, of: ChamberReadings, sums: Binned
+) -> ThermalFit:
     """The fit with everything but its findings."""
     estimate, scale = result.estimate, of.scale
-    gain, unit = _gain(result), scale.magnitude or calibration.magnitude or scale.size
+    gain, unit = _find_gain(result), scale.magnitude or calibration.magnitude or scale.size
     factor = scale.size if scale.magnitude is None else scale.magnitude
     divisor = gain if scale.magnitude is None else 1.0
-    bins = by_bins.bins(result.separate, of, factor / scale.size, divisor)
+    bins = by_bins.tabulate_bins(result.separate, of, factor / scale.size, divisor)
     drift = estimate.drift * unit if result.drifts else None
     return ThermalFit(
         calibration=calibration,
@@ -178,24 +180,24 @@ def _assembled(calibration: Thermal, result: Solved, of: Posed, sums: Binned) ->
         iterations=estimate.iterations,
         converged=estimate.converged,
         bins=bins,
-        variances=by_bins.curves(result.separate, of),
-        hysteresis=by_bins.hysteresis(bins),
-        spread=spread_of(of.cells, calibration),
-        fixture=_fixture(result, of, unit),
+        variances=by_bins.compute_variances(result.separate, of),
+        hysteresis=by_bins.compute_hysteresis(bins),
+        spread=compute_spread(of.cells, calibration),
+        fixture=_describe_fixture(result, of, unit),
         drift=drift,
         drift_sd=None if drift is None else np.sqrt(np.diag(estimate.drift_covariance)) * unit,
         field_sd=estimate.slow.sd * unit if estimate.slow.gain > UNREST else 0.0,
-        anomalies=_anomalies(sums),
+        anomalies=_collect_anomalies(sums),
         tests=result.tests,
     )
 
 
-def _gain(result: Solved) -> float:
+def _find_gain(result: Solution) -> float:
     p = result.problem.degree + 1
     return float(result.estimate.coefficients[[3 * p, 4 * p, 5 * p]].mean())
 
 
-def _fixture(result: Solved, of: Posed, unit: float) -> Fixture | None:
+def _describe_fixture(result: Solution, of: ChamberReadings, unit: float) -> Fixture | None:
     estimate = result.estimate
     if estimate.poses is None or estimate.turned is None:
         return None
@@ -208,7 +210,7 @@ def _fixture(result: Solved, of: Posed, unit: float) -> Fixture | None:
     )
 
 
-def _anomalies(sums: Binned) -> tuple[Anomaly, ...]:
+def _collect_anomalies(sums: Binned) -> tuple[Anomaly, ...]:
     """Readings left out by station."""
     by: dict[int, list[Array]] = {}
     for left in sums.anomalies:
@@ -219,7 +221,7 @@ def _anomalies(sums: Binned) -> tuple[Anomaly, ...]:
     )
 
 
-def _remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ...]:
+def _make_remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ...]:
     """How good the result is, in words."""
     calibration = fit.calibration
     assert calibration.validity.temperature_C is not None

@@ -13,7 +13,7 @@ from agonic.errors import CoverageError
 from agonic.maths.equation import model
 from agonic.maths.equation.affine import SYMMETRIC, model_basis, split
 from agonic.reference import Reference
-from agonic.thermal.fit.binning import Facts
+from agonic.thermal.fit.readings import Facts
 from agonic.thermal.maths import estimate as chamber
 from agonic.thermal.maths import gaussian_process, station_residuals
 from agonic.thermal.maths.binned_sums import Binned, Cells
@@ -44,7 +44,7 @@ class Scale(NamedTuple):
         return (temperature - self.centre_C) / self.half_C
 
 
-class Posed(NamedTuple):
+class ChamberReadings(NamedTuple):
     """The cells that are used, the numbers of their stations, the noise of a reading, the scale.
 
     `width_C` is that of the bins, `unit` that of the readings.
@@ -63,7 +63,9 @@ class Posed(NamedTuple):
         return np.searchsorted(np.array(self.numbers), self.cells.number)
 
 
-def posed(sums: Binned, left_out: set[int], reference: Reference | None, unit: str = "nT") -> Posed:
+def select_readings(
+    sums: Binned, left_out: set[int], reference: Reference | None, unit: str = "nT"
+) -> ChamberReadings:
     """What is used of the sums, and how it is scaled."""
     cells = sums.cells()
     cells = cells.select(~np.isin(cells.number, sorted(left_out)))
@@ -73,7 +75,7 @@ def posed(sums: Binned, left_out: set[int], reference: Reference | None, unit: s
             turns="check the sensor's temperature, or take that of its neighbour",
         )
     noise = cells.noise() if (cells.n > 3).any() else np.cov(cells.mean.T)
-    low, high = _range(cells, sums)
+    low, high = _find_range(cells, sums)
     if high - low < _NARROWEST_C:
         raise CoverageError(
             f"the temperature only runs from {low:.1f} to {high:.1f} °C: nothing can be said of "
@@ -89,14 +91,14 @@ def posed(sums: Binned, left_out: set[int], reference: Reference | None, unit: s
             turns="check the sensor and its wiring",
         )
     pace = float(np.sqrt(np.average(cells.rate**2, weights=cells.n)))
-    magnitude, sd = _magnitude(reference)
+    magnitude, sd = _find_magnitude(reference)
     scale = Scale(
         centre, size, (low + high) / 2, (high - low) / 2, low, high, pace or 1.0, magnitude, sd
     )
-    return Posed(cells, numbers, noise, scale, sums.width_C, unit)
+    return ChamberReadings(cells, numbers, noise, scale, sums.width_C, unit)
 
 
-def _range(cells: Cells, sums: Binned) -> tuple[float, float]:
+def _find_range(cells: Cells, sums: Binned) -> tuple[float, float]:
     """The temperatures that nearly all stations saw."""
     bins, where = np.unique(cells.bin, return_inverse=True)
     seen = np.zeros((len(bins), int(cells.number.max()) + 1), dtype=bool)
@@ -114,23 +116,23 @@ def _range(cells: Cells, sums: Binned) -> tuple[float, float]:
     return max(low - sums.width_C / 2, coldest), min(high + sums.width_C / 2, warmest)
 
 
-def _magnitude(reference: Reference | None) -> tuple[float | None, float]:
+def _find_magnitude(reference: Reference | None) -> tuple[float | None, float]:
     """The magnitude of the chamber's field, or None, and its uncertainty."""
     if reference is None:
         return None, 0.0
     return float(reference.magnitudes(len(reference.values)).mean()), reference.sd
 
 
-def problem(
-    of: Posed, degree: int, *, rate: bool, drift: bool, sure: bool, soft_iron_sd: float
-) -> station_residuals.Problem:
+def make_problem(
+    of: ChamberReadings, degree: int, *, rate: bool, drift: bool, sure: bool, soft_iron_sd: float
+) -> station_residuals.StationProblem:
     """The kernel's problem, without turns."""
     cells, scale = of.cells, of.scale
     x, spread = scale.x(cells.temperature), cells.variance / scale.half_C**2
     phi = model.covariates(x, spread, degree, cells.rate / scale.pace if rate else None)
     clock = cells.time
     pace = (clock - (clock.min() + clock.max()) / 2) / max(float(np.ptp(clock)), 1e-9)
-    return station_residuals.Problem(
+    return station_residuals.StationProblem(
         points=(cells.mean - scale.centre) / scale.size,
         covariance=of.noise / scale.size**2 / cells.n[:, None, None],
         phi=phi,
@@ -140,14 +142,16 @@ def problem(
         degree=degree,
         rate=rate,
         soft_iron_sd=soft_iron_sd,
-        course=gaussian_process.course(clock, of.station) if np.isfinite(clock).all() else None,
+        course=gaussian_process.make_time_basis(clock, of.station)
+        if np.isfinite(clock).all()
+        else None,
     )
 
 
-def restored(
-    estimate: chamber.Estimate,
-    problem: station_residuals.Problem,
-    of: Posed,
+def make_calibration(
+    estimate: chamber.StationEstimate,
+    problem: station_residuals.StationProblem,
+    of: ChamberReadings,
     facts: Facts,
     largest: float,
     provenance: Any,
@@ -160,7 +164,7 @@ def restored(
     found, covariance = estimate.coefficients, estimate.covariance
     gain = float(found.reshape(-1)[[3 * p, 4 * p, 5 * p]].mean())
     if scale.magnitude is None:
-        found, covariance = _mean_gain_one(found, covariance, gain, p)
+        found, covariance = _set_mean_gain_to_one(found, covariance, gain, p)
         factor, magnitude, unit_out = 1.0, scale.size / gain, facts.unit
     else:
         factor, magnitude, unit_out = scale.magnitude / scale.size, scale.magnitude, "nT"
@@ -201,7 +205,9 @@ def restored(
     )
 
 
-def _mean_gain_one(found: Array, covariance: Array, gain: float, p: int) -> tuple[Array, Array]:
+def _set_mean_gain_to_one(
+    found: Array, covariance: Array, gain: float, p: int
+) -> tuple[Array, Array]:
     """The coefficients with the matrix over its mean gain at the centre, and their covariance."""
     entries = slice(3 * p, 9 * p)
     change = np.eye(len(found))

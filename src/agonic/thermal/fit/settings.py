@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.errors import AgonicError
-from agonic.thermal.maths.stations import twelve
+from agonic.thermal.maths.stations import list_standard_rotations
 
 Stations = Literal["known", "unknown"] | Mapping[int, Rotation]
 
@@ -58,7 +58,7 @@ class Settings:
         if isinstance(self.stations, str):
             if self.stations == "unknown":
                 return None
-            return dict(enumerate(twelve(), start=1))
+            return dict(enumerate(list_standard_rotations(), start=1))
         return {int(number): turn.as_matrix() for number, turn in self.stations.items()}
 
     def recorded(self) -> Mapping[str, Any]:

@@ -12,12 +12,12 @@ from agonic.fit import ModelTest
 from agonic.health import figure
 from agonic.maths.equation import likelihood
 from agonic.maths.estimation.leastsq import inverse
-from agonic.thermal.fit import bins
-from agonic.thermal.fit.problem import Posed, problem
+from agonic.thermal.fit import each_temperature as bins
+from agonic.thermal.fit.problem import ChamberReadings, make_problem
 from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths import estimate as chamber
 from agonic.thermal.maths import fixture, station_residuals
-from agonic.thermal.maths.bins import FEWEST
+from agonic.thermal.maths.ellipsoids import FEWEST
 
 SIGNIFICANT = 1e-4
 """A term is kept when chance would make it this seldom."""
@@ -30,7 +30,7 @@ _BETTER = 0.4
 _MIDDLE = 0.15  # of the half range: cells that start the search
 
 
-class Turns(NamedTuple):
+class Orientations(NamedTuple):
     """What the described turns are worth: believed or not, their misfit, and a likely exchange."""
 
     believed: bool
@@ -39,29 +39,29 @@ class Turns(NamedTuple):
     exchanged_rms_deg: float = np.nan
 
 
-class Solved(NamedTuple):
+class Solution(NamedTuple):
     """The joint estimate with its problem, tests of terms, and what the turns are worth."""
 
-    estimate: chamber.Estimate
-    problem: station_residuals.Problem
-    separate: bins.Separate
+    estimate: chamber.StationEstimate
+    problem: station_residuals.StationProblem
+    separate: bins.EachTemperature
     tests: tuple[ModelTest, ...]
-    turns: Turns | None
+    turns: Orientations | None
 
     @property
     def drifts(self) -> bool:
         """Whether the field surely drifted, or was said to."""
         return self.problem.drifting or any(
-            test.larger == "drift" and _kept(test) for test in self.tests
+            test.larger == "drift" and _is_kept(test) for test in self.tests
         )
 
 
-def solved(of: Posed, settings: Settings) -> Solved:
+def solve(of: ChamberReadings, settings: Settings) -> Solution:
     """The most probable coefficients of all temperatures and stations at once."""
     drift = settings.drift is not False and bool(np.isfinite(of.cells.time).all())
     rate = settings.rate is not False and _changes_both_ways(of)
     degree = 3 if settings.degree == "auto" else settings.degree
-    posed = problem(
+    posed = make_problem(
         of,
         degree,
         rate=rate,
@@ -69,11 +69,11 @@ def solved(of: Posed, settings: Settings) -> Solved:
         sure=settings.drift is True,
         soft_iron_sd=settings.soft_iron_sd,
     )
-    first = chamber.by_magnitude(posed, start(posed))
+    first = chamber.estimate_by_magnitude(posed, find_start(posed))
     if settings.degree == "auto":
-        degree = bins.chosen_degree(bins.separate(of, posed, first.coefficients), of)
+        degree = bins.choose_degree(bins.fit_each_temperature(of, posed, first.coefficients), of)
         if degree != posed.degree:
-            posed = problem(
+            posed = make_problem(
                 of,
                 degree,
                 rate=rate,
@@ -81,14 +81,14 @@ def solved(of: Posed, settings: Settings) -> Solved:
                 sure=settings.drift is True,
                 soft_iron_sd=settings.soft_iron_sd,
             )
-            first = chamber.by_magnitude(posed, start(posed))
-    posed, turns = _with_turns(of, posed, first, settings)
-    best, posed, tests = _with_terms(of, posed, first, settings)
-    separate = bins.separate(of, posed, best.coefficients)
-    return Solved(best, posed, separate, tests, turns)
+            first = chamber.estimate_by_magnitude(posed, find_start(posed))
+    posed, turns = _add_orientations(of, posed, first, settings)
+    best, posed, tests = _choose_terms(of, posed, first, settings)
+    separate = bins.fit_each_temperature(of, posed, best.coefficients)
+    return Solution(best, posed, separate, tests, turns)
 
 
-def start(posed: station_residuals.Problem) -> Array:
+def find_start(posed: station_residuals.StationProblem) -> Array:
     """Coefficients that do not change with temperature, from the stations' means at the middle."""
     x = posed.phi[:, 1] if posed.degree else np.zeros(len(posed.points))
     middle = np.argsort(np.abs(x))[: max(int((np.abs(x) < _MIDDLE).sum()), 2 * posed.stations)]
@@ -107,7 +107,7 @@ def start(posed: station_residuals.Problem) -> Array:
     return np.concatenate([coefficients.ravel(), np.zeros(3 if posed.rate else 0)])
 
 
-def _changes_both_ways(of: Posed) -> bool:
+def _changes_both_ways(of: ChamberReadings) -> bool:
     """Whether the rate is known and its effect can be told from that of the temperature."""
     cells = of.cells
     if not np.isfinite(cells.time).all() or not np.any(cells.rate):
@@ -118,61 +118,67 @@ def _changes_both_ways(of: Posed) -> bool:
     )
 
 
-def _with_turns(
-    of: Posed, posed: station_residuals.Problem, first: chamber.Estimate, settings: Settings
-) -> tuple[station_residuals.Problem, Turns | None]:
+def _add_orientations(
+    of: ChamberReadings,
+    posed: station_residuals.StationProblem,
+    first: chamber.StationEstimate,
+    settings: Settings,
+) -> tuple[station_residuals.StationProblem, Orientations | None]:
     """The problem with the described turns, where the readings do not contradict them."""
     described = settings.turns
     if described is None or any(number not in described for number in of.numbers):
         return posed, None
     rot_nb = np.array([described[number] for number in of.numbers])
-    seen = station_residuals.directions(posed, first.coefficients)
-    rms = float(np.degrees(fixture.mounted(seen, rot_nb).rms))
+    seen = station_residuals.find_directions(posed, first.coefficients)
+    rms = float(np.degrees(fixture.find_mounting(seen, rot_nb).rms))
     limit = MISFIT_DEG if len(of.numbers) >= FEWEST else _MISFIT_FEW_DEG
     if rms > max(limit, 4 * settings.fixture_sd_deg):
-        swap = fixture.exchanged(seen, rot_nb)
+        swap = fixture.find_exchange(seen, rot_nb)
         left = float(np.degrees(swap.rms))
         pair = (of.numbers[swap.first], of.numbers[swap.second])
-        return posed, Turns(False, rms, pair if left < _BETTER * rms else None, left)
+        return posed, Orientations(False, rms, pair if left < _BETTER * rms else None, left)
     posed = posed._replace(
         rot_nb=rot_nb,
         fixture_sd=float(np.radians(settings.fixture_sd_deg)),
         fixture_known=settings.fixture_known,
     )
-    return posed, Turns(True, rms)
+    return posed, Orientations(True, rms)
 
 
-def _estimated(
-    posed: station_residuals.Problem, before: chamber.Estimate, start_at: Array
-) -> chamber.Estimate:
+def _estimate(
+    posed: station_residuals.StationProblem, before: chamber.StationEstimate, start_at: Array
+) -> chamber.StationEstimate:
     if posed.rot_nb is None:
-        return chamber.by_magnitude(posed, start_at)
-    return chamber.by_turns(posed, start_at, before.slow)
+        return chamber.estimate_by_magnitude(posed, start_at)
+    return chamber.estimate_by_orientations(posed, start_at, before.slow)
 
 
-def _with_terms(
-    of: Posed, posed: station_residuals.Problem, first: chamber.Estimate, settings: Settings
-) -> tuple[chamber.Estimate, station_residuals.Problem, tuple[ModelTest, ...]]:
+def _choose_terms(
+    of: ChamberReadings,
+    posed: station_residuals.StationProblem,
+    first: chamber.StationEstimate,
+    settings: Settings,
+) -> tuple[chamber.StationEstimate, station_residuals.StationProblem, tuple[ModelTest, ...]]:
     """The estimate with the term in the rate where the readings ask for it.
 
     A rate that goes unseen hardly moves the others, for all temperatures were cooled and heated
     through; it is decided upon. A drift would move them: it is averaged (`model_averaging`).
     """
-    whole = first if posed.rot_nb is None else _estimated(posed, first, first.coefficients)
-    test = _rate_test(of, posed, whole)
-    if test is not None and settings.rate is not True and not _kept(test):
+    whole = first if posed.rot_nb is None else _estimate(posed, first, first.coefficients)
+    test = _test_rate(of, posed, whole)
+    if test is not None and settings.rate is not True and not _is_kept(test):
         posed = posed._replace(phi=posed.phi[:, :-1], rate=False)
-        whole = _estimated(posed, whole, whole.coefficients[:-3])
-    tests = (test, _drift_test(of, posed, whole))
+        whole = _estimate(posed, whole, whole.coefficients[:-3])
+    tests = (test, _test_drift(of, posed, whole))
     return whole, posed, tuple(each for each in tests if each is not None)
 
 
-def _kept(test: ModelTest) -> bool:
+def _is_kept(test: ModelTest) -> bool:
     return test.p_value < SIGNIFICANT and not test.sentence.startswith("no ")
 
 
-def _rate_test(
-    of: Posed, posed: station_residuals.Problem, whole: chamber.Estimate
+def _test_rate(
+    of: ChamberReadings, posed: station_residuals.StationProblem, whole: chamber.StationEstimate
 ) -> ModelTest | None:
     """Wald's test that the bias does not depend on how fast the temperature changes."""
     if not posed.rate:
@@ -193,8 +199,8 @@ def _rate_test(
     )
 
 
-def _drift_test(
-    of: Posed, posed: station_residuals.Problem, whole: chamber.Estimate
+def _test_drift(
+    of: ChamberReadings, posed: station_residuals.StationProblem, whole: chamber.StationEstimate
 ) -> ModelTest | None:
     """Wald's test that the chamber's field stayed the same."""
     if posed.pace is None:

@@ -59,7 +59,7 @@ class Cells(NamedTuple):
         return np.asarray(total / (self.n[enough] - 2).sum())
 
 
-class Anomalies(NamedTuple):
+class LeftOut(NamedTuple):
     """Readings that were left out at a station: their rows in the piece, and their times."""
 
     station: int
@@ -67,7 +67,7 @@ class Anomalies(NamedTuple):
     times: Array
 
 
-class Seen(NamedTuple):
+class StationRecord(NamedTuple):
     """What was seen of a station: rows used and dropped, its temperatures, the largest reading."""
 
     rows: int
@@ -78,9 +78,9 @@ class Seen(NamedTuple):
     standing: float  # share of the rows in the longest stretch without any change of temperature
     heating: int  # rows
 
-    def with_(self, other: Seen) -> Seen:
+    def with_(self, other: StationRecord) -> StationRecord:
         """Both together."""
-        return Seen(
+        return StationRecord(
             self.rows + other.rows,
             self.dropped + other.dropped,
             min(self.coldest, other.coldest),
@@ -106,8 +106,8 @@ class Binned:
         if not width_C > 0:
             raise ValueError(f"bins {width_C} °C wide cannot hold anything")
         self.width_C = float(width_C)
-        self.stations: dict[int, Seen] = {}
-        self.anomalies: list[Anomalies] = []
+        self.stations: dict[int, StationRecord] = {}
+        self.anomalies: list[LeftOut] = []
         self._keys: list[NDArray[np.int64]] = []
         self._sums: list[Array] = []
 
@@ -137,13 +137,13 @@ class Binned:
         rising = np.broadcast_to(np.asarray(heating, dtype=bool), temperature.shape)
         rate = np.zeros(len(field)) if time is None else series.rates(time, temperature)
         clock = np.full(len(field), np.nan) if time is None else time
-        seen = Seen(
+        seen = StationRecord(
             int((~stray).sum()),
             int(stray.sum()),
             float(temperature.min()),
             float(temperature.max()),
             float(np.abs(field[~stray]).max(initial=0.0)),
-            _standing(temperature),
+            _measure_standstill(temperature),
             int(rising.sum()),
         )
         self.stations[station] = (
@@ -151,7 +151,7 @@ class Binned:
         )
         if stray.any():
             rows = np.flatnonzero(stray)
-            self.anomalies.append(Anomalies(station, rows, clock[rows]))
+            self.anomalies.append(LeftOut(station, rows, clock[rows]))
             kept = ~stray
             field, temperature, rising = field[kept], temperature[kept], rising[kept]
             rate, clock = rate[kept], clock[kept]
@@ -232,7 +232,7 @@ class Binned:
                 old = keys[rows, 2]
                 moved = (old + 0.5) * self.width_C - (old // coarser + 0.5) * made.width_C
                 made._keys.append(np.column_stack([keys[rows, :2], old // coarser]))
-                made._sums.append(_moved(sums[rows], moved))
+                made._sums.append(_move_zero(sums[rows], moved))
         return made
 
     def __len__(self) -> int:
@@ -264,7 +264,7 @@ class Binned:
         )
 
 
-def _moved(sums: Array, by: Array) -> Array:
+def _move_zero(sums: Array, by: Array) -> Array:
     """Sums (m, 17) with temperatures counted from a place that lies lower by `by` (m,)."""
     count, first = sums[:, 0], sums[:, 1]
     made = sums.copy()
@@ -274,7 +274,7 @@ def _moved(sums: Array, by: Array) -> Array:
     return made
 
 
-def _standing(temperature: Array) -> float:
+def _measure_standstill(temperature: Array) -> float:
     """The share of rows in the longest stretch in which the temperature never changes."""
     changes = np.flatnonzero(np.diff(temperature))
     edges = np.concatenate([[-1], changes, [len(temperature) - 1]])

@@ -17,16 +17,16 @@ from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.model_averaging import averaged
 from agonic.maths.estimation.noise import noise_of
 from agonic.thermal.maths import fixture, gaussian_process
-from agonic.thermal.maths.prior import beliefs, stepped
+from agonic.thermal.maths.prior import make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (
     Poses,
-    Problem,
     State,
-    directions,
-    parameters,
-    pieces,
-    residuals,
-    spaces,
+    StationProblem,
+    collect_parameters,
+    compute_residuals,
+    find_directions,
+    make_pieces,
+    project_changes,
 )
 
 _FIRST_EXCESS = 0.01**2
@@ -41,7 +41,7 @@ _STRAY = 5.0
 _LEAST_TURN = 1e-7  # rad: the fixture is never believed to be better than this
 
 
-class Estimate(NamedTuple):
+class StationEstimate(NamedTuple):
     """The most probable coefficients (a,) and their covariance, and what the cells say.
 
     `residuals` are (m,) where the magnitude taught and (m, 3) where the vector did, in the
@@ -63,38 +63,38 @@ class Estimate(NamedTuple):
     converged: bool
     drift: Array
     drift_covariance: Array
-    slow: gaussian_process.Wander
+    slow: gaussian_process.GaussianProcess
     poses: Poses | None = None
     fixture_sd: float = 0.0
     turned: Array | None = None
 
 
-def by_magnitude(problem: Problem, start: Array) -> Estimate:
+def estimate_by_magnitude(problem: StationProblem, start: Array) -> StationEstimate:
     """The coefficients that the magnitude alone teaches, from a start near enough."""
-    return _settled(problem._replace(rot_nb=None), start, None)
+    return _iterate(problem._replace(rot_nb=None), start, None)
 
 
-def by_turns(
-    problem: Problem, start: Array, slow: gaussian_process.Wander | None = None
-) -> Estimate:
+def estimate_by_orientations(
+    problem: StationProblem, start: Array, slow: gaussian_process.GaussianProcess | None = None
+) -> StationEstimate:
     """The coefficients that magnitude and known turns teach, from those of the magnitude.
 
     `slow` are the changes that the magnitude showed, near whose kind those of all axes are looked
     for.
     """
     assert problem.rot_nb is not None
-    seen = directions(problem, start)
-    found = fixture.mounted(seen, problem.rot_nb)
-    kinds = gaussian_process.KINDS if slow is None else gaussian_process.near(slow)
-    return _settled(problem, start, Poses(seen, found.mount, found.field), kinds)
+    seen = find_directions(problem, start)
+    found = fixture.find_mounting(seen, problem.rot_nb)
+    kinds = gaussian_process.KINDS if slow is None else gaussian_process.list_near_kinds(slow)
+    return _iterate(problem, start, Poses(seen, found.mount, found.field), kinds)
 
 
-def _settled(
-    problem: Problem,
+def _iterate(
+    problem: StationProblem,
     start: Array,
     poses: Poses | None,
     kinds: tuple[gaussian_process.Kind, ...] = gaussian_process.KINDS,
-) -> Estimate:
+) -> StationEstimate:
     """Solve, renew weights, directions, slow changes, excess and beliefs, until nothing changes."""
     axes = 1 if poses is None else 3
     none = np.zeros((len(problem.points), axes))
@@ -104,31 +104,31 @@ def _settled(
         poses,
         _FIRST_EXCESS,
         problem.fixture_sd,
-        gaussian_process.Wander(),
+        gaussian_process.GaussianProcess(),
         none,
     )
     loss, correlation, iterations, taken = leastsq.squares(), 1.0, 0, 0.0
     for turn in range(_ROUNDS):
         solution = leastsq.solve(
-            pieces(problem, state),
-            parameters(state, len(start)),
+            make_pieces(problem, state),
+            collect_parameters(state, len(start)),
             scale=1.0,
             loss=loss,
-            prior=beliefs(problem, state),
+            prior=make_prior(problem, state),
             correlation=correlation,
             tolerance=1e-3 if turn > 2 else 1e-1,
         )
         iterations += solution.iterations
-        before, state = state, _renewed(problem, state, solution)
+        before, state = state, _renew(problem, state, solution)
         first = problem.course is not None and turn < _FREE  # slow changes take what is theirs
         state = state._replace(excess=0.0) if first else state
         if turn < _FREE or state.slow.sd > 0:  # what was not seen so far is not there
             known = kinds if turn == 0 else (state.slow.kind,)
-            state, taken = _calmed(problem, state, known)
-        left, variance = residuals(problem, state)
-        freedom = _effective(solution) + round(taken)
-        excess = _excess(left, variance, freedom)
-        noise = noise_of(_whitened(left, variance + excess).T.ravel(), True, freedom)
+            state, taken = _renew_slow_changes(problem, state, known)
+        left, variance = compute_residuals(problem, state)
+        freedom = _count_parameters(solution) + round(taken)
+        excess = _estimate_excess(left, variance, freedom)
+        noise = noise_of(_whiten(left, variance + excess).T.ravel(), True, freedom)
         same = abs(excess - before.excess) <= 1e-2 * (excess + float(np.median(variance)))
         calm = abs(np.log(noise.correlation / correlation)) < 0.05
         rested = abs(state.fixture_sd / before.fixture_sd - 1) < 0.02
@@ -138,41 +138,43 @@ def _settled(
             correlation, state = noise.correlation, state._replace(excess=excess)
         if same and calm and rested and solution.iterations <= 2 and turn > 1:
             break
-    return _estimate(problem, state, solution, loss, correlation, iterations)
+    return _summarise(problem, state, solution, loss, correlation, iterations)
 
 
-def _calmed(
-    problem: Problem, state: State, kinds: tuple[gaussian_process.Kind, ...]
+def _renew_slow_changes(
+    problem: StationProblem, state: State, kinds: tuple[gaussian_process.Kind, ...]
 ) -> tuple[State, float]:
     """The state with the slow changes that its residuals call for, and the freedom they take."""
     if problem.course is None:
         return state, 0.0
-    params = parameters(state, problem.layout.shape[1])
+    params = collect_parameters(state, problem.layout.shape[1])
     z, jacobian = next(
-        iter(pieces(problem, state._replace(slow=gaussian_process.Wander()))(params))
+        iter(make_pieces(problem, state._replace(slow=gaussian_process.GaussianProcess()))(params))
     )
-    held_to, by = beliefs(problem, state)(params)
+    held_to, by = make_prior(problem, state)(params)
     held = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
     step = -held @ (z @ jacobian + held_to @ by)
     least = z + jacobian @ step  # strays can be told where the rest fits
     limit = _STRAY * max(leastsq.robust_scale(least), 1.0)
-    kept, of = np.clip(least, -limit, limit), spaces(problem, state)
-    slow, axes = gaussian_process.estimated(of, kept, jacobian, (held_to + by @ step, by), kinds)
+    kept, of = np.clip(least, -limit, limit), project_changes(problem, state)
+    slow, axes = gaussian_process.estimate_process(
+        of, kept, jacobian, (held_to + by @ step, by), kinds
+    )
     if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
         return state._replace(
-            slow=gaussian_process.Wander(), followed=np.zeros_like(state.followed)
+            slow=gaussian_process.GaussianProcess(), followed=np.zeros_like(state.followed)
         ), 0.0
     z = z + kept - least
-    changes, taken = gaussian_process.followed(of, slow, axes, z, len(problem.points))
+    changes, taken = gaussian_process.predict_changes(of, slow, axes, z, len(problem.points))
     return state._replace(slow=slow, followed=changes), taken
 
 
-def _effective(solution: leastsq.Solution) -> int:
+def _count_parameters(solution: leastsq.Solution) -> int:
     """How many parameters the readings determined: of those that the prior holds, a part."""
     return round(float(np.trace(solution.covariance @ solution.information)))
 
 
-def _excess(left: Array, variance: Array, parameters: int) -> float:
+def _estimate_excess(left: Array, variance: Array, parameters: int) -> float:
     """The variance τ² that brings Σ r²/(v + τ²) to the degrees of freedom; 0 where none is needed.
 
     Strays, far beyond the median, do not count.
@@ -195,30 +197,30 @@ def _excess(left: Array, variance: Array, parameters: int) -> float:
     return high
 
 
-def _whitened(left: Array, variance: Array) -> Array:
+def _whiten(left: Array, variance: Array) -> Array:
     return np.asarray(left / np.sqrt(np.broadcast_to(variance, left.shape)))
 
 
-def _moved(problem: Problem, state: State, params: Array) -> State:
+def _move(problem: StationProblem, state: State, params: Array) -> State:
     """The state at parameters."""
     a, width = problem.layout.shape[1], len(state.drift)
     new = state._replace(coefficients=params[:a], drift=params[a : a + width])
     if state.poses is None:
         return new
-    return new._replace(poses=stepped(state.poses, params[a + width :], problem.stations))
+    return new._replace(poses=step_poses(state.poses, params[a + width :], problem.stations))
 
 
-def _renewed(problem: Problem, state: State, solution: leastsq.Solution) -> State:
+def _renew(problem: StationProblem, state: State, solution: leastsq.Solution) -> State:
     """The state at a solution, with the belief in the fixture that its residuals call for."""
-    new = _moved(problem, state, solution.params)
+    new = _move(problem, state, solution.params)
     if state.poses is None or problem.fixture_known:
         return new
-    z, rows = beliefs(problem, state)(solution.params)
-    sd = _believed(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
+    z, rows = make_prior(problem, state)(solution.params)
+    sd = _estimate_prior_width(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
     return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_TURN))
 
 
-def _believed(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> float:
+def _estimate_prior_width(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> float:
     """By what some of the beliefs should be loosened, for them to be as large as they look.
 
     MacKay's (1992) update of a prior's width, s² ← Σz²/γ with γ the number of beliefs that the
@@ -241,29 +243,29 @@ def _believed(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> 
     return scale
 
 
-def _estimate(
-    problem: Problem,
+def _summarise(
+    problem: StationProblem,
     state: State,
     solution: leastsq.Solution,
     loss: leastsq.Loss,
     correlation: float,
     iterations: int,
-) -> Estimate:
+) -> StationEstimate:
     a, drift = problem.layout.shape[1], len(state.drift)
     found, covariance = solution.params, solution.covariance
     if drift and not problem.drifting:
         likely = LIKELY if state.slow.gain > UNREST else RARE
         found, covariance, _ = averaged(found, covariance, slice(a, a + drift), likely)
-        state, _ = _calmed(problem, _moved(problem, state, found), (state.slow.kind,))
-    left, variance = residuals(problem, state)
-    q = _whitened(left, variance + state.excess) ** 2
+        state, _ = _renew_slow_changes(problem, _move(problem, state, found), (state.slow.kind,))
+    left, variance = compute_residuals(problem, state)
+    q = _whiten(left, variance + state.excess) ** 2
     turned = None
     if state.poses is not None:
         assert problem.rot_nb is not None
         in_box = np.swapaxes(problem.rot_nb, 1, 2) @ state.poses.field
         away = np.linalg.norm(state.poses.directions @ state.poses.mount.T - in_box, axis=1)
         turned = 2 * np.arcsin(np.minimum(away / 2, 1.0))
-    return Estimate(
+    return StationEstimate(
         coefficients=state.coefficients,
         covariance=covariance[:a, :a],
         residuals=left.squeeze(axis=1) if left.shape[1] == 1 else left,

@@ -18,7 +18,7 @@ _ROUNDS = 200
 _AXES = Rotation.create_group("O").as_matrix()
 
 
-class Mounted(NamedTuple):
+class Mounting(NamedTuple):
     """Mounting (3, 3), unit field in the chamber (3,), and the rms angle left, rad."""
 
     mount: Array
@@ -26,7 +26,7 @@ class Mounted(NamedTuple):
     rms: float
 
 
-def mounted(directions: Array, rot_nb: Array) -> Mounted:
+def find_mounting(directions: Array, rot_nb: Array) -> Mounting:
     """The mounting and field that explain the unit directions (k, 3) seen at the stations best.
 
     M and f in turn, each by least squares (M: Kabsch 1976), from all 24 ways to mount a sensor
@@ -36,7 +36,7 @@ def mounted(directions: Array, rot_nb: Array) -> Mounted:
     return min(tried, key=lambda found: found.rms)
 
 
-def _settle(directions: Array, rot_nb: Array, mount: Array) -> Mounted:
+def _settle(directions: Array, rot_nb: Array, mount: Array) -> Mounting:
     before = np.inf
     field = np.zeros(3)
     for _ in range(_ROUNDS):
@@ -48,7 +48,7 @@ def _settle(directions: Array, rot_nb: Array, mount: Array) -> Mounted:
         if before - left < 1e-12 * max(left, 1e-12):
             break
         before = left
-    return Mounted(mount, field, float(np.sqrt(left / len(directions))))
+    return Mounting(mount, field, float(np.sqrt(left / len(directions))))
 
 
 class Exchange(NamedTuple):
@@ -59,13 +59,13 @@ class Exchange(NamedTuple):
     rms: float
 
 
-def exchanged(directions: Array, rot_nb: Array) -> Exchange:
+def find_exchange(directions: Array, rot_nb: Array) -> Exchange:
     """The two stations whose exchange explains the directions best.
 
     The others outvote them, so the mounting found with them as described is a start near enough.
     """
     k = len(rot_nb)
-    start = mounted(directions, rot_nb).mount
+    start = find_mounting(directions, rot_nb).mount
     best = Exchange(0, 0, np.inf)
     for i in range(k):
         for j in range(i + 1, k):
@@ -76,10 +76,10 @@ def exchanged(directions: Array, rot_nb: Array) -> Exchange:
     return best
 
 
-def tangents(unit: Array) -> Array:
+def find_tangents(unit: Array) -> Array:
     """Two unit vectors square to each other and to unit vectors (…, 3), as columns (…, 3, 2).
 
-    >>> t = tangents(np.array([0.0, 0.6, 0.8]))
+    >>> t = find_tangents(np.array([0.0, 0.6, 0.8]))
     >>> bool(np.allclose(t.T @ t, np.eye(2)))
     True
     """
@@ -90,7 +90,7 @@ def tangents(unit: Array) -> Array:
     return np.stack([first, np.cross(unit, first)], axis=-1)
 
 
-def moved(unit: Array, tangent: Array, steps: Array) -> tuple[Array, Array]:
+def move_on_sphere(unit: Array, tangent: Array, steps: Array) -> tuple[Array, Array]:
     """Unit vectors (…, 3) moved by steps (…, 2) along tangents, and the Jacobian (…, 3, 2)."""
     to = unit + np.einsum("...ij,...j->...i", tangent, steps)
     size = np.linalg.norm(to, axis=-1, keepdims=True)

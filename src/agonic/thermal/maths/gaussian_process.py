@@ -43,7 +43,7 @@ _GRID = np.log(np.geomspace(2e-6, LARGEST, 11))
 _POINTS = 3 * (ORDER + 1)  # of a station, at which the covariance is taken
 
 
-class Wander(NamedTuple):
+class GaussianProcess(NamedTuple):
     """How large the changes are (standard deviation), their kind, and how surely they are there:
     twice the logarithm of the restricted likelihood over that without any.
     """
@@ -53,7 +53,7 @@ class Wander(NamedTuple):
     gain: float = 0.0
 
 
-class Course(NamedTuple):
+class TimeBasis(NamedTuple):
     """The times of the means: the first Legendre polynomials within each station (m, s), and the
     times of the stations (k, points) in halves of a recording.
     """
@@ -62,7 +62,7 @@ class Course(NamedTuple):
     times: Array
 
 
-class Spaces(NamedTuple):
+class StationSpaces(NamedTuple):
     """What slow changes look like in the whitened residuals.
 
     Of each station `rows` (n,) are the residuals, `bases` (n, c) is orthonormal, and
@@ -70,7 +70,7 @@ class Spaces(NamedTuple):
     are the means.
     """
 
-    course: Course
+    course: TimeBasis
     cells: tuple[Index, ...]
     rows: tuple[Index, ...]
     bases: tuple[Array, ...]
@@ -89,10 +89,10 @@ class Spaces(NamedTuple):
         return [slice(a, b) for a, b in pairwise(edges.tolist())]
 
 
-def near(by: Wander) -> tuple[Kind, ...]:
+def list_near_kinds(by: GaussianProcess) -> tuple[Kind, ...]:
     """The kinds near one that was found; every other where none was.
 
-    >>> near(Wander(0.001, ("smooth", 0.5), 20.0))
+    >>> list_near_kinds(GaussianProcess(0.001, ("smooth", 0.5), 20.0))
     (('smooth', 0.25), ('smooth', 0.35), ('smooth', 0.5), ('smooth', 0.7), ('smooth', 1.0))
     """
     if by.sd == 0.0:
@@ -101,10 +101,10 @@ def near(by: Wander) -> tuple[Kind, ...]:
     return KINDS[max(at - 2, 0) : at + 3]
 
 
-def course(time: Array, station: Index) -> Course:
+def make_time_basis(time: Array, station: Index) -> TimeBasis:
     """The course of means at times (m,) at stations (m,) 0…k−1.
 
-    >>> made = course(np.array([0.0, 1.0, 2.0]), np.zeros(3, dtype=int))
+    >>> made = make_time_basis(np.array([0.0, 1.0, 2.0]), np.zeros(3, dtype=int))
     >>> made.functions[:, 1].tolist(), made.times[0, [0, -1]].tolist()
     ([-1.0, 0.0, 1.0], [0.0, 2.0])
     """
@@ -115,10 +115,10 @@ def course(time: Array, station: Index) -> Course:
     s = (time - low[at]) / half[at] - 1
     grid = np.linspace(-1.0, 1.0, _POINTS)
     times = (low[:, None] - low.min() + (grid + 1) * half[:, None]) / float(np.median(half))
-    return Course(np.polynomial.legendre.legvander(s, ORDER).astype(np.float64), times)
+    return TimeBasis(np.polynomial.legendre.legvander(s, ORDER).astype(np.float64), times)
 
 
-def covariance(of: Course, kind: Kind) -> Array:
+def compute_covariance(of: TimeBasis, kind: Kind) -> Array:
     """Covariance (k, s, k, s) of the polynomials' coefficients, for a process of unit variance."""
     shape, length = kind
     flat = of.times.ravel()
@@ -136,7 +136,7 @@ def covariance(of: Course, kind: Kind) -> Array:
     return np.asarray(np.einsum("ia,kalb,jb->kilj", project, blocks, project, optimize=True))
 
 
-def spaces(by_field: Array, of: Course, station: Index) -> Spaces:
+def project_on_stations(by_field: Array, of: TimeBasis, station: Index) -> StationSpaces:
     """The spaces of all stations.
 
     Parameters: by_field (m, a, a), the whitened residuals by the field at each mean, in the axes in
@@ -151,10 +151,10 @@ def spaces(by_field: Array, of: Course, station: Index) -> Spaces:
         )
         for c in cells
     ]
-    return Spaces(of, cells, rows, tuple(q for q, _ in split), tuple(r for _, r in split))
+    return StationSpaces(of, cells, rows, tuple(q for q, _ in split), tuple(r for _, r in split))
 
 
-def whitened(of: Spaces, sd: float, axes: tuple[Array, Array], values: Array) -> Array:
+def whiten(of: StationSpaces, sd: float, axes: tuple[Array, Array], values: Array) -> Array:
     """Residuals (n,) or a Jacobian (n, p) over the noise and the changes together.
 
     `axes` are those of `principal`.
@@ -168,15 +168,15 @@ def whitened(of: Spaces, sd: float, axes: tuple[Array, Array], values: Array) ->
     return out
 
 
-def principal(of: Spaces, kind: Kind) -> tuple[Array, Array]:
+def find_principal_axes(of: StationSpaces, kind: Kind) -> tuple[Array, Array]:
     """Variances (c,) of a process of unit variance in the bases, and their directions (c, c)."""
-    size, axis = eigh(_seen(of, kind), check_finite=False, driver="evd")
+    size, axis = eigh(_project_covariance(of, kind), check_finite=False, driver="evd")
     return np.maximum(size, 0.0), axis
 
 
-def _seen(of: Spaces, kind: Kind) -> Array:
+def _project_covariance(of: StationSpaces, kind: Kind) -> Array:
     """Covariance (c, c) in the bases of a process of unit variance."""
-    blocks = covariance(of.course, kind)
+    blocks = compute_covariance(of.course, kind)
     k, s = blocks.shape[:2]
     axes = of.triangles[0].shape[1] // s
     total = np.zeros((of.parts[-1].stop,) * 2)
@@ -189,8 +189,8 @@ def _seen(of: Spaces, kind: Kind) -> Array:
     return total
 
 
-def followed(
-    of: Spaces, by: Wander, axes: tuple[Array, Array], z: Array, m: int
+def predict_changes(
+    of: StationSpaces, by: GaussianProcess, axes: tuple[Array, Array], z: Array, m: int
 ) -> tuple[Array, float]:
     """The most probable changes (m, a) behind the residuals, and how many numbers they took.
 
@@ -203,7 +203,7 @@ def followed(
     size, axis = axes
     share = 1 / (1 + by.sd**2 * size)
     seen = axis @ (share * (axis.T @ of.within(z)))
-    blocks = covariance(of.course, by.kind)
+    blocks = compute_covariance(of.course, by.kind)
     s = blocks.shape[1]
     pulled = np.array(
         [(r.T @ seen[at]).reshape(many, s) for at, r in zip(of.parts, of.triangles, strict=True)]
@@ -214,13 +214,13 @@ def followed(
     return changes, float(np.sum(1 - share))
 
 
-def estimated(
-    of: Spaces,
+def estimate_process(
+    of: StationSpaces,
     z: Array,
     jacobian: Array,
     prior: tuple[Array, Array],
     kinds: tuple[Kind, ...] = KINDS,
-) -> tuple[Wander, tuple[Array, Array]]:
+) -> tuple[GaussianProcess, tuple[Array, Array]]:
     """The changes that residuals (n,) call for, with their Jacobian (n, p) and beliefs of unit sd.
 
     With C the covariance of the residuals, and A = JᵀC⁻¹J, b = JᵀC⁻¹z (beliefs among them), twice
@@ -236,23 +236,27 @@ def estimated(
         jacobian.T @ jacobian - own.T @ own + prior[1].T @ prior[1],
         jacobian.T @ z - own.T @ own_z + prior[1].T @ prior[0],
     )
-    none = _cost(rest, np.zeros(len(own_z)), own_z, own, 0.0)
+    none = _compute_cost(rest, np.zeros(len(own_z)), own_z, own, 0.0)
     tried = []
     for kind in kinds:
-        size, axis = principal(of, kind)
+        size, axis = find_principal_axes(of, kind)
         turned = (size, axis.T @ own_z, axis.T @ own, axis)
-        costs = [_cost(rest, *turned[:3], float(np.exp(at))) for at in _GRID]
+        costs = [_compute_cost(rest, *turned[:3], float(np.exp(at))) for at in _GRID]
         unlikely = UNLIKELY if kind[1] > LONG else 0.0
         tried.append((min(costs) + unlikely, int(np.argmin(costs)), kind, turned))
     _, k, kind, turned = min(tried, key=lambda each: each[0])
     found = minimize_scalar(
-        lambda at: _cost(rest, *turned[:3], float(np.exp(at))),
+        lambda at: _compute_cost(rest, *turned[:3], float(np.exp(at))),
         method="bounded",
         bounds=(_GRID[max(k - 1, 0)], _GRID[min(k + 1, len(_GRID) - 1)]),
         options={"xatol": 0.01},
     )
     gain = none - float(found.fun) - (UNLIKELY if kind[1] > LONG else 0.0)
-    by = Wander(float(np.exp(found.x)), kind, gain) if gain > CHANCE else Wander(kind=kind)
+    by = (
+        GaussianProcess(float(np.exp(found.x)), kind, gain)
+        if gain > CHANCE
+        else GaussianProcess(kind=kind)
+    )
     return by, (turned[0], turned[3])
 
 
@@ -263,7 +267,7 @@ class _Rest(NamedTuple):
     gradient: Array
 
 
-def _cost(rest: _Rest, size: Array, y: Array, x: Array, sd: float) -> float:
+def _compute_cost(rest: _Rest, size: Array, y: Array, x: Array, sd: float) -> float:
     """Twice the negative logarithm of the restricted likelihood, but for a constant.
 
     Parameters: in the stations' spaces the variances (c,) of a process of unit variance, the

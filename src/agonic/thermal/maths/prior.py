@@ -9,17 +9,17 @@ from agonic.maths.equation import model
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.vectors import skew
 from agonic.thermal.maths import fixture
-from agonic.thermal.maths.station_residuals import Poses, Problem, State
+from agonic.thermal.maths.station_residuals import Poses, State, StationProblem
 
 
-def beliefs(problem: Problem, state: State) -> leastsq.Prior:
+def make_prior(problem: StationProblem, state: State) -> leastsq.Prior:
     """Beliefs on soft iron, on the drift, and on the fixture where turns are known, at a state."""
     if state.poses is None:
-        return _common(problem, state, 0)
-    return _of_fixture(problem, state, state.poses)
+        return _make_common_prior(problem, state, 0)
+    return _make_fixture_prior(problem, state, state.poses)
 
 
-def _common(problem: Problem, state: State, more: int) -> leastsq.Prior:
+def _make_common_prior(problem: StationProblem, state: State, more: int) -> leastsq.Prior:
     """The prior on soft iron and on the drift, which may be as large as the field, for parameters
     with `more` others last.
     """
@@ -36,26 +36,26 @@ def _common(problem: Problem, state: State, more: int) -> leastsq.Prior:
     return prior
 
 
-def _of_fixture(problem: Problem, state: State, poses: Poses) -> leastsq.Prior:
+def _make_fixture_prior(problem: StationProblem, state: State, poses: Poses) -> leastsq.Prior:
     """That, and that each station stands as described, to the standard deviation believed now.
 
     Tangential parts of M p_k − R_kᵀ f, over their standard deviation.
     """
     k, width = problem.stations, len(state.drift)
-    soft = _common(problem, state, 2 * k + 5)
-    seen_tangent = fixture.tangents(poses.directions)
-    field_tangent = fixture.tangents(poses.field)
+    soft = _make_common_prior(problem, state, 2 * k + 5)
+    seen_tangent = fixture.find_tangents(poses.directions)
+    field_tangent = fixture.find_tangents(poses.field)
     assert problem.rot_nb is not None
     back = np.swapaxes(problem.rot_nb, 1, 2)
-    across = fixture.tangents(back @ poses.field)
+    across = fixture.find_tangents(back @ poses.field)
     first = problem.layout.shape[1] + width
 
     def prior(params: Array) -> tuple[Array, Array]:
         base, by = soft(params)
         steps = params[first : first + 2 * k].reshape(k, 2)
         turn, shift = params[first + 2 * k : first + 2 * k + 3], params[first + 2 * k + 3 :]
-        seen, sway = fixture.moved(poses.directions, seen_tangent, steps)
-        field, lean = fixture.moved(poses.field, field_tangent, shift)
+        seen, sway = fixture.move_on_sphere(poses.directions, seen_tangent, steps)
+        field, lean = fixture.move_on_sphere(poses.field, field_tangent, shift)
         in_box = seen @ poses.mount.T
         small = np.eye(3) + skew(turn)
         r = in_box @ small.T - back @ field
@@ -74,11 +74,13 @@ def _of_fixture(problem: Problem, state: State, poses: Poses) -> leastsq.Prior:
     return prior
 
 
-def stepped(poses: Poses, steps: Array, k: int) -> Poses:
+def step_poses(poses: Poses, steps: Array, k: int) -> Poses:
     """The poses after the small steps that the solver found."""
-    seen, _ = fixture.moved(
-        poses.directions, fixture.tangents(poses.directions), steps[: 2 * k].reshape(k, 2)
+    seen, _ = fixture.move_on_sphere(
+        poses.directions, fixture.find_tangents(poses.directions), steps[: 2 * k].reshape(k, 2)
     )
-    field, _ = fixture.moved(poses.field, fixture.tangents(poses.field), steps[2 * k + 3 :])
+    field, _ = fixture.move_on_sphere(
+        poses.field, fixture.find_tangents(poses.field), steps[2 * k + 3 :]
+    )
     u, _, vt = np.linalg.svd((np.eye(3) + skew(steps[2 * k : 2 * k + 3])) @ poses.mount)
     return Poses(seen, u @ vt, field)

@@ -21,7 +21,7 @@ from agonic.maths.rotations.vectors import find_smallest_rotation
 from agonic.thermal.maths import fixture, gaussian_process
 
 
-class Problem(NamedTuple):
+class StationProblem(NamedTuple):
     """The means of cells: `points` (m, 3), `covariance` (m, 3, 3) of each, `phi` (m, q), `station`
     (m,) 0…k−1; `pace` (m,) the time as −½…½ where the field may drift, or None; `course` the times,
     where it may change slowly, or None; the drift is averaged over being there or not unless it is
@@ -38,7 +38,7 @@ class Problem(NamedTuple):
     station: Index
     pace: Array | None
     degree: int
-    course: gaussian_process.Course | None = None
+    course: gaussian_process.TimeBasis | None = None
     drifting: bool = False
     gauge: str = SYMMETRIC
     rate: bool = False
@@ -79,11 +79,11 @@ class State(NamedTuple):
     poses: Poses | None
     excess: float
     fixture_sd: float
-    slow: gaussian_process.Wander
+    slow: gaussian_process.GaussianProcess
     followed: Array  # (m, 1) or (m, 3) as the drift: the slow changes at each mean
 
 
-def directions(problem: Problem, coefficients: Array) -> Array:
+def find_directions(problem: StationProblem, coefficients: Array) -> Array:
     """The mean direction (k, 3) of the corrected field at each station."""
     bias, matrix = model.local(coefficients, problem.layout, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
@@ -92,7 +92,7 @@ def directions(problem: Problem, coefficients: Array) -> Array:
     return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))
 
 
-def parameters(state: State, a: int) -> Array:
+def collect_parameters(state: State, a: int) -> Array:
     """The parameters that the solver moves, at the state: small steps of the poses are zero."""
     parts = [state.coefficients, state.drift]
     if state.poses is not None:
@@ -100,23 +100,25 @@ def parameters(state: State, a: int) -> Array:
     return np.concatenate(parts)
 
 
-def residuals(problem: Problem, state: State) -> tuple[Array, Array]:
+def compute_residuals(problem: StationProblem, state: State) -> tuple[Array, Array]:
     """Residuals as they are, (m, 1) or (m, 3), and the variance of the noise in each."""
     bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
-        unit, spread = _across(problem, bias, matrix)
+        unit, spread = _find_directions_and_variance(problem, bias, matrix)
         changed = problem.clock @ state.drift + state.followed[:, 0]
-        wanted = _wanted(problem, matrix, unit) + changed
-        r, _ = _size_residual(problem, bias, matrix, wanted)
+        wanted = _expect_magnitude(problem, matrix, unit) + changed
+        r, _ = _compute_log_residual(problem, bias, matrix, wanted)
         s = np.einsum("mji,mj->mi", matrix, unit)
         gain = np.einsum("mi,mi->m", s, s)
         return (r / np.sqrt(gain))[:, None], (spread / gain)[:, None]
-    field = state.poses.directions[problem.station] + _drifted(problem, state, state.poses)
+    field = state.poses.directions[problem.station] + _change_field(problem, state, state.poses)
     r, _, _ = model.reading_residual(problem.points, bias, matrix, field)
     return r, np.einsum("mii->mi", problem.covariance)
 
 
-def _across(problem: Problem, bias: Array, matrix: Array) -> tuple[Array, Array]:
+def _find_directions_and_variance(
+    problem: StationProblem, bias: Array, matrix: Array
+) -> tuple[Array, Array]:
     """Unit directions (m, 3) of the corrected means, and the variance of their magnitude (m,)."""
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
     unit = u / np.linalg.norm(u, axis=1, keepdims=True)
@@ -124,7 +126,7 @@ def _across(problem: Problem, bias: Array, matrix: Array) -> tuple[Array, Array]
     return unit, np.einsum("mi,mij,mj->m", s, problem.covariance, s)
 
 
-def _wanted(problem: Problem, matrix: Array, unit: Array) -> Array:
+def _expect_magnitude(problem: StationProblem, matrix: Array, unit: Array) -> Array:
     """The magnitude to expect of each mean, for its logarithm: noise across lengthens a vector by
     its variance, tr/2, and noise along shortens the mean of the logarithm by half of its own.
     """
@@ -133,8 +135,8 @@ def _wanted(problem: Problem, matrix: Array, unit: Array) -> Array:
     return np.asarray(1.0 + (spread - 2 * along) / 2)
 
 
-def _size_residual(
-    problem: Problem, bias: Array, matrix: Array, wanted: Array
+def _compute_log_residual(
+    problem: StationProblem, bias: Array, matrix: Array, wanted: Array
 ) -> tuple[Array, Array]:
     """ln(|W (raw − b)|/wanted), (m,), and its Jacobian by the local numbers.
 
@@ -146,13 +148,13 @@ def _size_residual(
     return np.log(size / wanted), jacobian / size[:, None]
 
 
-def _drifted(problem: Problem, state: State, poses: Poses) -> Array:
+def _change_field(problem: StationProblem, state: State, poses: Poses) -> Array:
     """What the chamber's field had changed by at each mean, in the axes of the sensor, (m, 3)."""
     changed = problem.clock @ state.drift.reshape(-1, 3) + state.followed
-    return np.asarray(np.einsum("mij,mj->mi", _to_sensor(problem, poses), changed))
+    return np.asarray(np.einsum("mij,mj->mi", _rotate_to_sensor(problem, poses), changed))
 
 
-def _to_sensor(problem: Problem, poses: Poses) -> Array:
+def _rotate_to_sensor(problem: StationProblem, poses: Poses) -> Array:
     """From the chamber's axes to the sensor's at each mean, (m, 3, 3).
 
     As described, and then by the shortest way to the direction in which the field was seen: with a
@@ -164,60 +166,60 @@ def _to_sensor(problem: Problem, poses: Poses) -> Array:
     return np.asarray((shortest @ described)[problem.station])
 
 
-def spaces(problem: Problem, state: State) -> gaussian_process.Spaces:
+def project_changes(problem: StationProblem, state: State) -> gaussian_process.StationSpaces:
     """What slow changes of the field look like in the whitened residuals of each station."""
     assert problem.course is not None
     bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
-        by_field = -_size_weight(problem, state, bias, matrix)[:, None, None]
+        by_field = -_weigh_magnitudes(problem, state, bias, matrix)[:, None, None]
     else:
-        by_field = -_white(problem, state) @ np.linalg.inv(matrix)
-        by_field = by_field @ _to_sensor(problem, state.poses)
-    return gaussian_process.spaces(by_field, problem.course, problem.station)
+        by_field = -_make_noise_whitener(problem, state) @ np.linalg.inv(matrix)
+        by_field = by_field @ _rotate_to_sensor(problem, state.poses)
+    return gaussian_process.project_on_stations(by_field, problem.course, problem.station)
 
 
-def _calming(problem: Problem, state: State) -> Callable[[Array], Array]:
+def _make_whitener(problem: StationProblem, state: State) -> Callable[[Array], Array]:
     """What whitens residuals and Jacobians with the slow changes that are believed in."""
     if state.slow.sd == 0.0:
         return lambda values: values
-    of = spaces(problem, state)
-    axes = gaussian_process.principal(of, state.slow.kind)
-    return lambda values: gaussian_process.whitened(of, state.slow.sd, axes, values)
+    of = project_changes(problem, state)
+    axes = gaussian_process.find_principal_axes(of, state.slow.kind)
+    return lambda values: gaussian_process.whiten(of, state.slow.sd, axes, values)
 
 
-def _size_weight(problem: Problem, state: State, bias: Array, matrix: Array) -> Array:
+def _weigh_magnitudes(problem: StationProblem, state: State, bias: Array, matrix: Array) -> Array:
     """One over the standard deviation of each mean's magnitude, (m,)."""
-    unit, spread = _across(problem, bias, matrix)
+    unit, spread = _find_directions_and_variance(problem, bias, matrix)
     s = np.einsum("mji,mj->mi", matrix, unit)
     return np.asarray(1 / np.sqrt(spread + state.excess * np.einsum("mi,mi->m", s, s)))
 
 
-def _white(problem: Problem, state: State) -> Array:
+def _make_noise_whitener(problem: StationProblem, state: State) -> Array:
     """What makes the noise of each mean white, (m, 3, 3)."""
     return np.linalg.inv(np.linalg.cholesky(problem.covariance + state.excess * np.eye(3)))
 
 
-def pieces(problem: Problem, state: State) -> leastsq.Pieces:
+def make_pieces(problem: StationProblem, state: State) -> leastsq.Pieces:
     """Residuals for the solver at a state."""
     if state.poses is None:
-        return _size_pieces(problem, state)
-    return _vector_pieces(problem, state, state.poses)
+        return _make_magnitude_pieces(problem, state)
+    return _make_vector_pieces(problem, state, state.poses)
 
 
-def _size_pieces(problem: Problem, state: State) -> leastsq.Pieces:
+def _make_magnitude_pieces(problem: StationProblem, state: State) -> leastsq.Pieces:
     """Residuals of the magnitude over their standard deviations at the state."""
     onto = problem.layout
     a = onto.shape[1]
     bias, matrix = model.local(state.coefficients, onto, problem.phi)
-    unit, _ = _across(problem, bias, matrix)
-    weight, clock = _size_weight(problem, state, bias, matrix), problem.clock
-    calmed = _calming(problem, state)
-    wanted = _wanted(problem, matrix, unit)
+    unit, _ = _find_directions_and_variance(problem, bias, matrix)
+    weight, clock = _weigh_magnitudes(problem, state, bias, matrix), problem.clock
+    calmed = _make_whitener(problem, state)
+    wanted = _expect_magnitude(problem, matrix, unit)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
         bias, matrix = model.local(params[:a], onto, problem.phi)
         expected = wanted + clock @ params[a:]
-        r, jacobian = _size_residual(problem, bias, matrix, expected)
+        r, jacobian = _compute_log_residual(problem, bias, matrix, expected)
         by = model.by_coefficients(jacobian, onto, problem.phi)
         rows = np.concatenate([by, -clock / expected[:, None]], axis=1) * weight[:, None]
         yield calmed(r * weight), calmed(rows)
@@ -225,20 +227,20 @@ def _size_pieces(problem: Problem, state: State) -> leastsq.Pieces:
     return blocks
 
 
-def _vector_pieces(problem: Problem, state: State, poses: Poses) -> leastsq.Pieces:
+def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> leastsq.Pieces:
     """Residuals of the readings, whitened; an axis after the other, each in the order of cells."""
     onto, k = problem.layout, problem.stations
     a, width = onto.shape[1], len(state.drift)
-    m, tangent = len(problem.points), fixture.tangents(poses.directions)
-    white = _white(problem, state)
-    calmed = _calming(problem, state)
-    turning, clock = _to_sensor(problem, poses), problem.clock
+    m, tangent = len(problem.points), fixture.find_tangents(poses.directions)
+    white = _make_noise_whitener(problem, state)
+    calmed = _make_whitener(problem, state)
+    turning, clock = _rotate_to_sensor(problem, poses), problem.clock
     places = np.arange(m)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
         bias, matrix = model.local(params[:a], onto, problem.phi)
         steps = params[a + width : a + width + 2 * k].reshape(k, 2)
-        seen, sway = fixture.moved(poses.directions, tangent, steps)
+        seen, sway = fixture.move_on_sphere(poses.directions, tangent, steps)
         field = seen[problem.station]
         changed = clock @ params[a : a + width].reshape(-1, 3)
         field = field + np.einsum("mij,mj->mi", turning, changed)

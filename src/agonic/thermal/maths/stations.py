@@ -53,29 +53,29 @@ FACES = {
 """The faces of the box by their direction in its axes."""
 
 
-def twelve() -> Array:
+def list_standard_rotations() -> Array:
     """The standard stations 1…12 as matrices (12, 3, 3) from the box to the chamber.
 
-    >>> turned = twelve()
+    >>> turned = list_standard_rotations()
     >>> up = turned[:, 2] * -1  # which direction of the box is up
     >>> sorted(tuple(row) for row in up.astype(int).tolist())[::2] == sorted(FACES)
     True
     """
-    return _twelve().copy()
+    return _list_standard_rotations().copy()
 
 
 @cache
-def _twelve() -> Array:
+def _list_standard_rotations() -> Array:
     turned = [np.eye(3)]
     for name in SEQUENCE:
-        turned.append(quarter(name) @ turned[-1])
+        turned.append(make_quarter_turn(name) @ turned[-1])
     return np.stack(turned)
 
 
-def quarter(name: str) -> Array:
+def make_quarter_turn(name: str) -> Array:
     """The quarter turn of `TURNS` of that name, a matrix (3, 3) in the axes of the chamber.
 
-    >>> quarter("turn").tolist()
+    >>> make_quarter_turn("turn").tolist()
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     """
     axis, degrees, _ = TURNS[name]
@@ -87,23 +87,23 @@ def quarter(name: str) -> Array:
     return turned
 
 
-def pose(rot_nb: Array) -> str:
+def describe_pose(rot_nb: Array) -> str:
     """How the box stands, by its faces: which is up, and where one that is not looks.
 
-    >>> [pose(rot_nb) for rot_nb in twelve()[:3]]
+    >>> [describe_pose(rot_nb) for rot_nb in list_standard_rotations()[:3]]
     ['top up, front to the back', 'top up, front to the right', 'rear up, left side to the back']
     """
-    up, back = face(rot_nb, (0.0, 0.0, -1.0)), face(rot_nb, (1.0, 0.0, 0.0))
+    up, back = find_face(rot_nb, (0.0, 0.0, -1.0)), find_face(rot_nb, (1.0, 0.0, 0.0))
     if "front" in (up, back) or "rear" in (up, back):
         return f"{up} up, {back} to the back"
-    side = "right" if face(rot_nb, (0.0, 1.0, 0.0)) == "front" else "left"
+    side = "right" if find_face(rot_nb, (0.0, 1.0, 0.0)) == "front" else "left"
     return f"{up} up, front to the {side}"
 
 
-def face(rot_nb: Array, chamber: tuple[float, float, float]) -> str:
+def find_face(rot_nb: Array, chamber: tuple[float, float, float]) -> str:
     """The face of the box that looks in a direction of the chamber; "no face" where it is skew.
 
-    >>> face(np.eye(3), (0.0, 0.0, -1.0))
+    >>> find_face(np.eye(3), (0.0, 0.0, -1.0))
     'top'
     """
     seen = rot_nb.T @ np.array(chamber)
@@ -111,19 +111,19 @@ def face(rot_nb: Array, chamber: tuple[float, float, float]) -> str:
     return FACES.get((x, y, z), "no face") if np.abs(seen).max() > 0.95 else "no face"
 
 
-def turn(before: Array, after: Array) -> str:
+def describe_turn(before: Array, after: Array) -> str:
     """What to do with the box between two stations.
 
-    >>> one, two, three = twelve()[:3]
-    >>> turn(one, two)
+    >>> one, two, three = list_standard_rotations()[:3]
+    >>> describe_turn(one, two)
     'turn it 90° to the right (clockwise seen from above)'
-    >>> turn(three, one)
+    >>> describe_turn(three, one)
     'turn it until it stands top up, front to the back'
     """
     change = after @ before.T
     for name, (_, _, words) in TURNS.items():
-        if np.abs(change - quarter(name)).max() < 1e-6:
+        if np.abs(change - make_quarter_turn(name)).max() < 1e-6:
             return words
     if np.abs(change - np.eye(3)).max() < 1e-6:
         return "leave it"
-    return f"turn it until it stands {pose(after)}"
+    return f"turn it until it stands {describe_pose(after)}"

@@ -18,10 +18,10 @@ from agonic.errors import AgonicError
 from agonic.samples import Samples
 from agonic.simulation.thermal import random_drifting, readings
 from agonic.thermal.campaign.description import Description
-from agonic.thermal.campaign.plan import HANDLING_MIN, ThermalPlan, plan_thermal
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import MODELS, Sensor
-from agonic.thermal.simulation.chamber import TICK_S, field_knots, lagged, spike
+from agonic.thermal.plan.plan import HANDLING_MIN, ThermalPlan, plan_thermal
+from agonic.thermal.simulation.chamber import TICK_S, add_spikes, apply_lag, draw_field
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +81,7 @@ class SimulatedCampaign:
         since = np.arange(n) / rate
         kept = slice(0, round(0.4 * n)) if number in self.faults.truncated else slice(None)
         ticks = np.arange(0.0, profile.recorded_s + 2 * TICK_S, TICK_S)
-        level = np.interp(since, ticks, lagged(profile.at(ticks), self.facts["lag_s"]))
+        level = np.interp(since, ticks, apply_lag(profile.at(ticks), self.facts["lag_s"]))
         time = self.start_s(number) + since
         field_b = self.rotations[number].apply(self.field_n(time), inverse=True)
         return {
@@ -98,7 +98,7 @@ class SimulatedCampaign:
         rate = np.gradient(level, time)
         raw = readings(truth, field_b, level, rate)
         raw += self.facts["noise"][sensor.name] * rng.standard_normal(raw.shape)
-        spike(raw, self.facts["anomalies"], rng)
+        add_spikes(raw, self.facts["anomalies"], rng)
         model = MODELS.get(sensor.model)
         if model is not None and self.facts["quantised"]:
             raw = np.clip(np.round(raw / model.step) * model.step, -model.limit, model.limit)
@@ -197,7 +197,7 @@ def simulate_campaign(
         )
     )
     profile, told = plan.profile, faults or Faults()
-    _check(told, plan)
+    _check_faults(told, plan)
     truth_rng, fixture_rng, field_rng = np.random.default_rng(seed).spawn(3)
     half = profile.span_C / 2
     rate = profile.cooling_C_per_min / 60.0
@@ -221,10 +221,10 @@ def simulate_campaign(
     }
     made = np.random.SeedSequence(seed)
     pairs = [(sensor.name, s.number) for sensor in plan.sensors for s in plan.stations]
-    knots, values = field_knots(field_rng, plan, field_sd, field_pace_s, told.drift)
-    noises = {s.name: _noise(s, noise) for s in plan.sensors}
+    knots, values = draw_field(field_rng, plan, field_sd, field_pace_s, told.drift)
+    noises = {s.name: _find_noise(s, noise) for s in plan.sensors}
     return SimulatedCampaign(
-        description=_told(plan, told.swapped, noises, quantised),
+        description=_describe(plan, told.swapped, noises, quantised),
         truth=MappingProxyType(truth),
         rotations=MappingProxyType(rotations),
         faults=told,
@@ -253,7 +253,7 @@ def simulate_campaign(
     )
 
 
-def _check(faults: Faults, plan: ThermalPlan) -> None:
+def _check_faults(faults: Faults, plan: ThermalPlan) -> None:
     numbers = plan.description.numbers
     named = {*faults.missing, *faults.truncated, *(faults.swapped or ())}
     if named - set(numbers):
@@ -265,14 +265,14 @@ def _check(faults: Faults, plan: ThermalPlan) -> None:
         raise AgonicError("all stations are missing; nothing is left to simulate")
 
 
-def _noise(sensor: Sensor, given: float | None) -> float:
+def _find_noise(sensor: Sensor, given: float | None) -> float:
     """The noise before rounding to steps."""
     if given is not None or sensor.noise is not None:
         return given if given is not None else sensor.noise or 0.0
     return MODELS[sensor.model].noise
 
 
-def _told(
+def _describe(
     plan: ThermalPlan,
     swapped: tuple[int, int] | None,
     noises: Mapping[str, float],

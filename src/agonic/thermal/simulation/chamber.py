@@ -7,14 +7,14 @@ from scipy.signal import lfilter
 
 from agonic.arrays import Array
 from agonic.simulation.draws import directions, knot_times
-from agonic.thermal.campaign.plan import ThermalPlan
+from agonic.thermal.plan.plan import ThermalPlan
 
 TICK_S = 1.0
 """Between the temperatures that `lagged` takes."""
 _SPIKE = (2_000.0, 60_000.0)
 
 
-def field_knots(
+def draw_field(
     rng: np.random.Generator, plan: ThermalPlan, sd: float, pace_s: float, drift: float
 ) -> tuple[Array, Array]:
     """Knots of the chamber's field over the campaign: slow changes, and a steady drift."""
@@ -27,7 +27,7 @@ def field_knots(
     return knots, values + np.outer(knots / total - 0.5, away)
 
 
-def lagged(level: Array, lag_s: float) -> Array:
+def apply_lag(level: Array, lag_s: float) -> Array:
     """A temperature that follows with a lag, τ dT/dt = chamber − T, a value a second."""
     if lag_s <= 0.0:
         return level
@@ -36,7 +36,7 @@ def lagged(level: Array, lag_s: float) -> Array:
     return np.asarray(lfilter([share], [1.0, share - 1.0], level, zi=rest)[0])
 
 
-def spike(raw: Array, share: float, rng: np.random.Generator) -> None:
+def add_spikes(raw: Array, share: float, rng: np.random.Generator) -> None:
     """Add spikes to a share of the rows."""
     rows = np.flatnonzero(rng.random(len(raw)) < share)
     sizes = rng.uniform(*_SPIKE, len(rows))

@@ -1,0 +1,183 @@
+"""`calibrate_campaign`: every sensor of a campaign in a climatic chamber, and what it is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from multiprocessing import get_context
+from typing import Any, Literal, NamedTuple
+
+from scipy.spatial.transform import Rotation
+
+from agonic.errors import AgonicError, check_choice
+from agonic.health import Finding
+from agonic.reference import Reference
+from agonic.thermal.campaign.recording import Campaign
+from agonic.thermal.checks.programme import check_campaign
+from agonic.thermal.common_mode import FittedSensor, find_chamber_field
+from agonic.thermal.cross_validation import cross_validate as tested
+from agonic.thermal.fit.fit import fit_binned
+from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
+from agonic.thermal.fit.settings import Settings
+from agonic.thermal.maths.binned_sums import Binned
+from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
+
+OrientationChoice = Literal["auto", "known", "unknown"]
+Rotations = Mapping[int, Rotation] | Literal["unknown"]
+CONTRADICTED = ("swapped stations", "turns")
+"""Findings after which the described turns are not believed."""
+
+
+class _Task(NamedTuple):
+    """What is to be done with every sensor."""
+
+    reference: Reference | None
+    stations: Rotations
+    settings: Mapping[str, Any]
+    held_out: bool
+
+
+class _SummedReadings(NamedTuple):
+    """What the fit of a sensor needs of its readings, or why there is none."""
+
+    name: str
+    cells: tuple[Binned, Facts, tuple[Finding, ...]] | None = None
+    refused: str = ""
+
+
+def calibrate_campaign(
+    campaign: Campaign,
+    *,
+    turns: OrientationChoice = "auto",
+    magnitude: float | None = None,
+    only: Iterable[str] = (),
+    held_out: bool = True,
+    workers: int = 1,
+    progress: Any = None,
+    **settings: Any,
+) -> CalibratedCampaign:
+    """Check a campaign, and fit every sensor of it.
+
+    Parameters
+    ----------
+    campaign : as `read_campaign` gives it.
+    turns : "known" lets the described turns of the stations teach the fits, "unknown" the magnitude
+        alone; "auto" the turns where they are described and the readings do not contradict them.
+    magnitude : of the chamber's field, nT; default: that of the description.
+    only : names of sensors; default: all. settings : further ones of `fit_thermal`.
+    held_out : also fit every sensor without some of the stations, and try the result on those.
+    workers : processes that fit sensors at the same time; a script that asks for more than one
+        does so under `if __name__ == "__main__"`.
+    progress : takes the names of the sensors and gives them back one by one.
+
+    Returns a `CalibratedCampaign`; a sensor that cannot be fitted says why. Raises `AgonicError`
+    for settings that do not exist, and for turns that are asked for and not described.
+
+    Source: Nikolaev et al. 2023, sections 3 to 5; Grubbs 1948 for what the sensors saw alike.
+
+    >>> from agonic.thermal.simulation.campaign import simulate_campaign
+    >>> made = simulate_campaign("2xMMC5883MA", rate_Hz=0.02, seed=2)
+    >>> result = calibrate_campaign(made.campaign)
+    >>> [(sensor.name, sensor.verdict) for sensor in result.sensors]
+    [('MMC5883MA-1', 'good'), ('MMC5883MA-2', 'good')]
+    """
+    check_choice("turns", turns, ("auto", "known", "unknown"))
+    settings = {"fixture_sd_deg": campaign.description.fixture_sd_deg, **settings}
+    Settings(**settings)  # a setting that cannot be is no reason to refuse every sensor
+    usable, findings = check_campaign(campaign)
+    stations, reason = _choose_orientations(turns, usable, findings)
+    given = magnitude or campaign.description.magnitude
+    reference = None if given is None else Reference.constant(given, source="the chamber")
+    names = _choose_sensors(campaign, only)
+    task = _Task(reference, stations, settings, held_out)
+    with _open_pool(min(workers, len(names))) as pool:
+        each = map if pool is None else pool.map
+        fits = each(partial(_fit_sensor, task), (_sum_sensor(task, usable, name) for name in names))
+        made = [one for _, one in zip(_iterate(names, progress), fits, strict=True)]
+    seen = {sensor.name: one for sensor, one in made if one is not None}
+    return CalibratedCampaign(
+        campaign=usable,
+        findings=findings,
+        turns="unknown" if stations == "unknown" else "known",
+        reason=reason,
+        sensors=tuple(sensor for sensor, _ in made),
+        chamber_field=find_chamber_field(seen, None if isinstance(stations, str) else stations),
+    )
+
+
+def _choose_sensors(campaign: Campaign, only: Iterable[str]) -> list[str]:
+    """The sensors that were asked for."""
+    wanted = list(only) or list(campaign.sensors)
+    absent = [name for name in wanted if name not in campaign.sensors]
+    if absent:
+        raise AgonicError(f"no sensor {', '.join(absent)}; there are {', '.join(campaign.sensors)}")
+    return wanted
+
+
+def _iterate(names: list[str], progress: Any) -> Iterator[str]:
+    yield from names if progress is None else progress(names)
+
+
+def _choose_orientations(
+    turns: str, campaign: Campaign, findings: tuple[Finding, ...]
+) -> tuple[Mapping[int, Rotation] | Literal["unknown"], str]:
+    """How the stations are turned, for `fit_thermal`, and why."""
+    rotations = campaign.description.rotations
+    if turns == "unknown":
+        return "unknown", "the magnitude alone was asked for"
+    if rotations is None:
+        if turns == "known":
+            raise AgonicError(
+                "the turns of the stations are not described: give roll_deg, pitch_deg and "
+                "heading_deg of every [[station]] in campaign.toml"
+            )
+        return "unknown", "the turns of the stations are not described"
+    against = [finding.name for finding in findings if finding.name in CONTRADICTED]
+    if against and turns == "auto":
+        return "unknown", "the readings contradict the described turns of the stations"
+    return rotations, "the turns of the stations are described"
+
+
+def _open_pool(workers: int) -> AbstractContextManager[ProcessPoolExecutor | None]:
+    """Processes that fit, or None where this one does."""
+    if workers < 2:
+        return nullcontext()
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+
+
+def _sum_sensor(task: _Task, campaign: Campaign, name: str) -> _SummedReadings:
+    """The readings of a sensor in cells of temperature: little to hand to another process."""
+    if name not in campaign.sensors:
+        return _SummedReadings(
+            name, refused="None of its recordings can be used (see what was found)."
+        )
+    samples = campaign.samples(name)
+    try:
+        sums, found = sum_readings(samples, Settings(**task.settings).bin_width_C)
+    except AgonicError as error:
+        return _SummedReadings(name, refused=f"{error}.")
+    return _SummedReadings(name, (sums, collect_facts(samples), found))
+
+
+def _fit_sensor(
+    task: _Task, summed: _SummedReadings
+) -> tuple[CalibratedSensor, FittedSensor | None]:
+    """The fit of a sensor with its cells, or why there is none."""
+    if summed.cells is None:
+        return CalibratedSensor(name=summed.name, refused=summed.refused), None
+    sums, facts, found = summed.cells
+    settings = {**task.settings, "stations": task.stations}
+    try:
+        fit = fit_binned(sums, facts, task.reference, found=found, **settings)
+    except AgonicError as error:
+        return CalibratedSensor(name=summed.name, refused=f"{error}."), None
+    if fit.verdict == "refused":
+        return CalibratedSensor(name=summed.name, fit=fit), None
+    unseen = None
+    if task.held_out:
+        unseen = tested(sums, facts, task.reference, fit, task.stations, task.settings)
+    return CalibratedSensor(name=summed.name, fit=fit, held_out=unseen), FittedSensor(
+        fit, sums.cells()
+    )

@@ -1,0 +1,271 @@
+"""Whether the programme was followed: range, holds, cooling, steps, stations, gaps, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.health import Finding, figure, gravest_first
+from agonic.thermal.campaign.description import name_stations
+from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.campaign.recording import Campaign
+from agonic.thermal.checks import missing_data
+from agonic.thermal.checks.field import check_field
+from agonic.thermal.checks.thermometers import MINUTE_S, Course, find_courses
+
+END_C = 1.5
+"""How far from its set point a chamber may hold, °C; also how far a sensor lags its rise."""
+HELD_SHARE = 0.8
+"""Share of a hold that must have been held."""
+_RATE_MIN = 5
+"""Minutes over which a rate is measured: a chamber's control swings faster."""
+_GAP_S = 5.0
+_CUT_SHARE = 0.97
+
+
+def check_campaign(campaign: Campaign) -> tuple[Campaign, tuple[Finding, ...]]:
+    """The campaign without what cannot be used, and everything that was not as planned, in words.
+
+    Left out are recordings whose thermometer stood still or that have no temperature; findings of
+    the reader come first. The limits are those of the described profile, or of the standard one.
+
+    >>> from agonic.samples import Samples
+    >>> n = 241
+    >>> minutes = np.arange(n) * 60.0
+    >>> warm = Samples(field=np.ones((n, 3)), time=minutes, temperature=Profile().at(minutes) / 2)
+    >>> campaign = Campaign(recordings={"mag": {1: warm}})
+    >>> [f.sentence for f in check_campaign(campaign)[1] if f.name == "range"]
+    ['station 1 reached only -5.0 of -10 °C, and station 1 reached only 25.0 of +50 °C; a \
+calibration holds only where it was measured: record again, or expect less range']
+    """
+    profile = campaign.description.profile or Profile()
+    made, still = find_courses(campaign)
+    findings = [
+        *campaign.findings,
+        *missing_data.find_missing_stations(campaign),
+        *missing_data.find_missing_columns(campaign),
+        *missing_data.judge_stuck(still, campaign),
+    ]
+    cut = _find_cut(made)
+    findings += _judge_cut(cut, made)
+    whole = {number: course for number, course in made.items() if number not in cut}
+    programme = campaign.description.profile is not None
+    findings += _judge_range(whole, profile)
+    findings += _judge_holds(whole, profile)
+    findings += _judge_cooling(whole, profile)
+    findings += _judge_steps(whole, profile) if programme else []
+    findings += _judge_gaps(campaign)
+    usable = campaign.without({name: set(by) for name, by in still.items()})
+    usable = usable.without(missing_data.find_without_temperature(usable))
+    findings += check_field(usable)
+    return usable, tuple(findings)
+
+
+def _find_cut(made: Mapping[int, Course]) -> set[int]:
+    """Stations that were recorded for a shorter time than the others."""
+    lengths = {number: course.length_s for number, course in made.items()}
+    if len(lengths) < 2:
+        return set()
+    usual = float(np.median(list(lengths.values())))
+    return {number for number, length in lengths.items() if length < _CUT_SHARE * usual}
+
+
+def _judge_cut(cut: set[int], made: Mapping[int, Course]) -> list[Finding]:
+    usual = max((course.length_s for course in made.values()), default=0.0)
+    return [
+        Finding(
+            "ends early",
+            "check",
+            f"station {number} ends after {_format_hours(made[number].length_s)} of "
+            f"{_format_hours(usual)}, at {made[number].level_C[-1]:.1f} °C: the recording was cut",
+            "what is there is used; record the station again for the whole range",
+        )
+        for number in sorted(cut)
+    ]
+
+
+def _format_hours(seconds: float) -> str:
+    minutes = round(seconds / 60)
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+@dataclass(frozen=True)
+class _Alike:
+    """Stations with the same complaint, drawn into one sentence."""
+
+    numbers: list[int]
+    values: list[float]
+
+    @property
+    def worst(self) -> float:
+        return max(self.values, key=abs)
+
+
+def _measure_stations(
+    made: Mapping[int, Course], measure: Callable[[Course], float | None]
+) -> _Alike | None:
+    found = {number: value for number, c in made.items() if (value := measure(c)) is not None}
+    return _Alike(list(found), list(found.values())) if found else None
+
+
+def _judge_range(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
+    """The ends that were not reached; of several stations the shortest range is told."""
+    ends = {n: (float(np.nanmin(c.level_C)), float(np.nanmax(c.level_C))) for n, c in made.items()}
+    warm = {n: low for n, (low, _) in ends.items() if low > profile.lowest_C + END_C}
+    cool = {n: high for n, (_, high) in ends.items() if high < profile.highest_C - END_C}
+    parts = [
+        f"{name_stations(numbers)} reached only {worst(numbers.values()):.1f} of {wanted:+g} °C"
+        for numbers, worst, wanted in (
+            (warm, max, profile.lowest_C),
+            (cool, min, profile.highest_C),
+        )
+        if numbers
+    ]
+    if not parts:
+        return []
+    move = "a calibration holds only where it was measured: record again, or expect less range"
+    return [Finding("range", "check", ", and ".join(parts), move)]
+
+
+def _judge_holds(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
+    """The hold in the cold, and the one at the end."""
+    need = HELD_SHARE * profile.hold_min
+    findings = []
+    cold = _measure_stations(
+        made, lambda c: _keep_below(_measure_hold(c.level_C, float(np.nanmin(c.level_C))), need)
+    )
+    warm = _measure_stations(made, lambda c: _keep_below(_measure_last_hold(c.level_C), need))
+    for found, where in ((cold, "in the cold"), (warm, "at the end")):
+        if found:
+            shortest = min(found.values)
+            findings.append(
+                Finding(
+                    "holds",
+                    "check",
+                    f"the temperature was held {where} for {shortest:.0f} min at "
+                    f"{name_stations(found.numbers)} instead of {profile.hold_min:g} min",
+                    "hold longer: inside the box the temperature follows late",
+                )
+            )
+    return findings
+
+
+def _keep_below(minutes: float, need: float) -> float | None:
+    return minutes if minutes < need else None
+
+
+def _measure_hold(level: Array, at: float) -> float:
+    return float(np.sum(np.abs(level - at) <= END_C / 2))
+
+
+def _measure_last_hold(level: Array) -> float:
+    """Minutes at the end within the tolerance of the last temperature."""
+    known = level[np.isfinite(level)]
+    away = np.flatnonzero(np.abs(known - known[-1]) > END_C / 2)
+    return float(len(known) - 1 - away[-1]) if len(away) else float(len(known))
+
+
+def _judge_cooling(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
+    limit = profile.cooling_limit_C_per_min
+    found = _measure_stations(made, lambda c: _keep_above(_find_fastest_fall(c.level_C), limit))
+    if found is None:
+        return []
+    return [
+        Finding(
+            "cooling",
+            "check",
+            f"{name_stations(found.numbers)} cooled at up to {found.worst:.1f} °C/min, faster than "
+            f"{limit:g}",
+            "cool more slowly: the sensor is no longer as warm as its thermometer, and damp air "
+            "condenses",
+        )
+    ]
+
+
+def _keep_above(value: float, limit: float) -> float | None:
+    return value if value > 1.1 * limit else None
+
+
+def _find_fastest_fall(level: Array) -> float:
+    """The fastest fall over five minutes, °C/min."""
+    if len(level) <= _RATE_MIN:
+        return 0.0
+    rates = (level[:-_RATE_MIN] - level[_RATE_MIN:]) / _RATE_MIN
+    return float(np.nanmax(rates)) if np.isfinite(rates).any() else 0.0
+
+
+def _judge_steps(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
+    """Whether the heating stopped at its steps."""
+    wanted = profile.steps - 1 if profile.step_hold_min else 0
+    if wanted < 1:
+        return []
+    found = _measure_stations(made, lambda c: _keep_fewer(_count_plateaus(c, profile), wanted))
+    if found is None:
+        return []
+    return [
+        Finding(
+            "steps",
+            "note",
+            f"the heating stopped {min(found.values):.0f} times at {name_stations(found.numbers)} "
+            f"instead "
+            f"of {wanted}",
+            "",
+        )
+    ]
+
+
+def _keep_fewer(count: int, wanted: int) -> float | None:
+    return float(count) if count < wanted / 2 else None
+
+
+def _count_plateaus(course: Course, profile: Profile) -> int:
+    """Levels between the ends near which the heating rests for half of a step's hold."""
+    heating = course.level_C[course.turn :]
+    if len(heating) < 3:
+        return 0
+    rate = np.abs(np.gradient(heating))
+    inside = (heating > profile.lowest_C + 2 * END_C) & (heating < profile.highest_C - 2 * END_C)
+    slow = inside & (rate < 0.5 * profile.heating_C_per_min)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
+    spans = edges[1::2] - edges[::2]
+    return int(np.sum(spans >= max(1.0, 0.4 * profile.step_hold_min)))
+
+
+def _judge_gaps(campaign: Campaign) -> list[Finding]:
+    """Holes in the recordings, the same hole of several sensors once."""
+    worst: dict[int, float] = {}
+    total = 0
+    for by in campaign.recordings.values():
+        for number, samples in by.items():
+            gaps = _find_gaps(samples.time)
+            if len(gaps):
+                worst[number] = max(worst.get(number, 0.0), float(gaps.max()))
+                total += len(gaps)
+    if not worst:
+        return []
+    longest = max(worst, key=lambda number: worst[number])
+    return [
+        Finding(
+            "recording gaps",
+            "check" if worst[longest] > 10 * MINUTE_S else "note",
+            f"{total} gap{'s' if total > 1 else ''} in the recordings of {name_stations(worst)}, "
+            f"the longest {figure(worst[longest], 3)} s at station {longest}",
+            "look at the logger" if worst[longest] > 10 * MINUTE_S else "",
+        )
+    ]
+
+
+def _find_gaps(time: Array | None) -> Array:
+    if time is None or len(time) < 3:
+        return np.zeros(0)
+    steps = np.diff(time)
+    return np.asarray(steps[steps > max(20 * float(np.median(steps)), _GAP_S)])
+
+
+def list_findings(findings: Iterable[Finding]) -> str:
+    """Findings one under the other, gravest first; "" where there are none."""
+    signs = {"refuse": "✗", "check": "!", "note": "·"}
+    return "\n".join(f"{signs[f.severity]} {f.name}: {f.sentence}" for f in gravest_first(findings))

@@ -1,0 +1,130 @@
+"""`agonic simulate campaign -o DIR`: recordings of a climatic chamber with known truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign
+
+FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
+"""How each fault is written."""
+
+
+def simulate_chamber(
+    out: Path,
+    *,
+    sensors: str,
+    rate: float,
+    noise: float | None,
+    field: float,
+    fault: list[str],
+    format: str,
+    seed: int,
+    as_json: bool,
+) -> int:
+    """Write the recordings, their campaign.toml, and the truth in a folder of its own."""
+    from agonic.console.output import print_json, say
+    from agonic.thermal.files.write import write_campaign
+    from agonic.thermal.simulation.campaign import simulate_campaign
+
+    made = simulate_campaign(
+        sensors, rate_Hz=rate, noise=noise, magnitude=field, faults=parse_faults(fault), seed=seed
+    )
+    files = write_campaign(made.description, made.stations(), out, format=format)  # type: ignore[arg-type]
+    if format == "csv":
+        _cut_last_lines(files, made)
+    truth = write_truth(made, out / "truth")
+    if as_json:
+        print_json(
+            "agonic/simulate-campaign@1",
+            {
+                "sensors": list(made.truth),
+                "stations": len(files) - 1,
+                "files": [str(file) for file in (*files, *truth)],
+                "facts": made.facts,
+            },
+        )
+    else:
+        say(f"{len(files) - 1} stations, {len(made.truth)} sensors: {out}\nThe truth: {truth[0]}")
+    return 0
+
+
+def parse_faults(words: list[str]) -> Faults:
+    """The faults that the words name.
+
+    >>> parse_faults(["missing=3,7", "kelvin", "drift=5000"]).missing
+    (3, 7)
+    """
+    from agonic.errors import AgonicError
+    from agonic.thermal.simulation.campaign import Faults
+
+    given: dict[str, Any] = {}
+    for word in words:
+        name, _, value = word.partition("=")
+        try:
+            given[name] = _FAULTS[name](value)
+        except (KeyError, ValueError):
+            raise AgonicError(f"--fault {word!r} is none; write one of {FAULTS}") from None
+    return Faults(**given)
+
+
+def _parse_numbers(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split(","))
+
+
+def _parse_pair(text: str) -> tuple[int, int]:
+    one, other = _parse_numbers(text)
+    return one, other
+
+
+def _parse_name(text: str) -> str:
+    if not text:
+        raise ValueError
+    return text
+
+
+_FAULTS: dict[str, Any] = {
+    "missing": _parse_numbers,
+    "stuck": _parse_name,
+    "swapped": _parse_pair,
+    "drift": float,
+    "truncated": _parse_numbers,
+    "kelvin": lambda text: not text or text == "yes",
+}
+
+
+def _cut_last_lines(files: list[Path], made: SimulatedCampaign) -> None:
+    """Let the last line of a truncated recording end in its middle."""
+    for number, file in zip(made.recorded, files, strict=False):
+        if number in made.faults.truncated:
+            file.write_bytes(file.read_bytes()[:-9])
+
+
+def write_truth(made: SimulatedCampaign, folder: Path) -> list[Path]:
+    """What the readings really depend on: sensors, turns of the box, the field over time."""
+    import json
+
+    from agonic.atomic import make_folder, write_atomically
+    from agonic.console.output import plain
+
+    facts = {
+        "schema": "agonic/campaign-truth@1",
+        "sensors": {
+            name: {
+                "bias": truth.bias,
+                "matrix": truth.matrix,
+                "rate": truth.rate,
+                "centre_C": truth.centre_C,
+                "half_range_C": truth.half_range_C,
+            }
+            for name, truth in made.truth.items()
+        },
+        "matrix_nb": {number: turned.as_matrix() for number, turned in made.rotations.items()},
+        "field": {"time_s": made.knots, "field_n_nT": made.field_knots},
+        "facts": made.facts,
+    }
+    home = make_folder(folder)
+    text = json.dumps(plain(facts), indent=1, ensure_ascii=False)
+    return [write_atomically(home / "truth.json", text + "\n")]

@@ -1,0 +1,186 @@
+"""`ChamberField`: what all sensors of a campaign saw alike was the chamber, not they."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from agonic.arrays import Array, Index
+from agonic.maths.estimation.common_mode import common_part
+from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.maths.binned_sums import Cells
+from agonic.units import RAW
+
+CHAMBER = ("back", "right", "down")
+ALONG = ("along the field",)
+WINDOWS = 20
+"""Windows into which the recording of a station is cut: 12 min of four hours."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Share:
+    """What the corrected readings of a sensor at a station consist of, nT (one axis, windows).
+
+    `total_sd` is how much they changed, `noise_sd` what the noise of its readings makes of a
+    window's mean, `own_sd` what is its own beyond that: misfit of the polynomial, lag, rounding.
+    `own` (w, c) are its changes without those common to all.
+    """
+
+    name: str
+    total_sd: float
+    noise_sd: float
+    own_sd: float
+    own: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChamberField:
+    """How the field changed while the stations were recorded, as several sensors saw it alike.
+
+    `change` (w, c) nT by window of time, less its mean at each station, in the `axes` of the
+    chamber where the turns are known and along the field otherwise; `time` (w,) s since the
+    campaign began, `station` (w,). `common_sd` is its standard deviation on one axis, to which the
+    noise of the sensors does not add; `shares` what each sensor saw besides.
+
+    From one station to the next nothing is said: there the field, the fixture and the sensors
+    cannot be told apart.
+    """
+
+    axes: tuple[str, ...]
+    time: Array
+    station: Index
+    change: Array
+    common_sd: float
+    shares: tuple[Share, ...]
+
+
+class FittedSensor(NamedTuple):
+    """The fit of a sensor and the cells of its readings."""
+
+    fit: ThermalFit
+    cells: Cells
+
+
+class _Windows(NamedTuple):
+    """Means (w, c) of windows and the variance of their noise (w,); `key` is station × `WINDOWS` +
+    place."""
+
+    key: Index
+    mean: Array
+    variance: Array
+
+
+def find_chamber_field(
+    sensors: Mapping[str, FittedSensor], rotations: Mapping[int, Rotation] | None
+) -> ChamberField | None:
+    """The changes of the chamber's field that all sensors saw, and what each saw besides.
+
+    Parameters: fits in nT with their cells by the name of the sensor; how the box stood at each
+    station, where that is known. Returns `None` with fewer than two sensors or without clocks.
+
+    Source: Grubbs 1948 for what is common and what is one's own.
+    """
+    told = {
+        name: seen
+        for name, seen in sensors.items()
+        if np.isfinite(seen.cells.time).all() and seen.fit.calibration.unit_out != RAW
+    }
+    if len(told) < 2:
+        return None
+    known = rotations is not None and all(seen.fit.fixture is not None for seen in told.values())
+    turns = rotations if known else None
+    begun, width = _find_clock([seen.cells for seen in told.values()])
+    made = [_average_windows(seen, turns, begun, width) for seen in told.values()]
+    keys = _find_shared([windows.key for windows in made])
+    if not len(keys):
+        return None
+    station = keys // WINDOWS
+    rows = [np.searchsorted(windows.key, keys) for windows in made]
+    series = np.array(
+        [_centre(windows.mean[at], station) for windows, at in zip(made, rows, strict=True)]
+    )
+    found = common_part(series)
+    noise = [windows.variance[at].mean() for windows, at in zip(made, rows, strict=True)]
+    start = np.array([begun[int(number)] for number in station]) - min(begun.values())
+    return ChamberField(
+        axes=ALONG if turns is None else CHAMBER,
+        time=start + (keys % WINDOWS + 0.5) * width,
+        station=station,
+        change=found.common,
+        common_sd=found.common_sd,
+        shares=tuple(
+            _describe_share(name, values, float(v), found.common, float(own))
+            for name, values, v, own in zip(told, series, noise, found.own_sd, strict=True)
+        ),
+    )
+
+
+def _describe_share(name: str, values: Array, noise: float, common: Array, own_sd: float) -> Share:
+    return Share(
+        name=name,
+        total_sd=float(np.sqrt(np.mean(values**2))),
+        noise_sd=float(np.sqrt(noise)),
+        own_sd=float(np.sqrt(max(own_sd**2 - noise, 0.0))),
+        own=values - common,
+    )
+
+
+def _find_clock(cells: list[Cells]) -> tuple[dict[int, float], float]:
+    """When the recording of each station began, and the width of a window, s."""
+    number = np.concatenate([one.number for one in cells])
+    time = np.concatenate([one.time for one in cells])
+    begun = {int(n): float(time[number == n].min()) for n in np.unique(number)}
+    longest = max(float(time[number == n].max()) - first for n, first in begun.items())
+    return begun, max(longest, 1e-9) / WINDOWS
+
+
+def _average_windows(
+    seen: FittedSensor,
+    turns: Mapping[int, Rotation] | None,
+    begun: Mapping[int, float],
+    width: float,
+) -> _Windows:
+    """The corrected readings of a sensor by window: in the chamber's axes, or their magnitude."""
+    calibration = seen.fit.calibration
+    cells = seen.cells.select(~calibration.outside(seen.cells.temperature))
+    field = calibration.correct(
+        cells.mean, temperature=cells.temperature, temperature_rate=cells.rate
+    )
+    values = np.linalg.norm(field, axis=1)[:, None]
+    if turns is not None:
+        assert seen.fit.fixture is not None
+        in_box = seen.fit.fixture.mounting.apply(field)
+        values = _rotate_to_chamber(in_box, cells.number, turns)
+    since = cells.time - np.array([begun[int(number)] for number in cells.number])
+    place = np.minimum((since / width).astype(np.int64), WINDOWS - 1)
+    key, where = np.unique(cells.number * WINDOWS + place, return_inverse=True)
+    count = np.bincount(where, cells.n)
+    sums = np.stack([np.bincount(where, cells.n * column) for column in values.T], axis=1)
+    gain = float(np.trace(calibration.matrix[0]) / 3)
+    return _Windows(key, sums / count[:, None], (gain * seen.fit.noise) ** 2 / count)
+
+
+def _rotate_to_chamber(in_box: Array, number: Index, turns: Mapping[int, Rotation]) -> Array:
+    made = np.empty_like(in_box)
+    for station in np.unique(number):
+        rows = number == station
+        made[rows] = turns[int(station)].apply(in_box[rows])
+    return made
+
+
+def _find_shared(keys: list[Index]) -> Index:
+    """The windows that all sensors saw."""
+    found, times = np.unique(np.concatenate(keys), return_counts=True)
+    return np.asarray(found[times == len(keys)])
+
+
+def _centre(values: Array, station: Index) -> Array:
+    """Values less their mean at each station."""
+    made = values.copy()
+    for number in np.unique(station):
+        made[station == number] -= values[station == number].mean(axis=0)
+    return made

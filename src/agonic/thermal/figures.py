@@ -1,0 +1,209 @@
+"""Figures of a calibration over temperature: coefficients, spread of the stations, the chamber."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
+from agonic.calibration.thermal import Thermal
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup
+from agonic.report.strips import Axis, down, level, path, plot, points, right
+from agonic.report.time_axis import along_time
+from agonic.thermal.common_mode import ChamberField
+from agonic.thermal.cross_validation import HeldOut
+from agonic.thermal.fit.result import Bins, Spread
+
+LEVELS = 61
+"""Temperatures at which a curve is drawn."""
+MOST_DOTS = 240
+_ENTRIES = {"x": 0, "y": 1, "z": 2}
+_LEAST_VARIANCE = 1e-3
+_STRAY = 8.0  # median distances from the curve
+
+
+class Curve(NamedTuple):
+    """One coefficient over temperature: its `name` and unit, values and standard errors (t,)."""
+
+    name: str
+    unit: str
+    temperature: Array
+    value: Array
+    sd: Array | None
+
+    @property
+    def label(self) -> str:
+        """Name and unit as they stand at an axis."""
+        return f"{self.name}, {self.unit}" if self.unit else self.name
+
+
+class Dots(NamedTuple):
+    """Values of a coefficient at each temperature by itself, of one class of the style sheet."""
+
+    temperature: Array
+    values: Array
+    kind: str
+
+
+def curves(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
+    """Every coefficient over the range that was seen, bias first.
+
+    >>> flat = Thermal(bias=[[1, 2, 3]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
+    >>> [curve.name for curve in curves(flat)][:4], float(curves(flat)[1].value[0])
+    (['bias x', 'bias y', 'bias z', 'matrix xx'], 2.0)
+    """
+    at = np.linspace(*seen_range(calibration), LEVELS) if temperature is None else temperature
+    names = FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS
+    bias, matrix = calibration.bias_at(at), calibration.matrix_at(at)
+    sd = None if calibration.covariance is None else calibration.sd_at(at)
+    unit_in, unit_out = unit_label(calibration.unit_in), unit_label(calibration.unit_out)
+    ratio = "" if unit_in == unit_out else f"{unit_out} per {unit_in.rstrip('s')}"
+    made = []
+    for k, name in enumerate(names):
+        what, _, axes = name.partition("_")
+        value = bias[:, k] if what == "bias" else matrix[:, _ENTRIES[axes[0]], _ENTRIES[axes[1]]]
+        unit = unit_in if what == "bias" else ratio
+        made.append(Curve(f"{what} {axes}", unit, at, value, None if sd is None else sd[:, k]))
+    return made
+
+
+def seen_range(calibration: Thermal) -> tuple[float, float]:
+    """The temperatures that the calibration was made from, °C."""
+    half = calibration.half_range_C
+    around = (calibration.centre_C - half, calibration.centre_C + half)
+    return calibration.validity.temperature_C or around
+
+
+def dots_of(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[Dots, ...]:
+    """The values of each bin while cooling and heating; `less` the curve where one is given."""
+    if bins is None or k >= bins.cooling.shape[1]:
+        return ()
+    made = []
+    for kind, values in (("cooling", bins.cooling[:, k]), ("heating", bins.heating[:, k])):
+        there = np.isfinite(values)
+        if less is not None:
+            there &= (bins.temperature >= less.temperature[0]) & (
+                bins.temperature <= less.temperature[-1]
+            )
+        at, shown = bins.temperature[there], values[there]
+        if less is not None:
+            shown = shown - np.interp(at, less.temperature, less.value)
+        step = max(1, -(-len(at) // MOST_DOTS))
+        made.append(Dots(at[::step], shown[::step], kind))
+    return tuple(made)
+
+
+def coefficient(curve: Curve, dots: Sequence[Dots]) -> Markup:
+    """One coefficient over temperature: dots of the bins, the polynomial and its band."""
+    low, high = float(curve.temperature[0]), float(curve.temperature[-1])
+    margin = 0.03 * max(high - low, 1e-9)
+    x = Axis("°C", low - margin, high + margin)
+    reach = np.zeros(len(curve.value)) if curve.sd is None else 2 * curve.sd
+    shown = [curve.value - reach, curve.value + reach]
+    shown += [_usual(curve, d) for d in dots if len(d.values)]
+    y = _around(curve.label, np.concatenate(shown))
+    layers = []
+    if curve.sd is not None:
+        layers.append(_band(x, y, curve.temperature, curve.value - reach, curve.value + reach))
+    layers += [_dotted(x, y, d) for d in dots]
+    layers.append(path(f"M{points(right(x, curve.temperature), down(y, curve.value))}", "curve"))
+    words = f"{curve.name} from {low:.0f} to {high:.0f} °C"
+    return plot(x, y, layers, words, kind="small")
+
+
+def remainder(curve: Curve, bins: Bins | None, k: int) -> Markup:
+    """What the polynomial leaves of each bin, with its band about zero."""
+    level_ = np.zeros_like(curve.value)
+    return coefficient(curve._replace(value=level_), dots_of(bins, k, less=curve))
+
+
+def _usual(curve: Curve, dots: Dots) -> Array:
+    """The dots that are not strays: those are drawn at the edge."""
+    away = np.abs(dots.values - np.interp(dots.temperature, curve.temperature, curve.value))
+    return dots.values[away <= _STRAY * float(np.median(away)) + 1e-300]
+
+
+def _around(label: str, values: Array) -> Axis:
+    """An axis that holds the values, and never shows less than they can be told apart."""
+    low, high = float(values.min()), float(values.max())
+    margin = max(0.06 * (high - low), 1e-7 * max(abs(low), abs(high)), 1e-9)
+    return Axis(label, low - margin, high + margin)
+
+
+def _band(x: Axis, y: Axis, at: Array, low: Array, high: Array) -> Markup:
+    there = points(right(x, at), down(y, high))
+    back = points(right(x, at[::-1]), down(y, low[::-1]))
+    return path(f"M{there}L{back}Z", "band")
+
+
+def _dotted(x: Axis, y: Axis, dots: Dots) -> Markup:
+    places = zip(right(x, dots.temperature), down(y, dots.values), strict=True)
+    return path("".join(f"M{a:.0f} {b:.0f}h0" for a, b in places), f"dots {dots.kind}")
+
+
+def station_bars(spread: Spread, held_out: HeldOut | None, column: int, label: str) -> Markup:
+    """The standard deviation of the readings at every station, before and after, as bars."""
+    kinds = [("before", spread.stations, spread.before), ("after", spread.stations, spread.after)]
+    if held_out is not None:
+        kinds.append(("unseen", held_out.spread.stations, held_out.spread.after))
+    numbers = np.array(spread.stations, dtype=np.float64)
+    x = Axis("station", float(numbers.min()) - 0.6, float(numbers.max()) + 0.6)
+    highest = max(float(values[:, column].max(initial=0.0)) for _, _, values in kinds)
+    y = Axis(label, 0.0, 1.05 * max(highest, 1e-9))
+    width = 0.8 / len(kinds)
+    layers = [
+        _bars(
+            x, y, np.array(at, dtype=np.float64) - 0.4 + k * width, width, values[:, column], name
+        )
+        for k, (name, at, values) in enumerate(kinds)
+    ]
+    return plot(x, y, layers, f"{label} at every station, before and after", kind="small")
+
+
+def _bars(x: Axis, y: Axis, at: Array, width: float, values: Array, name: str) -> Markup:
+    left, end, top = right(x, at), right(x, at + 0.92 * width), down(y, values)
+    drawn = (f"M{a:.1f} 1000V{t:.1f}H{b:.1f}V1000Z" for a, b, t in zip(left, end, top, strict=True))
+    return path("".join(drawn), f"bar {name}")
+
+
+def orders(variances: Array, chosen: int) -> Markup:
+    """The variance of the scaled residuals of each coefficient against the order."""
+    shown = np.log10(np.maximum(variances, _LEAST_VARIANCE))
+    known = np.isfinite(shown)
+    order = np.arange(variances.shape[1], dtype=np.float64)
+    x = Axis("order of the polynomial", -0.3, float(order[-1]) + 0.3)
+    top = float(shown[known].max())
+    y = Axis(
+        "variance of the scaled residuals, power of ten",
+        min(-0.2, float(shown[known].min())),
+        max(1.0, 1.05 * top),
+    )
+    layers = [path(f"M{float(right(x, np.array(float(chosen)))):.1f} 0V1000", "chosen")]
+    for k, row in enumerate(shown):
+        there = np.isfinite(row)
+        name = "of-bias" if k < 3 else "of-matrix"
+        layers.append(path(f"M{points(right(x, order[there]), down(y, row[there]))}", name))
+    return plot(x, y, layers, f"Variance of the residuals against the order; {chosen} is used")
+
+
+def chamber(found: ChamberField, axis: int) -> Markup:
+    """The field of the chamber along an axis over time, and what each sensor saw."""
+    x, along = along_time(found.time, 0.0, float(found.time.max()))
+    x = Axis(x.label.replace("first reading", "campaign began"), x.low, 1.01 * x.high)
+    common = found.change[:, axis]
+    each = [common + share.own[:, axis] for share in found.shares]
+    reach = float(np.percentile(np.abs(np.concatenate([common, *each])), 99.0))
+    limit = 1.1 * max(reach, float(np.abs(common).max()), 1e-9)
+    y = Axis(f"{found.axes[axis]}, nT", -limit, limit)
+    layers = [level(y, 0.0, "zero")]
+    layers += [_dotted(x, y, Dots(along, values, "each")) for values in each]
+    parts = []
+    for number in np.unique(found.station):
+        rows = found.station == number
+        parts.append(f"M{points(right(x, along[rows]), down(y, common[rows]))}")
+    layers.append(path("".join(parts), "common"))
+    return plot(x, y, layers, f"The chamber’s field {found.axes[axis]} over time", kind="short")

@@ -1,0 +1,257 @@
+"""campaign.toml: what the recordings of a climatic chamber are about.
+
+name = "Five magnetometers, -10 to +50 °C"
+files = "station-{station:02d}.csv"   # or one file or a pattern, with a column "station" in it
+unit = "uT"                           # of the field, where the files do not say
+rate_Hz = 10
+fixture_sd_deg = 1.0                  # how well the turns of the fixture are known
+
+[[sensor]]
+name = "MMC5883MA-1"
+column = "mag1"                       # what the files call it; may be left out, as all below
+model = "MMC5883MA"
+noise_nT = 100
+board = "computer"
+temperature_of = "MPU-9255-1"         # where its own thermometer failed
+
+[[station]]                           # without any: the standard twelve
+number = 1
+file = "first.csv"                    # where it does not follow `files`
+pose = "top up, front to the north"
+roll_deg = 0                          # from the axes of the box to those of the chamber
+pitch_deg = 0
+heading_deg = 0
+
+[profile]
+lowest_C = -10
+highest_C = 50
+hold_min = 15
+cooling_C_per_min = 0.5
+
+[field]                               # of the chamber, where it is known
+magnitude_nT = 48000
+inclination_deg = 65
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from string import Formatter
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from agonic.errors import LogError
+from agonic.files.toml_sections import read_toml, section, tried
+from agonic.maths.rotations.attitude import yaw_pitch_roll
+from agonic.thermal.campaign.description import Description, Station, find_repeated
+from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.campaign.sensors import Sensor
+from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.units import canonical
+
+FILE_NAME = "campaign.toml"
+
+
+class CampaignSection(Struct):
+    """What stands before the first section."""
+
+    name: str = ""
+    files: str = ""
+    unit: str | None = None
+    rate_Hz: float | None = None
+    fixture_sd_deg: float = 1.0
+
+
+class SensorSection(Struct):
+    """One [[sensor]]."""
+
+    name: str
+    column: str = ""
+    model: str = ""
+    unit: str | None = None
+    noise_nT: float | None = None
+    board: str = ""
+    temperature_of: str = ""
+
+
+class StationSection(Struct):
+    """One [[station]]."""
+
+    number: int
+    file: str = ""
+    pose: str = ""
+    roll_deg: float | None = None
+    pitch_deg: float | None = None
+    heading_deg: float | None = None
+
+
+class FieldSection(Struct):
+    """[field]"""
+
+    magnitude_nT: float | None = None
+    inclination_deg: float | None = None
+
+
+ProfileSection = msgspec.defstruct(
+    "ProfileSection", [(f.name, float, f.default) for f in fields(Profile)]
+)
+"""[profile], with what a `Profile` is by default."""
+
+SECTIONS = ("sensor", "station", "profile", "field")
+
+
+def read_description(path: Path | str) -> Description:
+    """The description in a campaign.toml.
+
+    Raises `LogError` that names every mistake in it at once: words that mean nothing, values of
+    the wrong kind, things described twice, files that are not there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder, "campaign.toml")
+    ...     _ = file.write_text('rate = 3\\n[profile]\\nlowest_C = "cold"')
+    ...     try:
+    ...         read_description(file)
+    ...     except LogError as error:
+    ...         print(str(error).partition("toml: ")[2])
+    the file has no key `rate` (its keys: name, files, unit, rate_Hz, fixture_sd_deg, [sensor], \
+[station], [profile], [field]); [profile] `lowest_C` expected `float`, got `str`
+    """
+    file = Path(path)
+    table = read_toml(file)
+    mistakes: list[str] = []
+    description = _make_description(table, file.parent, mistakes)
+    if mistakes or description is None:
+        raise LogError("; ".join(mistakes), path=file)
+    return description
+
+
+def _make_description(
+    table: Mapping[str, Any], folder: Path, mistakes: list[str]
+) -> Description | None:
+    """The description, with what is wrong added to `mistakes`."""
+    plain = {key: value for key, value in table.items() if key not in SECTIONS}
+    head = section(plain, CampaignSection, "the file", mistakes, SECTIONS)
+    profile = section(table.get("profile"), ProfileSection, "[profile]", mistakes)
+    field = section(table.get("field", {}), FieldSection, "[field]", mistakes)
+    sensors = _read_sections(table.get("sensor", []), SensorSection, "sensor", mistakes)
+    stations = _read_sections(table.get("station", []), StationSection, "station", mistakes)
+    _check_names(sensors, stations, mistakes)
+    _check_values(head, field, sensors, mistakes)
+    _check_files(head, stations, folder, mistakes)
+    made = tried(
+        lambda: None if profile is None else Profile(**_collect_fields(profile)),
+        "[profile]",
+        mistakes,
+    )
+    if mistakes:
+        return None
+    return Description(
+        name=head.name,
+        files=head.files,
+        rate_Hz=head.rate_Hz,
+        fixture_sd_deg=head.fixture_sd_deg,
+        sensors=tuple(_make_sensor(one, head.unit) for one in sensors),
+        stations=tuple(map(_make_station, stations)) or list_standard_stations(),
+        profile=made,
+        magnitude=field.magnitude_nT,
+        inclination_deg=field.inclination_deg,
+    )
+
+
+def _collect_fields(section: Struct) -> dict[str, Any]:
+    return {name: getattr(section, name) for name in section.__struct_fields__}
+
+
+def _read_sections(tables: Any, kind: type[Struct], what: str, mistakes: list[str]) -> list[Any]:
+    """Every [[sensor]] or [[station]] that is as it should be."""
+    if not isinstance(tables, list):
+        mistakes.append(f"write [[{what}]] with two brackets: there may be several")
+        return []
+    made = [section(table, kind, f"[[{what}]] {k}", mistakes) for k, table in enumerate(tables, 1)]
+    return [one for one in made if one is not None]
+
+
+def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -> None:
+    """Nothing is there twice, and temperatures come from sensors that exist."""
+    names = [sensor.name for sensor in sensors]
+    for what, given in (
+        ("sensor", names),
+        ("column", [sensor.column for sensor in sensors if sensor.column]),
+        ("station", [station.number for station in stations]),
+        ("file", [station.file for station in stations if station.file]),
+    ):
+        mistakes += [f"{what} {value!r} is described twice" for value in find_repeated(given)]
+    mistakes += [
+        f"[[sensor]] {s.name}: temperature_of {s.temperature_of!r} is no sensor of the file"
+        for s in sensors
+        if s.temperature_of and s.temperature_of not in names
+    ]
+    for station in stations:
+        given = [station.roll_deg, station.pitch_deg, station.heading_deg]
+        if any(angle is not None for angle in given) and None in given:
+            mistakes.append(
+                f"[[station]] {station.number}: roll_deg, pitch_deg and heading_deg go together"
+            )
+
+
+def _check_values(head: Any, field: Any, sensors: list[Any], mistakes: list[str]) -> None:
+    """Units that exist, and numbers above zero."""
+    units = [("the file", head.unit if head else None), *((s.name, s.unit) for s in sensors)]
+    for where, unit in units:
+        tried(lambda unit=unit: canonical(unit) if unit else "", where, mistakes)  # type: ignore[misc]
+    above = [("rate_Hz", head.rate_Hz if head else None)]
+    above += [("magnitude_nT", field.magnitude_nT if field else None)]
+    above += [(f"{sensor.name}: noise_nT", sensor.noise_nT) for sensor in sensors]
+    mistakes += [
+        f"{name} is {value:g}; it must be above 0"
+        for name, value in above
+        if value is not None and not value > 0
+    ]
+
+
+def _check_files(head: Any, stations: list[Any], folder: Path, mistakes: list[str]) -> None:
+    """Files that are named one by one must be there; a pattern must be one."""
+    absent = [s.file for s in stations if s.file and not (folder / s.file).is_file()]
+    if absent:
+        mistakes.append(f"there is no file {', '.join(absent)} in {folder}")
+    if head is None or "{" not in head.files:
+        return
+    try:
+        named = {name for _, name, _, _ in Formatter().parse(head.files) if name is not None}
+        head.files.format(station=1)
+    except (ValueError, KeyError, IndexError):
+        named = set()
+    if named != {"station"}:
+        mistakes.append(f"files = {head.files!r} is no pattern; write station-{{station:02d}}.csv")
+
+
+def _make_sensor(section: SensorSection, unit: str | None) -> Sensor:
+    return Sensor(
+        name=section.name,
+        column=section.column,
+        model=section.model,
+        unit=section.unit or unit,
+        noise=section.noise_nT,
+        board=section.board,
+        temperature_of=section.temperature_of,
+    )
+
+
+def _make_station(section: StationSection) -> Station:
+    """A station; one of the standard twelve where only its number is given."""
+    standard = {one.number: one for one in list_standard_stations()}.get(section.number)
+    if section.roll_deg is None:
+        given = standard or Station(number=section.number)
+        return Station(
+            number=section.number,
+            pose=section.pose or given.pose,
+            rot_nb=given.rot_nb,
+            file=section.file,
+        )
+    turned = yaw_pitch_roll(section.heading_deg or 0.0, section.pitch_deg or 0.0, section.roll_deg)
+    return Station(number=section.number, pose=section.pose, rot_nb=turned, file=section.file)

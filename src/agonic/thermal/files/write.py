@@ -1,0 +1,181 @@
+"""`write_campaign`: a folder with a table a station, and `write_description`: its campaign.toml."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.atomic import make_folder, write_atomically
+from agonic.errors import AgonicError, MissingExtraError, check_choice
+from agonic.maths.rotations.attitude import angles_deg
+from agonic.samples import Samples
+from agonic.thermal.campaign.description import Description
+from agonic.thermal.files.schema import FILE_NAME
+
+Format = Literal["csv", "parquet"]
+
+_DECIMALS = {"time": 3, "field": 4, "temperature": 3}
+"""Of seconds, µT and °C: a tenth of a nanotesla."""
+
+
+def write_campaign(
+    description: Description,
+    stations: Iterable[tuple[int, Mapping[str, Samples]]],
+    folder: Path | str,
+    *,
+    format: Format = "csv",
+) -> list[Path]:
+    """Write the recordings of stations, one at a time, and what they are about.
+
+    Parameters
+    ----------
+    description : what goes into campaign.toml; the columns of its sensors are named here.
+    stations : the number of each and its samples by sensor, at the same moments; in nT.
+    folder : made where it is not there. format : "csv" or "parquet".
+
+    Returns the paths, that of campaign.toml last. Raises `AgonicError` where a file cannot be
+    written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.thermal.campaign.sensors import Sensor
+    >>> described = Description(sensors=(Sensor(name="board"),))
+    >>> samples = Samples(time=[0.0, 1.0], field=np.ones((2, 3)), temperature=[20.0, 21.0])
+    >>> with TemporaryDirectory() as folder:
+    ...     files = write_campaign(described, [(1, {"board": samples})], folder)
+    ...     print(files[0].name, files[0].read_text().splitlines()[1])
+    station-01.csv 0,0.001,0.001,0.001,20
+    """
+    check_choice("format", format, get_args(Format))
+    home = make_folder(folder)
+    sensors = tuple(
+        replace(sensor, column=f"mag{k}") for k, sensor in enumerate(description.sensors, start=1)
+    )
+    pattern = f"station-{{station:02d}}.{format}"
+    files = []
+    for number, recorded in stations:
+        table = _make_table([recorded[sensor.name] for sensor in sensors])
+        made = _format_parquet(table) if format == "parquet" else _format_csv(table)
+        files.append(write_atomically(home / pattern.format(station=number), made))
+    told = replace(description, sensors=sensors, files=pattern)
+    return [*files, write_description(told, home / FILE_NAME)]
+
+
+def _make_table(sensors: list[Samples]) -> dict[str, Array]:
+    """The columns of sensors that were read at the same moments, in µT."""
+    first = sensors[0]
+    table: dict[str, Array] = {}
+    if first.time is not None:
+        table["time_s"] = first.time.round(_DECIMALS["time"])
+    for k, samples in enumerate(sensors, start=1):
+        if len(samples) != len(first):
+            raise AgonicError(f"{samples.name} has not as many rows as {first.name}")
+        for axis, values in zip("xyz", samples.field.T, strict=True):
+            table[f"mag{k}_{axis}_uT"] = (values * 1e-3).round(_DECIMALS["field"])
+        if samples.temperature is not None:
+            table[f"temperature{k}_C"] = samples.temperature.round(_DECIMALS["temperature"])
+    return table
+
+
+def _format_parquet(table: Mapping[str, Array]) -> bytes:
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        raise MissingExtraError("writing a Parquet file", "tables") from None
+    stream = BytesIO()
+    parquet.write_table(pa.table(dict(table)), stream, compression="zstd")
+    return stream.getvalue()
+
+
+def _format_csv(table: Mapping[str, Array]) -> bytes:
+    """Comma-separated text; by pyarrow where it is installed, ten times faster."""
+    stream = BytesIO()
+    try:
+        import pyarrow as pa
+        from pyarrow import csv
+    except ImportError:
+        stream.write((",".join(table) + "\n").encode())
+        np.savetxt(stream, np.stack(list(table.values()), axis=1), fmt="%.10g", delimiter=",")
+        return stream.getvalue()
+    stream.write((",".join(table) + "\n").encode())
+    options = csv.WriteOptions(include_header=False)
+    csv.write_csv(pa.table(dict(table)), stream, write_options=options)
+    return stream.getvalue()
+
+
+def write_description(description: Description, path: Path | str) -> Path:
+    """Write a campaign.toml that `read_description` reads back, and return its path.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.thermal.campaign.profile import Profile
+    >>> from agonic.thermal.campaign.sensors import Sensor
+    >>> from agonic.thermal.files.schema import read_description
+    >>> with TemporaryDirectory() as folder:
+    ...     given = Description(sensors=(Sensor(name="a", noise=100.0),), profile=Profile())
+    ...     made = read_description(write_description(given, folder + "/campaign.toml"))
+    ...     made.sensors[0].reading_sd, len(made.stations), made.profile == given.profile
+    (100.0, 12, True)
+    """
+    lines = _format_pairs(
+        name=description.name,
+        files=description.files,
+        rate_Hz=description.rate_Hz,
+        fixture_sd_deg=description.fixture_sd_deg,
+    )
+    for sensor in description.sensors:
+        lines += [
+            "",
+            "[[sensor]]",
+            *_format_pairs(
+                name=sensor.name,
+                column=sensor.column,
+                model=sensor.model,
+                unit=sensor.unit,
+                noise_nT=sensor.noise,
+                board=sensor.board,
+                temperature_of=sensor.temperature_of,
+            ),
+        ]
+    for station in description.stations:
+        angles = {}
+        if station.rot_nb is not None:
+            made = (round(float(a), 4) + 0.0 for a in angles_deg(station.rot_nb.as_matrix()))
+            angles = dict(zip(("roll_deg", "pitch_deg", "heading_deg"), made, strict=True))
+        lines += [
+            "",
+            "[[station]]",
+            *_format_pairs(
+                number=station.number,
+                file=station.file,
+                pose=station.pose,
+                **angles,
+            ),
+        ]
+    if description.profile is not None:
+        lines += ["", "[profile]", *_format_pairs(**vars(description.profile))]
+    field = _format_pairs(
+        magnitude_nT=description.magnitude, inclination_deg=description.inclination_deg
+    )
+    lines += ["", "[field]", *field] if field else []
+    return write_atomically(path, "\n".join(lines).lstrip() + "\n")
+
+
+def _format_pairs(**values: Any) -> list[str]:
+    """The keys that have something to say."""
+    return [
+        f"{key} = {_quote(value) if isinstance(value, str) else repr(value)}"
+        for key, value in values.items()
+        if value not in (None, "")
+    ]
+
+
+def _quote(text: str) -> str:
+    """A TOML basic string; JSON's escapes are a part of TOML's."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,84 @@
+"""From samples to sums by station, direction and temperature."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.errors import CoverageError, LogError
+from agonic.health import Finding
+from agonic.provenance import Input
+from agonic.samples import Samples
+from agonic.thermal.maths.binned_sums import Binned
+
+KELVIN = 273.15
+_HOTTEST_C = 150.0
+"""No magnetometer works where it is hotter: such numbers are kelvin."""
+
+
+class Facts(NamedTuple):
+    """Whose readings they are: what a calibration takes over from the samples."""
+
+    name: str = "mag"
+    unit: str = "nT"
+    frame: str = "m"
+    device_id: int | None = None
+    source: Input | None = None
+
+
+def collect_facts(samples: Samples) -> Facts:
+    """Those of samples."""
+    whence = samples.source or Input.of_array(samples.name, samples.field)
+    return Facts(samples.name, samples.unit, samples.frame, samples.device_id, whence)
+
+
+def convert_to_celsius(temperature: Array) -> tuple[Array, tuple[Finding, ...]]:
+    """Temperatures in °C, and the finding that they were in kelvin."""
+    if float(np.median(temperature)) < _HOTTEST_C:
+        return temperature, ()
+    low, high = float(temperature.min()), float(temperature.max())
+    return temperature - KELVIN, (
+        Finding(
+            "kelvin",
+            "check",
+            f"the temperatures run from {low:.0f} to {high:.0f}: they were taken for kelvin, and "
+            "273.15 was taken off",
+            "have the logger write °C, or convert before the correction is applied: it takes °C",
+        ),
+    )
+
+
+def require_temperature(samples: Samples) -> Array:
+    """The temperatures, or a clear error."""
+    if samples.temperature is None:
+        raise LogError(
+            f"{samples.name}: the samples have no temperature; record the magnetometer's own "
+            "(temperature_C) beside the readings"
+        )
+    return samples.temperature
+
+
+def sum_readings(samples: Samples, width_C: float) -> tuple[Binned, tuple[Finding, ...]]:
+    """The sums of all stations, and what was found on the way."""
+    level, findings = convert_to_celsius(require_temperature(samples))
+    if samples.station is None:
+        raise LogError(
+            f"{samples.name}: the samples have no station; give the number of the position "
+            "(station) of each row, or a vector reference"
+        )
+    sums = Binned(width_C)
+    edges = [0, *(np.flatnonzero(np.diff(samples.station)) + 1).tolist(), len(samples)]
+    for start, stop in pairwise(edges):
+        part = slice(start, stop)
+        sums.add(
+            int(samples.station[start]),
+            samples.field[part],
+            level[part],
+            None if samples.time is None else samples.time[part],
+        )
+    if not sums.stations:
+        raise CoverageError("there are no readings at all", turns="record the twelve stations")
+    return sums, findings

@@ -1,0 +1,187 @@
+"""Drawings of a plan as SVG: how the box stands at a station, and the temperature over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from agonic.arrays import Array
+from agonic.report.markup import Markup, element
+from agonic.thermal.campaign.profile import Profile
+
+HALF = np.array([1.25, 0.85, 0.5])
+"""Half the length (front), width (right side) and height (bottom) of the box."""
+FACES: tuple[tuple[str, tuple[int, int, int]], ...] = (
+    ("front", (1, 0, 0)),
+    ("rear", (-1, 0, 0)),
+    ("right", (0, 1, 0)),
+    ("left", (0, -1, 0)),
+    ("bottom", (0, 0, 1)),
+    ("top", (0, 0, -1)),
+)
+AZIMUTH_DEG, ELEVATION_DEG = 28.0, 30.0
+"""The eye stands at the door, this far to the left and above: it sees what looks to the door, to
+the left and up."""
+
+_SCALE = 44.0
+_BOX = (220.0, 184.0)
+_CENTRE = (110.0, 76.0)
+_FLOOR = 1.75
+"""Half the side of the floor."""
+
+
+def _find_view() -> Array:
+    """Rows: right, down and away from the eye, in the chamber's axes (back, right, down)."""
+    a, e = np.radians(AZIMUTH_DEG), np.radians(ELEVATION_DEG)
+    away = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    return np.stack([right, np.cross(away, right), away])
+
+
+def draw_pose(rot_nb: Rotation, label: str) -> Markup:
+    """The box as it stands, seen from the door of the chamber from above.
+
+    >>> draw_pose(Rotation.identity(), "top up").count("<polygon")  # three faces and the floor
+    4
+    """
+    view = _find_view()
+    turned = view @ rot_nb.as_matrix()
+    low = float(np.abs(rot_nb.as_matrix()[2]) @ HALF)
+    parts = [_draw_floor(view, low)]
+    for name, normal in FACES:
+        if (turned @ normal)[2] < -1e-9:
+            parts += _draw_face(name, np.array(normal, dtype=np.float64), turned)
+    return element(
+        "svg",
+        *parts,
+        class_="pose",
+        viewBox=f"0 0 {_BOX[0]:g} {_BOX[1]:g}",
+        role="img",
+        aria_label=label,
+    )
+
+
+def _project(points: Array) -> Array:
+    return np.asarray(points[..., :2] * _SCALE + _CENTRE)
+
+
+def _draw_face(name: str, normal: Array, turned: Array) -> list[Markup]:
+    """A visible face: its outline and its name, written along it."""
+    axis = int(np.argmax(np.abs(normal)))
+    others = [k for k in range(3) if k != axis]
+    corners = np.tile(normal * HALF, (4, 1))
+    for k, signs in zip(others, ((-1, 1, 1, -1), (-1, -1, 1, 1)), strict=True):
+        corners[:, k] = np.array(signs) * HALF[k]
+    seen = _project(corners @ turned.T)
+    centre = _project(turned @ (normal * HALF))
+    along = _find_writing(turned, others)
+    matrix = " ".join(f"{value:.3f}" for value in (*along[0], *along[1], *centre))
+    return [
+        element("polygon", points=_format_points(seen), class_=f"face {name}"),
+        element("text", name, transform=f"matrix({matrix})", class_="name", dy="0.35em"),
+    ]
+
+
+def _find_writing(turned: Array, others: list[int]) -> Array:
+    """The two edges of a face along which its name reads: rightwards, and down."""
+    edges = np.stack([turned[:2, k] for k in others])
+    flat = int(np.argmax(np.abs(edges[:, 0])))
+    across, down = edges[flat], edges[1 - flat]
+    across = across * (1 if across[0] >= 0 else -1)
+    down = down * (1 if across[0] * down[1] - across[1] * down[0] > 0 else -1)
+    return np.stack([across, down])
+
+
+def _draw_floor(view: Array, low: float) -> Markup:
+    """The floor so far below the middle of the box, its edge at the door named."""
+    ends = ((-_FLOOR, -_FLOOR), (_FLOOR, -_FLOOR), (_FLOOR, _FLOOR), (-_FLOOR, _FLOOR))
+    seen = _project(np.array([[x, y, low] for x, y in ends]) @ view.T)
+    middle = _project(view @ np.array([-_FLOOR, 0.0, low]))
+    along = (view @ np.array([0.0, 1.0, 0.0]))[:2]
+    across = (view @ np.array([-1.0, 0.0, 0.0]))[:2]
+    matrix = " ".join(f"{value:.3f}" for value in (*along, *across, *middle))
+    name = element("text", "door", transform=f"matrix({matrix})", class_="door", dy="-0.4em")
+    return element("g", element("polygon", points=_format_points(seen), class_="floor"), name)
+
+
+def _format_points(pixels: Array) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
+
+
+WIDTH, HEIGHT, LEFT, TOP, BOTTOM, RIGHT = 760.0, 250.0, 52.0, 16.0, 34.0, 16.0
+
+
+def draw_profile(profile: Profile) -> Markup:
+    """The chamber's temperature over the time of a station, the recording marked.
+
+    >>> draw_profile(Profile()).count("recorded")
+    2
+    """
+    before = sum(segment.duration_s for segment in profile.before)
+    time, level = profile.corners
+    unrecorded = np.array([0.0, profile.before[0].duration_s, before])
+    total = before + time[-1]
+    low = min(profile.lowest_C, profile.room_C)
+    high = max(profile.highest_C, profile.room_C)
+    span = high - low
+
+    def x(seconds: Array) -> Array:
+        return np.asarray(LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(seconds) / total)
+
+    def y(temperature: Array) -> Array:
+        share = (np.asarray(temperature) - low + 0.06 * span) / (1.12 * span)
+        return np.asarray(HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * share)
+
+    first = np.array([profile.room_C, profile.highest_C, profile.highest_C])
+    edge = float(x(np.array(before)))
+    parts = [
+        element(
+            "rect",
+            x=f"{edge:.1f}",
+            y=TOP,
+            width=f"{WIDTH - RIGHT - edge:.1f}",
+            height=HEIGHT - TOP - BOTTOM,
+            class_="recorded",
+        ),
+        *_draw_grid(x, y, low, high, total),
+        element("path", d=_format_path(x(unrecorded), y(first)), class_="course before"),
+        element("path", d=_format_path(x(time + before), y(level)), class_="course"),
+        element("text", "recorded", x=f"{edge + 6:.1f}", y=TOP + 14, class_="title"),
+    ]
+    return element(
+        "svg",
+        *parts,
+        class_="profile",
+        viewBox=f"0 0 {WIDTH:g} {HEIGHT:g}",
+        role="img",
+        aria_label="temperature of the chamber over time",
+    )
+
+
+def _draw_grid(x, y, low: float, high: float, total: float) -> list[Markup]:  # type: ignore[no-untyped-def]
+    """Lines every ten degrees and every half hour, with numbers."""
+    step = 10.0 if high - low <= 100 else 20.0
+    parts = []
+    for level in np.arange(np.ceil(low / step) * step, high + 0.1, step):
+        at = float(y(level))
+        parts.append(element("path", d=f"M{LEFT},{at:.1f}H{WIDTH - RIGHT}", class_="grid"))
+        parts.append(
+            element(
+                "text",
+                f"{level:+.0f} °C".replace("+0", "0"),
+                x=LEFT - 6,
+                y=f"{at + 4:.1f}",
+                text_anchor="end",
+            )
+        )
+    pace = 1800.0 if total <= 6.5 * 3600 else 3600.0 * max(1, round(total / 3600 / 10))
+    for seconds in np.arange(0.0, total + 1.0, pace):
+        at = float(x(seconds))
+        parts.append(element("path", d=f"M{at:.1f},{TOP}V{HEIGHT - BOTTOM}", class_="grid"))
+        hour = f"{int(seconds // 3600)}:{int(seconds % 3600 // 60):02d}"
+        parts.append(element("text", hour, x=f"{at:.1f}", y=HEIGHT - 14, text_anchor="middle"))
+    return parts
+
+
+def _format_path(x: Array, y: Array) -> str:
+    return "M" + " L".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))

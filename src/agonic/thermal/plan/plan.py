@@ -1,0 +1,218 @@
+"""`plan_thermal`: a campaign in a climatic chamber before it starts, and what it will tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from agonic.errors import AgonicError
+from agonic.thermal.campaign.description import Description, Station
+from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.campaign.sensors import Sensor, parse_sensors
+from agonic.thermal.campaign.standard import describe_turn, list_standard_stations
+from agonic.thermal.plan.standard_errors import (
+    ExpectedErrors,
+    expect_errors_by_magnitude,
+    expect_errors_by_orientations,
+)
+
+HANDLING_MIN = 10.0
+"""Minutes to open the chamber, turn the box and close it again."""
+FILES = "station-{station:02d}.csv"
+_BYTES_TIME, _BYTES_AXIS, _BYTES_TEMPERATURE = 9, 7, 7
+"""Characters of a cell and its separator in CSV."""
+_PARQUET_SHARE = 0.25
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThermalPlan:
+    """A campaign to carry out: `description` with sensors, stations and profile, and the costs.
+
+    `rate_Hz` readings a second of each sensor; `magnitude` (nT) and `inclination_deg` of the field
+    that standard errors are stated for; `degree` of the polynomials; `bin_width_C`;
+    `fixture_sd_deg` how well the turns are known; `chamber_sd` (nT) how far the field of a station
+    may be from that of the others.
+    """
+
+    description: Description
+    rate_Hz: float
+    magnitude: float
+    inclination_deg: float
+    degree: int
+    bin_width_C: float
+    fixture_sd_deg: float
+    chamber_sd: float
+
+    @property
+    def profile(self) -> Profile:
+        """What the chamber does at every station."""
+        assert self.description.profile is not None
+        return self.description.profile
+
+    @property
+    def stations(self) -> tuple[Station, ...]:
+        """The static positions, in order."""
+        return self.description.stations
+
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """The magnetometers under test."""
+        return self.description.sensors
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        """What to do with the box before each station."""
+        rotations = [station.rot_nb for station in self.stations]
+        pairs = pairwise(rotations)
+        first = f"set it down: {self.stations[0].pose}"
+        return (first, *(describe_turn(before, after) for before, after in pairs))
+
+    @property
+    def station_s(self) -> float:
+        """From closing the chamber to the end of the recording, at room temperature at first."""
+        before = sum(segment.duration_s for segment in self.profile.before)
+        return before + self.profile.recorded_s
+
+    @property
+    def duration_s(self) -> float:
+        """The whole campaign: a station after the first begins hot, and needs the hold only."""
+        again = HANDLING_MIN * 60 + self.profile.hold_min * 60 + self.profile.recorded_s
+        return self.station_s + (len(self.stations) - 1) * again
+
+    @property
+    def rows(self) -> int:
+        """Readings of all sensors at all stations."""
+        each = round(self.profile.recorded_s * self.rate_Hz)
+        return each * len(self.sensors) * len(self.stations)
+
+    @property
+    def bytes_csv(self) -> int:
+        """Disk space of the recordings as CSV, one row for all sensors of a moment."""
+        row = _BYTES_TIME + len(self.sensors) * (3 * _BYTES_AXIS + _BYTES_TEMPERATURE)
+        return round(self.rows / len(self.sensors)) * row
+
+    @property
+    def bytes_parquet(self) -> int:
+        """The same as Parquet."""
+        return round(_PARQUET_SHARE * self.bytes_csv)
+
+    @cached_property
+    def expected(self) -> dict[str, dict[str, ExpectedErrors]]:
+        """The standard errors of each sensor: "magnitude" only, and with "known" turns.
+
+        The azimuth of the field in the chamber is not known before; the worst of eight counts.
+        """
+        made: dict[float, dict[str, ExpectedErrors]] = {}
+        for sensor in self.sensors:
+            noise = sensor.reading_sd or 0.0
+            if noise not in made:
+                made[noise] = self._expected(noise)
+        return {sensor.name: made[sensor.reading_sd or 0.0] for sensor in self.sensors}
+
+    def _expected(self, noise: float) -> dict[str, ExpectedErrors]:
+        rot_nb = np.array([s.rot_nb.as_matrix() for s in self.stations if s.rot_nb is not None])
+        level, seconds = self.profile.spread(self.bin_width_C)
+        scaled = np.interp(level, (self.profile.lowest_C, self.profile.highest_C), (-1.0, 1.0))
+        basis = np.asarray(np.polynomial.legendre.legvander(scaled, self.degree), np.float64)
+        given = (basis, seconds * self.rate_Hz, noise)
+        dip = np.radians(self.inclination_deg)
+        magnitude, known = [], []
+        for azimuth in np.radians(np.arange(0.0, 360.0, 45.0)):
+            north, east = np.cos(dip) * np.cos(azimuth), np.cos(dip) * np.sin(azimuth)
+            field_n = self.magnitude * np.array([north, east, np.sin(dip)])
+            fields = np.swapaxes(rot_nb, 1, 2) @ field_n
+            magnitude.append(expect_errors_by_magnitude(fields, *given, self.chamber_sd))
+            known.append(
+                expect_errors_by_orientations(
+                    rot_nb,
+                    field_n,
+                    *given,
+                    fixture_sd_deg=self.fixture_sd_deg,
+                    chamber_sd=self.chamber_sd,
+                )
+            )
+        both = {"magnitude": magnitude, "known": known}
+        return {kind: max(found, key=lambda e: e.bias) for kind, found in both.items()}
+
+
+def plan_thermal(
+    sensors: str | Sequence[Sensor],
+    *,
+    range_C: tuple[float, float] = (-10.0, 50.0),
+    rate_Hz: float = 10.0,
+    noise: float | None = None,
+    profile: Profile | None = None,
+    stations: Sequence[Station] | None = None,
+    magnitude: float = 48_000.0,
+    inclination_deg: float = 65.0,
+    degree: int = 3,
+    bin_width_C: float = 0.5,
+    fixture_sd_deg: float = 1.0,
+    chamber_sd: float = 0.0,
+    name: str = "",
+) -> ThermalPlan:
+    """The campaign that calibrates magnetometers over a range of temperature.
+
+    At every station the chamber goes through the same profile: heat, hold, record while it cools
+    smoothly and heats in steps, hold. Standard errors come from the information matrix of the
+    model, Σ (n/σ²) (J Jᵀ) ⊗ (φ φᵀ), for the readings that the profile leaves in each bin.
+
+    Parameters
+    ----------
+    sensors : `Sensor`s, or a list such as "2xMMC5883MA,3xMPU-9255" (see `campaign.sensors`).
+    range_C : lowest and highest temperature. rate_Hz : readings a second of each sensor.
+    noise : of one reading on one axis, nT, for all sensors; default: as usual for the model.
+    profile : rates and holds; default: 4 h of recording a station for 60 °C.
+    stations : default: the standard twelve.
+    magnitude, inclination_deg : the field to expect, nT and degrees.
+    degree : of the polynomials in temperature. bin_width_C : of the bins.
+    fixture_sd_deg : how well the turns of the fixture are known.
+    chamber_sd : how far, nT, the field of a station may be from that of the others.
+
+    Returns a `ThermalPlan`. Raises `AgonicError` for a plan that cannot be carried out.
+
+    Source: Nikolaev et al. 2023, sections 2 and 3.
+
+    >>> plan = plan_thermal("2xMMC5883MA,3xMPU-9255")
+    >>> plan.rows, round(plan.duration_s / 3600, 1), plan.turns[1][:7]
+    (8640000, 53.3, 'turn it')
+    >>> round(plan.expected["MMC5883MA-1"]["magnitude"].bias, 1)
+    0.4
+    """
+    chosen = parse_sensors(sensors) if isinstance(sensors, str) else tuple(sensors)
+    if noise is not None:
+        chosen = tuple(replace(sensor, noise=noise) for sensor in chosen)
+    if not chosen or any(not (sensor.reading_sd or 0.0) > 0.0 for sensor in chosen):
+        raise AgonicError("a plan needs sensors and the noise of each, in nT above 0")
+    if not 0.0 < rate_Hz <= 10_000.0 or not 0 <= degree <= 9 or not bin_width_C > 0.0:
+        raise AgonicError(
+            f"rate {rate_Hz:g} Hz, degree {degree} and bins of {bin_width_C:g} °C are no plan; "
+            "give a rate of 10 kHz at most, a degree of 0 to 9, and bins above 0"
+        )
+    lowest, highest = range_C
+    made = profile or Profile(lowest_C=lowest, highest_C=highest)
+    described = Description(
+        name=name,
+        sensors=chosen,
+        stations=tuple(stations or list_standard_stations()),
+        files=FILES,
+        profile=made,
+        rate_Hz=rate_Hz,
+        fixture_sd_deg=fixture_sd_deg,
+    )
+    if len(described.stations) < 9 or described.rotations is None:
+        raise AgonicError("nine numbers need nine stations or more, each with its rot_nb")
+    return ThermalPlan(
+        description=described,
+        rate_Hz=rate_Hz,
+        magnitude=magnitude,
+        inclination_deg=inclination_deg,
+        degree=degree,
+        bin_width_C=bin_width_C,
+        fixture_sd_deg=fixture_sd_deg,
+        chamber_sd=chamber_sd,
+    )

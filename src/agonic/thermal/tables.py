@@ -1,0 +1,209 @@
+"""Tables and lists of a calibration over temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.calibration.thermal import Thermal
+from agonic.report.digits import counted, grouped, minused, quantity, signed, with_sd
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup, element, row, table
+from agonic.report.tables import NOTHING, mark
+from agonic.report.verdict import MEANINGS
+from agonic.thermal import figures
+from agonic.thermal.common_mode import ChamberField
+from agonic.thermal.cross_validation import HeldOut
+from agonic.thermal.fit.result import COEFFICIENTS, Anomaly, Hysteresis, Spread, ThermalFit
+from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
+
+COMPONENTS = ("x", "y", "z", "|B|")
+_MOST_TIMES = 5
+
+
+def summary(result: CalibratedCampaign) -> Markup:
+    """A row for every sensor, with a link to its part of the page."""
+    head = ["Sensor", "Verdict", "Readings", "Bias known to", "Spread of |B|", "Noise"]
+    rows = [_summary_row(k, sensor) for k, sensor in enumerate(result.sensors, start=1)]
+    return table(head, rows, class_="sensors")
+
+
+def _summary_row(number: int, sensor: CalibratedSensor) -> list[str]:
+    link = element("a", sensor.name, href=f"#sensor-{number}")
+    word = mark(sensor.verdict, MEANINGS[sensor.verdict][0])
+    fit = sensor.fit
+    if fit is None:
+        return [link, word, *[NOTHING] * 4]
+    unit = unit_label(fit.calibration.unit_in)
+    known = quantity(worst_sd(fit.calibration)[0], unit, 2)
+    return [link, word, grouped(fit.n), known, spread_words(fit), quantity(fit.noise, unit, 2)]
+
+
+def worst_sd(calibration: Thermal) -> tuple[float, float]:
+    """The largest standard errors over the range: of the bias, and of matrix times field."""
+    if calibration.covariance is None:
+        return np.nan, np.nan
+    levels = np.linspace(*figures.seen_range(calibration), 25)
+    sd = calibration.sd_at(levels)
+    gain = float(np.trace(calibration.matrix[0]) / 3)
+    field = (calibration.magnitude or np.nan) / gain
+    return float(sd[:, :3].max()), float(sd[:, 3:].max()) * field
+
+
+def spread_words(fit: ThermalFit) -> str:
+    """The largest standard deviation of the magnitude at a station, before and after."""
+    if fit.spread is None:
+        return NOTHING
+    unit = unit_label(fit.calibration.unit_out)
+    before, after = (float(v[:, 3].max()) for v in (fit.spread.before, fit.spread.after))
+    return f"{quantity(before, unit)} → {quantity(after, unit)}"
+
+
+def ratios(
+    sensors: Sequence[CalibratedSensor], beside: Mapping[str, Sequence[float]], words: str
+) -> Markup:
+    """The published table: the largest standard deviation of the stations before over after.
+
+    Source: Nikolaev et al. 2023, table.
+    """
+    tested = any(sensor.held_out is not None for sensor in sensors)
+    head = ["Sensor", *COMPONENTS, *(["|B|, stations left out"] if tested else [])]
+    rows: list[Markup] = []
+    for sensor in sensors:
+        if sensor.fit is None or sensor.fit.spread is None:
+            continue
+        cells = [f"{ratio:.2f}" for ratio in sensor.fit.spread.improvement]
+        if tested:
+            unseen = sensor.held_out
+            cells.append(NOTHING if unseen is None else f"{unseen.spread.improvement[3]:.2f}")
+        rows.append(row([sensor.name, *cells]))
+        if sensor.name in beside:
+            other = [f"{float(ratio):.2f}" for ratio in beside[sensor.name]]
+            rows.append(_beside(words, other, len(head)))
+    return element(
+        "table",
+        element("thead", element("tr", *(element("th", h, scope="col") for h in head))),
+        element("tbody", *rows),
+        class_="ratios",
+    )
+
+
+def _beside(words: str, values: list[str], width: int) -> Markup:
+    cells = [*values, *[""] * (width - 1 - len(values))]
+    return element(
+        "tr",
+        element("th", words, scope="row"),
+        *(element("td", cell) for cell in cells),
+        class_="beside",
+    )
+
+
+def parts(found: ChamberField) -> Markup:
+    """What the changes at a station consist of, for every sensor."""
+    head = ["Sensor", "Changes in all", "Chamber’s field", "Noise of the readings", "Its own"]
+    rows = [
+        [
+            share.name,
+            *(
+                quantity(value, "nT", 2) if value >= 0.05 else "none"
+                for value in (share.total_sd, found.common_sd, share.noise_sd, share.own_sd)
+            ),
+        ]
+        for share in found.shares
+    ]
+    return table(head, rows, class_="parts")
+
+
+def numbers(calibration: Thermal) -> Markup:
+    """Bias and matrix at both ends and in the middle of the range, with standard errors."""
+    levels = np.linspace(*figures.seen_range(calibration), 3)
+    head = ["Number", *(minused(f"at {level:.1f} °C") for level in levels)]
+    rows = [
+        [
+            curve.label,
+            *(
+                with_sd(float(value), None if curve.sd is None else float(curve.sd[k]))
+                for k, value in enumerate(curve.value)
+            ),
+        ]
+        for curve in figures.curves(calibration, levels)
+    ]
+    return table(head, rows, class_="numbers")
+
+
+def stations(spread: Spread, held_out: HeldOut | None, unit: str) -> Markup:
+    """The numbers behind the bars, for |B|, and how far its magnitude is off."""
+    head = ["Station", "|B| varies before", "after", *(["left out of the fit"] if held_out else [])]
+    if held_out is not None:
+        head += ["Off the chamber’s magnitude", "left out of the fit"]
+    rows = []
+    for k, number in enumerate(spread.stations):
+        cells = [
+            f"{number}",
+            *(quantity(float(v[k, 3]), unit) for v in (spread.before, spread.after)),
+        ]
+        if held_out is not None:
+            cells += _unseen(held_out, number, unit)
+        rows.append(cells)
+    return table(head, rows, class_="parts")
+
+
+def _unseen(held_out: HeldOut, number: int, unit: str) -> list[str]:
+    if number not in held_out.spread.stations:
+        return [NOTHING] * 3
+    k = held_out.spread.stations.index(number)
+    values = (held_out.spread.after[k, 3], held_out.seen_rms[k], held_out.magnitude_rms[k])
+    return [quantity(float(value), unit) for value in values]
+
+
+def hysteresis(found: Hysteresis, calibration: Thermal) -> Markup:
+    """Cooling less heating of every coefficient."""
+    unit = unit_label(calibration.unit_in)
+    head = ["Cooling less heating", "Mean over temperature", "Largest, smoothed over 5 °C"]
+    rows = []
+    for k, name in enumerate(COEFFICIENTS):
+        known = with_sd(float(found.difference[k]), float(found.sd[k]))
+        label = name.replace("_", " ") + (f", {unit}" if k < 3 else "")
+        largest = quantity(float(found.largest[k]), "", 2)
+        rows.append([label, signed(known), largest])
+    return table(head, rows, class_="numbers")
+
+
+def lag(calibration: Thermal) -> str:
+    """The term in dT/dt in words; "" where there is none."""
+    if calibration.rate is None:
+        return ""
+    unit = unit_label(calibration.unit_in)
+    values = ", ".join(
+        f"{axis} {grouped(float(value) / 60.0, 1)}"
+        for axis, value in zip("xyz", calibration.rate, strict=True)
+    )
+    return (
+        f"While the temperature changes the bias is off by {values} {unit} per °C/min; the "
+        "calibration takes that into account."
+    )
+
+
+def anomalies(left_out: Sequence[Anomaly]) -> Markup:
+    """Readings that were left out, by station, and when."""
+    if not left_out:
+        return element("p", "No reading stood out of the running median.")
+    total = sum(anomaly.count for anomaly in left_out)
+    begun = min((float(a.times.min()) for a in left_out if np.isfinite(a.times).all()), default=0.0)
+    said = (
+        f"{counted(total, 'reading')} stood out of the running median of "
+        f"{'their' if total > 1 else 'its'} station and {'were' if total > 1 else 'was'} left out."
+    )
+    rows = [[f"{a.station}", grouped(a.count), _times(a.times - begun)] for a in left_out]
+    head = ["Station", "Left out", "Hours after the first of all"]
+    return Markup(element("p", said) + table(head, rows, class_="anomalies"))
+
+
+def _times(since_s: Array) -> str:
+    if not np.isfinite(since_s).all():
+        return NOTHING
+    shown = ", ".join(f"{t / 3600:.2f}" for t in since_s[:_MOST_TIMES])
+    more = len(since_s) - _MOST_TIMES
+    return f"{shown} and {more} more" if more > 0 else shown
