@@ -25,6 +25,7 @@ extensions = [
     "docstrings",
     "public_names",
     "sources",
+    "house",
     "terminal",
 ]
 exclude_patterns = ["_build", "_ext", "decisions/experiments"]
@@ -47,6 +48,6 @@ html_title = f"agonic {release}"
 html_show_sourcelink = False
 html_copy_source = False
 html_static_path = ["_static"]
-html_css_files = ["terminal.css"]
+html_css_files = ["terminal.css", "house.css"]
 pygments_style = "tango"
 pygments_dark_style = "github-dark"
