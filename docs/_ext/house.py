@@ -36,8 +36,10 @@ def layers() -> list[list[str]]:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     contracts = settings["tool"]["importlinter"]["contracts"]
     (contract,) = (one for one in contracts if one["name"] == LAYERS)
-    return [[room.strip() for room in layer.replace(":", "|").split("|")]
-            for layer in contract["layers"]]
+    return [
+        [room.strip() for room in layer.replace(":", "|").split("|")]
+        for layer in contract["layers"]
+    ]
 
 
 def arrows() -> set[tuple[str, str]]:
@@ -95,7 +97,7 @@ def picture() -> str:
     return (
         f'<svg class="house" viewBox="0 0 {WIDE} {high}" role="img" '
         f'aria-label="The packages of agonic by layer, with their imports">'
-        f"<g class=\"arrows\">{''.join(drawn)}</g>{''.join(boxes)}</svg>"
+        f'<g class="arrows">{"".join(drawn)}</g>{"".join(boxes)}</svg>'
     )
 
 

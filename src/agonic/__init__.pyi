@@ -96,6 +96,7 @@ from agonic.headings.report.card import card_text as card_text
 from agonic.headings.report.page import card_page as card_page
 from agonic.health import Finding as Finding
 from agonic.history import Drift as Drift
+from agonic.history import departures as departures
 from agonic.history import drift as drift
 from agonic.inflight.fit import InflightFit as InflightFit
 from agonic.inflight.fit import fit_inflight as fit_inflight

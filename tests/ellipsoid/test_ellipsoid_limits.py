@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.ellipsoid import evidence
+from agonic.ellipsoid import evaluate
 from agonic.simulation import magnet_attached, simulate
 from tests.ellipsoid.sensors import KNOWN, MODELS, assert_close, made
 
@@ -75,9 +75,9 @@ def test_moments_of_a_plane_are_refused_or_told() -> None:
 def test_evidence_for_a_given_calibration_is_that_of_its_fit() -> None:
     sensor = made()
     fit = ag.fit_ellipsoid(sensor.samples, KNOWN)
-    again = evidence(fit.calibration, sensor.samples, KNOWN)
+    again = evaluate(fit.calibration, sensor.samples, KNOWN)
     assert again.residuals == pytest.approx(fit.residuals)
     assert again.noise == pytest.approx(fit.noise, rel=0.01)
     assert again.verdict == "good"
     magnet = magnet_attached(0.0, [5000.0, 0.0, 0.0])(sensor.samples)
-    assert evidence(fit.calibration, magnet, KNOWN).noise > 10 * fit.noise
+    assert evaluate(fit.calibration, magnet, KNOWN).noise > 10 * fit.noise
