@@ -23,6 +23,7 @@ def wald(found: Array, covariance: Array, independent: float) -> Wald:
     xᵀ C⁻¹ x / k follows F(k, m − k) where the errors' size itself is known from `independent` = m
     readings: what lasts counts as one, however often it was read.
 
+    >>> import numpy as np
     >>> wald(np.array([0.1, 0.0, 0.0]), np.eye(3), 100.0).p_value > 0.9
     True
     >>> few, many = (wald(np.full(3, 3.0), np.eye(3), m).p_value for m in (6.0, 1e6))
