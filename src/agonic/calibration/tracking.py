@@ -111,7 +111,7 @@ class Opening:
 
     While little is known the residuals are not linear in what is unknown, so these `rows` (k, 6)
     are taken together again and again, from the belief `prior` to them; `before` is what was
-    believed before a jump, `strays` how many readings did not fit since they were last taken
+    believed before a jump, `outliers` how many readings did not fit since they were last taken
     together, `None` before the first time; `learns` whether enough was known then for the filter to
     learn from what comes until the next time.
     """
@@ -119,7 +119,7 @@ class Opening:
     prior: Belief
     rows: Array
     before: Belief | None = None
-    strays: int | None = None
+    outliers: int | None = None
     learns: bool = False
 
 

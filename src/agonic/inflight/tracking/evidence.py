@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agonic.calibration.tracking import Jump, TrackerState
 from agonic.health import Finding, figure
-from agonic.inflight.tracking.opening import bent
+from agonic.inflight.tracking.opening import compute_nonlinearity
 
 REFUSED = 0.1
 """Share of refused readings that is to be looked at."""
@@ -14,16 +14,16 @@ INCONSISTENT = (0.5, 1.5)
 _ENOUGH = 1000  # readings after which the size of innovations is known
 
 
-def findings(state: TrackerState) -> tuple[Finding, ...]:
+def list_findings(state: TrackerState) -> tuple[Finding, ...]:
     """What the user should know about a state.
 
     >>> from agonic.calibration.tracking import TrackerParams
     >>> from agonic.inflight.tracking import start
-    >>> [finding.name for finding in findings(start(None, TrackerParams()))]
+    >>> [finding.name for finding in list_findings(start(None, TrackerParams()))]
     ['not settled']
     """
-    found = [_jumped(state.jumps, state.base.unit_in)] if state.jumps else []
-    if not state.settled or _vague(state):
+    found = [_describe_jumps(state.jumps, state.base.unit_in)] if state.jumps else []
+    if not state.settled or _is_nonlinear(state):
         found.append(
             Finding(
                 "not settled",
@@ -56,12 +56,12 @@ def findings(state: TrackerState) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _vague(state: TrackerState) -> bool:
+def _is_nonlinear(state: TrackerState) -> bool:
     """Whether the bias is so uncertain that its standard error, which is a line's, says little."""
-    return bent(state.belief, state.magnitude or 0.0) > state.noise
+    return compute_nonlinearity(state.belief, state.magnitude or 0.0) > state.noise
 
 
-def _jumped(jumps: tuple[Jump, ...], unit: str) -> Finding:
+def _describe_jumps(jumps: tuple[Jump, ...], unit: str) -> Finding:
     sizes = ", ".join(
         f"at {jump.time:.1f} s by {figure(float((jump.shift**2).sum() ** 0.5))} {unit}"
         for jump in jumps[-3:]

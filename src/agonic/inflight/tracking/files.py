@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from datetime import datetime
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -28,22 +29,6 @@ Rows = tuple[Row, ...]
 
 SCHEMA = "agonic/track-state@1"
 
-_BASE = (
-    "bias",
-    "matrix",
-    "covariance",
-    "unit_in",
-    "gauge",
-    "model",
-    "noise",
-    "sensor",
-    "device_id",
-    "frame_in",
-    "frame_out",
-)
-
-
-_THERMAL = ("bias", "matrix", "centre_C", "half_range_C", "rate", "covariance")
 _NAMES = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame_out", "provenance")
 
 
@@ -85,13 +70,13 @@ class BeliefRecord(Struct, frozen=True):
     watch: Row
 
 
-class OpeningRecord(Struct, frozen=True):
+class OpeningRecord(Struct, frozen=True, rename={"outliers": "strays"}):
     """First readings, not yet settled."""
 
     prior: BeliefRecord
     rows: Rows
     before: BeliefRecord | None
-    strays: int | None
+    outliers: int | None
     learns: bool
 
 
@@ -138,6 +123,20 @@ class TrackFile(Struct, frozen=True):
     history: Rows
 
 
+_RECORDS: dict[type, type[Struct]] = {
+    Affine: BaseRecord,
+    Thermal: ThermalRecord,
+    Belief: BeliefRecord,
+    Opening: OpeningRecord,
+    Recent: RecentRecord,
+    Jump: JumpRecord,
+}
+_ELSEWHERE = {
+    "parents": attrgetter("provenance.parents"),
+    "temperature_C": attrgetter("validity.temperature_C"),
+}
+
+
 def save_track(
     params: TrackerParams, state: TrackerState, history: Array, path: Path | str
 ) -> Path:
@@ -148,37 +147,7 @@ def save_track(
     """
     if state.n == 0:
         raise AgonicError("nothing has been followed yet; update the tracker before saving it")
-    base = {name: _plain(getattr(state.base, name)) for name in _BASE}
-    record = msgspec.convert(
-        {
-            "schema": SCHEMA,
-            "params": asdict(params),
-            "state": {
-                "base": {**base, "parents": state.base.provenance.parents},
-                "ground": _thermal(state.ground),
-                "belief": _belief(state.belief),
-                "noise": state.noise,
-                "noise_known": state.noise_known,
-                "opening": _opening(state.opening),
-                "recent": _recent(state.recent),
-                "n": state.n,
-                "refused": state.refused,
-                "jumps": [
-                    {
-                        "time": j.time,
-                        "seen": j.seen,
-                        "shift": _plain(j.shift),
-                        "shift_sd": _plain(j.shift_sd),
-                    }
-                    for j in state.jumps
-                ],
-                "epoch": state.epoch,
-                "magnitude": state.magnitude,
-            },
-            "history": _plain(history),
-        },
-        TrackFile,
-    )
+    record = TrackFile(SCHEMA, asdict(params), _record(StateRecord, state), history.tolist())
     return write_atomically(path, msgspec.json.encode(record) + b"\n")
 
 
@@ -193,77 +162,55 @@ def load_track(path: Path | str) -> tuple[TrackerParams, TrackerState, Array]:
         if record.schema != SCHEMA:
             raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
         params = msgspec.convert(record.params, TrackerParams)
-        return params, _state(record.state), np.array(record.history).reshape(-1, 7)
+        return params, _restore_state(record.state), np.array(record.history).reshape(-1, 7)
     except (AgonicError, ValueError, TypeError, RecursionError) as error:
         raise LogError(f"not a usable track file: {error}", path=path) from None
 
 
+def _record(kind: type[Struct], value: Any) -> Any:
+    """A part of the state as its record, by the names that both have."""
+    return kind(
+        **{
+            name: _plain(_ELSEWHERE.get(name, attrgetter(name))(value))
+            for name in kind.__struct_fields__
+        }
+    )
+
+
 def _plain(value: Any) -> Any:
+    """Arrays as lists, and parts of the state as their records."""
+    if type(value) in _RECORDS:
+        return _record(_RECORDS[type(value)], value)
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _thermal(ground: Thermal | None) -> dict[str, Any] | None:
-    if ground is None:
-        return None
-    return {
-        **{name: _plain(getattr(ground, name)) for name in _THERMAL},
-        "temperature_C": ground.validity.temperature_C,
-    }
-
-
-def _belief(belief: Belief | None) -> dict[str, Any] | None:
-    if belief is None:
-        return None
-    return {name: values.tolist() for name, values in belief._asdict().items()}
-
-
-def _opening(opening: Opening | None) -> dict[str, Any] | None:
-    if opening is None:
-        return None
-    return {
-        "prior": _belief(opening.prior),
-        "rows": _plain(opening.rows),
-        "before": _belief(opening.before),
-        "strays": opening.strays,
-        "learns": opening.learns,
-    }
-
-
-def _recent(recent: Recent | None) -> dict[str, Any] | None:
-    if recent is None:
-        return None
-    return {
-        "before": _belief(recent.before),
-        "middle": _belief(recent.middle),
-        "rows": _plain(recent.rows),
-    }
-
-
-def _state(record: StateRecord) -> TrackerState:
-    base = _base(record.base)
+def _restore_state(record: StateRecord) -> TrackerState:
+    base = _restore_base(record.base)
     opening, recent = record.opening, record.recent
     return TrackerState(
         base=base,
-        ground=_warmed(record.ground, base),
+        ground=_restore_ground(record.ground, base),
         turned=turned(base.matrix, base.covariance, base.gauge)[1],
-        belief=_believed(record.belief),
+        belief=_restore_belief(record.belief),
         noise=record.noise,
         noise_known=record.noise_known,
         opening=None
         if opening is None
         else Opening(
-            prior=_believed(opening.prior),
-            rows=_rows(opening.rows),
-            before=None if opening.before is None else _believed(opening.before),
-            strays=opening.strays,
+            prior=_restore_belief(opening.prior),
+            rows=_restore_rows(opening.rows),
+            before=None if opening.before is None else _restore_belief(opening.before),
+            outliers=opening.outliers,
             learns=opening.learns,
         ),
         recent=None
         if recent is None
         else Recent(
-            before=_believed(recent.before),
-            middle=_believed(recent.middle),
-            rows=_rows(recent.rows),
+            before=_restore_belief(recent.before),
+            middle=_restore_belief(recent.middle),
+            rows=_restore_rows(recent.rows),
         ),
         n=record.n,
         refused=record.refused,
@@ -276,13 +223,13 @@ def _state(record: StateRecord) -> TrackerState:
     )
 
 
-def _base(record: BaseRecord) -> Affine:
+def _restore_base(record: BaseRecord) -> Affine:
     values = msgspec.structs.asdict(record)
     parents = values.pop("parents")
     return Affine(**values, provenance=Provenance(parents=parents))
 
 
-def _warmed(record: ThermalRecord | None, base: Affine) -> Thermal | None:
+def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | None:
     if record is None:
         return None
     values = msgspec.structs.asdict(record)
@@ -291,7 +238,7 @@ def _warmed(record: ThermalRecord | None, base: Affine) -> Thermal | None:
     return Thermal(**values, **named, validity=validity)
 
 
-def _believed(record: BeliefRecord) -> Belief:
+def _restore_belief(record: BeliefRecord) -> Belief:
     belief = Belief(*(np.array(part) for part in msgspec.structs.astuple(record)))
     m = len(belief.diagonal)
     shapes = [part.shape for part in belief]
@@ -300,5 +247,5 @@ def _believed(record: BeliefRecord) -> Belief:
     return belief
 
 
-def _rows(rows: Rows) -> Array:
+def _restore_rows(rows: Rows) -> Array:
     return np.array(rows, dtype=np.float64).reshape(-1, 6)

@@ -15,7 +15,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, UnitError
 from agonic.inflight.tracking import opening as openings
-from agonic.inflight.tracking.jump import before_jump, moved_on, reopened
+from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
 from agonic.maths.estimation import kalman
 from agonic.maths.rotations.polar import turned
 
@@ -67,7 +67,7 @@ def start(
 
     Parameters
     ----------
-    calibration : what is believed at the start; without covariance it is but a guess; `None`:
+    calibration : the prior at the start; without covariance it is but a guess; `None`:
         nothing, for readings in nT. Of a `Thermal` the constants move; `update` then takes readings
         that went through `TrackerState.at_middle`.
     params : how it is followed.
@@ -147,7 +147,7 @@ def update(
             f"({state.time:g} s); pass on only what is new"
         )
     if state.n == 0:
-        state = _begun(state, params, rows[0])
+        state = _begin(state, params, rows[0])
     before, done = state, 0
     seen: list[kalman.Seen] = []
     history: list[Array] = []
@@ -188,7 +188,7 @@ def _rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
     return rows
 
 
-def _begun(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
+def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
     """The state with its prior, now that the field is known; opened where it is not yet linear."""
     m = kalman.STATES[params.solve]
     six = state.belief.state[4:]
@@ -196,17 +196,17 @@ def _begun(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     size = float(row[4]) / gain
     fresh = state.base.covariance is None
     moved = params.bias_sd or (size if fresh else size / 20)
-    strayed = params.matrix_sd or (0.1 * gain if fresh else 0.0)
+    away = params.matrix_sd or (0.1 * gain if fresh else 0.0)
     covariance = np.zeros((10, 10))
     covariance[1:, 1:] = state.turned.covariance[:9, :9]
-    spread = [params.external_sd**2, *[moved**2] * 3, *[strayed**2] * 6]
+    spread = [params.external_sd**2, *[moved**2] * 3, *[away**2] * 6]
     least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
     covariance += np.diag(spread) + np.diag(least)
     noise = state.noise if state.noise_known else 0.01 * size
     prior = kalman.believe(state.belief.state, covariance[:m, :m], float(row[0]))
     opened = Opening(prior=prior, rows=np.empty((0, 6)))
     recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
-    ready = state.noise_known and openings.nearly_linear(prior, float(row[4]), noise)
+    ready = state.noise_known and openings.is_nearly_linear(prior, float(row[4]), noise)
     return replace(
         state,
         belief=prior,
@@ -226,7 +226,7 @@ def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:
     if len(times) == 1:
         return 1
     if state.opening is not None:
-        length = openings.next_due(len(state.opening.rows))
+        length = openings.count_until_due(len(state.opening.rows))
     else:
         assert state.recent is not None
         length = openings.STRIDE - len(state.recent.rows) % openings.STRIDE
@@ -246,18 +246,18 @@ def _step(
     if opening is None:
         belief, seen, jumped = kalman.advance(state.belief, model, rows, compiled=fast)
     else:
-        belief, seen = openings.passed(state.belief, model, rows, opening.learns, fast)
+        belief, seen = openings.predict(state.belief, model, rows, opening.learns, fast)
         jumped = False
     taken = rows[: len(seen.residual)]
     refused = len(seen.used) - int(np.count_nonzero(seen.used))
     if opening is not None:
-        strays = None if opening.strays is None else opening.strays + refused
-        opening = replace(opening, rows=np.concatenate([opening.rows, taken]), strays=strays)
+        outliers = None if opening.outliers is None else opening.outliers + refused
+        opening = replace(opening, rows=np.concatenate([opening.rows, taken]), outliers=outliers)
         refused = 0  # they are counted when the opening is closed
     elif recent is not None:
         rows = np.concatenate([recent.rows, taken])
         recent = Recent(before=recent.before, middle=recent.middle, rows=rows)
-        recent = recent if jumped else moved_on(recent, belief)
+        recent = recent if jumped else keep_recent(recent, belief)
     after = replace(
         state,
         belief=belief,
@@ -268,7 +268,7 @@ def _step(
         magnitude=float(taken[-1, 4]),
     )
     if opening is not None and len(opening.rows) in openings.MOMENTS:
-        whole = openings.solved(after, params)
-        since = openings.overtaken(opening, state, whole, params)
-        after, jumped = before_jump(after, params, since) if since else whole, since > 0
-    return (reopened(after, params) if jumped else after), seen
+        whole = openings.solve_opening(after, params)
+        since = openings.count_since_jump(opening, state, whole, params)
+        after, jumped = settle_before_jump(after, params, since) if since else whole, since > 0
+    return (reopen(after, params) if jumped else after), seen

@@ -14,7 +14,7 @@ from agonic.maths.estimation import kalman
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 
 
-def moved_on(recent: Recent, belief: kalman.Belief) -> Recent:
+def keep_recent(recent: Recent, belief: kalman.Belief) -> Recent:
     """The recent readings, the first half of them forgotten once there are two strides of them."""
     if len(recent.rows) == STRIDE:
         return replace(recent, middle=belief)
@@ -23,14 +23,14 @@ def moved_on(recent: Recent, belief: kalman.Belief) -> Recent:
     return recent
 
 
-def before_jump(state: TrackerState, params: TrackerParams, since: int) -> TrackerState:
+def settle_before_jump(state: TrackerState, params: TrackerParams, since: int) -> TrackerState:
     """The state as if its opening had settled before the last `since` readings, in which the bias
     jumped."""
     opening = state.opening
     assert opening is not None, "a settled state sees jumps by itself"
     rows = opening.rows[-since:]
-    shorter = replace(opening, rows=opening.rows[:-since], strays=None)
-    settled = openings.solved(replace(state, opening=shorter), params)
+    shorter = replace(opening, rows=opening.rows[:-since], outliers=None)
+    settled = openings.solve_opening(replace(state, opening=shorter), params)
     model = params.model(settled.noise)._replace(jump_level=0.0)
     belief, seen, _ = kalman.advance(settled.belief, model, rows)
     return replace(
@@ -43,13 +43,13 @@ def before_jump(state: TrackerState, params: TrackerParams, since: int) -> Track
     )
 
 
-def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
+def reopen(state: TrackerState, params: TrackerParams) -> TrackerState:
     """The state after a jump was seen: back to where it began, and opened from there."""
     recent = state.recent
     assert recent is not None, "only a settled state sees jumps"
     model = params.model(state.noise)._replace(jump_level=0.0)
     _, seen, _ = kalman.advance(recent.before, model, recent.rows)
-    first = _began(state, params, model, seen)
+    first = _find_onset(state, params, model, seen)
     since = recent.rows[first:]
     jump = Jump(
         time=float(since[0, 0]),
@@ -58,14 +58,14 @@ def reopened(state: TrackerState, params: TrackerParams) -> TrackerState:
         shift_sd=np.full(3, params.jump_sd),
     )
     opened = replace(
-        _opened(state, params, model, first),
+        _open(state, params, model, first),
         refused=max(state.refused - int((~seen.used[first:]).sum()), 0),
         jumps=(*state.jumps, jump),
     )
-    return openings.solved(opened, params) if len(since) >= openings.MOMENTS[0] else opened
+    return openings.solve_opening(opened, params) if len(since) >= openings.MOMENTS[0] else opened
 
 
-def _began(
+def _find_onset(
     state: TrackerState, params: TrackerParams, model: kalman.Model, seen: kalman.Seen
 ) -> int:
     """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
@@ -76,14 +76,14 @@ def _began(
     while guesses and len(tried) < _DATINGS:
         guess = guesses.pop(0)
         if guess not in tried:
-            opened = _opened(state, params, model, guess)
-            tried[guess], better = openings.began(opened, params, seen, rows)
+            opened = _open(state, params, model, guess)
+            tried[guess], better = openings.date_jump(opened, params, seen, rows)
             guesses.append(better)
     least = min(tried.values())
     return max(row for row, cost in tried.items() if cost < least + openings.DOUBT)
 
 
-def _opened(
+def _open(
     state: TrackerState, params: TrackerParams, model: kalman.Model, first: int
 ) -> TrackerState:
     """The state opened at one of its recent readings, with what the bias may have jumped by."""

@@ -15,18 +15,18 @@ from agonic.maths.estimation.least_median import least_median_sphere
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 
 
-def most_probable(
+def find_most_probable(
     state: TrackerState, prior: kalman.Belief, rows: Array, params: TrackerParams
 ) -> tuple[Array, float, Array]:
     """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
     it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
     another component of the noise, whose sum of squares over n readings differs by so much."""
     m = len(prior.diagonal) - 1
-    held = Gaussian(prior)
+    held = GaussianPrior(prior)
     found = []
     for first in _starts(state, prior, rows):
         scale = max(
-            _scale(state, params, rows, first, m), leastsq.robust_scale(residuals_of(rows, first))
+            _scale(state, params, rows, first, m), leastsq.robust_scale(residuals_at(rows, first))
         )
         for loss in (leastsq.cauchy(), leastsq.cauchy(), leastsq.tukey()):
             solution = leastsq.solve(
@@ -36,7 +36,7 @@ def most_probable(
                 loss=loss,
                 prior=held,
             )
-            first = _with(first, solution.params)
+            first = _with_params(first, solution.params)
             scale = _scale(state, params, rows, first, m)
         found.append((scale, first))
     common = min(scale for scale, _ in found)
@@ -54,23 +54,23 @@ def most_probable(
     return best, noise, apart
 
 
-def total_sd(params: TrackerParams, noise: float, about: Array) -> float:
+def compute_total_sd(params: TrackerParams, noise: float, about: Array) -> float:
     """The standard deviation of a residual: noise, and what the reference leaves out."""
     return float(np.hypot(noise, params.external_sd / float(np.mean(about[4:7]))))
 
 
-def _cost(rows: Array, about: Array, held: Gaussian, scale: float) -> float:
+def _cost(rows: Array, about: Array, held: GaussianPrior, scale: float) -> float:
     """How improbable a state is: a robust sum over the rows, and the prior."""
-    strayed, _ = held(about[1 : 1 + len(held.centre)])
-    q = (residuals_of(rows, about) / scale) ** 2
-    return float(leastsq.cauchy().value(q).sum() + strayed @ strayed / 2)
+    away, _ = held(about[1 : 1 + len(held.centre)])
+    q = (residuals_at(rows, about) / scale) ** 2
+    return float(leastsq.cauchy().value(q).sum() + away @ away / 2)
 
 
 def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array, m: int) -> float:
     """The standard deviation to judge residuals by: as stated, or as they are."""
     if state.noise_known:
-        return total_sd(params, state.noise, about)
-    return max(leastsq.robust_scale(residuals_of(rows, about), min(m, len(rows) - 1)), 1e-9)
+        return compute_total_sd(params, state.noise, about)
+    return max(leastsq.robust_scale(residuals_at(rows, about), min(m, len(rows) - 1)), 1e-9)
 
 
 def _starts(state: TrackerState, prior: kalman.Belief, rows: Array) -> Iterator[Array]:
@@ -86,7 +86,7 @@ def _starts(state: TrackerState, prior: kalman.Belief, rows: Array) -> Iterator[
         yield np.concatenate([[0.0], centre + size * bias, prior.state[4:]])
 
 
-class Gaussian:
+class GaussianPrior:
     """The prior on bias and matrix as residuals: D^(−1/2) U⁻¹ (x − x₀), without the field's g."""
 
     def __init__(self, prior: kalman.Belief) -> None:
@@ -100,24 +100,24 @@ class Gaussian:
 
 def _pieces(rows: Array, about: Array, m: int, scale: float) -> leastsq.Pieces:
     def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
-        residuals, jacobian = residuals_about(rows, _with(about, params), scale)
+        residuals, jacobian = linearise(rows, _with_params(about, params), scale)
         yield residuals, jacobian[:, :m]
 
     return pieces
 
 
-def _with(state: Array, params: Array) -> Array:
+def _with_params(state: Array, params: Array) -> Array:
     changed = state.copy()
     changed[0] = 0.0
     changed[1 : 1 + len(params)] = params
     return changed
 
 
-def residuals_of(rows: Array, state: Array) -> Array:
-    return residuals_about(rows, state)[0]
+def residuals_at(rows: Array, state: Array) -> Array:
+    return linearise(rows, state)[0]
 
 
-def residuals_about(rows: Array, state: Array, noise: float = 0.0) -> tuple[Array, Array]:
+def linearise(rows: Array, state: Array, noise: float = 0.0) -> tuple[Array, Array]:
     """Residuals (k,) of rows about a state, and their Jacobian by bias and matrix, (k, 9)."""
     basis = model_basis("full", SYMMETRIC)
     bias, matrix = split(basis @ state[1:])

@@ -15,11 +15,11 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.inflight.tracking.map_estimate import (
-    Gaussian,
-    most_probable,
-    residuals_about,
-    residuals_of,
-    total_sd,
+    GaussianPrior,
+    compute_total_sd,
+    find_most_probable,
+    linearise,
+    residuals_at,
 )
 from agonic.maths.estimation import kalman, leastsq
 
@@ -33,20 +33,22 @@ DOUBT = 2.0
 
 _PATIENT = 1024  # readings in which an opening settles where the directions of the field turn
 _CURVED = 0.03  # part of the noise that the curvature of residuals may come to in a filter
-_BENT = 0.5  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
+_NONLINEAR = (
+    0.5  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
+)
 _FEWEST = 64  # readings from which a noise that was not given is estimated
 
 
-def next_due(readings: int) -> int:
+def count_until_due(readings: int) -> int:
     """How many readings until an opening of so many is to be solved.
 
-    >>> next_due(0), next_due(16), next_due(40)
+    >>> count_until_due(0), count_until_due(16), count_until_due(40)
     (16, 8, 8)
     """
     return next(n for n in MOMENTS if n > readings) - readings
 
 
-def overtaken(
+def count_since_jump(
     opening: Opening, before: TrackerState, now: TrackerState, params: TrackerParams
 ) -> int:
     """How many readings came since an opening was last solved, where a jump came with them; else 0.
@@ -57,14 +59,14 @@ def overtaken(
     last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
     if last < _PATIENT:
         return 0
-    then = leastsq.robust_scale(residuals_of(opening.rows[:last], before.belief.state))
-    then = max(then, total_sd(params, now.noise, now.belief.state))
-    new = residuals_of(opening.rows[last:], now.belief.state)
+    then = leastsq.robust_scale(residuals_at(opening.rows[:last], before.belief.state))
+    then = max(then, compute_total_sd(params, now.noise, now.belief.state))
+    new = residuals_at(opening.rows[last:], now.belief.state)
     far = 4 * np.count_nonzero(np.abs(new) > params.gate * then) > len(new)
     return len(new) if far or leastsq.robust_scale(new) > 2 * then else 0
 
 
-def bent(belief: kalman.Belief, magnitude: float) -> float:
+def compute_nonlinearity(belief: kalman.Belief, magnitude: float) -> float:
     """How far residuals are from linear within the belief, δ²/2F, in the unit of the readings.
 
     δ² = tr P over bias and matrix, the matrix times the field.
@@ -76,12 +78,12 @@ def bent(belief: kalman.Belief, magnitude: float) -> float:
     return float(spread / (2 * field))
 
 
-def nearly_linear(belief: kalman.Belief, magnitude: float, noise: float) -> bool:
+def is_nearly_linear(belief: kalman.Belief, magnitude: float, noise: float) -> bool:
     """Whether the filter may run on its own."""
-    return bent(belief, magnitude) < _CURVED * noise
+    return compute_nonlinearity(belief, magnitude) < _CURVED * noise
 
 
-def doubted(
+def widen_for_nonlinearity(
     belief: kalman.Belief, prior: kalman.Belief, apart: Array, magnitude: float, noise: float
 ) -> kalman.Belief:
     """A belief whose residuals may not be linear within it, with standard errors that say so.
@@ -94,16 +96,16 @@ def doubted(
     """
     known = prior.diagonal > 0
     block = np.ix_(known, known)
-    share = (1.0 + bent(belief, magnitude) / noise) ** -2
+    share = (1.0 + compute_nonlinearity(belief, magnitude) / noise) ** -2
     covariance = belief.covariance
     information = share * leastsq.inverse(covariance[block])
     information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
     covariance[block] = leastsq.inverse(information)
     wide = kalman.believe(belief.state, covariance, 0.0)._replace(watch=belief.watch)
-    return kalman.spread(wide, np.hypot(bent(wide, magnitude), apart))
+    return kalman.spread(wide, np.hypot(compute_nonlinearity(wide, magnitude), apart))
 
 
-def passed(
+def predict(
     belief: kalman.Belief, model: kalman.Model, rows: Array, learns: bool, compiled: bool
 ) -> tuple[kalman.Belief, kalman.Seen]:
     """The belief after rows that come before the next solution, and what it predicted of them.
@@ -117,14 +119,14 @@ def passed(
     return later, seen._replace(used=np.abs(seen.residual) <= model.gate * seen.sd)
 
 
-def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
+def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     """The state with its opening taken as a whole, and closed where the bias has settled."""
     opening = state.opening
     assert opening is not None, "only an opening can be solved"
     prior, rows = opening.prior, opening.rows
-    about, noise, apart = most_probable(state, prior, rows, params)
-    total = total_sd(params, noise, about)
-    residuals, _ = residuals_about(rows, about)
+    about, noise, apart = find_most_probable(state, prior, rows, params)
+    total = compute_total_sd(params, noise, about)
+    residuals, _ = linearise(rows, about)
     fits = np.abs(residuals) <= params.gate * max(total, leastsq.robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], fits])
     model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
@@ -132,72 +134,74 @@ def solved(state: TrackerState, params: TrackerParams) -> TrackerState:
     before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
     belief, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, belief=belief, noise=noise)
-    after = replace(after, jumps=_measured(after, opening.before))
-    fitting = opening.strays is not None and 4 * opening.strays <= len(rows)
+    after = replace(after, jumps=_measure_jump(after, opening.before))
+    fitting = opening.outliers is not None and 4 * opening.outliers <= len(rows)
     alone = bool((apart < params.gate * after.bias_sd).all())
-    closed = fitting and alone and _settled(after, params, total)
+    closed = fitting and alone and _has_settled(after, params, total)
     if not closed and len(rows) < MOMENTS[-1]:
         magnitude = float(rows[-1, 4])
-        wide = doubted(belief, prior, apart, magnitude, noise)
-        learns = bent(wide, magnitude) < _BENT * noise
-        return replace(after, belief=wide, opening=replace(opening, strays=0, learns=learns))
+        wide = widen_for_nonlinearity(belief, prior, apart, magnitude, noise)
+        learns = compute_nonlinearity(wide, magnitude) < _NONLINEAR * noise
+        return replace(after, belief=wide, opening=replace(opening, outliers=0, learns=learns))
     return replace(
         after,
         opening=None,
         noise_known=True,
-        recent=_recent(before, belief, rows[earlier:]),
+        recent=_keep_recent(before, belief, rows[earlier:]),
         refused=state.refused + int((~fits).sum()),
     )
 
 
-def _settled(state: TrackerState, params: TrackerParams, total: float) -> bool:
+def _has_settled(state: TrackerState, params: TrackerParams, total: float) -> bool:
     """Whether the filter may run on its own; `total` is the sd of a residual."""
     opening = state.opening
     assert opening is not None, "the caller has one"
     rows, belief = opening.rows, state.belief
     if not state.noise_known and len(rows) < _FEWEST:
         return False
-    limit = _CURVED * state.noise if len(rows) < _PATIENT else _BENT * total
-    return bent(belief, float(rows[-1, 4])) < limit or _walked(belief, rows, params)
+    limit = _CURVED * state.noise if len(rows) < _PATIENT else _NONLINEAR * total
+    return compute_nonlinearity(belief, float(rows[-1, 4])) < limit or _has_walked(
+        belief, rows, params
+    )
 
 
-def began(
+def date_jump(
     state: TrackerState, params: TrackerParams, seen: kalman.Seen, rows: Array
 ) -> tuple[float, int]:
     """How improbable it is that a jump began with the opening, and the row that fits better.
 
     Σ ρ(z) of what was `seen` before a row, and of what is left of `rows` from it on about the most
-    probable bias of the opening, and how far that is from its prior; Cauchy's ρ, so that strays
+    probable bias of the opening, and how far that is from its prior; Cauchy's ρ, so that outliers
     decide little. Of rows that are as good, the last: a reading from before the jump taken for one
     after it spoils more.
     """
     opening = state.opening
     assert opening is not None, "a jump has opened the state"
-    about, noise, _ = most_probable(state, opening.prior, opening.rows, params)
-    total = total_sd(params, noise, about)
+    about, noise, _ = find_most_probable(state, opening.prior, opening.rows, params)
+    total = compute_total_sd(params, noise, about)
     rho = leastsq.cauchy().value
-    old, new = rho((seen.residual / seen.sd) ** 2), rho((residuals_of(rows, about) / total) ** 2)
-    strayed, _ = Gaussian(opening.prior)(about[1 : len(opening.prior.diagonal)])
+    old, new = rho((seen.residual / seen.sd) ** 2), rho((residuals_at(rows, about) / total) ** 2)
+    away, _ = GaussianPrior(opening.prior)(about[1 : len(opening.prior.diagonal)])
     cost = np.concatenate([[0.0], np.cumsum(old - new)])[:-1]
-    cost += float(new.sum() + strayed @ strayed / 2)
+    cost += float(new.sum() + away @ away / 2)
     here = float(cost[len(rows) - len(opening.rows)])
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
 
 
-def _recent(before: kalman.Belief, now: kalman.Belief, rows: Array) -> Recent:
+def _keep_recent(before: kalman.Belief, now: kalman.Belief, rows: Array) -> Recent:
     """What to go back to after an opening: a jump may hide in its last readings."""
     if len(rows) < STRIDE:
         return Recent(before=now, middle=now, rows=np.empty((0, 6)))
     return Recent(before=before, middle=now, rows=rows)
 
 
-def _walked(belief: kalman.Belief, rows: Array, params: TrackerParams) -> bool:
+def _has_walked(belief: kalman.Belief, rows: Array, params: TrackerParams) -> bool:
     """Whether the bias walked further during these rows than it is unknown."""
     variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
     return bool(variance > np.trace(belief.covariance[1:4, 1:4]))
 
 
-def _measured(state: TrackerState, before: kalman.Belief | None) -> tuple[Jump, ...]:
+def _measure_jump(state: TrackerState, before: kalman.Belief | None) -> tuple[Jump, ...]:
     """The jumps so far, the last one measured by what its opening made of the bias."""
     if before is None:
         return state.jumps

@@ -21,7 +21,7 @@ FEWEST = 100
 """Readings that a choice needs at least."""
 
 _PASSED_OVER = 4  # the first quarter: what a start does not know yet is no walk
-_CLIP = 6.0  # times the scale of the best: so far a stray reading counts
+_CLIP = 6.0  # times the scale of the best: so far an outlier counts
 _STEPS = np.concatenate([[0.0], 10.0 ** np.arange(-4.0, 0.1, 0.5)])
 
 
@@ -59,7 +59,7 @@ def choose_walk(
     Returns a `WalkChoice`. Raises `AgonicError` without times or with fewer than `FEWEST` readings.
 
     Source: minimum prediction error (L. Ljung, 1999, System Identification, 2nd edition, chapter
-    7); strays are clipped at six times the scale of the best candidate.
+    7); outliers are clipped at six times the scale of the best candidate.
 
     Examples
     --------
@@ -80,14 +80,14 @@ def choose_walk(
     columns = {} if begun.ground is None else beside(begun.ground, samples)
     raw = begun.at_middle(samples.field, **columns)
     tried = np.asarray(
-        _usual(samples, magnitude, begun) if candidates is None else candidates,
+        _usual_walks(samples, magnitude, begun) if candidates is None else candidates,
         dtype=np.float64,
     )
     later = slice(len(samples) // _PASSED_OVER, None)
     residuals, known = [], []
     for walk in tried:
-        chosen = replace(settings, walk=float(walk), history_s=0.0)
-        _, seen = update(begun, chosen, samples.time, raw, magnitude)
+        settings_now = replace(settings, walk=float(walk), history_s=0.0)
+        _, seen = update(begun, settings_now, samples.time, raw, magnitude)
         residuals.append(np.abs(seen.residual[later]))
         known.append(seen.foretold[later])
     rows = np.logical_and.reduce(known)
@@ -97,7 +97,7 @@ def choose_walk(
     return WalkChoice(walk=float(tried[np.argmin(rms)]), candidates=tried, residual_rms=rms)
 
 
-def _usual(samples: Samples, magnitude: Array, state: TrackerState) -> Array:
+def _usual_walks(samples: Samples, magnitude: Array, state: TrackerState) -> Array:
     """Walks from none to the noise in every reading."""
     assert samples.time is not None, "checked by the caller"
     gain = float(np.cbrt(abs(np.linalg.det(state.base.matrix))))

@@ -13,15 +13,15 @@ from agonic.calibration.base import beside
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, UnitError
-from agonic.health import Finding, sentences
-from agonic.inflight.tracking.evidence import findings
+from agonic.health import Finding, Judged
+from agonic.inflight.tracking.evidence import list_findings
 from agonic.inflight.tracking.files import load_track, save_track
 from agonic.inflight.tracking.filter import Coefficients, start, update
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 
-class Tracker:
+class Tracker(Judged):
     """A calibration followed in time against the magnitude of a known field.
 
     Holds the settings, the state and the history; `update` moves the state on. In flight or in
@@ -29,7 +29,7 @@ class Tracker:
 
     Parameters
     ----------
-    calibration : what is believed at the start: an `Affine`, or a `Thermal`, whose constants then
+    calibration : the prior at the start: an `Affine`, or a `Thermal`, whose constants then
         move. Without covariance it is but a guess. `None`: nothing, for readings in nT.
     params : how it is followed; `None`: the defaults, a bias that does not move.
 
@@ -65,7 +65,7 @@ class Tracker:
         those of the calibration, `AgonicError` where they are not later than what was seen.
         """
         if self.state.n == 0:
-            self.state = self._named(samples)
+            self.state = self._name_sensor(samples)
         base = self.state.base
         if samples.unit != base.unit_in:
             raise UnitError(
@@ -112,7 +112,7 @@ class Tracker:
         """The times of samples as the tracker counts them, from its own epoch."""
         return samples.seconds_since(self.state.epoch, known=self.state.n > 0)
 
-    def _named(self, samples: Samples) -> TrackerState:
+    def _name_sensor(self, samples: Samples) -> TrackerState:
         """The state before the first reading, with the sensor's name where none was given."""
         base = self.state.base
         if not self._given:
@@ -162,20 +162,14 @@ class Tracker:
         return self.state.jumps
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[Finding, ...]:  # type: ignore[override]
         """What the user should know, by name."""
-        return findings(self.state)
+        return list_findings(self.state)
 
     @property
-    def ok(self) -> bool:
-        """Nothing to object."""
-        return not self.findings
-
-    @property
-    def status(self) -> str:
-        """The findings in words, or that there are none."""
-        said = [finding.sentence for finding in self.findings]
-        return sentences(*(said or ["the bias is followed"]))
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        """That the bias is followed, where there is nothing to object."""
+        return () if self.findings else ("the bias is followed",)
 
     def save(self, path: Path | str) -> Path:
         """Write everything that `resume` needs to go on, in one step."""
