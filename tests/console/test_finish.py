@@ -1,15 +1,18 @@
 """How commands end: files, what is said, exit status."""
 
+import dataclasses
 import json
 from pathlib import Path
 
 import pytest
 
+from agonic.calibration.affine import Affine
 from agonic.console.finish import finish
 from agonic.errors import AgonicError
 from agonic.report.document import Document
 
 GOOD = Document(schema="agonic/a@1", kind="A", name="coil", verdict="good", values={"n": 3})
+KNOWN = Affine(bias=[0, 0, 0], matrix=[[1, 0, 0], [0, 1, 0], [0, 0, 1]])
 DOUBTED = Document(schema="agonic/a@1", name="coil", verdict="check", values={})
 
 
@@ -34,10 +37,22 @@ def test_people_are_told_what_was_written(
     finish(GOOD, report=tmp_path / "a.txt")
     assert capsys.readouterr().out == f"✓ coil: good\n\nWritten   {tmp_path / 'a.txt'}\n"
     assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "✓ coil: good\n"
-    finish(GOOD, files=())
+    finish(dataclasses.replace(GOOD, calibration=KNOWN))
     assert capsys.readouterr().out.endswith("\nNothing was written.\n")
 
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
     with pytest.raises(AgonicError, match=r"-o .*a\.pdf is no kind of page; name it .html or .txt"):
         finish(GOOD, report=tmp_path / "a.pdf", option="-o")
+
+
+def test_a_calibration_is_saved_unless_it_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = dataclasses.replace(GOOD, calibration=KNOWN)
+    finish(made, out=tmp_path / "a.json", files=["b.csv"], as_json=True)
+    said = json.loads(capsys.readouterr().out)
+    assert said["files"] == [str(tmp_path / "a.json"), "b.csv"]
+    assert (tmp_path / "a.json").exists()
+    finish(dataclasses.replace(made, verdict="refused"), out=tmp_path / "no.json")
+    assert not (tmp_path / "no.json").exists()

@@ -13,19 +13,23 @@ if TYPE_CHECKING:
 def finish(
     document: Document,
     *,
-    files: Sequence[Path | str] | None = None,
+    out: Path | None = None,
+    files: Sequence[Path | str] = (),
     report: Path | None = None,
     option: str = "--report",
     as_json: bool = False,
 ) -> int:
-    """Write the report that was asked for, say the result, and return the exit status.
+    """Save the calibration, write the report, say the result, and return the exit status.
 
-    `files` are written already; None where the command writes none unless a report is asked for.
+    The document's calibration is saved to `out`, unless it is refused. `files` are written already.
     `option` is the one that `report` was given by. The status is 0 where nothing is objected to.
     """
     from agonic.console.output import print_json, say
+    from agonic.files.calibration import save
 
-    written = [str(file) for file in files or ()]
+    calibration = None if document.verdict == "refused" else document.calibration
+    written = [] if out is None or calibration is None else [str(save(calibration, out))]
+    written += map(str, files)
     if report is not None:
         made = {".html": document.to_html, ".txt": lambda: document.to_text() + "\n"}
         written.append(write_as_named(report, option, made))
@@ -33,8 +37,10 @@ def finish(
         print_json(document.schema, {**document.to_record(), "files": written})
     else:
         say(document.to_text())
-        if written or files is not None:
-            say(f"\nWritten   {', '.join(written)}" if written else "\nNothing was written.")
+        if written:
+            say(f"\nWritten   {', '.join(written)}")
+        elif document.calibration is not None:
+            say("\nNothing was written.")
     return 0 if document.good else 1
 
 

@@ -24,13 +24,13 @@ and returns a `Document`:
         )
 
 `document.to_html()` is the page, `to_text()` what a terminal shows, `to_record()` what the JSON
-says. A command reads, fits, saves, and ends with
+says. A command reads, fits, and ends with
 
-    return finish(describe_coil(fit), files=saved, report=report, as_json=as_json)
+    return finish(describe_coil(fit), out=out, report=report, as_json=as_json)
 
-(`agonic.console.finish`), which writes the report in the form that its name asks for, says the
-result, and returns the exit status. The public `…_page` function of a wing is
-`describe_coil(fit, title=title).to_html()`.
+(`agonic.console.finish`), which saves the document's calibration to `out` unless it is refused,
+writes the report in the form that its name asks for, says the result, and returns the exit status.
+The public `…_page` function of a wing is `describe_coil(fit, title=title).to_html()`.
 
 - `Document` puts together header, verdict with the next move, key figures, entries, sections,
   findings, notes, provenance, and the same in text: none of it is composed in a wing. In JSON

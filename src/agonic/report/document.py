@@ -46,16 +46,20 @@ Block = str | Mapping[str, str] | Table | Drawn
 class Section:
     """A part of a document under its heading, which may be empty.
 
-    `printed` sections are part of the plain text too, without what is drawn in them.
+    `printed` sections are part of the plain text too, without what is drawn in them. `style` are
+    classes of the style sheets for all blocks together: "pair" puts two beside each other.
     """
 
     title: str
     blocks: Sequence[Block]
     printed: bool = False
+    style: str = ""
 
     def to_html(self, level: str = "h2") -> Markup:
         """The section as markup, its heading of a level."""
         drawn = [_block(block) for block in self.blocks]
+        if self.style:
+            drawn = [element("div", *drawn, class_=self.style)]
         return blocks.part(self.title, *drawn, level=level) if self.title else markup(*drawn)
 
     def to_text(self) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+import unicodedata
 from collections.abc import Mapping, Sequence
 
 from agonic.report.digits import minused
@@ -48,11 +49,14 @@ def wrap_entries(entries: Mapping[str, str]) -> list[str]:
 def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """A table as lines: the first column from the left, the others from the right.
 
+    Columns without an entry, which are there to be filled in on paper, are left out.
+
     >>> columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
     ['  nodes  rms, nT', '  3         12.5', '  10         9.1']
     """
-    table = [head, *rows]
-    wide = [max(len(row[k]) for row in table) for k in range(len(head))]
+    kept = [k for k in range(len(head)) if any(row[k] for row in rows)]
+    table = [[row[k] for k in kept] for row in (head, *rows)]
+    wide = [max(len(row[k]) for row in table) for k in range(len(kept))]
     return [
         "  "
         + "  ".join(
@@ -66,7 +70,8 @@ def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 def printable(text: str) -> str:
     """Text without the control characters that a log could smuggle into a terminal.
 
-    >>> printable("a\\x07b")
-    'a?b'
+    >>> printable("a\\x07b"), printable("1\u202fnT") == "1\u202fnT"
+    ('a?b', True)
     """
-    return "".join(c if c.isprintable() else "?" for c in text)
+    kept = (c if c.isprintable() or unicodedata.category(c) == "Zs" else "?" for c in text)
+    return "".join(kept)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from agonic.alignment.commands.options import Solve, Wanted
 from agonic.console.options import Date, Json
-
-if TYPE_CHECKING:
-    from agonic.alignment.star_sensor import AlignmentPlan
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -22,13 +20,8 @@ def alignment(
     at: Annotated[
         str, typer.Option("--at", metavar="LAT,LON[,ALT]", help="The observatory, degrees.")
     ],
-    wanted: Annotated[
-        float, typer.Option(metavar="ARCSEC", help="Standard error wanted about every axis.")
-    ] = 1.0,
-    solve: Annotated[
-        str,
-        typer.Option(metavar="LIST", help="Besides the alignment: reference, pier, bias, matrix."),
-    ] = "alignment",
+    wanted: Wanted = 1.0,
+    solve: Solve = "alignment",
     readings: Annotated[int, typer.Option(help="Of each instrument in each orientation.")] = 20,
     noise: Annotated[float, typer.Option(metavar="NT", help="Of the magnetometer.")] = 0.5,
     reference_noise: Annotated[float, typer.Option(metavar="NT", help="Of the reference.")] = 0.3,
@@ -52,9 +45,9 @@ def alignment(
     as_json: Json = False,
 ) -> int:
     """Orientations for a wanted standard error, and what they will tell."""
-    from agonic.alignment.report.alignment_text import plan_text
     from agonic.alignment.star_sensor import plan_alignment
-    from agonic.console.output import print_json, say
+    from agonic.alignment.star_sensor.plan_document import describe_plan
+    from agonic.console.finish import finish
 
     plan = plan_alignment(
         _field(at, date),
@@ -69,29 +62,7 @@ def alignment(
         reference_sd_arcsec=axes_sd,
         lowest_elevation_deg=lowest,
     )
-    files = _written(plan, out)
-    if as_json:
-        print_json(
-            "agonic/plan-alignment@1",
-            {
-                "orientations": [
-                    {"azimuth_deg": a, "elevation_deg": e, "roll_deg": r}
-                    for a, e, r in plan.orientations
-                ],
-                "readings": plan.readings,
-                "solve": plan.solve,
-                "field_n_nT": plan.field_n,
-                "sd_arcsec": plan.sd_arcsec,
-                "worst_sd_arcsec": plan.worst_sd_arcsec,
-                "sd": plan.sd,
-                "files": files,
-            },
-        )
-        return 0
-    say(plan_text(plan))
-    if files:
-        say(f"\nWritten   {', '.join(files)}")
-    return 0
+    return finish(describe_plan(plan), report=out, option="-o", as_json=as_json)
 
 
 def _field(at: str, date: str | None) -> list[float]:
@@ -104,12 +75,3 @@ def _field(at: str, date: str | None) -> list[float]:
     when = date or datetime.now(UTC).date().isoformat()
     field = wmm().at(*position(at), when)
     return [float(field.north), float(field.east), float(field.down)]
-
-
-def _written(plan: AlignmentPlan, out: Path | None) -> list[str]:
-    """The plan in the form that its name asks for."""
-    from agonic.alignment.report.alignment_page import plan_page
-    from agonic.alignment.report.alignment_text import plan_text
-    from agonic.console.printed_page import written_as_named
-
-    return written_as_named(out, "-o", page=lambda: plan_page(plan), text=lambda: plan_text(plan))

@@ -1,0 +1,59 @@
+"""Residuals of the orientations of a session as bars, as SVG."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.arrays import Array
+from agonic.report.digits import MINUS
+from agonic.report.markup import Markup, element
+
+WIDE, HIGH, LEFT, FOOT = 760.0, 200.0, 52.0, 24.0
+
+
+def draw_residuals(values: Array, sd: Array, numbers: NDArray[np.int64]) -> Markup:
+    """Residuals (k, 3), nT, of the orientations `numbers` (k,), a bar an axis.
+
+    Bands reach to twice the standard deviations `sd` (k, 3), nT.
+
+    >>> drawn = draw_residuals(np.array([[1.0, -2.0, 0.5]]), np.ones((1, 3)), np.array([7]))
+    >>> drawn.count("<rect"), "−2" in drawn
+    (4, True)
+    """
+    limit = 1.05 * max(float(np.abs(values).max()), 2 * float(sd.max()), 1e-12)
+    step = (WIDE - LEFT) / len(values)
+
+    def place(value: float) -> float:
+        return (HIGH - FOOT) * (0.5 - value / (2 * limit)) + 4
+
+    parts = [element("path", d=f"M{LEFT} {place(0):.1f}H{WIDE}", class_="zero")]
+    for level in (-limit / 1.05, limit / 1.05):
+        parts.append(svg_text(LEFT - 6, place(level) + 4, f"{level:.2g}", "tick"))
+    for k, number in enumerate(numbers.tolist()):
+        at = LEFT + step * k
+        reach = place(0) - place(2 * float(np.sqrt((sd[k] ** 2).mean())))
+        parts.append(_bar(at + 0.08 * step, place(0) - reach, 0.84 * step, 2 * reach, "band"))
+        for axis, value in zip("xyz", values[k].tolist(), strict=True):
+            left = at + (0.16 + 0.24 * "xyz".index(axis)) * step
+            high = max(abs(place(value) - place(0)), 0.5)
+            parts.append(_bar(left, place(max(value, 0.0)), 0.2 * step, high, f"bar-{axis}"))
+        parts.append(svg_text(at + step / 2, HIGH - 4, str(number), "tick middle"))
+    return svg(parts, "bars", WIDE, HIGH, "Residuals of each orientation in nT")
+
+
+def svg(parts: list[Markup], name: str, wide: float, high: float, label: str) -> Markup:
+    """A drawing of a class, in its own units, with what it shows in words."""
+    box = f"0 0 {wide:g} {high:g}"
+    return element("svg", *parts, class_=name, viewBox=box, role="img", aria_label=label)
+
+
+def svg_text(x: float, y: float, text: str, name: str) -> Markup:
+    """Text of a class at a place."""
+    return element("text", text.replace("-", MINUS), x=f"{x:.1f}", y=f"{y:.1f}", class_=name)
+
+
+def _bar(x: float, y: float, wide: float, high: float, name: str) -> Markup:
+    return element(
+        "rect", x=f"{x:.1f}", y=f"{y:.1f}", width=f"{wide:.1f}", height=f"{high:.1f}", class_=name
+    )

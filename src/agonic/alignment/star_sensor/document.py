@@ -1,0 +1,303 @@
+"""What is said and shown of an alignment with a star sensor."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from agonic.alignment.figures import draw_residuals
+from agonic.alignment.star_sensor.budget import error_budget
+from agonic.alignment.star_sensor.figures import draw_dome, draw_sky
+from agonic.alignment.star_sensor.result import AlignmentFit
+from agonic.arrays import Array
+from agonic.maths.equation.alignment import GROUPS
+from agonic.maths.equation.symmetric import pack_symmetric
+from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.report.digits import MINUS, grouped, minused, quantity, significant, with_sd
+from agonic.report.document import Document, Section, Table
+from agonic.report.markup import Markup, element
+from agonic.report.tables import NOTHING
+from agonic.report.verdict import WHEN_GOOD, moves
+
+ANGLES = ("α", "β", "γ")
+ANGLE_HEAD = ("Angle", "Value", "Standard error")
+QUATERNION_HEAD = ("Quaternion", "Value", "Standard error")
+MATRIX_HEAD = ("Magnetometer", "star sensor x", "y", "z")
+BUDGET_HEAD = ("Effect", "Size, ″", "Size, nT", "Done", "Remark")
+BUDGET_NOTE = (
+    "What was corrected: the size is what leaving it out would cost. What was not: the size is by "
+    "how much a direction may be wrong."
+)
+RESIDUAL_HEAD = (
+    "Orientation",
+    "Time, UTC",
+    "Azimuth",
+    "Elevation",
+    "Readings",
+    "x, nT",
+    "y, nT",
+    "z, nT",
+    "Expected sd, nT",
+    "Direction, ″",
+)
+
+
+def describe_alignment(fit: AlignmentFit) -> Document:
+    """The alignment with its standard errors, residuals, error budget and the sky.
+
+    >>> from agonic.alignment.star_sensor import fit_alignment
+    >>> from agonic.alignment.simulation.session import simulate_session
+    >>> made = describe_alignment(fit_alignment(simulate_session(orientations=5).session))
+    >>> print(made.to_text().splitlines()[0])
+    ! magnetometer: check (alignment with a star sensor, 5 orientations)
+    >>> made.to_html().count('class="dome"'), made.to_html().count('class="dot"')
+    (2, 10)
+    """
+    session, refused = fit.session, fit.verdict == "refused"
+    return Document(
+        schema="agonic/fit-alignment@1",
+        kind="Alignment with a star sensor",
+        name=session.magnetometer.name,
+        title=session.name or session.magnetometer.name,
+        method=f"alignment with a {session.star.name}, {fit.n} orientations",
+        about=_about(fit),
+        verdict=fit.verdict,
+        status=fit.status,
+        findings=fit.findings,
+        move=next(iter(moves(fit.findings)), WHEN_GOOD),
+        key_figures=[] if refused else _key_figures(fit),
+        entries={} if refused else _entries(fit),
+        entries_title="",
+        sections=[*([] if refused else [_alignment(fit)]), *_evidence(fit)],
+        values={**_rank(fit), **({} if refused else _numbers(fit))},
+        calibration=fit.calibration,
+        styles=["alignment.css"],
+    )
+
+
+def _about(fit: AlignmentFit) -> str:
+    site, session = fit.session.site, fit.session
+    return (
+        f"{session.date}, {grouped(site.latitude_deg, 4)}° north, "
+        f"{grouped(site.longitude_deg, 4)}° east ({site.coordinates}); "
+        f"{session.magnetometer.name}, {session.star.name}, {session.reference.name}"
+    )
+
+
+def _key_figures(fit: AlignmentFit) -> list[tuple[str, str, str]]:
+    worst, solution = fit.worst_sd_arcsec, fit.solution
+    cost = worst * ARCSEC_RAD * solution.magnitude
+    direction = float(np.sqrt((fit.residuals_arcsec**2).mean()))
+    ratio = solution.chi2 / max(solution.freedom, 1)
+    rank = f"rank {fit.rank} of {int(solution.free.sum())}"
+    return [
+        ("Alignment, worst axis", f"{significant(worst, 2)}″", f"{significant(cost, 2)} nT"),
+        ("Residual", quantity(fit.residual_rms, "nT", 2), f"{significant(direction, 2)}″"),
+        ("χ² a degree of freedom", significant(ratio, 3), f"{solution.freedom} degrees"),
+        ("Condition", significant(fit.condition, 2), rank),
+    ]
+
+
+def _entries(fit: AlignmentFit) -> dict[str, str]:
+    """The alignment in three lines, and what was solved for beside it."""
+    quat = "  ".join(f"{value:+.9f}".replace("-", MINUS) for value in fit.quat_wxyz)
+    return {
+        "Angles": "   ".join(
+            f"{name} {grouped(value, 6)}° ± {significant(sd, 2)}″"
+            for name, value, sd in zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
+        ),
+        "Error": f"about the magnetometer's {_by_axis(fit.sd_arcsec, '   ')}",
+        "Quat": f"w x y z {quat}",
+        **_others(fit),
+    }
+
+
+def _by_axis(sd_arcsec: Array, between: str) -> str:
+    return between.join(
+        f"{axis} {significant(float(sd), 2)}″" for axis, sd in zip("xyz", sd_arcsec, strict=True)
+    )
+
+
+def _others(fit: AlignmentFit) -> dict[str, str]:
+    """What was found beside the alignment, in words, by a short name."""
+    groups, unknowns, sd = fit.solution.groups, fit.solution.unknowns, fit.sd
+    found = {}
+    if "reference" in groups:
+        turn = _with_sds(fit.reference_turn_arcsec, sd[GROUPS["reference"]] / ARCSEC_RAD)
+        found["Reference"] = f"turned about north, east, down by {turn} ″"
+    if "pier" in groups:
+        found["Pier"] = f"{_with_sds(unknowns.offset, sd[GROUPS['pier']])} nT"
+    if "bias" in groups:
+        found["Bias"] = f"{_with_sds(unknowns.bias, sd[GROUPS['bias']])} nT"
+    if "matrix" in groups:
+        six = pack_symmetric(unknowns.matrix)
+        found["Matrix"] = f"xx yy zz xy xz yz  {_with_sds(six, sd[GROUPS['matrix']])}"
+    return found
+
+
+def _with_sds(values: Array, sds: Array) -> str:
+    return ", ".join(with_sd(float(v), float(s)) for v, s in zip(values, sds, strict=True))
+
+
+def _alignment(fit: AlignmentFit) -> Section:
+    """Angles, quaternion, matrix, and what else was solved for."""
+    angles = [
+        [f"{name}, degrees", grouped(float(value), 7), f"{significant(float(sd), 2)}″"]
+        for name, value, sd in zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
+    ]
+    quaternion = [
+        [name, grouped(float(value), 9), minused(f"{sd:.1e}").replace("-", MINUS)]
+        for name, value, sd in zip("wxyz", fit.quat_wxyz, fit.quat_sd, strict=True)
+    ]
+    cosines = [
+        [
+            axis,
+            *(
+                f"{grouped(float(v), 8)} ± {significant(float(s), 2)}″"
+                for v, s in zip(*row, strict=True)
+            ),
+        ]
+        for axis, *row in zip("xyz", fit.rot_mc, fit.matrix_sd_arcsec, strict=True)
+    ]
+    return Section(
+        "The alignment",
+        [
+            element(
+                "div",
+                Table(ANGLE_HEAD, angles).to_html(),
+                Table(QUATERNION_HEAD, quaternion).to_html(),
+                class_="pair tables",
+            ),
+            "Components in the star sensor’s axes become those in the magnetometer’s by "
+            "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
+            f"Standard errors about the magnetometer’s axes: {_by_axis(fit.sd_arcsec, ', ')}.",
+            Table(MATRIX_HEAD, cosines, scrolls=True),
+            _others(fit),
+        ],
+    )
+
+
+def _evidence(fit: AlignmentFit) -> list[Section]:
+    """Residuals, the sky, and the error budget."""
+    residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
+    budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
+    return [
+        Section("Residuals of each orientation", [lambda: _bars(fit), residuals]),
+        Section("Where the star sensor looked", [lambda: _skies(fit)], style="pair"),
+        Section("Error budget", [BUDGET_NOTE, budget]),
+    ]
+
+
+def _bars(fit: AlignmentFit) -> Markup:
+    legend = element(
+        "p",
+        *(element("span", element("span", class_=f"key bar-{a}"), a) for a in "xyz"),
+        element("span", element("span", class_="key band"), "twice what the noise explains"),
+        class_="legend",
+    )
+    return element(
+        "figure",
+        legend,
+        draw_residuals(fit.residuals, fit.residuals_sd, fit.observed.orientation),
+        element("figcaption", "Residuals by orientation, nT, magnetometer axes"),
+    )
+
+
+def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
+    """Each orientation: where it looked, what is left in nT and in arcseconds."""
+    boresight = fit.observed.boresight_n
+    azimuth = np.degrees(np.arctan2(boresight[:, 1], boresight[:, 0])) % 360
+    rows = []
+    for k, number in enumerate(fit.observed.orientation.tolist()):
+        when = datetime.fromtimestamp(float(fit.observed.time[k]), UTC)
+        sd = float(np.sqrt((fit.residuals_sd[k] ** 2).mean()))
+        rows.append(
+            [
+                str(number),
+                when.strftime("%H:%M:%S"),
+                f"{grouped(float(azimuth[k]))}°",
+                f"{grouped(float(fit.observed.elevation_deg[k]))}°",
+                f"{int(fit.observed.readings[k, 1])}",
+                *(grouped(float(value), 3) for value in fit.residuals[k]),
+                grouped(sd, 3),
+                grouped(float(fit.residuals_arcsec[k]), 2),
+            ]
+        )
+    return rows
+
+
+def _skies(fit: AlignmentFit) -> list[Markup]:
+    seen = fit.observed
+    over_site = draw_dome(seen.boresight_n, seen.orientation, fit.residuals_arcsec)
+    among_stars = draw_sky(seen.boresight_i, seen.orientation, fit.residuals_arcsec)
+    up = "Over the site: north up, east right, the horizon at the rim"
+    pole = (
+        "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
+        "larger the residual"
+    )
+    return [
+        element("figure", drawn, element("figcaption", caption))
+        for drawn, caption in ((over_site, up), (among_stars, pole))
+    ]
+
+
+def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
+    """The error budget, a row an effect; a size of 0 means that nothing is known of it."""
+    rows = []
+    for effect in error_budget(fit):
+        sizes = (effect.size_arcsec, effect.size_nT(fit.solution.magnitude))
+        shown = [significant(size, 3) if size else NOTHING for size in sizes]
+        rows.append([effect.name, *shown, effect.treatment, minused(effect.remark)])
+    return rows
+
+
+def _rank(fit: AlignmentFit) -> dict[str, Any]:
+    """What the session determines."""
+    return {
+        "method": "alignment",
+        "sensor": fit.session.magnetometer.name,
+        "n": fit.n,
+        "solve": list(fit.solution.groups),
+        "rank": fit.rank,
+        "unknowns": int(fit.solution.free.sum()),
+        "condition": fit.condition,
+        "undetermined": list(fit.undetermined),
+        "add": [list(orientation) for orientation in fit.add],
+    }
+
+
+def _numbers(fit: AlignmentFit) -> dict[str, Any]:
+    """What was found, and how well it fits."""
+    unknowns = fit.solution.unknowns
+    return {
+        "angles_323_deg": fit.angles_deg,
+        "angles_323_sd_arcsec": fit.angles_sd_arcsec,
+        "quat_wxyz": fit.quat_wxyz,
+        "quat_sd": fit.quat_sd,
+        "matrix_mc": fit.rot_mc,
+        "matrix_sd_arcsec": fit.matrix_sd_arcsec,
+        "sd_arcsec": fit.sd_arcsec,
+        "worst_sd_arcsec": fit.worst_sd_arcsec,
+        "reference_turn_arcsec": fit.reference_turn_arcsec,
+        "reference_232_deg": fit.reference_angles_deg,
+        "pier_nT": unknowns.offset,
+        "bias_nT": unknowns.bias,
+        "matrix": unknowns.matrix,
+        "sd": fit.sd,
+        "residual_rms_nT": fit.residual_rms,
+        "chi2": fit.solution.chi2,
+        "freedom": fit.solution.freedom,
+        "orientations": [
+            {
+                "orientation": number,
+                "residual_nT": fit.residuals[k],
+                "sd_nT": fit.residuals_sd[k],
+                "residual_arcsec": fit.residuals_arcsec[k],
+            }
+            for k, number in enumerate(fit.observed.orientation.tolist())
+        ],
+        "error_budget": [asdict(effect) for effect in error_budget(fit)],
+    }

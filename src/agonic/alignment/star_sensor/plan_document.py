@@ -1,0 +1,101 @@
+"""What is said and shown of the plan of a session: orientations, and standard errors to expect."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.alignment.star_sensor.figures import draw_dome
+from agonic.alignment.star_sensor.plan import AlignmentPlan
+from agonic.maths.equation.alignment import GROUPS
+from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
+from agonic.report.digits import minused, quantity, significant
+from agonic.report.document import Document, Section, Table
+from agonic.report.markup import Markup, element
+
+HEAD = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
+ROLL = (
+    "Azimuth and elevation are where the star sensor looks, roll turns it about that; with roll 0 "
+    "its x axis points to the horizon below."
+)
+UNITS = {"alignment": "″", "reference": "″", "pier": "nT", "bias": "nT", "matrix": ""}
+
+
+def describe_plan(plan: AlignmentPlan) -> Document:
+    """The orientations with their dome, a column to fill in, and the standard errors to expect.
+
+    >>> from agonic.alignment.star_sensor import plan_alignment
+    >>> made = describe_plan(plan_alignment([18_870, 1_390, 45_750], wanted_sd_arcsec=2.0))
+    >>> made.to_text().splitlines()[0][:40], made.to_html().count("<svg")
+    ('6 orientations of 20 readings each: the ', 1)
+    """
+    return Document(
+        schema="agonic/plan-alignment@1",
+        kind="Plan of a session",
+        name="Alignment with a star sensor",
+        status=f"{len(plan.orientations)} orientations of {plan.readings} readings each: the "
+        f"alignment known to {significant(plan.worst_sd_arcsec, 2)}″ about its worst axis",
+        sections=[
+            Section(
+                "Orientations",
+                [Table(HEAD, _rows(plan), "orientations"), lambda: _dome(plan)],
+                printed=True,
+                style="pair plan",
+            ),
+            Section("", [ROLL], printed=True),
+            Section("Standard errors to expect", [_expected(plan)], printed=True),
+        ],
+        values={
+            "orientations": [
+                {"azimuth_deg": azimuth, "elevation_deg": elevation, "roll_deg": roll}
+                for azimuth, elevation, roll in plan.orientations
+            ],
+            "readings": plan.readings,
+            "solve": plan.solve,
+            "field_n_nT": plan.field_n,
+            "sd_arcsec": plan.sd_arcsec,
+            "worst_sd_arcsec": plan.worst_sd_arcsec,
+            "sd": plan.sd,
+        },
+        styles=["alignment.css"],
+    )
+
+
+def _rows(plan: AlignmentPlan) -> list[list[str]]:
+    """Each orientation in its order, and how well the alignment is known after it."""
+    return [
+        [
+            str(k),
+            *(f"{angle:g}°" for angle in orientation),
+            f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined",
+            "",
+        ]
+        for k, (orientation, sd) in enumerate(
+            zip(plan.orientations, plan.sd_arcsec, strict=True), start=1
+        )
+    ]
+
+
+def _dome(plan: AlignmentPlan) -> Markup:
+    attitude = rot_cn(*np.array(plan.orientations).T)
+    numbers = np.arange(1, len(attitude) + 1)
+    return element(
+        "figure",
+        draw_dome(attitude[:, 2], numbers, np.ones(len(numbers))),
+        element("figcaption", "North is up, east to the right."),
+    )
+
+
+def _expected(plan: AlignmentPlan) -> dict[str, str]:
+    """Standard errors of every group that is solved for."""
+    expected = {}
+    for group in plan.solve:
+        unit = UNITS[group]
+        sd = plan.sd[GROUPS[group]] / (ARCSEC_RAD if unit == "″" else 1.0)
+        expected[group] = "  ".join(_with_unit(float(value), unit) for value in sd)
+    return expected
+
+
+def _with_unit(value: float, unit: str) -> str:
+    if not unit:
+        return minused(f"{value:.1e}")
+    return f"{significant(value, 2)}″" if unit == "″" else quantity(value, unit, 2)
