@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.chain import Chain
+from agonic.calibration.chain import Chain, find_step
 from agonic.calibration.retraining import RetrainerParams
 from agonic.network.fit import choose_network, fit_network
-from agonic.network.report.page import network_file_page, network_of, network_page
+from agonic.network.report.page import network_file_page, network_page
 from agonic.network.report.retrain_page import retrain_page
 from agonic.network.retraining import Retrainer
 from agonic.network.simulate import simulate_nonaffine, simulate_paper
@@ -97,7 +97,8 @@ def test_guard_counts_readings_far_from_the_training(made, fit) -> None:
     )
     with pytest.warns(ag.AgonicWarning):
         checked = verify(turned, samples, None)
-    page = network_file_page(turned, network_of(turned), samples=samples, verification=checked)
+    network = find_step(turned, ag.Network)
+    page = network_file_page(turned, network, samples=samples, verification=checked)
     assert f"{100 * share:.2g} % of 3 000 readings lie so far" in words(page)
     assert 'class="guarded"' in page
 

@@ -7,13 +7,14 @@ from html import unescape
 import numpy as np
 import pytest
 
+from agonic.calibration.chain import find_step
 from agonic.calibration.thermal import Thermal
 from agonic.health import Finding
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.report.digits import MINUS, THIN
 from agonic.thermal import figures
 from agonic.thermal.all_sensors import calibrate_campaign
-from agonic.thermal.page import campaign_page, thermal_of, thermal_page
+from agonic.thermal.page import campaign_page, thermal_page
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 from agonic.thermal.simulation.campaign import simulate_campaign
 
@@ -166,7 +167,7 @@ def test_a_calibration_without_covariance_or_range_is_drawn_too() -> None:
     assert page.count('class="plot small"') == 12
     assert "key band" not in page
     assert "bias x, raw units" in page
-    assert thermal_of(bare) is bare
+    assert find_step(bare, Thermal) is bare
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

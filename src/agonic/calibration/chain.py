@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -218,3 +218,34 @@ def steps_of(calibration: Calibration) -> tuple[Affine | Thermal | Network | Ali
     """The steps of a chain, or the one that a calibration is."""
     known = require_calibration(calibration)
     return known.steps if isinstance(known, Chain) else (known,)
+
+
+Step = TypeVar("Step", Affine, Interference, Thermal, Network, Alignment)
+
+
+def find_step(calibration: Calibration, kind: type[Step]) -> Step | None:
+    """The first step of a calibration that is of a kind, or `None`.
+
+    >>> print(find_step(Affine(bias=[0, 0, 0], matrix=np.eye(3)), Thermal))
+    None
+    """
+    return next((step for step in steps_of(calibration) if isinstance(step, kind)), None)
+
+
+def compose(calibration: Calibration) -> Affine:
+    """A whole calibration as one step, an `Interference` where it takes sources into account.
+
+    Raises `AgonicError` where it is not affine or its matrix is singular.
+
+    >>> from scipy.spatial.transform import Rotation
+    >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
+    >>> compose(turn).matrix.round(9).tolist()
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    known = require_calibration(calibration)
+    if not isinstance(known, Affine | Chain):
+        known = Chain(steps=(known,))
+    one = known.composed if isinstance(known, Chain) else known
+    if np.linalg.matrix_rank(one.matrix) < 3:
+        raise AgonicError("the matrix of this calibration is singular; it cannot be exported")
+    return one

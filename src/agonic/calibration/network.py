@@ -15,7 +15,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity, known, read_only
 from agonic.calibration.inputs import WIDTH, stacked
 from agonic.calibration.thermal import Thermal
-from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError, ValidityError
+from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
 from agonic.maths.equation import network as kernel
 from agonic.maths.estimation import domain
 from agonic.provenance import Provenance
@@ -226,12 +226,6 @@ class Network:
     def inside(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """The share g (…) of the correction that is applied: 1 where it was trained, 0 far away."""
         return self._inside(self.scaled(raw, columns))
-
-    def require_inside(self, raw: ArrayLike, **columns: ArrayLike) -> None:
-        """Raise `ValidityError`, with the mask of the rows, where readings are outside."""
-        beyond = self.outside(raw, **columns)
-        if beyond.any():
-            raise ValidityError(self._beyond(beyond), mask=beyond)
 
     def at(self, temperature_C: float) -> Network:
         """The network that this is while the temperature stays at a value, °C."""

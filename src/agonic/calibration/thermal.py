@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.base import Validity, known, read_only
-from agonic.errors import AgonicError, AgonicWarning, ValidityError
+from agonic.errors import AgonicError, AgonicWarning
 from agonic.maths.equation import model as kernel
 from agonic.maths.equation import polynomial
 from agonic.provenance import Provenance
@@ -38,7 +38,7 @@ class Thermal:
         (hysteresis); `None` where there is no such term.
     covariance : (a, a) of `parameters`; or `None` where it is not known.
     validity : its `temperature_C` is the range; beyond it corrections are extrapolated and warned
-        of (`AgonicWarning`), and `require_inside` refuses.
+        of (`AgonicWarning`); `outside` says which.
 
     The others as in `Affine`.
 
@@ -183,12 +183,6 @@ class Thermal:
             return np.zeros(values.shape, dtype=bool)
         low, high = self.validity.temperature_C
         return np.asarray((values < low - MARGIN_C) | (values > high + MARGIN_C))
-
-    def require_inside(self, temperature: ArrayLike) -> None:
-        """Raise `ValidityError`, with the mask of the rows, where temperatures are outside."""
-        beyond = self.outside(temperature)
-        if beyond.any():
-            raise ValidityError(self._beyond(np.asarray(temperature), beyond), mask=beyond)
 
     @property
     def equation(self) -> str:

@@ -42,22 +42,22 @@ def report(
     One over temperature, or a network, is shown without a log too: its numbers and range.
     """
     from agonic.atomic import write_atomically
-    from agonic.calibration.chain import require_calibration
+    from agonic.calibration.chain import find_step, require_calibration
+    from agonic.calibration.network import Network
+    from agonic.calibration.thermal import Thermal
     from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
     from agonic.console.place import expected
     from agonic.files.calibration import load
-    from agonic.network.report.page import network_of
     from agonic.recording.calibrated import judge
     from agonic.recording.report.page import render
     from agonic.recording.report.record import record
-    from agonic.thermal.page import thermal_of
 
     given = require_calibration(load(cal))
-    network = network_of(given)
+    network = find_step(given, Network)
     if network is not None:
         return _network(given, network, cal, log, out, sensor, unit, at, date, field, as_json)
-    thermal = thermal_of(given)
+    thermal = find_step(given, Thermal)
     if thermal is not None:
         return _thermal(given, thermal, cal, log, out, sensor, unit, at, date, field, as_json)
     calibration, samples = calibration_and_samples(cal, log or own_log(cal), sensor, unit)

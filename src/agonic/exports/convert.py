@@ -20,7 +20,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain, require_calibration, steps_of
+from agonic.calibration.chain import compose, steps_of
 from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
 from agonic.calibration.thermal import Thermal
@@ -39,22 +39,6 @@ class Export:
     warnings: tuple[str, ...] = ()
 
 
-def composed(calibration: Calibration) -> Affine:
-    """A whole calibration as one step, an `Interference` where it takes sources into account.
-
-    >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
-    >>> composed(turn).matrix.round(9).tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    known = require_calibration(calibration)
-    if not isinstance(known, Affine | Chain):
-        known = Chain(steps=(known,))
-    one = known.composed if isinstance(known, Chain) else known
-    if np.linalg.matrix_rank(one.matrix) < 3:
-        raise AgonicError("the matrix of this calibration is singular; it cannot be exported")
-    return one
-
-
 def reduced(calibration: Calibration) -> tuple[Array, Array]:
     """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias).
 
@@ -66,7 +50,7 @@ def reduced(calibration: Calibration) -> tuple[Array, Array]:
     >>> reduced(chain)[0].round(9).tolist(), reduced(chain)[1].round(9).tolist()
     ([1.0, 2.0, 3.0], [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     """
-    one = composed(calibration)
+    one = compose(calibration)
     if "second" in one.needs:
         raise AgonicError(
             f"this calibration mixes the readings of {one.sensor} with those of a second "
@@ -84,7 +68,7 @@ def left_out(calibration: Calibration) -> tuple[str, ...]:
     ...                       coefficients=[[300.0], [0.0], [400.0]]))[0].split(";")[0]
     'the target has no term for current_A: 500 nT per unit of it stay in the field'
     """
-    one = composed(calibration)
+    one = compose(calibration)
     if not isinstance(one, Interference):
         return ()
     added = np.linalg.norm(one.matrix @ one.coefficients, axis=0)
@@ -134,7 +118,7 @@ def source_term(
     Returns its name and K (3,), readings in nT per unit of it, in the axes of `frame`; `None`
     where the calibration has none.
     """
-    one = composed(calibration)
+    one = compose(calibration)
     if not isinstance(one, Interference):
         return None
     if len(one.sources) > 1:

@@ -114,13 +114,14 @@ def _flat(e: Evidence) -> Finding | None:
         return None
     axis = nearest_axis(normal)
     noise_thickness = 2.4 * e.noise / e.radius
-    if thick < max(0.02, 1.5 * noise_thickness):
+    in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
+    if in_one_plane:
         what = f"all readings lie in one plane (its normal is near {axis})"
     else:
         tilt = np.degrees(np.arcsin(min(thick, 1.0)))
         what = f"all readings lie near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
     return Finding(
-        "plane" if "in one plane" in what else "small tilt",
+        "plane" if in_one_plane else "small tilt",
         "refuse",
         f"{what}: bias and gain along {axis} are not determined",
         "tilt the nose up and down and bank by 30° or more at several headings",

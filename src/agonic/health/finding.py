@@ -59,14 +59,17 @@ def gravest_first(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda finding: _GRAVEST_FIRST.index(finding.severity)))
 
 
-def verdict_of(findings: Iterable[Finding]) -> Verdict:
-    """`good`, `check` or `refused`, by the gravest of the findings.
+def verdict_of(findings: Iterable[Finding], *, failed: bool = False) -> Verdict:
+    """`good`, `check` or `refused`, by the gravest of the findings; a check that failed counts as
+    one to be looked at.
 
     >>> verdict_of([]), verdict_of([Finding("plane", "refuse", "all readings lie in a plane")])
     ('good', 'refused')
     """
     severities = {finding.severity for finding in findings}
-    return "refused" if "refuse" in severities else "check" if "check" in severities else "good"
+    if "refuse" in severities:
+        return "refused"
+    return "check" if failed or "check" in severities else "good"
 
 
 class Judged:
@@ -83,7 +86,7 @@ class Judged:
     remarks: tuple[str, ...]
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Verdict:
         """`good`, `check` or `refused`."""
         return verdict_of(self.findings)
 

@@ -17,6 +17,7 @@ from agonic.calibration.interference import Interference, stacked
 from agonic.ellipsoid import Recording, ellipsoid_alone, evaluate, fit_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
+from agonic.health import verdict_of
 from agonic.maths.rotations.angles import angle_deg
 from agonic.recording.choice import Choice, Kind, choose
 from agonic.reference import Reference
@@ -237,12 +238,11 @@ def _judged(choice: Choice, verification: Verification) -> Calibrated:
     """The verdict: refused by the fit, to be checked for a failed check, or good."""
     fit = choice.fit
     failed = [check for check in verification.checks if check.passed is False]
-    verdict, said = fit.verdict, [fit.status]
-    if verdict != "refused" and failed:
-        verdict = "check"
+    verdict, said = verdict_of(fit.findings, failed=bool(failed)), [fit.status]
+    if verdict != "refused":
         said += [f"On held-out parts {_of(check)}: {check.meaning}." for check in failed]
-    if choice.latency is not None and verdict != "refused":
-        said.append(choice.undone)
+        if choice.latency is not None:
+            said.append(choice.undone)
     return Calibrated(
         samples=choice.samples,
         fit=fit,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain
 from agonic.calibration.thermal import Thermal
 from agonic.report import tables as common
 from agonic.report.blocks import header, part, verdict
@@ -109,17 +108,6 @@ def thermal_page(
         element("main", key_figures(thermal, None), *parts),
     )
     return document(name, body, style=static("report.css") + static("thermal.css"))
-
-
-def thermal_of(calibration: Calibration) -> Thermal | None:
-    """The step of a calibration that depends on temperature, or `None`.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> print(thermal_of(Affine(bias=[0, 0, 0], matrix=[[1, 0, 0], [0, 1, 0], [0, 0, 1]])))
-    None
-    """
-    steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
-    return next((step for step in steps if isinstance(step, Thermal)), None)
 
 
 def _about(result: CalibratedCampaign) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
+from agonic.calibration.chain import compose
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.inputs import SOURCES, signals
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
-from agonic.exports.convert import composed
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.polynomials import RATE, Polynomials, changes, polynomials, range_C, steady
 from agonic.maths.rotations.tilt import Order
@@ -44,7 +44,7 @@ class Plan:
     @cached_property
     def calibrations(self) -> tuple[Affine, ...]:
         """The calibration of each compass as one step, in the middle of its temperatures."""
-        return tuple(composed(_in_the_middle(compass)) for compass in self.setup.compasses)
+        return tuple(compose(_in_the_middle(compass)) for compass in self.setup.compasses)
 
     @cached_property
     def warm(self) -> bool:

@@ -73,7 +73,7 @@ class Vehicle:
         self._system: tuple[int, int] | None = None
         self._autopilot = NO_AUTOPILOT
         self._clock, self._seen = Clock(), set[str]()
-        self._beat_at = self._request_at = self._told_at = -np.inf
+        self._beat_at = self._request_at = -np.inf
         self.parameters = Parameters(self._ask, self._ask_all)
 
     @property

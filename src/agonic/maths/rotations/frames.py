@@ -15,15 +15,6 @@ from agonic.arrays import Array
 ARCSEC_RAD = np.pi / 180 / 3600
 
 
-def r1(angle_rad: ArrayLike) -> Array:
-    """R1(v) = [[1, 0, 0], [0, c, s], [0, −s, c]], (…, 3, 3).
-
-    >>> (r1(np.pi / 2) @ [0.0, 1.0, 0.0] + 0).round(12).tolist()
-    [0.0, 0.0, -1.0]
-    """
-    return _about(0, angle_rad)
-
-
 def r2(angle_rad: ArrayLike) -> Array:
     """R2(v) = [[c, 0, −s], [0, 1, 0], [s, 0, c]], (…, 3, 3).
 

@@ -114,17 +114,6 @@ def network_file_page(
     return _document(title or calibration.sensor, parts)
 
 
-def network_of(calibration: Calibration) -> Network | None:
-    """The step of a calibration that is a network, or `None`.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> print(network_of(Affine(bias=[0, 0, 0], matrix=[[1, 0, 0], [0, 1, 0], [0, 0, 1]])))
-    None
-    """
-    steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
-    return next((step for step in steps if isinstance(step, Network)), None)
-
-
 def _document(name: str, parts: list[Markup]) -> str:
     body = markup(header(KICKER, name), element("main", *parts))
     return document(f"{KICKER}: {name}", body, style=static("report.css") + static("network.css"))
