@@ -9,7 +9,8 @@ import pytest
 
 from agonic.errors import LogError, UnitError
 from agonic.logs import csv_text
-from agonic.logs.read import FORMATS, open_log, read, sensors
+from agonic.logs.formats import READ
+from agonic.logs.read import open_log, read, sensors
 
 TWO = "time_s,mag1_x_nT,mag1_y_nT,mag1_z_nT,mag2_x_nT,mag2_y_nT,mag2_z_nT\n0,1,2,3,4,5,6\n"
 
@@ -88,7 +89,7 @@ def test_well_known_files_are_named(tmp_path):
     path.write_bytes(np.random.default_rng(0).bytes(5000))
     with pytest.raises(LogError, match="binary data") as caught:
         open_log(path)
-    assert FORMATS in str(caught.value)
+    assert READ in str(caught.value)
 
 
 def test_a_fault_of_a_parser_becomes_one_line(two, monkeypatch):

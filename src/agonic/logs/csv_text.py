@@ -46,14 +46,6 @@ _MOTIONCAL_COLUMNS = {
 magnetic count is 0.1 µT)."""
 
 
-def accepts(head: bytes) -> bool:
-    """Whether the first bytes of a file are text."""
-    if head.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return True
-    written = head.rstrip(b"\0")
-    return bool(written) and not written.translate(None, bytes(range(32, 256)) + b"\t\n\r\f")
-
-
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
     table, facts = tabulated(path)

@@ -21,14 +21,9 @@ from agonic.logs.stacked import table_of_arrays
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input
 
-VERSION_5, VERSION_7_3 = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
+VERSION_7_3 = b"MATLAB 7.3 MAT-file"
 _HEADER_BYTES = 128
 _DEEPEST = 4
-
-
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is a MATLAB file."""
-    return head.startswith((VERSION_5, VERSION_7_3))
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:

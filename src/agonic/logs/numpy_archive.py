@@ -13,14 +13,7 @@ from agonic.logs.stacked import table_of_arrays
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input
 
-_ZIP = b"PK\x03\x04"
 _END_BYTES = 22
-
-
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is a ZIP archive of NumPy arrays."""
-    length = int.from_bytes(head[26:28], "little")
-    return head.startswith(_ZIP) and head[30 : 30 + length].endswith(b".npy")
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:

@@ -17,7 +17,6 @@ from agonic.logs.log import Log
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input
 
-_MAGIC = b"PAR1"
 _LARGEST_FOOTER = 16_000_000
 """Bytes; 200 are a column. Far more than a log needs, and refused before it costs anything."""
 
@@ -25,11 +24,6 @@ _LARGEST_FOOTER = 16_000_000
 _PLAIN = {"double", "float", *(f"{sign}int{8 << k}" for sign in ("", "u") for k in range(4))}
 _AHEAD = 2
 """Batches that wait, decoded."""
-
-
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is a Parquet file."""
-    return head.startswith(_MAGIC)
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:

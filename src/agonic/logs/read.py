@@ -4,63 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 from agonic.errors import AgonicError, LogError
+from agonic.logs.formats import HEAD_BYTES, Format, format_of
 from agonic.logs.log import Log
 from agonic.provenance import Input, sha256_of
 from agonic.samples import Samples
 from agonic.units import canonical
-
-MARKED = (
-    "agonic.logs.ardupilot.tlog",
-    "agonic.logs.ardupilot.dataflash",
-    "agonic.logs.px4.ulog",
-    "agonic.logs.matlab",
-    "agonic.logs.numpy_archive",
-    "agonic.logs.parquet",
-    "agonic.logs.space.cdf",
-    "agonic.logs.space.netcdf",
-    "agonic.logs.space.iaga2002",
-    "agonic.logs.space.vires",
-)
-"""Readers of files that begin with a mark."""
-UNMARKED = "agonic.logs.csv_text"
-UNIT_FIXED = (
-    "agonic.logs.ardupilot.tlog",
-    "agonic.logs.ardupilot.dataflash",
-    "agonic.logs.px4.ulog",
-)
-FORMATS = (
-    "ArduPilot dataflash (.bin, .log), PX4 ULog (.ulg), MAVLink telemetry (.tlog), text tables "
-    "(.csv, .tsv, .txt), Parquet, MATLAB (.mat), NumPy archives (.npz), CDF, netCDF and IAGA-2002"
-)
-
-SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
-    (0, b"PK", "a ZIP archive (unpack it first)"),
-    (0, b"\x1f\x8b", "a gzip archive (unpack it first)"),
-    (0, b"BZh", "a bzip2 archive (unpack it first)"),
-    (0, b"\xfd7zXZ", "an xz archive (unpack it first)"),
-    (0, b"\x28\xb5\x2f\xfd", "a Zstandard archive (unpack it first)"),
-    (0, b"7z\xbc\xaf", "a 7-Zip archive (unpack it first)"),
-    (257, b"ustar", "a tar archive (unpack it first)"),
-    (0, b"\x89PNG", "a PNG picture"),
-    (0, b"\xff\xd8\xff", "a JPEG picture"),
-    (0, b"%PDF", "a PDF document"),
-    (0, b"\x7fELF", "a program"),
-    (0, b"SQLite format 3", "an SQLite database"),
-    (0, b"#ROSBAG", "a ROS 1 bag"),
-    (0, b"\x89MCAP", "an MCAP recording"),
-    (0, b"\x93NUMPY", "a single NumPy array (save it with numpy.savez and name it mag_uT)"),
-    (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
-    (0, b"<", "a web page or XML"),
-    (0, b"{", "JSON"),
-)
-"""Where the mark of a kind of file stands, the mark, and what such a file is."""
-
-_HEAD_BYTES = 65536
 
 
 def open_log(path: Path | str, *, unit: str | None = None) -> Log:
@@ -86,9 +37,8 @@ def open_log(path: Path | str, *, unit: str | None = None) -> Log:
         canonical(unit)
     try:
         head = _head(file)
-        reader = _reader(head)
         source = Input(name=file.name, sha256=sha256_of(file), count=0)
-        return _read(reader, file, source, unit)
+        return _read(format_of(head), file, source, unit)
     except LogError as error:
         if error.path is not None:
             raise
@@ -141,43 +91,25 @@ def _head(file: Path) -> bytes:
     if not file.is_file():
         raise LogError("this is a device or a pipe, not a file")
     with file.open("rb") as stream:
-        head = stream.read(_HEAD_BYTES)
+        head = stream.read(HEAD_BYTES)
     if not head:
         raise LogError("the file is empty")
     return head
 
 
-def _reader(head: bytes) -> ModuleType:
-    """The module that reads a file that starts with these bytes."""
-    for reader in map(_module, MARKED):
-        if reader.accepts(head):
-            return reader
-    for offset, mark, kind in SIGNATURES:
-        if head[offset:].startswith(mark):
-            raise LogError(f"this is {kind}; agonic reads {FORMATS}")
-    reader = _module(UNMARKED)
-    if not reader.accepts(head):
-        raise LogError(f"binary data that agonic does not know; it reads {FORMATS}")
-    return reader
-
-
-def _module(name: str) -> ModuleType:
-    return import_module(name)
-
-
-def _read(reader: ModuleType, file: Path, source: Input, unit: str | None) -> Log:
+def _read(kind: Format, file: Path, source: Input, unit: str | None) -> Log:
     """The log that the reader makes of the file; whatever a parser raises becomes a `LogError`."""
-    fixed = reader.__name__ in UNIT_FIXED
+    given = () if kind.unit_fixed else (unit,)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what is odd in a file goes into the notes
-            log: Log = reader.read(file, source) if fixed else reader.read(file, source, unit)
+            log: Log = kind.reader.read(file, source, *given)
     except AgonicError:
         raise
     except Exception as error:  # parsers fail on damaged files in every way there is
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise LogError(f"damaged, or not what it looks like ({reason})") from error
-    if not fixed or unit is None:
+    if not kind.unit_fixed or unit is None:
         return log
     note = f"the format fixes the unit of the field: the given unit {unit} is not used"
     return replace(log, notes=(*log.notes, note))
@@ -190,7 +122,7 @@ def accepts(path: Path | str) -> bool:
     False
     """
     try:
-        _reader(_head(Path(path)))
+        format_of(_head(Path(path)))
     except (LogError, OSError):
         return False
     return True

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs.ardupilot.dataflash import GPS_EPOCH, accepts, read
+from agonic.logs.ardupilot.dataflash import GPS_EPOCH, read
 from agonic.logs.ardupilot.dataflash_binary import DTYPES, read_binary
+from agonic.logs.formats import is_dataflash
 from agonic.logs.log import Log
 from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
@@ -370,7 +371,7 @@ def test_text_logs_give_the_same(tmp_path: Path) -> None:
         name = values.pop("mavpackettype")
         lines.append(", ".join([name, *map(str, values.values())]))
     text.write_text("\n".join([*lines, "MAG, 12", "ATT, x, y", ""]))
-    assert accepts(text.read_bytes()[:4096])
+    assert is_dataflash(text.read_bytes()[:4096])
     for a, b in zip(load(binary).sensors, load(text).sensors, strict=True):
         assert a.columns().keys() == b.columns().keys()
         for column, values in a.columns().items():
@@ -480,11 +481,11 @@ def test_a_log_without_compass_is_refused_with_the_next_move(tmp_path: Path) -> 
 
 
 def test_only_dataflash_logs_are_accepted() -> None:
-    assert accepts(sound()[:200])
-    assert accepts(b"junk" * 9 + sound()[:200])
-    assert not accepts(b"time_s,mag_x_nT\n0,1\n")
-    assert not accepts(b"ULog\x01\x12\x35\x01")
-    assert not accepts(b"")
+    assert is_dataflash(sound()[:200])
+    assert is_dataflash(b"junk" * 9 + sound()[:200])
+    assert not is_dataflash(b"time_s,mag_x_nT\n0,1\n")
+    assert not is_dataflash(b"ULog\x01\x12\x35\x01")
+    assert not is_dataflash(b"")
     assert FORMATS["FMT"][0] == 128
 
 

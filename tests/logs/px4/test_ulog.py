@@ -12,9 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.formats import FORMATS
 from agonic.logs.log import Log
 from agonic.logs.px4.topics import euler_deg
-from agonic.logs.px4.ulog import accepts, read
+from agonic.logs.px4.ulog import read
 from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
 from tests.logs.damage import damaged, read_or_refused
@@ -356,9 +357,10 @@ def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_only_ulog_is_accepted() -> None:
-    assert accepts(ulog({"sensor_mag[0]": sensor_mag(raw_gauss())})[:4096])
-    assert not accepts(b"")
-    assert not accepts(b"\xa3\x95\x80\x80\x59FMT")
+    kind = next(kind for kind in FORMATS if kind.module == "px4.ulog")
+    assert kind.accepts(ulog({"sensor_mag[0]": sensor_mag(raw_gauss())})[:4096])
+    assert not kind.accepts(b"")
+    assert not kind.accepts(b"\xa3\x95\x80\x80\x59FMT")
 
 
 # --- recordings --------------------------------------------------------------------------------

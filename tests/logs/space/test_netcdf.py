@@ -11,8 +11,8 @@ import pytest
 from scipy.io import netcdf_file
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.formats import format_of
 from agonic.logs.read import open_log, read
-from agonic.logs.space.netcdf import accepts
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.orbit_writer import swarm
 
@@ -145,4 +145,8 @@ def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_matlab_7_3_is_another_reader_s() -> None:
-    assert not accepts(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
+    head = b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n"
+    assert format_of(head).module == "matlab"
+    for netcdf in (b"CDF\x01", b"CDF\x02", bytes.fromhex("894844460d0a1a0a")):
+        assert format_of(netcdf).module == "space.netcdf"
+    assert format_of(b"CDF\x09").module == "csv_text"

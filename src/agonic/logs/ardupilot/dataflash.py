@@ -22,6 +22,7 @@ from agonic.errors import LogError
 from agonic.logs.ardupilot.dataflash_binary import Table, read_binary
 from agonic.logs.ardupilot.dataflash_text import read_text
 from agonic.logs.ardupilot.parameters import recover
+from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
 from agonic.logs.log import Log
 from agonic.logs.resample import ESTIMATED_ATTITUDE, misplaced, resample
 from agonic.provenance import Input
@@ -59,21 +60,7 @@ LEAP_SECONDS = {
 
 _FIRST_WEEK = 1356  # that of 2006-01-01; before there were such logs
 _LONGEST_RUN_S = 1e8  # three years; what lies above is damage
-_HEAD_BYTES = 65536
-_BINARY = re.compile(rb"\xa3\x95\x80..\w{1,4}\0{0,3}[A-Za-z]{1,16}\0*\w", re.DOTALL)
-_TEXT = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w+, ?\w+, ?\w+", re.MULTILINE)
-"""A message of type FMT: type, length, name, letters and columns."""
-
 _FIRMWARE = re.compile(r"^(APM:|Ardu|Blimp|AntennaTracker)\S* V\d")
-
-
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is a dataflash log.
-
-    >>> accepts(b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"), accepts(b"ULog")
-    (True, False)
-    """
-    return bool(_BINARY.search(head) or _TEXT.search(head))
 
 
 def read(path: Path, source: Input) -> Log:
@@ -82,7 +69,7 @@ def read(path: Path, source: Input) -> Log:
     Raises `LogError` where the file is no such log or holds no magnetometer.
     """
     with path.open("rb") as stream:
-        text = _TEXT.search(stream.read(_HEAD_BYTES))
+        text = FMT_TEXT.search(stream.read(HEAD_BYTES))
     content = (read_text if text else read_binary)(path, WANTED)
     tables = content.tables
     sensors = tuple(_samples(*mag, tables, source) for mag in _magnetometers(tables))

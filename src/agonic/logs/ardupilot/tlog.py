@@ -63,8 +63,6 @@ def accepts(head: bytes) -> bool:
     >>> accepts(2 * packet), accepts(packet), accepts(b"ULog")
     (True, False, False)
     """
-    if b"\0" not in head:  # a time stamp begins with one: this is text
-        return False
     packets = find_packets(np.frombuffer(head, np.uint8))
     return bool((packets.start[1:] == packets.end[:-1]).any())
 

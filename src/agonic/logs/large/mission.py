@@ -12,6 +12,7 @@ import numpy as np
 from agonic.errors import LogError
 from agonic.logs import parquet
 from agonic.logs.columns import identified
+from agonic.logs.formats import PARQUET
 from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, kept, layout, swept
 from agonic.logs.read import open_log
@@ -216,7 +217,7 @@ def _rows(path: Path) -> int:
 
 def _is_parquet(path: Path) -> bool:
     with path.open("rb") as stream:
-        return parquet.accepts(stream.read(4))
+        return PARQUET.accepts(stream.read(4))
 
 
 def _counted_from(samples: Samples, epoch: datetime | None, *, given: bool) -> Samples:

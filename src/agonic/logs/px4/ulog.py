@@ -43,15 +43,6 @@ _SHORTEST_STEP_S = 5e-4  # repeated readings keep their time but for some micros
 _NO_NEW_READING = 0x7FFFFFFF  # as magnetometer_timestamp_relative
 
 
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is a PX4 log.
-
-    >>> accepts(bytes.fromhex("554c6f67011235") + b"more"), accepts(b"FMT, 128, 89")
-    (True, False)
-    """
-    return head.startswith(b"ULog\x01\x12\x35")
-
-
 def read(path: Path, source: Input) -> Log:
     """The magnetometers of a PX4 log with all that was recorded beside them.
 

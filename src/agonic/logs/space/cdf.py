@@ -16,7 +16,7 @@ from agonic.logs.log import Log
 from agonic.logs.space.variables import log_of_variables
 from agonic.provenance import Input
 
-VERSION_3, VERSION_2_6 = b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02"
+VERSION_3 = b"\xcd\xf3\x00\x01"
 
 _EPOCH, _EPOCH16, _TT2000 = 31, 32, 33
 """Data types of moments: ms since year 0; s and ps since year 0; ns since 2000, leap seconds in."""
@@ -27,15 +27,6 @@ _MOST_DIMENSIONS = 10
 _SQUEEZED = 1100
 """The most that gzip can shrink: a variable is no larger than this many times its file."""
 _READS = 100_000
-
-
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is a CDF file, version 2.6 to 3.
-
-    >>> accepts(bytes.fromhex("cdf30001")), accepts(bytes.fromhex("43444601"))
-    (True, False)
-    """
-    return head.startswith((VERSION_3, VERSION_2_6))
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:

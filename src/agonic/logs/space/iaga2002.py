@@ -22,7 +22,6 @@ from agonic.logs.space import scalar
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input
 
-MARK = b" Format                 IAGA-2002"
 MISSING = 88_880.0
 """Values from here on are codes: 88888 not observed, 99999 missing."""
 
@@ -30,15 +29,6 @@ _TIME, _VALUES, _WIDTH = slice(0, 23), slice(30, 70), 10
 _NORTH = ("XYZ", "HDZ", "DHZ")
 _OWN = ("HEZ", "UVW", "EHZ")
 _MINUTES_A_TURN = 21_600.0
-
-
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is IAGA-2002.
-
-    >>> accepts(b" Format                 IAGA-2002                        |"), accepts(b" Format")
-    (True, False)
-    """
-    return head.startswith(MARK)
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:

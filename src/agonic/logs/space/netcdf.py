@@ -23,7 +23,7 @@ from agonic.logs.space.hdf5 import check_heaps
 from agonic.logs.space.variables import log_of_variables
 from agonic.provenance import Input
 
-HDF5, CLASSIC = b"\x89HDF\r\n\x1a\n", (b"CDF\x01", b"CDF\x02")
+CLASSIC = (b"CDF\x01", b"CDF\x02")
 
 _SINCE = re.compile(r"\s*(?P<unit>[a-z]+)\s+since\s+(?P<start>.+)", re.IGNORECASE)
 _SECONDS = {"d": 86_400.0, "h": 3600.0, "mi": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -35,15 +35,6 @@ _MOST_EXTENT_S = 1e11
 
 Found = tuple[NDArray[Any], Mapping[str, Any]]
 """The values of a variable and its attributes."""
-
-
-def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is netCDF, or another HDF5 file.
-
-    >>> accepts(b"CDF\\x01"), accepts(bytes.fromhex("894844460d0a1a0a")), accepts(b"CDF\\x09")
-    (True, True, False)
-    """
-    return head.startswith((HDF5, *CLASSIC))
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:

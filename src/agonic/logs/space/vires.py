@@ -19,17 +19,6 @@ from agonic.provenance import Input
 _TIME, _CRAFT = "Timestamp", "Spacecraft"
 
 
-def accepts(head: bytes) -> bool:
-    """Whether the first lines of a file are a header with a time stamp and a row with a vector.
-
-    >>> accepts(b"Timestamp,F,B_NEC\\n2016-01-01T00:28:00Z,5.1,{3;4;0}\\n"), accepts(b"Timestamp,F")
-    (True, False)
-    """
-    header, _, rest = head.partition(b"\n")
-    row, _, _ = rest.partition(b"\n")
-    return _TIME.encode() in header.split(b",") and b"{" in row and b";" in row
-
-
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that such a table is; the service writes nT, degrees and metres.
 

@@ -25,6 +25,7 @@ from agonic.errors import LogError
 from agonic.logs import csv_text
 from agonic.logs import parquet as read_parquet
 from agonic.logs.columns import identified, positions, understood
+from agonic.logs.formats import PARQUET, TEXT
 from agonic.logs.read import open_log
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input, sha256_of
@@ -78,13 +79,13 @@ def read_recording(path: Path, unit: str | None = None) -> RecordedFile:
     """
     with path.open("rb") as stream:
         head = stream.read(_HEAD_BYTES)
-    table_reader = read_parquet if read_parquet.accepts(head) else None
-    if table_reader is None and not csv_text.accepts(head):
+    is_parquet = PARQUET.accepts(head)
+    if not is_parquet and not TEXT.accepts(head):
         log = open_log(path, unit=unit)
         part = Part(station=None, sensors={samples.name: samples for samples in log.sensors})
         return RecordedFile(parts=(part,), source=log.source, notes=log.notes)
     try:
-        table, notes = _read_table(path, head, table_reader is not None)
+        table, notes = _read_table(path, head, is_parquet)
         source = Input(name=path.name, sha256=sha256_of(path), count=len(_take_first(table)))
         parts = tuple(_split_table(table, path, source, unit))
     except LogError as error:

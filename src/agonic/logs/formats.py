@@ -1,0 +1,143 @@
+"""The kinds of files that are read, and how the first bytes of each are known.
+
+Nothing but the standard library is imported here: a reader, with the libraries that it needs, is
+imported when a file of its kind is opened.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Callable
+from importlib import import_module
+from types import ModuleType
+from typing import NamedTuple
+
+from agonic.errors import LogError
+
+HEAD_BYTES = 65536
+"""How much of a file tells of its kind."""
+
+_FMT = re.compile(rb"\xa3\x95\x80..\w{1,4}\0{0,3}[A-Za-z]{1,16}\0*\w", re.DOTALL)
+FMT_TEXT = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w+, ?\w+, ?\w+", re.MULTILINE)
+"""A message of type FMT of a dataflash log: type, length, name, letters and columns."""
+
+
+class Format(NamedTuple):
+    """A kind of file: what it is called, the module that reads it, and how its start is known.
+
+    The module has `read(path, source, unit) -> Log`, or `read(path, source)` where the format
+    fixes the unit of the field (`unit_fixed`). Where `mark` only says that the start may be of
+    this kind, the module has `accepts(head)` too.
+    """
+
+    name: str
+    module: str
+    mark: Callable[[bytes], bool]
+    unit_fixed: bool = False
+
+    @property
+    def reader(self) -> ModuleType:
+        """The module that reads it, imported now."""
+        return import_module(f"agonic.logs.{self.module}")
+
+    def accepts(self, head: bytes) -> bool:
+        """Whether a file that starts with these bytes is of this kind."""
+        if not self.mark(head):
+            return False
+        return not hasattr(self.reader, "accepts") or bool(self.reader.accepts(head))
+
+
+def _starts(*marks: bytes) -> Callable[[bytes], bool]:
+    """The mark of files that start with one of these."""
+    return lambda head: head.startswith(marks)
+
+
+def is_dataflash(head: bytes) -> bool:
+    """Whether a message of type FMT stands in it, binary or text.
+
+    >>> is_dataflash(b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns")
+    True
+    """
+    return bool(_FMT.search(head) or FMT_TEXT.search(head))
+
+
+def _is_numpy_archive(head: bytes) -> bool:
+    """Whether the first member of a ZIP archive is a NumPy array."""
+    length = int.from_bytes(head[26:28], "little")
+    return head.startswith(b"PK\x03\x04") and head[30 : 30 + length].endswith(b".npy")
+
+
+def _is_vires(head: bytes) -> bool:
+    """Whether the first lines are a header with a time stamp and a row with a vector."""
+    header, _, rest = head.partition(b"\n")
+    row, _, _ = rest.partition(b"\n")
+    return b"Timestamp" in header.split(b",") and b"{" in row and b";" in row
+
+
+def _is_text(head: bytes) -> bool:
+    if head.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return True
+    written = head.rstrip(b"\0")
+    return bool(written) and not written.translate(None, bytes(range(32, 256)) + b"\t\n\r\f")
+
+
+PARQUET = Format("Parquet", "parquet", _starts(b"PAR1"))
+TEXT = Format("text tables (.csv, .tsv, .txt)", "csv_text", _is_text)
+
+FORMATS = (
+    Format("PX4 ULog (.ulg)", "px4.ulog", _starts(b"ULog\x01\x12\x35"), unit_fixed=True),
+    PARQUET,
+    Format("MATLAB (.mat)", "matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")),
+    Format("NumPy archives (.npz)", "numpy_archive", _is_numpy_archive),
+    Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
+    Format("netCDF", "space.netcdf", _starts(b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02")),
+    Format("IAGA-2002", "space.iaga2002", _starts(b" Format                 IAGA-2002")),
+    Format("VirES tables", "space.vires", _is_vires),
+    Format(  # a time stamp begins with a zero byte, which no text has
+        "MAVLink telemetry (.tlog)", "ardupilot.tlog", lambda head: b"\0" in head, unit_fixed=True
+    ),
+    Format("ArduPilot dataflash (.bin, .log)", "ardupilot.dataflash", is_dataflash, True),
+)
+"""Files that begin with a mark, in the order in which they are tried; all others are `TEXT`."""
+
+READ = ", ".join(kind.name for kind in (*FORMATS, TEXT))
+
+SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
+    (0, b"PK", "a ZIP archive (unpack it first)"),
+    (0, b"\x1f\x8b", "a gzip archive (unpack it first)"),
+    (0, b"BZh", "a bzip2 archive (unpack it first)"),
+    (0, b"\xfd7zXZ", "an xz archive (unpack it first)"),
+    (0, b"\x28\xb5\x2f\xfd", "a Zstandard archive (unpack it first)"),
+    (0, b"7z\xbc\xaf", "a 7-Zip archive (unpack it first)"),
+    (257, b"ustar", "a tar archive (unpack it first)"),
+    (0, b"\x89PNG", "a PNG picture"),
+    (0, b"\xff\xd8\xff", "a JPEG picture"),
+    (0, b"%PDF", "a PDF document"),
+    (0, b"\x7fELF", "a program"),
+    (0, b"SQLite format 3", "an SQLite database"),
+    (0, b"#ROSBAG", "a ROS 1 bag"),
+    (0, b"\x89MCAP", "an MCAP recording"),
+    (0, b"\x93NUMPY", "a single NumPy array (save it with numpy.savez and name it mag_uT)"),
+    (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
+    (0, b"<", "a web page or XML"),
+    (0, b"{", "JSON"),
+)
+"""Where the mark of a kind of file that is not read stands, the mark, and what such a file is."""
+
+
+def format_of(head: bytes) -> Format:
+    """The kind of a file that starts with these bytes, or a `LogError` that says what it is.
+
+    >>> format_of(b"PAR1 and more").name, format_of(b"time_s,mag_x_nT\\n").module
+    ('Parquet', 'csv_text')
+    """
+    for kind in FORMATS:
+        if kind.accepts(head):
+            return kind
+    for offset, mark, what in SIGNATURES:
+        if head[offset:].startswith(mark):
+            raise LogError(f"this is {what}; agonic reads {READ}")
+    if not TEXT.accepts(head):
+        raise LogError(f"binary data that agonic does not know; it reads {READ}")
+    return TEXT
