@@ -13,8 +13,8 @@ from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
 from agonic.cli import run
-from agonic.exports.px4 import parse_px4
 from agonic.files.setup import save_setup
+from tests.exports.read_back import parse_px4
 
 FILES = ["compass.c", "compass.h", "compass_fit.c", "compass_fit.h", "compass_selftest.c"]
 LEVEL_NORTH = "{.raw = {{19100.0f, 0.0f, 45600.0f}}}"

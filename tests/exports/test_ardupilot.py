@@ -5,12 +5,8 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
-from agonic.exports.ardupilot import (
-    apply_ardupilot,
-    ardupilot_parameters,
-    parse_ardupilot,
-    write_ardupilot,
-)
+from agonic.exports.ardupilot import ardupilot_parameters, write_ardupilot
+from tests.exports.read_back import apply_ardupilot, parse_ardupilot
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.03, 1.1, 0.05], [-0.02, 0.05, 1.0]])
 

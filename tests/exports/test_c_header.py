@@ -8,8 +8,9 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
-from agonic.exports.c_header import apply_c, parse_c, write_c
+from agonic.exports.c_header import write_c
 from agonic.provenance import Input, Provenance
+from tests.exports.read_back import apply_c, parse_c
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.01, 1.1, 0.05], [-0.04, 0.06, 1.0]])
 NASTY = Provenance(inputs=(Input(name="logs/*.csv */ ??/", sha256="00", count=1),))

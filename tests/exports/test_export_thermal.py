@@ -17,17 +17,30 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, UnitError, ValidityError
-from agonic.exports.ardupilot import apply_ardupilot, parse_ardupilot
-from agonic.exports.c_header import apply_c, parse_c, write_c
+from agonic.exports.c_header import write_c
 from agonic.exports.fixed_temperature import held, remainder
-from agonic.exports.matlab import apply_matlab, parse_matlab, write_matlab
-from agonic.exports.motioncal import apply_motioncal, parse_motioncal
+from agonic.exports.matlab import write_matlab
 from agonic.exports.polynomials import affine_at, polynomials
-from agonic.exports.px4 import apply_px4, parse_px4, px4_parameters, write_px4
-from agonic.exports.ros import apply_ros, parse_ros
-from agonic.exports.table import apply_table, parse_table, write_table
+from agonic.exports.px4 import px4_parameters, write_px4
+from agonic.exports.table import write_table
 from agonic.exports.targets import TARGETS, write
 from tests.exports.controller import STRICT, library
+from tests.exports.read_back import (
+    apply_ardupilot,
+    apply_c,
+    apply_matlab,
+    apply_motioncal,
+    apply_px4,
+    apply_ros,
+    apply_table,
+    parse_ardupilot,
+    parse_c,
+    parse_matlab,
+    parse_motioncal,
+    parse_px4,
+    parse_ros,
+    parse_table,
+)
 
 RNG = np.random.default_rng(12)
 MATRIX = np.array([[1.1, 0.03, -0.02], [0.03, 0.94, 0.05], [-0.02, 0.05, 1.03]])

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
-from agonic.exports.matlab import parse_matlab, write_matlab
+from agonic.exports.matlab import write_matlab
+from tests.exports.read_back import parse_matlab
 
 TURNED = Rotation.from_euler("z", 20, degrees=True).as_matrix() @ np.diag([1.2, 1.1, 1.0])
 MAG = Affine(bias=[3000.0, -2000.0, 100.0], matrix=TURNED, magnitude=48000.0)

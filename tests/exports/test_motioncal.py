@@ -7,14 +7,8 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
-from agonic.exports.motioncal import (
-    apply_motioncal,
-    crc16,
-    encode_motioncal,
-    motioncal_packet,
-    parse_motioncal,
-    write_motioncal,
-)
+from agonic.exports.motioncal import crc16, encode_motioncal, motioncal_packet, write_motioncal
+from tests.exports.read_back import apply_motioncal, parse_motioncal
 
 # A packet that a device took: kimxilxyong/Arduino, Projects/Callibration/
 # WriteStaticCalibrationData/WriteStaticCalibrationData.ino (public domain).

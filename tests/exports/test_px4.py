@@ -5,7 +5,8 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
-from agonic.exports.px4 import apply_px4, parse_px4, px4_parameters, write_px4
+from agonic.exports.px4 import px4_parameters, write_px4
+from tests.exports.read_back import apply_px4, parse_px4
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.03, 1.1, 0.05], [-0.02, 0.05, 1.0]])
 MAG = Affine(bias=[3000.0, -2000.0, 100.0], matrix=MATRIX)

@@ -8,7 +8,8 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.errors import AgonicError, LogError
-from agonic.exports.ros import parse_ros, write_ros
+from agonic.exports.ros import write_ros
+from tests.exports.read_back import parse_ros
 
 MATRIX = np.array([[1.0, 0.25, 1e-7], [0.0, 2.0, 0.0], [0.0, -1.5, 3.0]])
 MAG = Affine(bias=[10000.0, -25000.0, 0.0], matrix=MATRIX)

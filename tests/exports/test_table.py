@@ -7,7 +7,8 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
-from agonic.exports.table import parse_table, write_table
+from agonic.exports.table import write_table
+from tests.exports.read_back import parse_table
 
 VARIANCE = np.arange(1.0, 10.0) ** 2
 COVARIANCE = np.diag(VARIANCE)

@@ -9,6 +9,7 @@ import typer
 
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError
+from agonic.exports.targets import TARGETS, listed
 
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
@@ -29,7 +30,7 @@ def export(
     cal: Source,
     to: Annotated[
         str,
-        typer.Option("--to", help="ardupilot, px4, c, motioncal, matlab, ros or table."),
+        typer.Option("--to", help=f"{listed(list(TARGETS), 'or')}."),
     ],
     out: Annotated[
         Path | None,
@@ -78,11 +79,11 @@ def export(
     """Write a calibration in another program's own form, with what that form cannot hold.
 
     A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading. A
-    calibration that changes with temperature keeps doing so in c, px4, matlab and table.
+    calibration that changes with temperature keeps doing so where the target
+    can hold that; for the others say with --temperature where to hold it.
     """
     from agonic.calibration.chain import require_calibration
     from agonic.exports.firmware import write_firmware
-    from agonic.exports.targets import SUFFIXES
     from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
     from agonic.files.setup import load_setup
@@ -105,7 +106,7 @@ def export(
             setup, out or cal.with_suffix(""), name=name, declination=source
         )
     else:
-        path = out or cal.with_suffix(SUFFIXES.get(to, ""))
+        path = out or cal.with_suffix(TARGETS[to].suffix if to in TARGETS else "")
         calibration = require_calibration(load(cal))
         written = write_target(
             to, calibration, path, number=number, device_id=device_id, temperature_C=temperature

@@ -10,17 +10,15 @@ it is minus the matrix times what a unit of x adds to the readings. x is the bat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.errors import AgonicError, LogError
+from agonic.errors import AgonicError
 from agonic.exports.convert import (
     Export,
     banner,
@@ -30,7 +28,6 @@ from agonic.exports.convert import (
 )
 from agonic.exports.fixed_temperature import held
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
-from agonic.logs.contents import read_bytes
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
 
@@ -67,8 +64,8 @@ def write_ardupilot(
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3), frame_in="b", frame_out="b")
     >>> with TemporaryDirectory() as folder:
     ...     export = write_ardupilot(mag, folder + "/mag.param")
-    ...     parse_ardupilot(export.path)["COMPASS_OFS_X"]
-    -30.0
+    ...     [row for row in export.path.read_text().split() if row.startswith("COMPASS_OFS_X")]
+    ['COMPASS_OFS_X,-30.0']
     """
     one, lost = held(calibration, temperature_C)
     parameters, warnings = ardupilot_parameters(one, compass=compass, rotation_bm=rotation_bm)
@@ -107,12 +104,12 @@ def ardupilot_parameters(
         )
         scale = 1.0
     values = [*offset, *(six / scale), scale]
-    parameters = dict(zip(_names(compass), map(float, values), strict=True))
+    parameters = dict(zip(ardupilot_names(compass), map(float, values), strict=True))
     term = source_term(calibration, "b", rotation_bm=rotation_bm)
     if term is not None:
         source, added = term
         motor = -unpack_symmetric(six) @ added / NANOTESLA_PER["mG"]
-        parameters |= dict(zip(_motor_names(compass), motor.tolist(), strict=True))
+        parameters |= dict(zip(motor_names(compass), motor.tolist(), strict=True))
         parameters["COMPASS_MOTCT"] = float(MOTOR_KIND[source])
         warnings += (
             f"COMPASS_MOTCT {MOTOR_KIND[source]} holds for all compasses of the vehicle: their "
@@ -121,39 +118,7 @@ def ardupilot_parameters(
     return parameters, (*warnings, *_remarks(offset, six / scale))
 
 
-def apply_ardupilot(
-    parameters: Mapping[str, float], raw: ArrayLike, *, compass: int = 1, x: ArrayLike = 0.0
-) -> Array:
-    """The field (…, 3) that ArduPilot makes of readings, both in mG and body axes.
-
-    `x` is the current in A or the throttle 0…1, whichever COMPASS_MOTCT says.
-    """
-    values = np.array([parameters[name] for name in _names(compass)])
-    offset, six, scale = values[:3], values[3:9], values[9]
-    if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
-        scale = 1.0
-    matrix = unpack_symmetric(six) if six[:3].any() else unpack_symmetric([1, 1, 1, *six[3:]])
-    motor = np.array([parameters.get(name, 0.0) for name in _motor_names(compass)])
-    added = np.asarray(x, dtype=np.float64)[..., None] * motor
-    return np.asarray((scale * (np.asarray(raw) + offset)) @ matrix.T + added)
-
-
-def parse_ardupilot(path: Path | str) -> dict[str, float]:
-    """The parameters of a `.param` file, by name."""
-    parameters = {}
-    text = read_bytes(path).decode(errors="replace")
-    for row, line in enumerate(text.splitlines(), start=1):
-        words = line.split("#")[0].replace(",", " ").split()
-        if words:
-            try:
-                name, value = words
-                parameters[name] = float(value)
-            except ValueError:
-                raise LogError("a row needs a name and a number", path=path, row=row) from None
-    return parameters
-
-
-def _names(compass: int) -> list[str]:
+def ardupilot_names(compass: int) -> list[str]:
     """OFS x y z, DIA x y z, ODI x y z (= xy, xz, yz), SCALE; the first compass has no number."""
     if compass not in (1, 2, 3):
         raise AgonicError(f"compass is 1, 2 or 3 in ArduPilot, not {compass}")
@@ -162,7 +127,7 @@ def _names(compass: int) -> list[str]:
     return [*vectors, f"COMPASS_SCALE{number}"]
 
 
-def _motor_names(compass: int) -> list[str]:
+def motor_names(compass: int) -> list[str]:
     return [f"COMPASS_MOT{'' if compass == 1 else compass}_{axis}" for axis in "XYZ"]
 
 

@@ -10,7 +10,6 @@ nearest edge counts, since a cubic runs away there, and the function says so.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.errors import AgonicError, LogError
+from agonic.errors import AgonicError
 from agonic.exports.c_network import network_header
 from agonic.exports.c_network_parts import at_temperature, has_network
 from agonic.exports.c_thermal import thermal_header
@@ -27,7 +26,6 @@ from agonic.exports.convert import Export, banner, float32_text, left_out, reduc
 from agonic.exports.firmware.ctext import comment
 from agonic.exports.fixed_temperature import held
 from agonic.exports.polynomials import changes
-from agonic.logs.contents import read_bytes
 
 Float32 = NDArray[np.float32]
 
@@ -101,8 +99,8 @@ def write_c(
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3))
     >>> with TemporaryDirectory() as folder:
     ...     export = write_c(mag, folder + "/mag.h")
-    ...     parse_c(export.path)["b"].tolist()
-    [3000.0, 0.0, 0.0]
+    ...     [row for row in export.path.read_text().split("\\n") if "mag_b[3]" in row]
+    ['static const float mag_b[3] = {3000.0f, 0.0f, 0.0f};']
     """
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise AgonicError(f"name is a C identifier such as mag, not {name!r}")
@@ -132,45 +130,6 @@ def write_c(
         tolerance=float32_text(tolerance),
     )
     return Export(path=write_atomically(path, text), target="c", warnings=warnings)
-
-
-def parse_c(path: Path | str, *, name: str = "mag") -> dict[str, Float32]:
-    """`b` (3,) and `A` (3, 3) of a header, or `T` (p, 12 or 15), `scale_C` and `range_C` (2,)."""
-    text = read_bytes(path).decode(errors="replace")
-    of_temperature = re.search(rf"\b{name}_T\[", text)
-    arrays = {}
-    for key in ("T", "scale_C", "range_C") if of_temperature else ("b", "A"):
-        found = re.search(rf"\b{name}_{key}((?:\[\d+\])+) = ([^;]*);", text)
-        shape = [int(n) for n in re.findall(r"\d+", found[1])] if found else [0]
-        numbers = re.findall(r"[-+.\d]+(?:e[-+]\d+)?(?=f)", found[2]) if found else []
-        if not found or len(numbers) != np.prod(shape):
-            raise LogError(f"no {name}_{key} with its numbers", path=path)
-        arrays[key] = np.array(numbers, dtype=np.float32).reshape(shape)
-    return arrays
-
-
-def apply_c(
-    arrays: Mapping[str, Float32],
-    raw: ArrayLike,
-    *,
-    temperature_C: ArrayLike = 0.0,
-    rate_C_s: ArrayLike = 0.0,
-) -> Float32:
-    """The field (…, 3) that the header makes of readings, in its own float32."""
-    bias, matrix = arrays.get("b"), arrays.get("A")
-    if "T" in arrays:
-        clamped = np.clip(np.asarray(temperature_C, dtype=np.float32), *arrays["range_C"])
-        x = ((clamped - arrays["scale_C"][0]) / arrays["scale_C"][1])[..., None]
-        value = np.zeros_like(x)
-        for row in arrays["T"][::-1]:
-            value = value * x + row
-        rate = np.asarray(rate_C_s, dtype=np.float32)[..., None]
-        bias = value[..., :3] + (value[..., 12:] * rate if value.shape[-1] > 12 else np.float32(0))
-        matrix = value[..., 3:12].reshape(*value.shape[:-1], 3, 3)
-    assert bias is not None
-    assert matrix is not None
-    left = np.asarray(raw, dtype=np.float32) - bias
-    return np.asarray((matrix * left[..., None, :]).sum(axis=-1), dtype=np.float32)
 
 
 def _example(calibration: Calibration, bias: Array, matrix: Array) -> tuple[Array, Array, float]:

@@ -18,6 +18,7 @@ from agonic.calibration.chain import require_calibration
 from agonic.errors import AgonicError, ValidityError
 from agonic.exports.convert import scaled_to
 from agonic.exports.polynomials import affine_at, changes, range_C, signals
+from agonic.exports.targets import TARGETS, listed
 
 LEVELS = 121
 """Temperatures at which the error is looked at."""
@@ -115,10 +116,11 @@ def held(
     low, high = range_C(known)
     within = f"{low:.4g} to {high:.4g} °C"
     if temperature_C is None:
+        able = [name for name, target in TARGETS.items() if target.thermal]
         raise AgonicError(
             f"the calibration of {known.sensor} changes with temperature and the target holds one "
             f"temperature: say which (--temperature, in Python temperature_C), within {within}; "
-            "px4, c, matlab and table hold more than one"
+            f"{listed(able, 'and')} hold more than one"
         )
     require_within(known, temperature_C)
     lost = f"held at {temperature_C:.4g} C: {remainder(known, temperature_C)}"

@@ -17,18 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.io import loadmat, savemat
-from scipy.io.matlab import MatReadError
+from scipy.io import savemat
 
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.errors import LogError
 from agonic.exports.convert import Export, banner, left_out, reduced, scaled_to
 from agonic.exports.fixed_temperature import held
 from agonic.exports.polynomials import RATE, changes, polynomials, range_C
-from agonic.logs.contents import read_bytes
 
 HEADER = 116  # bytes of free text at the start of a MAT-file, version 5
 FORMULA = "C = (D - b) * A, a reading a row"
@@ -50,10 +46,11 @@ def write_matlab(
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.calibration.affine import Affine
+    >>> from scipy.io import loadmat
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3))
     >>> with TemporaryDirectory() as folder:
     ...     export = write_matlab(mag, folder + "/mag.mat")
-    ...     parse_matlab(export.path)["b"]
+    ...     loadmat(export.path)["b"]
     array([[3000.,    0.,    0.]])
     """
     warm: dict[str, Any] = {}
@@ -77,35 +74,6 @@ def write_matlab(
     }
     written = write_atomically(path, _without_clock(variables))
     return Export(path=written, target="matlab", warnings=warnings)
-
-
-def parse_matlab(path: Path | str) -> dict[str, Array]:
-    """`A` (3, 3), `b` (1, 3), `expmfs` (1, 1), and of a calibration that changes `WARM`."""
-    data = read_bytes(path)
-    try:
-        found = loadmat(BytesIO(data), variable_names=["A", "b", "expmfs", *WARM])  # type: ignore[arg-type]
-        names = ["A", "b", "expmfs", *(name for name in WARM if name in found)]
-        return {name: np.asarray(found[name], dtype=float) for name in names}
-    except (MatReadError, NotImplementedError, KeyError, TypeError, ValueError) as error:
-        raise LogError(f"not a MAT-file with A, b and expmfs ({error})", path=path) from None
-
-
-def apply_matlab(
-    variables: Mapping[str, Any],
-    raw: ArrayLike,
-    *,
-    temperature_C: ArrayLike | None = None,
-    rate_C_s: ArrayLike = 0.0,
-) -> Array:
-    """The field that MATLAB makes of readings (n, 3), (D − b) * A, or by the polynomials of T."""
-    if temperature_C is None:
-        return np.asarray((np.asarray(raw) - variables["b"]) @ variables["A"])
-    centre, half = (np.ravel(variables[name])[0] for name in ("centre_C", "half_range_C"))
-    pages = np.atleast_3d(variables["A_T"])
-    powers = ((np.asarray(temperature_C) - centre) / half)[:, None] ** np.arange(pages.shape[2])
-    late = np.broadcast_to(rate_C_s, len(powers))[:, None] * variables["rate"]
-    left = np.asarray(raw) - powers @ variables["b_T"] - late
-    return np.asarray(np.einsum("ni,ijk,nk->nj", left, pages, powers))
 
 
 def _over_temperature(calibration: Calibration) -> dict[str, Array | float]:

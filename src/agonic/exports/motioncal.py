@@ -15,17 +15,10 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.errors import LogError
 from agonic.exports.convert import Export, left_out, scaled_to, six_numbers
 from agonic.exports.fixed_temperature import held
-from agonic.logs.contents import read_bytes
-from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
 
 SIGNATURE = b"\x75\x54"
@@ -52,12 +45,14 @@ def write_motioncal(
     temperature. Raises `UnitError` for a calibration in raw units.
 
     >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
     >>> from agonic.calibration.affine import Affine
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3), magnitude=48000.0)
     >>> with TemporaryDirectory() as folder:
     ...     export = write_motioncal(mag, folder + "/mag.bin")
-    ...     parse_motioncal(export.path)
-    Packet(offset=(3.0, 0.0, 0.0), field=48.0, matrix=(1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    ...     data = export.path.read_bytes()
+    >>> struct.unpack("<4f", data[26:42]), len(data)
+    ((3.0, 0.0, 0.0, 48.0), 68)
     """
     one, lost = held(calibration, temperature_C)
     packet, warnings = motioncal_packet(one)
@@ -88,23 +83,6 @@ def encode_motioncal(packet: Packet) -> bytes:
     values = (0.0,) * 6 + packet.offset + (packet.field,) + packet.matrix
     body = SIGNATURE + struct.pack("<16f", *values)
     return body + struct.pack("<H", crc16(body))
-
-
-def parse_motioncal(path: Path | str) -> Packet:
-    """The packet in a file; `LogError` where signature, length or CRC are wrong."""
-    data = read_bytes(path)
-    if len(data) != LENGTH or not data.startswith(SIGNATURE) or crc16(data):
-        raise LogError(
-            "not a MotionCal packet: 68 bytes that start with 75 54 and end with their CRC",
-            path=path,
-        )
-    values = struct.unpack("<16f", data[2:-2])
-    return Packet(offset=values[6:9], field=values[9], matrix=values[10:])
-
-
-def apply_motioncal(packet: Packet, raw: ArrayLike) -> Array:
-    """The field (…, 3) that the device makes of readings, both in µT and sensor axes."""
-    return np.asarray((np.asarray(raw) - packet.offset) @ unpack_symmetric(packet.matrix).T)
 
 
 def crc16(data: bytes) -> int:

@@ -13,17 +13,15 @@ TC is of TC_Mn_*: see `px4_thermal`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.errors import AgonicError, LogError
+from agonic.errors import AgonicError
 from agonic.exports.convert import (
     Export,
     banner,
@@ -34,9 +32,7 @@ from agonic.exports.convert import (
 )
 from agonic.exports.fixed_temperature import held
 from agonic.exports.polynomials import changes
-from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_offset, thermal_parameters
-from agonic.logs.contents import read_bytes
-from agonic.maths.equation.symmetric import unpack_symmetric
+from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_parameters
 from agonic.units import NANOTESLA_PER
 
 DEAD_BAND = 0.01
@@ -83,8 +79,9 @@ def write_px4(
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1)
     >>> with TemporaryDirectory() as folder:
     ...     export = write_px4(mag, folder + "/mag.params", device_id=396809)
-    ...     parse_px4(export.path)["CAL_MAG0_XOFF"]
-    0.03
+    ...     rows = export.path.read_text().splitlines()
+    >>> [row.split()[2:4] for row in rows if "XOFF" in row]
+    [['CAL_MAG0_XOFF', '0.03']]
     """
     parameters, warnings = px4_parameters(
         calibration,
@@ -140,13 +137,13 @@ def px4_parameters(
             thermal[f"TC_M{slot}_ID"] = parameters[f"CAL_MAG{slot}_ID"]
     if rotation is not None:
         parameters[f"CAL_MAG{slot}_ROT"] = int(rotation)
-    parameters |= dict(zip(_names(slot), map(float, (*offset, *six)), strict=True))
+    parameters |= dict(zip(px4_names(slot), map(float, (*offset, *six)), strict=True))
     term = source_term(calibration, "m", rotation_bm=rotation_bm)
     if term is not None:
         source, added = term
         kind = POWER_KIND[source]
         comp = -added * AMPERES[kind] / NANOTESLA_PER["G"]
-        parameters |= dict(zip(_power_names(slot), comp.tolist(), strict=True))
+        parameters |= dict(zip(power_names(slot), comp.tolist(), strict=True))
         parameters[POWER] = kind
         warnings += (
             f"{POWER} {kind} holds for all magnetometers of the vehicle"
@@ -166,43 +163,7 @@ def px4_parameters(
     return parameters | thermal, (*warnings, *lost, *_remarks(offset, six), *advice)
 
 
-def apply_px4(
-    parameters: Mapping[str, float],
-    raw: ArrayLike,
-    *,
-    slot: int = 0,
-    x: ArrayLike = 0.0,
-    temperature_C: ArrayLike | None = None,
-) -> Array:
-    """The field (…, 3) that PX4 makes of readings while armed, both in gauss and sensor axes.
-
-    `x` is the current in A or the throttle 0…1, whichever CAL_MAG_COMP_TYP says; `temperature_C`
-    the sensor's, where TC_M is to count.
-    """
-    values = np.array([parameters[name] for name in _names(slot)])
-    comp = np.array([parameters.get(name, 0.0) for name in _power_names(slot)])
-    power = np.asarray(x, np.float64)[..., None] / AMPERES.get(int(parameters.get(POWER, 1)), 1.0)
-    offset = values[:3] + thermal_offset(parameters, temperature_C, slot=slot)
-    return np.asarray((np.asarray(raw) + power * comp - offset) @ unpack_symmetric(values[3:]).T)
-
-
-def parse_px4(path: Path | str) -> dict[str, float | int]:
-    """The parameters of a `.params` file, by name."""
-    parameters: dict[str, float | int] = {}
-    text = read_bytes(path).decode(errors="replace")
-    for row, line in enumerate(text.splitlines(), start=1):
-        if line.strip() and not line.startswith("#"):
-            try:
-                _, _, name, value, kind = line.split()
-                parameters[name] = int(value) if int(kind) <= INT32 else float(value)
-            except ValueError:
-                raise LogError(
-                    "a row needs vehicle, component, name, number and type", path=path, row=row
-                ) from None
-    return parameters
-
-
-def _names(slot: int) -> list[str]:
+def px4_names(slot: int) -> list[str]:
     """OFF x y z, SCALE x y z, ODIAG x y z (= xy, xz, yz)."""
     if slot not in range(4):
         raise AgonicError(f"slot is 0 to 3 in PX4, not {slot}")
@@ -210,7 +171,7 @@ def _names(slot: int) -> list[str]:
     return [f"CAL_MAG{slot}_{axis}{kind}" for kind in kinds for axis in "XYZ"]
 
 
-def _power_names(slot: int) -> list[str]:
+def power_names(slot: int) -> list[str]:
     return [f"CAL_MAG{slot}_{axis}COMP" for axis in "XYZ"]
 
 

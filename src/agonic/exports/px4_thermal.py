@@ -10,11 +10,8 @@ the bias at TREF). With X0 zero the vehicle is right at TREF whether or not TC c
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts1
-from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
@@ -47,23 +44,12 @@ def thermal_parameters(
     cubic = _cubic(calibration, at)
     terms = np.vstack([np.zeros(3), cubic @ into.T]) / NANOTESLA_PER["G"]
     values = (*terms.ravel().tolist(), at, *range_C(calibration))
-    return {THERMAL: 1, **dict(zip(_names(slot), values, strict=True))}, _lost(
+    return {THERMAL: 1, **dict(zip(thermal_names(slot), values, strict=True))}, _lost(
         calibration, at, cubic
     )
 
 
-def thermal_offset(
-    parameters: Mapping[str, float], temperature_C: ArrayLike | None, *, slot: int
-) -> Array:
-    """TC(T) (…, 3) in gauss; zero where it is not enabled or no temperature is given."""
-    if temperature_C is None or not parameters.get(THERMAL):
-        return np.zeros(3)
-    *terms, reference, low, high = (parameters[name] for name in _names(slot))
-    d = np.clip(np.asarray(temperature_C, np.float64), low, high)[..., None] - reference
-    return np.asarray(d ** np.arange(4) @ np.reshape(terms, (4, 3)))
-
-
-def _names(slot: int) -> list[str]:
+def thermal_names(slot: int) -> list[str]:
     """X0 x y z, X1 …, X3 …, then TREF, TMIN, TMAX."""
     terms = [f"X{k}_{axis}" for k in range(4) for axis in range(3)]
     return [f"TC_M{slot}_{name}" for name in (*terms, "TREF", "TMIN", "TMAX")]

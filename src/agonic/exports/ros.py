@@ -7,20 +7,13 @@ Source: ctu-vras/compass, magnetometer_pipeline/src/bias_remover.cpp.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.errors import AgonicError, LogError
+from agonic.errors import AgonicError
 from agonic.exports.convert import Export, banner, in_frame, left_out
 from agonic.exports.fixed_temperature import held
-from agonic.logs.contents import read_bytes
 from agonic.units import NANOTESLA_PER
 
 MATRIX = "initial_mag_scaling_matrix"
@@ -42,12 +35,13 @@ def write_ros(
     calibration in raw units.
 
     >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
     >>> from agonic.calibration.affine import Affine
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3))
     >>> with TemporaryDirectory() as folder:
     ...     export = write_ros(mag, folder + "/mag.yaml")
-    ...     parse_ros(export.path)["initial_mag_bias_x"]
-    [3e-06]
+    ...     [row.strip() for row in export.path.read_text().split("\\n") if "mag_bias_x" in row]
+    ['initial_mag_bias_x: 3.0e-06']
     """
     if ros not in (1, 2):
         raise AgonicError(f"ros is 1 or 2, not {ros}")
@@ -63,25 +57,6 @@ def write_ros(
     notes = [f"# {note}" for note in banner(calibration, formula, warnings)]
     text = "\n".join([*notes, *heading, *(indent + row for row in rows)]) + "\n"
     return Export(path=write_atomically(path, text), target="ros", warnings=warnings)
-
-
-def parse_ros(path: Path | str) -> dict[str, list[float]]:
-    """The parameters of a file, each as a list of numbers, by name."""
-    text = read_bytes(path).decode(errors="replace")
-    found = re.findall(r"^\s*(initial_mag_\w+):\s*\[?([^]\n]*)", text, flags=re.MULTILINE)
-    try:
-        parameters = {name: [float(n) for n in numbers.split(",")] for name, numbers in found}
-    except ValueError as error:
-        raise LogError(f"a parameter is not a number ({error})", path=path) from None
-    if set(parameters) != {*BIAS, MATRIX} or len(parameters[MATRIX]) != 9:
-        raise LogError(f"it needs {', '.join(BIAS)} and nine numbers of {MATRIX}", path=path)
-    return parameters
-
-
-def apply_ros(parameters: Mapping[str, list[float]], raw: ArrayLike) -> Array:
-    """The field (…, 3) that the node makes of readings, both in tesla."""
-    bias = np.ravel([parameters[name] for name in BIAS])
-    return np.asarray((np.asarray(raw) - bias) @ np.reshape(parameters[MATRIX], (3, 3)).T)
 
 
 def _number(value: float) -> str:

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
-from agonic.errors import LogError
 from agonic.exports.convert import Export, banner, left_out, reduced
 from agonic.exports.fixed_temperature import held
 from agonic.exports.polynomials import RATE, changes, polynomials
-from agonic.logs.contents import read_bytes
-from agonic.maths.equation.affine import join, model_basis, split
+from agonic.maths.equation.affine import join, model_basis
 
 COLUMNS = ("parameter", "value", "standard_error", "unit")
 Row = tuple[str, float, float | None, str]
@@ -42,8 +38,8 @@ def write_table(
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3))
     >>> with TemporaryDirectory() as folder:
     ...     export = write_table(mag, folder + "/mag.csv")
-    ...     parse_table(export.path)["bias_x"]
-    (3000.0, None, 'nT')
+    ...     [row for row in export.path.read_text().split() if row.startswith("bias_x")]
+    ['bias_x,3000.0,,nT']
     """
     formula = "one number a row"
     if changes(calibration) and temperature_C is None:
@@ -58,44 +54,6 @@ def write_table(
     table.writerow(COLUMNS)
     table.writerows(rows)
     return Export(path=write_atomically(path, stream.getvalue()), target="table", warnings=warnings)
-
-
-def parse_table(path: Path | str) -> dict[str, tuple[float, float | None, str]]:
-    """Value, standard error (None where empty) and unit of each parameter of a table."""
-    lines = read_bytes(path).decode(errors="replace").splitlines()
-    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-    try:
-        return {
-            row["parameter"]: (
-                float(row["value"]),
-                float(row["standard_error"]) if row["standard_error"] else None,
-                row["unit"],
-            )
-            for row in rows
-        }
-    except (KeyError, TypeError, ValueError) as error:
-        raise LogError(f"not a table of {', '.join(COLUMNS)} ({error})", path=path) from None
-
-
-def apply_table(
-    parameters: Mapping[str, tuple[float, float | None, str]],
-    raw: ArrayLike,
-    *,
-    temperature_C: ArrayLike | None = None,
-    rate_C_s: ArrayLike = 0.0,
-) -> Array:
-    """The field (…, 3) of readings, in the units of the table."""
-    if temperature_C is None:
-        bias, matrix = split(np.array([parameters[name][0] for name in NAMES]))
-        return np.asarray((np.asarray(raw) - bias) @ matrix.T)
-    order = max(int(name.rsplit("_", 1)[1]) for name in parameters if name.startswith("bias_x_"))
-    terms = [[parameters[f"{name}_{k}"][0] for name in NAMES] for k in range(order + 1)]
-    x = (np.asarray(temperature_C) - parameters["centre"][0]) / parameters["half_range"][0]
-    values = x[..., None] ** np.arange(order + 1) @ np.array(terms)
-    rate = [parameters.get(f"rate_{axis}", (0.0,))[0] for axis in "xyz"]
-    left = np.asarray(raw) - values[..., :3] - np.asarray(rate_C_s)[..., None] * rate
-    matrix = values[..., 3:].reshape(*x.shape, 3, 3)
-    return np.asarray(np.einsum("...ij,...j->...i", matrix, left))
 
 
 def _plain(calibration: Calibration) -> list[Row]:

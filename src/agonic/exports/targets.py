@@ -1,42 +1,69 @@
-"""`TARGETS`: every program that a calibration can be written for, by name."""
+"""`TARGETS`: every program that a calibration can be written for, a line each.
+
+Nothing of a target is imported before something is written for it, so that a command can list
+them at no cost.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agonic.calibration.base import Calibration
 from agonic.errors import check_choice
-from agonic.exports.ardupilot import write_ardupilot
-from agonic.exports.c_header import write_c
-from agonic.exports.convert import Export
-from agonic.exports.matlab import write_matlab
-from agonic.exports.motioncal import write_motioncal
-from agonic.exports.px4 import write_px4
-from agonic.exports.ros import write_ros
-from agonic.exports.table import write_table
 
-TARGETS: dict[str, Callable[..., Export]] = {
-    "ardupilot": write_ardupilot,
-    "c": write_c,
-    "matlab": write_matlab,
-    "motioncal": write_motioncal,
-    "px4": write_px4,
-    "ros": write_ros,
-    "table": write_table,
+if TYPE_CHECKING:
+    from agonic.calibration.base import Calibration
+    from agonic.exports.convert import Export
+
+
+class Target(NamedTuple):
+    """A program: its writer (`module:function`), the ending of its files, what it is told.
+
+    `options` makes keywords of the writer from the number of the compass, from 1, and the device
+    id; `thermal` says that the target follows the temperature by itself.
+    """
+
+    writer: str
+    suffix: str
+    options: Callable[[int, int | None], dict[str, int | None]] = lambda number, device_id: {}
+    thermal: bool = False
+
+    def write(self, calibration: Calibration, path: Path | str, **options: Any) -> Export:
+        """Write a calibration with the writer's own options."""
+        module, _, function = self.writer.partition(":")
+        writer = getattr(import_module(f"agonic.exports.{module}"), function)
+        written: Export = writer(calibration, path, **options)
+        return written
+
+
+TARGETS: dict[str, Target] = {
+    "ardupilot": Target(
+        "ardupilot:write_ardupilot", ".param", lambda number, device_id: {"compass": number}
+    ),
+    "px4": Target(
+        "px4:write_px4",
+        ".params",
+        lambda number, device_id: {"slot": number - 1, "device_id": device_id},
+        thermal=True,
+    ),
+    "c": Target("c_header:write_c", ".h", thermal=True),
+    "motioncal": Target("motioncal:write_motioncal", ".bin"),
+    "matlab": Target("matlab:write_matlab", ".mat", thermal=True),
+    "ros": Target("ros:write_ros", ".yaml"),
+    "table": Target("table:write_table", ".csv", thermal=True),
 }
 
-SUFFIXES: dict[str, str] = {
-    "ardupilot": ".param",
-    "c": ".h",
-    "matlab": ".mat",
-    "motioncal": ".bin",
-    "px4": ".params",
-    "ros": ".yaml",
-    "table": ".csv",
-}
-"""The ending of a target's files."""
+
+def listed(names: list[str], last: str) -> str:
+    """Names as a sentence has them.
+
+    >>> listed(["px4", "c", "table"], "or")
+    'px4, c or table'
+    """
+    return f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
 def write(
@@ -57,13 +84,8 @@ def write(
     check_choice("target", target, tuple(TARGETS))
     which = compass_number(calibration.sensor) if number is None else number
     device = getattr(calibration, "device_id", None) if device_id is None else device_id
-    options: dict[str, dict[str, int | None]] = {
-        "ardupilot": {"compass": which},
-        "px4": {"slot": which - 1, "device_id": device},
-    }
-    return TARGETS[target](
-        calibration, path, temperature_C=temperature_C, **options.get(target, {})
-    )
+    options = TARGETS[target].options(which, device)
+    return TARGETS[target].write(calibration, path, temperature_C=temperature_C, **options)
 
 
 def compass_number(sensor: str) -> int:

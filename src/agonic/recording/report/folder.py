@@ -10,7 +10,7 @@ from typing import NamedTuple
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import UnitError
-from agonic.exports.targets import SUFFIXES, TARGETS
+from agonic.exports.targets import TARGETS
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import save
 from agonic.files.setup import save_setup
@@ -74,7 +74,7 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
     for target in ("c", *autopilot):
         try:
-            export = write_target(target, calibration, stem.with_suffix(SUFFIXES[target]))
+            export = write_target(target, calibration, stem.with_suffix(TARGETS[target].suffix))
         except UnitError as error:  # raw units have no place in an autopilot
             written.warnings.append(f"no export for {target}: {error}")
             continue
