@@ -45,6 +45,7 @@ def reduced(calibration: Calibration) -> tuple[Array, Array]:
     Where it takes a current or throttle into account, the bias is that without them: see
     `left_out`. Raises `AgonicError` where it mixes two magnetometers.
 
+    >>> from agonic.calibration.chain import Chain
     >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
     >>> chain = Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3) * 2), turn))
     >>> reduced(chain)[0].round(9).tolist(), reduced(chain)[1].round(9).tolist()
