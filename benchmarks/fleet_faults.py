@@ -17,11 +17,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from agonic.fleet.run import calibrate_fleet
 from agonic.fleet.settings import FleetSettings
-from agonic.fleet.simulation.fleet import SimulatedFleet, simulate_fleet
-from agonic.fleet.simulation.fleet_faults import BROKEN, SWAPPED
-from agonic.fleet.simulation.fleet_logs import tables, texts
-from agonic.fleet.write_fleet import write_dataset, write_logs
-from agonic.population import Population, Row, duplicates, outliers
+from agonic.fleet.simulation.faults import BROKEN, SWAPPED
+from agonic.fleet.simulation.files import write_dataset, write_logs
+from agonic.fleet.simulation.logs import make_tables, make_texts
+from agonic.fleet.simulation.simulate import SimulatedFleet, simulate_fleet
+from agonic.population import Population, Row, find_duplicates, find_outliers
 from benchmarks import tables as pages
 
 FIELD = 48_000.0
@@ -115,15 +115,15 @@ def source_of(row: Row) -> str:
 def standing_out(table: Population) -> tuple[dict[str, list[str]], set[str]]:
     """What the population says of each sensor, and the logs that are there twice."""
     said: dict[str, list[str]] = defaultdict(list)
-    for found in outliers(table):
+    for found in find_outliers(table):
         said[found.sensor].append(found.quantity)
     names = [source_of(row) for row in table]
-    return said, {names[row] for twice in duplicates(table) for row in twice.rows}
+    return said, {names[row] for twice in find_duplicates(table) for row in twice.rows}
 
 
 def of_logs(fleet: SimulatedFleet, folder: Path) -> dict[str, Named]:
     """The whole way through a folder of logs with acceleration."""
-    write_logs(texts(fleet), folder / "logs")
+    write_logs(make_texts(fleet), folder / "logs")
     settings = FleetSettings(field_nT=FIELD, name=r"(board-\d+)")
     table = calibrate_fleet([folder / "logs"], folder / "out", settings=settings)
     return judged(fleet, table, lambda log: str(fleet.truth["source"][log]))
@@ -133,7 +133,7 @@ def of_dataset(fleet: SimulatedFleet, folder: Path) -> dict[str, Named]:
     """The whole way through one Parquet dataset: moments of the field alone."""
     from agonic.fleet.dataset import calibrate_dataset
 
-    path = write_dataset(tables(fleet), folder / "readings.parquet")
+    path = write_dataset(make_tables(fleet), folder / "readings.parquet")
     table = calibrate_dataset(path, FleetSettings(field_nT=FIELD))
     table = table if isinstance(table, Population) else Population.of(table)
     truth = fleet.truth

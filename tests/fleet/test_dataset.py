@@ -14,8 +14,8 @@ from agonic.exports.csv import write_csv
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings
-from agonic.fleet.simulation.fleet import simulate_fleet
-from agonic.fleet.simulation.fleet_logs import tables
+from agonic.fleet.simulation.logs import make_tables
+from agonic.fleet.simulation.simulate import simulate_fleet
 from agonic.logs.large.dataset import connected, find_dataset
 from agonic.logs.large.grouped_moments import Grouped, summed
 from agonic.logs.large.grouped_residuals import residual_sums
@@ -158,7 +158,7 @@ def test_moments_alone_say_what_they_can(tmp_path):
 def test_planted_faults_are_named_as_in_single_logs(tmp_path):
     """Swapped axes show in gravity alone; no sound board becomes suspect."""
     fleet = simulate_fleet(60, broken=0.2, swapped=0.1, duplicated=0.0, damaged=0.0, seed=2)
-    rows = [pa.table(dict(table)) for table in tables(fleet)]
+    rows = [pa.table(dict(table)) for table in make_tables(fleet)]
     write_table(pa.concat_tables(rows), tmp_path / "a.parquet")
     table = calibrated(tmp_path / "a.parquet", FleetSettings(field_nT=48_000.0))
     fault = dict(zip(fleet.truth["sensor"], fleet.truth["group"], strict=True))
@@ -235,7 +235,7 @@ def test_raw_counts_without_clock(tmp_path):
 
 
 def test_the_row_of_a_refined_sensor_is_that_of_its_log(tmp_path):
-    from agonic.fleet.work import calibrate_log
+    from agonic.fleet.one_log import calibrate_log
 
     noisy = turned(7, noise=1500.0)
     path = write(tmp_path / "a.parquet", columns(noisy, "n"), columns(turned(1), "m"), shuffle=True)

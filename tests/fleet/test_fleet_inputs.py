@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from agonic.errors import AgonicError
-from agonic.fleet.inputs import find, identified
+from agonic.fleet.inputs import find_inputs, name_sensors
 from agonic.fleet.settings import FleetSettings
 from agonic.population import Row
 from tests.fleet.boards import run_here, write_boards
 
 
 def names(*inputs: Path | str) -> list[str]:
-    return [Path(log).name for log in find(inputs).logs]
+    return [Path(log).name for log in find_inputs(inputs).logs]
 
 
 def test_folders_are_searched_for_what_a_reader_knows(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_what_names_nothing_is_an_error(tmp_path: Path, name: str, monkeypatch) 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
     with pytest.raises(AgonicError, match=r"no such file|no file matches|no log"):
-        find([name])
+        find_inputs([name])
 
 
 def row(channel: str, device_id: int | None = None) -> Row:
@@ -83,6 +83,6 @@ def row(channel: str, device_id: int | None = None) -> Row:
     ],
 )
 def test_who_the_sensors_are(rows: list[Row], pattern: str | None, expected: list[str]) -> None:
-    known = identified("fleet/SN31/log.ulg", rows, pattern)
+    known = name_sensors("fleet/SN31/log.ulg", rows, pattern)
     assert [one.sensor for one in known] == expected
     assert {one.source for one in known} == {"fleet/SN31/log.ulg"}

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agonic.fleet.report.page import fleet_page
-from agonic.population import Population, Row, outliers
+from agonic.population import Population, Row, find_outliers
 from agonic.report.digits import MINUS, NO_BREAK, THIN
 from tests.population.drawn import changed, drawn, joined, refused, with_bias
 
@@ -98,7 +98,7 @@ def test_the_headline_counts_what_the_table_has(page: str) -> None:
 
 
 def test_outliers_are_named_with_sentence_and_report(page: str, fleet: Population) -> None:
-    [found] = outliers(fleet)
+    [found] = find_outliers(fleet)
     assert found.sensor == "s000007"
     assert '<a href="s000007/report.html">s000007</a>' in page
     assert found.sentence[1:].replace("-", "") in words(page).replace("-", "")

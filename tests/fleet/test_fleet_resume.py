@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from agonic.errors import AgonicError
-from agonic.fleet import work
+from agonic.fleet import one_log
 from agonic.fleet.inputs import JOURNAL
 from agonic.fleet.journal import Journal
 from agonic.fleet.run import FleetRun, run_fleet
@@ -161,7 +161,7 @@ def test_what_may_pass_is_tried_again(fleet: Path, tmp_path: Path, monkeypatch) 
         raise MemoryError
 
     with monkeypatch.context() as patched:
-        patched.setattr(work, "calibrate", exhausted)
+        patched.setattr(one_log, "calibrate", exhausted)
         assert run_here(log, out=out).population["verdict"].tolist() == ["refused"]
     assert run_here(log, out=out).population["verdict"].tolist() != ["refused"]
 

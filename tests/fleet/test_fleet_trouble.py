@@ -11,7 +11,7 @@ from pyarrow import parquet
 
 from agonic.errors import AgonicError
 from agonic.fleet.distributed import Dask
-from agonic.fleet.inputs import JOURNAL, find
+from agonic.fleet.inputs import JOURNAL, find_inputs
 from agonic.fleet.journal import Journal
 from agonic.fleet.settings import FleetSettings
 from tests.fleet.boards import run_here, write_boards
@@ -84,16 +84,16 @@ def test_a_full_disk_is_told_in_a_line(tmp_path: Path) -> None:
 def test_sensors_named_as_on_a_vehicle_are_of_logs(tmp_path: Path) -> None:
     for name in ("a.parquet", "b.parquet"):
         write_table(tmp_path / "in" / name, ["mag0", "MAG[1]"])
-    assert len(find([tmp_path / "in"]).logs) == 2
-    assert len(find([tmp_path / "in"], FleetSettings(sensor_column="sensor")).datasets) == 1
+    assert len(find_inputs([tmp_path / "in"]).logs) == 2
+    assert len(find_inputs([tmp_path / "in"], FleetSettings(sensor_column="sensor")).datasets) == 1
     write_table(tmp_path / "in" / "b.parquet", ["mag0", "mag17"])
-    assert len(find([tmp_path / "in"]).datasets) == 1
+    assert len(find_inputs([tmp_path / "in"]).datasets) == 1
 
 
 def test_two_columns_of_sensors_are_asked_about(tmp_path: Path) -> None:
     write_table(tmp_path / "a.parquet", ["s"], device=["d"] * 300)
     with pytest.raises(AgonicError, match="say which"):
-        find([tmp_path])
+        find_inputs([tmp_path])
 
 
 def test_one_magnetometer_of_a_dataset_can_be_taken(tmp_path: Path) -> None:

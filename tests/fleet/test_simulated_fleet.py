@@ -18,11 +18,11 @@ from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.run import calibrate_fleet
 from agonic.fleet.settings import FleetSettings
-from agonic.fleet.simulation.fleet import SimulatedFleet, simulate_fleet
-from agonic.fleet.simulation.fleet_faults import BROKEN, DAMAGED, SWAPPED
-from agonic.fleet.simulation.fleet_logs import tables, texts
-from agonic.fleet.write_fleet import write_dataset, write_logs
-from agonic.population import Population, Row, duplicates, outliers
+from agonic.fleet.simulation.faults import BROKEN, DAMAGED, SWAPPED
+from agonic.fleet.simulation.files import write_dataset, write_logs
+from agonic.fleet.simulation.logs import make_tables, make_texts
+from agonic.fleet.simulation.simulate import SimulatedFleet, simulate_fleet
+from agonic.population import Population, Row, find_duplicates, find_outliers
 
 FIELD = 48_000.0
 nT = 1.0
@@ -40,7 +40,7 @@ def fleet() -> SimulatedFleet:
 @pytest.fixture(scope="module")
 def folder(fleet: SimulatedFleet, tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("fleet")
-    write_logs(texts(fleet), home)
+    write_logs(make_texts(fleet), home)
     return home
 
 
@@ -97,7 +97,7 @@ def test_boards_scatter_about_their_design() -> None:
 
 def test_the_seed_makes_the_fleet(fleet: SimulatedFleet) -> None:
     def some(seed: int) -> list[tuple[str, bytes]]:
-        return list(texts(simulate_fleet(20, rows=30, seed=seed)))
+        return list(make_texts(simulate_fleet(20, rows=30, seed=seed)))
 
     assert some(1) == some(1)
     assert some(1) != some(2)
@@ -158,7 +158,7 @@ def test_the_dataset_holds_the_same_readings(
     fleet: SimulatedFleet, folder: Path, tmp_path: Path
 ) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    path = write_dataset(tables(fleet), tmp_path / "all.parquet")
+    path = write_dataset(make_tables(fleet), tmp_path / "all.parquet")
     table = {
         name: np.array(column) for name, column in parquet.read_table(path).to_pydict().items()
     }
@@ -229,7 +229,7 @@ _RIGHT = {
 def judged(fleet: SimulatedFleet, table: Population, row_of: Callable[[int], Row]) -> int:
     """How many good logs are alarmed; every broken or swapped one is named for what it has."""
     apart = defaultdict(set)
-    for found in outliers(table):
+    for found in find_outliers(table):
         apart[found.sensor].add(found.quantity)
     false = 0
     for log, fault in enumerate(fleet.truth["fault"].tolist()):
@@ -252,13 +252,13 @@ def test_the_folder_names_every_planted_fault(
     rows = {Path(row.source).stem: row for row in table}
     false = judged(fleet, table, lambda log: rows[fleet.truth["source"][log]])
     assert false <= 2  # of 116; chance alarms at one in some hundred
-    twice = {Path(source).stem for found in duplicates(table) for source in found.sources}
+    twice = {Path(source).stem for found in find_duplicates(table) for source in found.sources}
     copies = fleet.truth["original"] != ""
     assert {*fleet.truth["source"][copies], *fleet.truth["original"][copies]} <= twice
 
 
 def test_the_dataset_names_every_planted_fault(fleet: SimulatedFleet, tmp_path: Path) -> None:
-    path = write_dataset(tables(fleet), tmp_path / "all.parquet")
+    path = write_dataset(make_tables(fleet), tmp_path / "all.parquet")
     table = calibrate_dataset(path, FleetSettings(field_nT=FIELD), engine=Here())
     rows, truth = {row.sensor: row for row in table}, fleet.truth
     own = np.where(truth["original"] == "", truth["sensor"], truth["source"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.history import beside, departures, drift
+from agonic.history import add_departures, departures, drift
 from agonic.population import History, Row
 
 DAY = datetime(2026, 1, 1, tzinfo=UTC)
@@ -73,10 +73,10 @@ def test_sensor_that_moved_is_named_for_its_move(history: History) -> None:
     [one] = departures(history)
     assert (one.sensor, one.kind) == ("s11", "move")
     assert "bias x moved by +4" in one.sentence
-    found = beside(drift(history.of("s11")), [one])
+    found = add_departures(drift(history.of("s11")), [one])
     assert found.verdict == "check"
     assert "left its population" in [finding.name for finding in found.findings]
-    assert beside(drift(history.of("s12")), [one]).ok
+    assert add_departures(drift(history.of("s12")), [one]).ok
 
 
 def test_move_between_units_is_none(history: History) -> None:

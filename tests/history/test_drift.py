@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError
-from agonic.history import drift, drifting
+from agonic.history import drift, find_drifting
 from agonic.history.trend import YEAR_S
 from agonic.population import Population, Row
 from agonic.population.store import History
@@ -209,7 +209,7 @@ def test_many_sensors_are_judged_as_one_is(tmp_path) -> None:
             history.add(rows_of(8 + number % 4, number, sensor=f"s{number:02d}", slope=slope))
         history.add(rows_of(2, sensor="short"))
         counted = []
-        found = drifting(history, lambda done, of: counted.append((done, of)))
+        found = find_drifting(history, lambda done, of: counted.append((done, of)))
         assert counted[-1][0] == counted[-1][1]
         for number in range(24):
             sensor = f"s{number:02d}"

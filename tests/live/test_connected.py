@@ -13,8 +13,8 @@ import pytest
 
 from agonic.errors import AgonicError, LogError
 from agonic.exports.csv import write_csv
-from agonic.live.streams import Chunk, Said, open_source
-from agonic.live.streams.connected import Connected, LineDecoder
+from agonic.live.streams import Chunk, Notice, open_source
+from agonic.live.streams.connection import Connection, LineDecoder
 from agonic.live.streams.links import SerialLink
 from agonic.simulation import simulate
 
@@ -67,7 +67,7 @@ def chunk(event):
 
 
 def says(text):
-    return lambda event: isinstance(event, Said) and text in event.text
+    return lambda event: isinstance(event, Notice) and text in event.text
 
 
 def test_serial_unplugged_and_plugged_again(running, tmp_path):
@@ -153,12 +153,12 @@ def test_a_flood_of_readings_waits():
         def close(self): ...
 
         def read(self):
-            from agonic.live.streams.links import Received
+            from agonic.live.streams.links import Packet
 
-            return Received(b"1,2,3\n" * 1000)
+            return Packet(b"1,2,3\n" * 1000)
 
     stop, rows, began = threading.Event(), 0, time.monotonic()
-    for event in Connected(Flood(), LineDecoder("raw")).events(stop):
+    for event in Connection(Flood(), LineDecoder("raw")).events(stop):
         rows += len(event.time) if chunk(event) else 0
         if time.monotonic() - began > 1.5:
             stop.set()

@@ -14,7 +14,7 @@ from agonic.cli import run
 from agonic.live import LiveFit
 from agonic.live.streams import Chunk
 from agonic.live.web.plan import Plan
-from agonic.live.web.watch import Watched
+from agonic.live.web.watch import WatchedSensor
 
 
 def test_in_the_terminal_with_the_same_words(tmp_path, capsys):
@@ -85,7 +85,7 @@ def test_an_hour_of_turning_takes_no_more_memory_than_a_part_of_it(tmp_path):
     made = ag.simulate("hand", n=60_000, rate_Hz=100.0, noise=150.0).samples
     first = Chunk("mag", made.time[:1], made.field[:1], "nT")
     plan = Plan(folder=tmp_path, reference=ag.Reference.constant(50_000.0))
-    watched = Watched(first, plan.params(first), None)
+    watched = WatchedSensor(first, plan.params(first), None)
     held = []
     tracemalloc.start()
     for k in range(180):  # an hour at 100 readings a second

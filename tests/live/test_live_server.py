@@ -18,7 +18,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from agonic.live.web import messages
-from agonic.live.web.view import Shown
+from agonic.live.web.view import RecentReadings
 
 
 def run(work):
@@ -176,17 +176,17 @@ def test_the_source_may_send_anything(sensor, live):
 
 
 def test_messages_are_what_they_are_told_to_be():
-    assert messages.asked('{"type":"accept"}') == messages.Accept()
+    assert messages.parse_request('{"type":"accept"}') == messages.Accept()
     for wrong in ("", "[]", "null", '{"type":"write"}', b"\xff\xfe", "[" * 100_000, '{"type":1}'):
-        assert messages.asked(wrong) is None
+        assert messages.parse_request(wrong) is None
     rows = np.arange(6, dtype=np.float32).reshape(2, 3)
-    data = messages.points(1, 2, 5.0, rows)
+    data = messages.encode_points(1, 2, 5.0, rows)
     assert struct.unpack("<IId", data[:16]) == (1, 2, 5.0)
     np.testing.assert_array_equal(np.frombuffer(data[16:], "<f4").reshape(-1, 3), rows)
 
 
 def test_the_ring_holds_the_latest():
-    shown = Shown(100)
+    shown = RecentReadings(100)
     shown.add(np.arange(750.0).reshape(250, 3), 1.0)
     assert shown.total == 250
     np.testing.assert_array_equal(shown.since(245, 50)[:, 0], np.arange(735, 750, 3))

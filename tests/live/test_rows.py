@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from agonic.live.streams import Chunk, Said
+from agonic.live.streams import Chunk, Notice
 from agonic.live.streams.lines import LONGEST, Lines
-from agonic.live.streams.rows import Row, Rows, Unreadable
+from agonic.live.streams.rows import LineParser, Reading, Unreadable
 
 
 def test_motioncal_counts_are_a_tenth_of_a_microtesla():
-    rows = Rows()
-    assert rows.read("Raw:1,2,3,4,5,6,200,-10,430") == [Row("mag", (200.0, -10.0, 430.0), "mG")]
+    rows = LineParser()
+    assert rows.read("Raw:1,2,3,4,5,6,200,-10,430") == [Reading("mag", (200.0, -10.0, 430.0), "mG")]
     assert rows.motioncal
     assert rows.read("Uni:0.1,0.2,0.3") == []
     assert rows.read("Cal1:0,0,0,0,0,0,1.5,2,3,50") == []
@@ -20,21 +20,21 @@ def test_motioncal_counts_are_a_tenth_of_a_microtesla():
 
 
 def test_a_header_names_sensors_units_and_clock():
-    rows = Rows()
+    rows = LineParser()
     assert rows.read("t_ms;mag1_x_uT;mag1_y_uT;mag1_z_uT;mag2_x_mG;mag2_y_mG;mag2_z_mG;note") == []
     assert rows.read("1500;1;2;3;10;20;30;7") == [
-        Row("mag1", (1.0, 2.0, 3.0), "uT", 1.5),
-        Row("mag2", (10.0, 20.0, 30.0), "mG", 1.5),
+        Reading("mag1", (1.0, 2.0, 3.0), "uT", 1.5),
+        Reading("mag2", (10.0, 20.0, 30.0), "mG", 1.5),
     ]
     with pytest.raises(Unreadable, match="7 cells under a header of 8"):
         rows.read("1500;1;2;3;10;20;30")
 
 
 def test_three_numbers_need_no_header():
-    assert Rows(unit="uT").read("1.5, -2, 43") == [Row("mag", (1.5, -2.0, 43.0), "uT")]
-    assert Rows().read("1 2 3")[0].unit == "raw"
+    assert LineParser(unit="uT").read("1.5, -2, 43") == [Reading("mag", (1.5, -2.0, 43.0), "uT")]
+    assert LineParser().read("1 2 3")[0].unit == "raw"
     with pytest.raises(Unreadable, match="4 numbers without a header"):
-        Rows().read("1,2,3,4")
+        LineParser().read("1,2,3,4")
 
 
 def test_sentences_are_checked():
@@ -42,14 +42,14 @@ def test_sentences_are_checked():
     check = 0
     for byte in body.encode():
         check ^= byte
-    row = Rows().read(f"${body}*{check:02X}")[0]
-    assert row == Row("mag", (-1.05, 0.2, 0.43), "G")
+    row = LineParser().read(f"${body}*{check:02X}")[0]
+    assert row == Reading("mag", (-1.05, 0.2, 0.43), "G")
     with pytest.raises(Unreadable, match="checksum"):
-        Rows().read(f"${body}*{check ^ 1:02X}")
+        LineParser().read(f"${body}*{check ^ 1:02X}")
     with pytest.raises(Unreadable, match="already corrected"):
-        Rows().read("$VNMAG,1,2,3")
+        LineParser().read("$VNMAG,1,2,3")
     with pytest.raises(Unreadable, match="no field that is known"):
-        Rows().read("$GPGGA,1,2,3")
+        LineParser().read("$GPGGA,1,2,3")
 
 
 def readings(events):
@@ -83,7 +83,7 @@ def test_a_line_without_end_is_passed_over_in_bounded_room():
         assert len(lines._rest) <= LONGEST
     after = lines.feed(b"77\n1,2,3\n", 9.0)
     np.testing.assert_array_equal(readings(after), [[1, 2, 3]])
-    assert sum(isinstance(event, Said) for event in said) <= 1
+    assert sum(isinstance(event, Notice) for event in said) <= 1
 
 
 def test_noise_is_told_and_survived():
@@ -91,7 +91,7 @@ def test_noise_is_told_and_survived():
     lines, said = Lines("raw"), []
     for k in range(200):
         said += lines.feed(rng.bytes(1000), 0.1 * k)
-    told = [event for event in said if isinstance(event, Said)]
+    told = [event for event in said if isinstance(event, Notice)]
     assert 10 <= len(told) <= 21  # once a second
     assert "cannot read" in told[-1].text
     assert told[-1].text.isprintable()

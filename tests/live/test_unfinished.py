@@ -8,9 +8,9 @@ import pytest
 import agonic as ag
 from agonic.errors import AgonicError
 from agonic.live import LiveFit, LiveParams
-from agonic.live.streams import Chunk, Said
+from agonic.live.streams import Chunk, Notice
 from agonic.live.web.plan import Plan
-from agonic.live.web.resume import Unfinished
+from agonic.live.web.resume import SavedFits
 from agonic.live.web.session import Session
 from tests.live.test_live_server import heard, run
 
@@ -26,7 +26,7 @@ class Wire:
         self.rows, self.name, self.clock_s = rows, name, clock_s
 
     def events(self, stop):
-        yield Said(True, "connected")
+        yield Notice(True, "connected")
         time = MADE.time[self.rows] - MADE.time[self.rows][0] + self.clock_s
         yield Chunk("mag", time, MADE.field[self.rows], "nT")
         stop.wait(20.0)
@@ -94,7 +94,7 @@ def test_what_is_not_gone_on_with_is_set_aside(tmp_path, settings, said):
 
 def test_a_damaged_file_is_set_aside(tmp_path):
     (tmp_path / "mag.live").write_bytes(b"not a state")
-    live, said = Unfinished(tmp_path, "a wire").taken_up(LiveParams())
+    live, said = SavedFits(tmp_path, "a wire").resume(LiveParams())
     assert live is None
     assert "not a usable state" in said
     assert (tmp_path / "mag-1.live").read_bytes() == b"not a state"
@@ -109,7 +109,7 @@ def test_a_full_disk_stops_nothing_and_is_told_as_long_as_it_lasts(tmp_path, mon
     more = Chunk("mag", 60 + MADE.time[300:900], MADE.field[300:900], "nT")
     session._watched["mag"].take(more)
     with monkeypatch.context() as patch:
-        patch.setattr("agonic.live.statefile.write_atomically", full)
+        patch.setattr("agonic.live.files.write_atomically", full)
         session.stop()
     assert session.status.trouble == session.parting
     assert "the readings are not saved: cannot write" in session.parting

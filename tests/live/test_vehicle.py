@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.live.streams import Chunk, Said, open_source
-from agonic.live.streams.parameters import Parameters, wanted_of
+from agonic.live.streams import Chunk, Notice, open_source
+from agonic.live.streams.parameters import Parameters, list_wanted
 from agonic.live.web.plan import Plan
 from agonic.live.web.session import Session
 from agonic.reference import Reference
@@ -124,9 +124,9 @@ def test_a_whole_list_tells_what_is_absent():
     parameters = Parameters(asked.append, lambda: all_asked.append(1))
     for k in range(7):
         parameters.pursue("", 10.0 * k)
-    assert set(asked) == set(wanted_of(""))
+    assert set(asked) == set(list_wanted(""))
     assert all_asked == [1]
-    for index, name in enumerate(wanted_of("")[:3]):
+    for index, name in enumerate(list_wanted("")[:3]):
         assert parameters.missing("")
         parameters.take(Told(index, name), 70.0)
     assert parameters.missing("") == []  # old firmware, without a matrix
@@ -135,9 +135,9 @@ def test_a_whole_list_tells_what_is_absent():
 def test_noise_on_the_wire_harms_nothing():
     vehicle = open_source("mavlink+udp://127.0.0.1:1").decoder
     rng = np.random.default_rng(0)
-    from agonic.live.streams.links import Received
+    from agonic.live.streams.links import Packet
 
     events = []
     for k in range(100):
-        events += vehicle.feed(Received(rng.bytes(2000)), 0.1 * k)
-    assert not any(isinstance(event, Chunk | Said) for event in events)
+        events += vehicle.feed(Packet(rng.bytes(2000)), 0.1 * k)
+    assert not any(isinstance(event, Chunk | Notice) for event in events)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.population import Population, Row
-from agonic.population.population import COLUMNS, ENTRIES, dtype_of
+from agonic.population.population import COLUMNS, ENTRIES, get_dtype
 
 PATTERN = np.array([2400.0, -900.0, 5200.0])  # nT, what boards of one design share
 GAINS = np.array([0.97, 1.0, 1.06])
@@ -98,7 +98,7 @@ def joined(*parts: Population | list[Row]) -> Population:
 
 
 def _column(name: str, values: object, n: int) -> np.ndarray:
-    kind = dtype_of(name)
+    kind = get_dtype(name)
     if kind is not object:
         empty = 0 if kind is np.int64 else np.nan
         return np.array(np.full(n, empty) if values is None else values, dtype=kind)

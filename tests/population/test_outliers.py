@@ -13,9 +13,9 @@ from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.robust_line import robust_line
 from agonic.maths.estimation.robust_spread import robust_spread
 from agonic.maths.estimation.tails import tail_of
-from agonic.population import Outlier, Population, duplicates, outliers
-from agonic.population.axis_swaps import signed_swaps, swapped
-from agonic.population.peers import peers
+from agonic.population import Outlier, Population, find_duplicates, find_outliers
+from agonic.population.axis_swaps import list_swaps, swap_axes
+from agonic.population.peers import find_peers
 
 from .drawn import LAWS, changed, drawn, joined, refused, turned, with_bias
 
@@ -37,7 +37,7 @@ def planted(n: int, seed: int, law: str, share: float = 0.1) -> tuple[Population
     made = changed(made, cross, matrix_xy=skewed, matrix_yx=skewed)
     made = changed(made, noise, noise=12 * made["noise"][noise])
     made = changed(made, spread, spread_after=50 * made["spread_after"][spread])
-    made = turned(made, axes, signed_swaps()[rng.integers(1, 48, len(axes))])
+    made = turned(made, axes, list_swaps()[rng.integers(1, 48, len(axes))])
     return made, {int(row): KINDS[kind] for row, kind in zip(bad, kinds, strict=True)}
 
 
@@ -53,7 +53,7 @@ def test_what_is_planted_is_named_for_what_it_is(law: str) -> None:
     hits = right = total = false = rows = 0
     for seed, n in enumerate((1000, 1000, 3000)):
         population, truth = planted(n, seed, law)
-        found = named(outliers(population))
+        found = named(find_outliers(population))
         total, rows = total + len(truth), rows + n
         hits += sum(row in found for row in truth)
         right += sum(kind in found.get(row, ()) for row, kind in truth.items())
@@ -67,7 +67,7 @@ def test_what_is_planted_is_named_for_what_it_is(law: str) -> None:
 def test_regular_populations_have_hardly_any(law: str) -> None:
     """However they are distributed: less than one in a hundred sensors is named."""
     for n, seeds in ((9, 20), (30, 12), (300, 3), (5000, 1)):
-        false = sum(len(named(outliers(drawn(n, seed=s, law=law)))) for s in range(seeds))
+        false = sum(len(named(find_outliers(drawn(n, seed=s, law=law)))) for s in range(seeds))
         assert false < 0.01 * n * seeds
 
 
@@ -80,7 +80,7 @@ def test_one_bad_board_among_few_is_named(n: int) -> None:
         population = drawn(n, seed=100 + seed)
         off = 6000 * towards / np.linalg.norm(towards)
         far = with_bias(population, np.array([4]), population.bias[[4]] + off)
-        found = named(outliers(far))
+        found = named(find_outliers(far))
         hits += 4 in found
         assert found.keys() <= {4}
     assert hits >= 0.95 * seeds
@@ -89,8 +89,8 @@ def test_one_bad_board_among_few_is_named(n: int) -> None:
 def test_error_without_bounds_excuses_a_sensor_too() -> None:
     far = changed(drawn(30), np.array([3, 4]), bias_x=9e4)
     loose = changed(far, np.array([3]), bias_x_sd=np.inf, matrix_xy_sd=np.inf)
-    assert set(named(outliers(far))) == {3, 4}
-    assert set(named(outliers(loose))) == {4}
+    assert set(named(find_outliers(far))) == {3, 4}
+    assert set(named(find_outliers(loose))) == {4}
 
 
 def test_a_tenth_of_bad_ones_does_not_hide_them() -> None:
@@ -98,20 +98,20 @@ def test_a_tenth_of_bad_ones_does_not_hide_them() -> None:
     population = drawn(200, seed=3)
     rows = np.arange(20)
     spoilt = with_bias(population, rows, population.bias[rows] + [5000.0, 0.0, 0.0])
-    assert set(named(outliers(spoilt))) == set(rows.tolist())
+    assert set(named(find_outliers(spoilt))) == set(rows.tolist())
 
 
 def test_the_sentence_says_what_was_planted() -> None:
     population = drawn(500, seed=5)
     moved = with_bias(population, np.array([7]), population.bias[[7]] + [9000.0, 0.0, 0.0])
-    [bias] = outliers(moved)
+    [bias] = find_outliers(moved)
     assert (bias.sensor, bias.quantity, bias.row) == ("s000007", "bias", 7)
     usual = np.linalg.norm(moved.bias[7] - np.median(moved.bias, axis=0))
     said = float(bias.sentence.split()[3])
     assert said == pytest.approx(usual, rel=0.01)
-    [noise] = outliers(changed(population, np.array([9]), noise=400.0))
+    [noise] = find_outliers(changed(population, np.array([9]), noise=400.0))
     assert "its noise is 10 times that of the others: 400 nT instead of 40" in noise.sentence
-    [gain] = outliers(changed(population, np.array([11]), matrix_xx=0.5))
+    [gain] = find_outliers(changed(population, np.array([11]), matrix_xx=0.5))
     assert "its gain on x is 0.500" in gain.sentence
     assert "others 0.9699 ± 0.0104" in gain.sentence
 
@@ -119,9 +119,9 @@ def test_the_sentence_says_what_was_planted() -> None:
 @pytest.mark.parametrize("turn", [1, 7, 20, 30, 47])
 def test_swapped_axes_are_named_with_the_swap_itself(turn: int) -> None:
     """What its reader must do, by the words: the others' axes are these ones of its own."""
-    swap = signed_swaps()[turn]
+    swap = list_swaps()[turn]
     population = turned(drawn(100, seed=turn), np.array([4]), swap[None])
-    [found] = outliers(population)
+    [found] = find_outliers(population)
     assert (found.row, found.quantity) == (4, "axes")
     for own, axis in enumerate(swap):
         theirs = int(np.argmax(np.abs(axis)))
@@ -151,18 +151,18 @@ def test_without_a_common_pattern_no_swap_is_claimed() -> None:
             )
         },
     )
-    swaps = signed_swaps()[1 + np.arange(30)]
-    assert not outliers(turned(even, np.arange(30), swaps))
+    swaps = list_swaps()[1 + np.arange(30)]
+    assert not find_outliers(turned(even, np.arange(30), swaps))
     far = with_bias(even, np.array([5]), np.array([[0.0, 9000.0, 0.0]]))
-    assert [one.quantity for one in outliers(far)] == ["bias"]
+    assert [one.quantity for one in find_outliers(far)] == ["bias"]
 
 
 def test_an_error_of_its_own_excuses_a_sensor() -> None:
     population = drawn(100, seed=2)
     bias = population.bias[[3]] + [9000.0, 0.0, 0.0]
     sharp = with_bias(population, np.array([3]), bias)
-    assert named(outliers(sharp)) == {3: {"bias"}}
-    assert not outliers(changed(sharp, np.array([3]), bias_x_sd=4000.0))
+    assert named(find_outliers(sharp)) == {3: {"bias"}}
+    assert not find_outliers(changed(sharp, np.array([3]), bias_x_sd=4000.0))
 
 
 def test_equal_sensors_have_no_outlier_by_what_does_not_matter() -> None:
@@ -176,16 +176,16 @@ def test_equal_sensors_have_no_outlier_by_what_does_not_matter() -> None:
         bias_y_sd=0.0,
         bias_z_sd=0.0,
     )
-    assert not outliers(changed(population, np.array([3]), bias_x=150.0))  # 0.1 % of the field
-    assert named(outliers(changed(population, np.array([3]), bias_x=3000.0))) == {3: {"bias"}}
+    assert not find_outliers(changed(population, np.array([3]), bias_x=150.0))  # 0.1 % of the field
+    assert named(find_outliers(changed(population, np.array([3]), bias_x=3000.0))) == {3: {"bias"}}
 
 
 def test_few_sensors_cannot_tell() -> None:
     population = drawn(7)
-    assert not outliers(with_bias(population, np.array([0]), np.array([[9e4, 0.0, 0.0]])))
-    assert [group.told for group in peers(population)] == [False]
-    assert not outliers(Population.of([refused("a", "the file is empty")]))
-    assert not outliers(Population.of([]))
+    assert not find_outliers(with_bias(population, np.array([0]), np.array([[9e4, 0.0, 0.0]])))
+    assert [group.enough for group in find_peers(population)] == [False]
+    assert not find_outliers(Population.of([refused("a", "the file is empty")]))
+    assert not find_outliers(Population.of([]))
 
 
 def test_units_and_channels_make_groups_of_their_own() -> None:
@@ -210,13 +210,13 @@ def test_units_and_channels_make_groups_of_their_own() -> None:
         for name, part in (("a", drawn(n)), ("b", raw), ("c", inner))
         for row in part
     ]
-    groups = peers(Population.of(rows))
+    groups = find_peers(Population.of(rows))
     assert sorted((len(g), g.name) for g in groups) == [
         (n, "mag, readings in nT"),
         (n, "mag1, readings in nT"),
         (n, "readings in raw units"),
     ]
-    assert not outliers(Population.of(rows))
+    assert not find_outliers(Population.of(rows))
 
 
 def test_a_sensor_counts_once_by_its_latest_good_calibration() -> None:
@@ -235,10 +235,10 @@ def test_a_sensor_counts_once_by_its_latest_good_calibration() -> None:
         for k in range(100)
     ]
     latest = replace(many[0], source="last.csv", verdict="check", start=at.replace(year=2027))
-    found = outliers(Population.of([*many, latest, *others]))
+    found = find_outliers(Population.of([*many, latest, *others]))
     assert [(one.sensor, one.quantity) for one in found] == [(first.sensor, "bias")]
     assert found[0].source == max(many, key=lambda row: row.start).source
-    [group] = peers(Population.of([*many, latest, *others]))
+    [group] = find_peers(Population.of([*many, latest, *others]))
     assert len(group) == 30
 
 
@@ -249,19 +249,19 @@ def test_duplicates_are_found_and_counted_once() -> None:
         for row in list(population)[:3]
     ]
     whole = joined(population, copies)
-    found = duplicates(whole)
+    found = find_duplicates(whole)
     assert [len(one.rows) for one in found] == [2, 2, 2]
     assert all(one.contested for one in found)
     assert found[0].sources == ("copy/s000000.csv", "logs/s000000.csv")
-    [group] = peers(whole)
+    [group] = find_peers(whole)
     assert len(group) == 30
-    assert not duplicates(population)
+    assert not find_duplicates(population)
     two = [replace(row, source="one.parquet", sha256="same") for row in population]
-    assert not duplicates(Population.of(two))  # many sensors of one file
-    [twice] = duplicates(Population.of([*two, replace(two[3], sensor="other")]))
+    assert not find_duplicates(Population.of(two))  # many sensors of one file
+    [twice] = find_duplicates(Population.of([*two, replace(two[3], sensor="other")]))
     assert twice.sentence == "other and s000003 of one.parquet have the same readings"
     again = [replace(row, source="again.csv") for row in population if row.sensor == "s000003"]
-    [same] = duplicates(joined(population, again))
+    [same] = find_duplicates(joined(population, again))
     assert not same.contested
     assert same.sentence == "again.csv and logs/s000003.csv are the same log"
 
@@ -314,12 +314,12 @@ def test_swaps_are_those_of_the_matrix_itself() -> None:
     matrix = rng.normal(size=(3, 3))
     matrix, bias = matrix + matrix.T, rng.normal(size=3)
     i, j = [0, 0, 1], [1, 2, 2]
-    for turn in signed_swaps():
+    for turn in list_swaps():
         seen = turn @ matrix @ turn.T
         expected = np.r_[turn @ bias, np.diag(seen), seen[i, j]]
         own = np.r_[bias, np.diag(matrix), matrix[i, j]]
-        np.testing.assert_allclose(swapped(own, turn), expected, atol=1e-12)
-    assert len({tuple(turn.ravel()) for turn in signed_swaps()}) == 48
+        np.testing.assert_allclose(swap_axes(own, turn), expected, atol=1e-12)
+    assert len({tuple(turn.ravel()) for turn in list_swaps()}) == 48
 
 
 def test_a_line_is_as_sure_as_it_says() -> None:
@@ -337,9 +337,9 @@ def test_a_line_is_as_sure_as_it_says() -> None:
 
 def test_they_come_in_the_order_of_their_rows() -> None:
     population, _ = planted(300, 9, "normal")
-    found = outliers(population)
+    found = find_outliers(population)
     assert all(a.row <= b.row for a, b in pairwise(found))
-    assert found == outliers(population)
+    assert found == find_outliers(population)
 
 
 def test_a_gain_that_only_the_magnitude_shows() -> None:
@@ -349,9 +349,11 @@ def test_a_gain_that_only_the_magnitude_shows() -> None:
     scaled = {f"matrix_{i}{j}": drawn(n)[f"matrix_{i}{j}"] / mean for i in "xyz" for j in "xyz"}
     magnitude = 50_000 / mean
     population = changed(drawn(n), np.arange(n), magnitude=magnitude, **scaled)
-    assert not outliers(population)
-    [found] = outliers(changed(population, np.array([5]), magnitude=0.7 * magnitude[5]))
+    assert not find_outliers(population)
+    [found] = find_outliers(changed(population, np.array([5]), magnitude=0.7 * magnitude[5]))
     assert (found.row, found.quantity) == (5, "magnitude")
     assert "% too small, or it was elsewhere" in found.sentence
     travelled = changed(drawn(n), np.arange(n), magnitude=np.linspace(3e4, 6e4, n))
-    assert not outliers(changed(travelled, np.array([5]), magnitude=1.2e5))  # the field was known
+    assert not find_outliers(
+        changed(travelled, np.array([5]), magnitude=1.2e5)
+    )  # the field was known

@@ -16,7 +16,7 @@ from agonic.health import Finding, misscaled, undetermined, verdict_of
 from agonic.health.finding import sentences
 from agonic.health.readings import left_out
 from agonic.logs.large.grouped_moments import Grouped
-from agonic.population.population import AXES, COLUMNS, ENTRIES, dtype_of
+from agonic.population.population import AXES, COLUMNS, ENTRIES, get_dtype
 
 Columns = dict[str, NDArray[Any]]
 
@@ -24,7 +24,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _HEADING_LEAST_DEG = 2.0  # a finding begins there
 
 
-def columns_of(
+def make_columns(
     fits: Fits, grouped: Grouped, *, unit: str, scaled: bool, inclination_deg: float, **known: Any
 ) -> Columns:
     """The columns of n sensors that moments taught, in their order.
@@ -32,7 +32,7 @@ def columns_of(
     `unit` is that of the readings, `scaled` whether the magnitude was known; `known` are columns
     that are the same for all.
     """
-    columns = blank(len(fits))
+    columns = make_blank_columns(len(fits))
     for name, value in known.items():
         columns[name][:] = value
     columns["sensor"][:] = grouped.sensors
@@ -45,20 +45,20 @@ def columns_of(
     columns["method"][:], columns["gauge"][:] = "adjusted", "symmetric"
     columns["unit_in"][:] = unit
     columns["unit_out"][:] = "nT" if scaled else unit
-    _figures(columns, fits, grouped)
+    _fill_figures(columns, fits, grouped)
     for k in range(len(fits)):
-        found = _findings(fits, grouped, k, unit)
+        found = _find(fits, grouped, k, unit)
         columns["findings"][k] = tuple(finding.name for finding in found)
         columns["verdict"][k] = verdict_of(found)
-        columns["status"][k] = _status(fits, k, found, unit, scaled, inclination_deg)
+        columns["status"][k] = _describe(fits, k, found, unit, scaled, inclination_deg)
     return columns
 
 
-def blank(n: int) -> Columns:
+def make_blank_columns(n: int) -> Columns:
     """Columns of n rows with nothing in them yet."""
     columns: Columns = {}
     for name in COLUMNS:
-        kind = dtype_of(name)
+        kind = get_dtype(name)
         fill: Any = np.nan if kind is np.float64 else 0 if kind is np.int64 else None
         columns[name] = np.full(n, fill, dtype=kind)
         if COLUMNS[name] is str:
@@ -66,7 +66,7 @@ def blank(n: int) -> Columns:
     return columns
 
 
-def _figures(columns: Columns, fits: Fits, grouped: Grouped) -> None:
+def _fill_figures(columns: Columns, fits: Fits, grouped: Grouped) -> None:
     """The numbers of the fits; of the matrix, the lower half is the upper."""
     sd = fits.sd
     for i, axis in enumerate(AXES):
@@ -82,7 +82,7 @@ def _figures(columns: Columns, fits: Fits, grouped: Grouped) -> None:
     columns["heading_sd_deg"][:] = fits.heading_sd_deg
 
 
-def _findings(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
+def _find(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
     """What moments give away of one sensor."""
     if fits.refusal[k]:
         return [Finding("coverage", "refuse", str(fits.refusal[k]))]
@@ -108,7 +108,7 @@ def _findings(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
     return [finding for finding in found if finding is not None]
 
 
-def _status(
+def _describe(
     fits: Fits, k: int, found: list[Finding], unit: str, scaled: bool, inclination_deg: float
 ) -> str:
     """The sentence of one sensor, as `Fit.status` has it."""

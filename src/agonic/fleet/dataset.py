@@ -17,14 +17,14 @@ from agonic.arrays import Index, Mask
 from agonic.ellipsoid.many_sensors import fit_many
 from agonic.errors import LogError, check_choice
 from agonic.field.place import reference_for
-from agonic.fleet.columns import Columns, blank, columns_of
-from agonic.fleet.doubts import doubts
+from agonic.fleet.by_rows import Task, calibrate_by_rows
+from agonic.fleet.columns import Columns, make_blank_columns, make_columns
+from agonic.fleet.doubts import find_doubts
 from agonic.fleet.engine import Engine, Here, Lost
-from agonic.fleet.interleaved import Task, refined
 from agonic.fleet.local import Processes
-from agonic.fleet.rows import refused
+from agonic.fleet.one_log import describe_log, explain
+from agonic.fleet.rows import make_refused_row
 from agonic.fleet.settings import FleetSettings, digest
-from agonic.fleet.work import facts, sentence
 from agonic.logs.large.dataset import (
     Channel,
     Dataset,
@@ -100,7 +100,7 @@ def calibrate_dataset(
         if found is None:
             raise LogError("it holds no Parquet table with a column of sensors", path=dataset)
         dataset = found
-    work = partial(_worked, settings=settings, refine=refine, engine=engine)
+    work = partial(_calibrate_channels, settings=settings, refine=refine, engine=engine)
     tell = progress or (lambda stage, done, total: None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what matters is among the findings of the rows
@@ -110,7 +110,7 @@ def calibrate_dataset(
             return work(without_damaged(dataset), tell=tell)
 
 
-def _worked(
+def _calibrate_channels(
     dataset: Dataset,
     *,
     settings: FleetSettings,
@@ -123,20 +123,24 @@ def _worked(
     source, content = str(dataset.path), dataset.sha256
     parts: list[Columns] = []
     with connected() as db:
-        for channel in _chosen(dataset, settings.sensor):
-            known = facts(source, content, settings, channel.name)
+        for channel in _choose_channels(dataset, settings.sensor):
+            known = describe_log(source, content, settings, channel.name)
             del known["sensor"]
-            job = _Job(db, dataset, channel, settings, {"channel": channel.name, **known}, tell)
+            job = _ChannelWork(
+                db, dataset, channel, settings, {"channel": channel.name, **known}, tell
+            )
             parts.append(job.columns(refine, engine))
-            parts.append(dict(Population.of(job.without_readings()).columns))
+            parts.append(dict(Population.of(job.make_empty_rows()).columns))
     lost = [
-        refused(sentence(LogError(why), file), **{**facts(file, "", settings), "sensor": ""})
+        make_refused_row(
+            explain(LogError(why), file), **{**describe_log(file, "", settings), "sensor": ""}
+        )
         for file, why in dataset.damaged
     ]
     return Population.joined([*map(Population, parts), Population.of(lost)])
 
 
-def _chosen(dataset: Dataset, asked: str | None) -> Sequence[Channel]:
+def _choose_channels(dataset: Dataset, asked: str | None) -> Sequence[Channel]:
     """The channels, or the one of this name or number."""
     found = dataset.channels
     chosen = [one for k, one in enumerate(found) if asked in (None, one.name, str(k))]
@@ -147,7 +151,7 @@ def _chosen(dataset: Dataset, asked: str | None) -> Sequence[Channel]:
 
 
 @dataclass
-class _Job:
+class _ChannelWork:
     """The work on one channel of a dataset."""
 
     db: Any
@@ -163,20 +167,20 @@ class _Job:
         self.tell("summing", 0, 0)
         grouped = self.grouped = summed(self.db, self.dataset, self.channel)
         every = np.arange(len(grouped))
-        if refine == "all" or _rows_tell_more(self.dataset, self.settings):
-            columns, ids = blank(len(grouped)), every
+        if refine == "all" or _needs_rows(self.dataset, self.settings):
+            columns, ids = make_blank_columns(len(grouped)), every
         else:
-            columns, doubtful = self._from_moments(grouped)
+            columns, doubtful = self._fit_moments(grouped)
             ids = every[:0] if refine == "none" else np.flatnonzero(doubtful)
         columns["sensor"][:] = grouped.sensors
         self._refine(columns, ids, engine)
         columns["key"][:] = [digest(self.known["key"], name) for name in grouped.sensors]
         return columns
 
-    def _from_moments(self, grouped: Grouped) -> tuple[Columns, Mask]:
+    def _fit_moments(self, grouped: Grouped) -> tuple[Columns, Mask]:
         """The columns by moments alone, and which sensors should be calibrated by their rows."""
         unit, total = self.channel.unit_in, len(grouped)
-        reference, of_place = _reference(grouped, self.settings)
+        reference, of_place = _find_reference(grouped, self.settings)
         self.tell("fitting", 0, total)
         fits = fit_many(
             grouped.sums, grouped.centre, grouped.scale, reference, threads=2, **of_place
@@ -185,8 +189,8 @@ class _Job:
         residuals = residual_sums(
             self.db, self.dataset, self.channel, fits.bias, fits.matrix, fits.magnitude
         )
-        found = doubts(fits, grouped, residuals, unit=unit)
-        columns = columns_of(
+        found = find_doubts(fits, grouped, residuals, unit=unit)
+        columns = make_columns(
             fits,
             grouped,
             unit=unit,
@@ -203,7 +207,7 @@ class _Job:
         engine = engine or (Here() if len(ids) <= _FEW else Processes())
         source = Input(name=self.known["source"], sha256=self.known["sha256"], count=0)
         function = partial(
-            refined,
+            calibrate_by_rows,
             dataset=self.dataset,
             channel=self.channel,
             source=source,
@@ -211,17 +215,18 @@ class _Job:
             known=self.known,
         )
         done = 0
-        for task, rows in engine.run(function, self._tasks(columns["sensor"], ids)):
+        for task, rows in engine.run(function, self._make_tasks(columns["sensor"], ids)):
             if isinstance(rows, Lost):
                 rows = tuple(
-                    refused(rows.sentence, sensor=name, **self.known) for _, name, _ in task
+                    make_refused_row(rows.sentence, sensor=name, **self.known)
+                    for _, name, _ in task
                 )
             for (place, _, _), row in zip(task, rows, strict=True):
                 _put(columns, place, row)
             done += len(rows)
             self.tell("calibrating by rows", done, len(ids))
 
-    def _tasks(self, names: NDArray[Any], ids: Index) -> Iterator[Task]:
+    def _make_tasks(self, names: NDArray[Any], ids: Index) -> Iterator[Task]:
         task: list[tuple[int, str, Table]] = []
         rows = 0
         for place, table in tables_of(self.db, self.dataset, ids):
@@ -233,11 +238,11 @@ class _Job:
         if task:
             yield tuple(task)
 
-    def without_readings(self) -> list[Row]:
+    def make_empty_rows(self) -> list[Row]:
         """The rows of sensors without a finite reading, and of rows that name no sensor."""
         assert self.grouped is not None
         rows = [
-            refused(
+            make_refused_row(
                 f"none of its {count} rows holds three finite readings",
                 sensor=name,
                 **{**self.known, "key": digest(self.known["key"], name)},
@@ -246,11 +251,11 @@ class _Job:
         ]
         if self.grouped.nameless:
             what = f"{self.grouped.nameless} rows name no sensor and were left out"
-            rows.append(refused(what, sensor="", **self.known))
+            rows.append(make_refused_row(what, sensor="", **self.known))
         return rows
 
 
-def _reference(
+def _find_reference(
     grouped: Grouped, settings: FleetSettings
 ) -> tuple[Reference | None, dict[str, Any]]:
     """The one reference of all sensors, and the settings that go with the place."""
@@ -263,7 +268,7 @@ def _reference(
     return reference_for(nowhere, settings.at, date, settings.field_nT)
 
 
-def _rows_tell_more(dataset: Dataset, settings: FleetSettings) -> bool:
+def _needs_rows(dataset: Dataset, settings: FleetSettings) -> bool:
     """Whether a fit by rows knows what moments do not: the attitude, or the place of each row."""
     placed = {"latitude_deg", "longitude_deg"} <= set(dataset.found)
     if settings.method not in ("auto", "ellipsoid"):

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.fleet.engine import Answer, Lost
-from agonic.fleet.local import processors
+from agonic.fleet.local import count_processors
 from agonic.version import __version__
 
 T = TypeVar("T")
@@ -52,13 +52,15 @@ class Dask:
 
     def run(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
         """As `Engine.run`."""
-        distributed = _distributed()
-        with _quiet(), self._client(distributed) as client:
-            room = WAITING * _threads(client)
+        distributed = _import_distributed()
+        with _silence_dask(), self._client(distributed) as client:
+            room = WAITING * _count_threads(client)
             left: list[T] = []
             waiting = iter(tasks)
             for size, most in ((self.batch, room), (1, room), (1, 1)):
-                for batch, answers in _submitted(client, function, _batches(waiting, size), most):
+                for batch, answers in _submit_batches(
+                    client, function, _make_batches(waiting, size), most
+                ):
                     if answers is None:
                         left += batch
                     else:
@@ -71,7 +73,7 @@ class Dask:
         """A client of the cluster; with it, a cluster of its own is closed."""
         if self.scheduler is None:
             with (
-                _own_cluster(distributed, self.workers or processors()) as cluster,
+                _start_cluster(distributed, self.workers or count_processors()) as cluster,
                 distributed.Client(cluster, set_as_default=False) as client,
             ):
                 yield client
@@ -80,7 +82,7 @@ class Dask:
         try:
             client = distributed.Client(self.scheduler, timeout=SECONDS, set_as_default=False)
         except (OSError, ValueError) as error:
-            raise _unreached(self.scheduler, error) from None
+            raise _explain_unreached(self.scheduler, error) from None
         with client:
             yield client
 
@@ -93,10 +95,10 @@ def _reach(scheduler: str) -> None:
             raise ValueError("its address is like tcp://host:8786")
         socket.create_connection((parts.hostname, parts.port), timeout=CONNECTED_S).close()
     except (OSError, ValueError) as error:
-        raise _unreached(scheduler, error) from None
+        raise _explain_unreached(scheduler, error) from None
 
 
-def _unreached(scheduler: str, error: Exception) -> AgonicError:
+def _explain_unreached(scheduler: str, error: Exception) -> AgonicError:
     return AgonicError(
         f"the scheduler {scheduler} does not answer ({error}); start one with `dask scheduler`"
     )
@@ -111,7 +113,7 @@ _OWN = {
 
 
 @contextmanager
-def _own_cluster(distributed: Any, workers: int) -> Iterator[Any]:
+def _start_cluster(distributed: Any, workers: int) -> Iterator[Any]:
     import dask
 
     with (
@@ -126,22 +128,22 @@ def _own_cluster(distributed: Any, workers: int) -> Iterator[Any]:
         yield cluster
 
 
-def _batches(tasks: Iterator[T], size: int) -> Iterator[list[T]]:
+def _make_batches(tasks: Iterator[T], size: int) -> Iterator[list[T]]:
     return iter(lambda: list(islice(tasks, size)), [])
 
 
-def _submitted(
+def _submit_batches(
     client: Any, function: Callable[[T], R], batches: Iterator[list[T]], most: int
 ) -> Iterator[tuple[list[T], list[Answer] | None]]:
     """Each batch with its answers, None where workers ended with it; `most` under way at a time."""
-    distributed = _distributed()
+    distributed = _import_distributed()
     finished = distributed.as_completed(loop=client.loop)
     underway: dict[str, tuple[Any, list[T]]] = {}
     again: list[list[T]] = []
     while True:
         returned, again = again, []
         for batch in islice(chain(returned, batches), max(most - len(underway), len(returned))):
-            future = client.submit(_answers, function, batch, pure=False)
+            future = client.submit(_answer_batch, function, batch, pure=False)
             underway[future.key] = future, batch
             finished.add(future)
         if not underway:
@@ -162,16 +164,16 @@ def _submitted(
         yield batch, answers
 
 
-def _answers(function: Callable[[T], R], batch: list[T]) -> list[Answer]:
+def _answer_batch(function: Callable[[T], R], batch: list[T]) -> list[Answer]:
     """What a worker does."""
     return [Answer.of(function, task) for task in batch]
 
 
-def _threads(client: Any) -> int:
+def _count_threads(client: Any) -> int:
     """How many tasks the cluster works on at a time; its workers must be of one mind with us."""
     try:
         client.wait_for_workers(1, timeout=SECONDS)
-        versions = set(client.run(_version).values())
+        versions = set(client.run(_get_version).values())
     except TimeoutError:
         raise AgonicError("the scheduler has no workers; start some with `dask worker`") from None
     except ImportError as error:
@@ -182,12 +184,12 @@ def _threads(client: Any) -> int:
     return sum(client.nthreads().values())
 
 
-def _version() -> str:
+def _get_version() -> str:
     return __version__
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _silence_dask() -> Iterator[None]:
     """Dask's own words on workers that come and go are kept from the user, who gets rows."""
     loggers = [
         logging.getLogger(name)
@@ -204,7 +206,7 @@ def _quiet() -> Iterator[None]:
             logger.setLevel(level)
 
 
-def _distributed() -> Any:
+def _import_distributed() -> Any:
     try:
         import distributed
     except ImportError:

@@ -36,7 +36,7 @@ LEFT_OUT = 0.01
 VERTICAL = 0.6 * VERTICAL_DOUBTFUL
 
 
-def doubts(
+def find_doubts(
     fits: Fits, grouped: Grouped, residuals: GroupedResiduals, *, unit: str
 ) -> Mapping[str, Mask]:
     """The sensors (n,) to be fitted to their rows, by the reason.
@@ -58,17 +58,17 @@ def doubts(
             "scale": (unit == "nT") & ~((gain > GAIN[0]) & (gain < GAIN[1])),
             "coverage": ~(fits.heading_sd_deg < HEADING_SD_DEG),
             "noise": ~(relative < NOISE),
-            "prior": ~(_pull(fits) < PULL),
+            "prior": ~(_compute_pull(fits) < PULL),
             "model": near.any(axis=1),
             "strays": (residuals.largest.max(axis=1) > limit * relative)
             | (residuals.fourths.sum(axis=1) > KURTOSIS * count * relative**4),
-            "changed": ~(_changes(residuals) < CHANGED),
+            "changed": ~(_compute_changes(residuals) < CHANGED),
             "clipping": grouped.at_ends > np.maximum(12, AT_ENDS * count),
             "axes": residuals.vertical > VERTICAL,
         }
 
 
-def _changes(residuals: GroupedResiduals) -> Array:
+def _compute_changes(residuals: GroupedResiduals) -> Array:
     """How much more than noise the blocks of each sensor pull its bias, (n,).
 
     In a block of white residuals E|Σ r û|² = n σ²; a bias that differs there adds to it, and so
@@ -78,7 +78,7 @@ def _changes(residuals: GroupedResiduals) -> Array:
     return np.asarray(((residuals.pull**2).sum(axis=2) / expected).sum(axis=1))
 
 
-def _pull(fits: Fits) -> Array:
+def _compute_pull(fits: Fits) -> Array:
     """By how many standard errors the prior on soft iron would move each result, (n,)."""
     fitted = fits.fitted
     pull = np.full(len(fits), np.nan)

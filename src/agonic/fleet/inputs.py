@@ -44,7 +44,7 @@ class Inputs:
         return len(self.logs) + len(self.datasets)
 
 
-def find(named: Iterable[Path | str], settings: FleetSettings | None = None) -> Inputs:
+def find_inputs(named: Iterable[Path | str], settings: FleetSettings | None = None) -> Inputs:
     """The logs and datasets that files, folders (with all that is in them) and patterns name.
 
     Raises `AgonicError` where a pattern or a name has no file, or all of them no log.
@@ -55,11 +55,13 @@ def find(named: Iterable[Path | str], settings: FleetSettings | None = None) -> 
     within: dict[str, str] = {}
     perhaps: set[str] = set()
     skipped = 0
-    for path in (path for name in named for path in _matches(os.fspath(name))):
+    for path in (path for name in named for path in _expand(os.fspath(name))):
         if os.path.isdir(path):
-            files = list(_files(path))
+            files = list(_list_files(path))
             tables = [file for file in files if file.suffix.lower() == PARQUET]
-            datasets |= {os.path.abspath(d.path): d for d in _datasets(Path(path), tables, asked)}
+            datasets |= {
+                os.path.abspath(d.path): d for d in _find_datasets(Path(path), tables, asked)
+            }
             for file in files:
                 known = file.suffix.lower() in LOG_SUFFIXES
                 if not known and not accepts(file):
@@ -70,9 +72,9 @@ def find(named: Iterable[Path | str], settings: FleetSettings | None = None) -> 
                     perhaps.add(str(file))
         else:
             explicit.setdefault(os.path.abspath(path), path)
-            if Path(path).suffix.lower() == PARQUET and (found := _dataset(Path(path), asked)):
+            if Path(path).suffix.lower() == PARQUET and (found := _open_dataset(Path(path), asked)):
                 datasets.setdefault(os.path.abspath(path), found)
-    parts = {os.path.abspath(file) for d in datasets.values() for file in _files_of(d)}
+    parts = {os.path.abspath(file) for d in datasets.values() for file in _list_parts(d)}
     logs = sorted(path for key, path in {**within, **explicit}.items() if key not in parts)
     if not logs and not datasets:
         raise AgonicError("the inputs hold no log: name files, folders, or patterns in quotes")
@@ -84,14 +86,14 @@ def find(named: Iterable[Path | str], settings: FleetSettings | None = None) -> 
     )
 
 
-def _datasets(folder: Path, tables: Sequence[Path], asked: FleetSettings) -> Iterator[Dataset]:
+def _find_datasets(folder: Path, tables: Sequence[Path], asked: FleetSettings) -> Iterator[Dataset]:
     """The datasets among the Parquet tables of a folder: all of them as one, or by folder, or file.
 
     Folders named `key=value` are parts of the one above them.
     """
     if not tables:
         return
-    whole = _dataset(folder, asked, tables)
+    whole = _open_dataset(folder, asked, tables)
     if whole is not None:
         yield whole
         return
@@ -102,13 +104,13 @@ def _datasets(folder: Path, tables: Sequence[Path], asked: FleetSettings) -> Ite
     if list(by_folder) != [folder]:
         for below, some in by_folder.items():
             if below != folder:
-                yield from _datasets(below, some, asked)
+                yield from _find_datasets(below, some, asked)
     for table in by_folder.get(folder, []):
-        if found := _dataset(table, asked):
+        if found := _open_dataset(table, asked):
             yield found
 
 
-def _dataset(
+def _open_dataset(
     path: Path, asked: FleetSettings, tables: Sequence[Path] | None = None
 ) -> Dataset | None:
     """The dataset that a file or a folder is; one that cannot be is read file by file, as logs."""
@@ -140,12 +142,12 @@ def _is_of_vehicles(dataset: Dataset) -> bool:
 _OF_VEHICLE = re.compile(r"(sensor_)?(mag|compass|magnetometer)[ _]?\[?\d?\]?", re.IGNORECASE)
 
 
-def _files_of(dataset: Dataset) -> Iterator[str]:
+def _list_parts(dataset: Dataset) -> Iterator[str]:
     yield from dataset.files
     yield from (file for file, _ in dataset.damaged)
 
 
-def identified(path: str, rows: Sequence[Row], pattern: str | None) -> list[Row]:
+def name_sensors(path: str, rows: Sequence[Row], pattern: str | None) -> list[Row]:
     """The rows of a log, with the sensor and the path that they are known by.
 
     A sensor is its number for autopilots where the log knows it, else the stem of the file, with
@@ -153,13 +155,13 @@ def identified(path: str, rows: Sequence[Row], pattern: str | None) -> list[Row]
     `sensor`, its first group, or all of it.
 
     >>> row = Row(sensor="", source="", verdict="good", status="")
-    >>> [one.sensor for one in identified("a/7.csv", [row], None)]
+    >>> [one.sensor for one in name_sensors("a/7.csv", [row], None)]
     ['7']
-    >>> [one.sensor for one in identified("a/7.csv", [row, row], r"(\\w+)/")]
+    >>> [one.sensor for one in name_sensors("a/7.csv", [row, row], r"(\\w+)/")]
     ['a mag', 'a mag']
     """
     path = as_text(path)
-    named = None if pattern is None else _group(re.search(pattern, path))
+    named = None if pattern is None else _get_group(re.search(pattern, path))
     ids = [row.device_id for row in rows]
 
     def sensor(row: Row) -> str:
@@ -171,14 +173,14 @@ def identified(path: str, rows: Sequence[Row], pattern: str | None) -> list[Row]
     return [replace(row, sensor=sensor(row), source=path) for row in rows]
 
 
-def _group(match: re.Match[str] | None) -> str | None:
+def _get_group(match: re.Match[str] | None) -> str | None:
     if match is None:
         return None
     named = match.groupdict().get("sensor")
     return named or next((group for group in match.groups() if group), match[0]) or None
 
 
-def _matches(name: str) -> list[str]:
+def _expand(name: str) -> list[str]:
     """The files and folders that a name, which may be a pattern, stands for."""
     if os.path.lexists(name):
         return [name]
@@ -190,7 +192,7 @@ def _matches(name: str) -> list[str]:
     return found
 
 
-def _files(folder: str) -> Iterator[Path]:
+def _list_files(folder: str) -> Iterator[Path]:
     """All files in a folder and those below, but for hidden ones and results of a fleet."""
     for base, below, files in os.walk(folder):
         results = RESULTS if JOURNAL in files or {TABLE, PAGE} <= set(files) else ()

@@ -51,14 +51,14 @@ class Processes:
         pool: list[_Worker[T]] = []
         failed_starts = 0
         try:
-            while self._manned(pool, queue, function):
-                for worker in _speaking(pool):
+            while self._assign_work(pool, queue, function):
+                for worker in _wait_for_any(pool):
                     try:
                         answer = worker.connection.recv()
                     except (EOFError, OSError):
                         pool.remove(worker)
                         failed_starts = 0 if worker.ready else failed_starts + 1
-                        yield from queue.after_end(worker)
+                        yield from queue.take_back(worker)
                         continue
                     if answer == _READY:
                         worker.ready = True
@@ -72,7 +72,7 @@ class Processes:
             for worker in pool:
                 worker.end()
 
-    def _manned(
+    def _assign_work(
         self, pool: list[_Worker[T]], queue: _Queue[T], function: Callable[[T], Any]
     ) -> bool:
         """Whether there is work; there are then as many processes as there is work for."""
@@ -83,13 +83,13 @@ class Processes:
             else:
                 pool.remove(worker)
                 worker.end()
-        while len(pool) < (self.workers or processors()) and (entry := queue.take()):
+        while len(pool) < (self.workers or count_processors()) and (entry := queue.take()):
             pool.append(_Worker.start(function))
             pool[-1].give(entry)
         return bool(pool)
 
 
-def processors() -> int:
+def count_processors() -> int:
     """How many processors this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
@@ -125,7 +125,7 @@ class _Queue(Generic[T]):
             return _Entry(task)
         return None
 
-    def after_end(self, worker: _Worker[T]) -> Iterator[tuple[T, Lost]]:
+    def take_back(self, worker: _Worker[T]) -> Iterator[tuple[T, Lost]]:
         """Take back what a process that ended had; the first it was at, if it had begun."""
         worker.end()
         if worker.ready and worker.waiting:
@@ -152,8 +152,8 @@ class _Worker(Generic[T]):
         context: Any = mp.get_context("forkserver" if sys.platform == "linux" else "spawn")
         if sys.platform == "linux":  # what is imported once serves all processes
             mp.set_forkserver_preload(["__main__", getattr(function, "func", function).__module__])
-        with _inherited():
-            process = context.Process(target=_work, args=(theirs, function), daemon=True)
+        with _set_inherited():
+            process = context.Process(target=_serve, args=(theirs, function), daemon=True)
             process.start()
         theirs.close()
         return cls(process, ours)
@@ -174,13 +174,13 @@ class _Worker(Generic[T]):
             self.process.join()
 
 
-def _speaking(pool: list[_Worker[T]]) -> list[_Worker[T]]:
+def _wait_for_any(pool: list[_Worker[T]]) -> list[_Worker[T]]:
     """The processes that have sent something, or have ended; waits for the first."""
     lines = {worker.connection: worker for worker in pool}
     return [lines[line] for line in wait(list(lines))]  # type: ignore[index]
 
 
-def _work(connection: Connection, function: Callable[[Any], Any]) -> None:
+def _serve(connection: Connection, function: Callable[[Any], Any]) -> None:
     """What a process does until its line is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
@@ -190,7 +190,7 @@ def _work(connection: Connection, function: Callable[[Any], Any]) -> None:
 
 
 @contextmanager
-def _inherited() -> Iterator[None]:
+def _set_inherited() -> Iterator[None]:
     """What new processes take over: one thread each, and no ear for an interruption.
 
     An interruption of the terminal goes to all processes; the first one sees to the others.

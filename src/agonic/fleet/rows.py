@@ -14,7 +14,7 @@ from agonic.recording.calibrated import Calibrated
 from agonic.samples import Samples
 
 
-def row_of(
+def make_row(
     calibrated: Calibrated,
     *,
     sensor: str,
@@ -32,14 +32,14 @@ def row_of(
 
     >>> from agonic.recording.calibrated import calibrate
     >>> from agonic.simulation import simulate
-    >>> row = row_of(calibrate(simulate("tumble").samples), sensor="a", source="a.csv")
+    >>> row = make_row(calibrate(simulate("tumble").samples), sensor="a", source="a.csv")
     >>> row.verdict, row.method, row.rows
     ('good', 'ellipsoid', 3000)
     """
     fit, verification = calibrated.fit, calibrated.verification
     found = fit.calibration
     names = FREE_PARAMETERS if found.gauge == "free" else PARAMETERS
-    sd = dict(zip(names, map(_number, fit.sd.tolist()), strict=False))
+    sd = dict(zip(names, map(_make_finite, fit.sd.tolist()), strict=False))
     bias = dict(zip(PARAMETERS[:3], found.bias.tolist(), strict=True))
     entries = zip(ENTRIES, found.matrix.ravel().tolist(), strict=True)
     return Row(
@@ -47,24 +47,24 @@ def row_of(
         source=source,
         sha256=sha256,
         key=key,
-        **of_samples(calibrated.samples),
+        **describe_samples(calibrated.samples),
         rows=fit.n,
         method=calibrated.method,
         model=found.model,
         gauge=found.gauge,
         verdict=calibrated.verdict,  # type: ignore[arg-type]
         status=calibrated.status,
-        findings=tuple(_found(calibrated)),
+        findings=tuple(_list_findings(calibrated)),
         unit_out=found.unit_out,
         **bias,
         **{f"matrix_{name}": value for name, value in entries},  # type: ignore[arg-type]
         **{f"{name}_sd": value for name, value in sd.items()},  # type: ignore[arg-type]
-        magnitude=_number(found.magnitude),
-        noise=_number(fit.noise),
-        spread_before=_number(verification.spread_before),
-        spread_after=_number(verification.spread_after),
-        residual_rms=_number(verification.residual_rms),
-        heading_sd_deg=_number(fit.coverage.heading_sd_deg),
+        magnitude=_make_finite(found.magnitude),
+        noise=_make_finite(fit.noise),
+        spread_before=_make_finite(verification.spread_before),
+        spread_after=_make_finite(verification.spread_after),
+        residual_rms=_make_finite(verification.residual_rms),
+        heading_sd_deg=_make_finite(fit.coverage.heading_sd_deg),
         calibration=calibration,
         report=report,
         settings=settings,
@@ -72,24 +72,24 @@ def row_of(
     )
 
 
-def refused(
+def make_refused_row(
     status: str, *, sensor: str, source: str, samples: Samples | None = None, **known: Any
 ) -> Row:
     """The row of a log, or of a sensor in it, that could not be calibrated at all.
 
-    >>> refused("the file is empty", sensor="a", source="a.csv").verdict
+    >>> make_refused_row("the file is empty", sensor="a", source="a.csv").verdict
     'refused'
     """
-    facts = {} if samples is None else of_samples(samples)
+    facts = {} if samples is None else describe_samples(samples)
     return Row(sensor=sensor, source=source, verdict="refused", status=status, **facts, **known)
 
 
-def of_samples(samples: Samples) -> Mapping[str, Any]:
+def describe_samples(samples: Samples) -> Mapping[str, Any]:
     """What the readings themselves say of a row."""
     start, duration = None, None
     if samples.time is not None and len(samples):
         first, last = float(samples.time[0]), float(samples.time[-1])
-        start, duration = _moment(samples.epoch, first), last - first
+        start, duration = _add_seconds(samples.epoch, first), last - first
     warm = samples.temperature
     return {
         "channel": samples.name,
@@ -101,7 +101,7 @@ def of_samples(samples: Samples) -> Mapping[str, Any]:
     }
 
 
-def _found(calibrated: Calibrated) -> Iterator[str]:
+def _list_findings(calibrated: Calibrated) -> Iterator[str]:
     """The names of what was found, the gravest first; a check that failed is among them."""
     findings, checks = calibrated.fit.findings, calibrated.verification.checks
     for severity in ("refuse", "check", "note"):
@@ -110,7 +110,7 @@ def _found(calibrated: Calibrated) -> Iterator[str]:
             yield from (f"held out: {check.name}" for check in checks if check.passed is False)
 
 
-def _moment(epoch: datetime | None, seconds: float) -> datetime | None:
+def _add_seconds(epoch: datetime | None, seconds: float) -> datetime | None:
     if epoch is None:
         return None
     try:
@@ -119,5 +119,5 @@ def _moment(epoch: datetime | None, seconds: float) -> datetime | None:
         return None
 
 
-def _number(value: float | None) -> float | None:
+def _make_finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)

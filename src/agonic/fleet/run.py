@@ -16,12 +16,12 @@ import numpy as np
 from agonic.atomic import make_folder, write_atomically
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Engine, Lost
-from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find, identified
+from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find_inputs, name_sensors
 from agonic.fleet.journal import Journal, State
 from agonic.fleet.local import Processes
+from agonic.fleet.one_log import Done, calibrate_log, explain, report_unread
 from agonic.fleet.report.page import fleet_page
 from agonic.fleet.settings import FleetSettings, digest
-from agonic.fleet.work import Done, calibrate_log, sentence, unread
 from agonic.population import (
     Compared,
     Duplicate,
@@ -135,14 +135,14 @@ def run_fleet(
     if store is not None:
         History.open(store).close()  # what is wrong with it is told before the work
     settings = settings or FleetSettings()
-    found = find(inputs, settings)
+    found = find_inputs(inputs, settings)
     folder = make_folder(out)
     with Journal(folder / JOURNAL, work=settings.work) as journal:
         today = datetime.now(UTC).date().isoformat()
         settings = replace(settings, undated=journal.undated(today))
         work = _Work(found, journal, settings, folder, progress or (lambda _: None))
-        work.through(engine or Processes())
-        work.through_datasets(engine)
+        work.calibrate_logs(engine or Processes())
+        work.calibrate_datasets(engine)
         population = Population.joined([Population.of(work.rows()), *work.tables()])
     if store is not None:
         with History.open(store) as history:
@@ -153,7 +153,7 @@ def run_fleet(
         outliers=compared.outliers,
         duplicates=compared.duplicates,
         table=write_population(compared.population, folder / TABLE),
-        page=_page(compared, folder),
+        page=_write_page(compared, folder),
         logs=len(found.logs) - work.skipped,
         datasets=len(found.datasets),
         calibrated=work.calibrated,
@@ -180,23 +180,23 @@ class _Work:
     repeated: int = 0
     skipped: int = 0
     of_datasets: list[tuple[str, str]] = field(default_factory=list)
-    underway: dict[str, tuple[str, State | None, str | None]] = field(default_factory=dict)
+    under_way: dict[str, tuple[str, State | None, str | None]] = field(default_factory=dict)
     fresh: set[str] = field(default_factory=set)
-    passing: dict[str, tuple[Row, ...]] = field(default_factory=dict)
+    unkept: dict[str, tuple[Row, ...]] = field(default_factory=dict)
     """Rows that are not kept for the next run, by path or content."""
 
-    def through(self, engine: Engine) -> None:
+    def calibrate_logs(self, engine: Engine) -> None:
         """Work on all logs that are not finished."""
         function = partial(calibrate_log, settings=self.settings, folder=str(self.folder.resolve()))
-        for task, result in engine.run(function, self._unfinished()):
+        for task, result in engine.run(function, self._find_unfinished()):
             if isinstance(result, Lost):
-                result = unread(task, result.sentence, self.settings)
+                result = report_unread(task, result.sentence, self.settings)
             self._finish(task, result)
             self._tell()
         self._tell()
         self.journal.commit()
 
-    def through_datasets(self, engine: Engine | None) -> None:
+    def calibrate_datasets(self, engine: Engine | None) -> None:
         """Calibrate the sensors of datasets, each dataset at once."""
         for dataset in self.found.datasets:
             path = str(dataset.path)
@@ -209,7 +209,9 @@ class _Work:
                         dataset, self.settings, engine=engine, progress=self._tell_stage
                     )
                 except Exception as error:  # whatever is wrong with a dataset becomes its row
-                    self.passing[path] = unread(path, sentence(error, path), self.settings).rows
+                    self.unkept[path] = report_unread(
+                        path, explain(error, path), self.settings
+                    ).rows
                 else:
                     self.journal.add_table(content, table)
                     self.made += len(table)
@@ -221,27 +223,29 @@ class _Work:
         """The rows of all logs, with the sensor and the path that each is known by."""
         for path in self.found.logs:
             rows = self._rows_of(path)
-            if not self._aside(path, rows):
-                yield from identified(path, rows, self.settings.name)
+            if not self._is_no_log(path, rows):
+                yield from name_sensors(path, rows, self.settings.name)
 
     def tables(self) -> Iterator[Population]:
         """The rows of all datasets, with the path that each is known by."""
         for path, content in self.of_datasets:
             table = self.journal.table(content)
             if table is None:
-                yield Population.of(self.passing[path])
+                yield Population.of(self.unkept[path])
             else:
                 source = np.where(table["sensor"] == "", table["source"], path)
                 yield Population({**table.columns, "source": source})
 
     def _rows_of(self, path: str) -> tuple[Row, ...]:
-        if path in self.passing:
-            return self.passing[path]
+        if path in self.unkept:
+            return self.unkept[path]
         content = self.journal.content(path) or ""
-        found = self.passing.get(content) or self.journal.rows(content)
-        return found or unread(path, "the file changed while it was read", self.settings).rows
+        found = self.unkept.get(content) or self.journal.rows(content)
+        return (
+            found or report_unread(path, "the file changed while it was read", self.settings).rows
+        )
 
-    def _unfinished(self) -> Iterator[str]:
+    def _find_unfinished(self) -> Iterator[str]:
         """The logs to work on; of those with the same content, the first."""
         states = map(State.of, self.found.logs)
         sizes = Counter(state.size for state in states if state)
@@ -250,15 +254,15 @@ class _Work:
             state = State.of(path)
             content = self.journal.content(path, state) if state else None
             if state and content is None and (sizes[state.size] > 1 or state.size in known):
-                content = _content(path)
+                content = _hash_file(path)
                 if content is not None:
                     self.journal.note(path, state, content)
             if content is None or self._is_new(content, path):
                 task = os.path.abspath(path)  # wherever the process that works on it stands
-                self.underway[task] = path, state, content
+                self.under_way[task] = path, state, content
                 yield task
 
-    def _aside(self, path: str, rows: Sequence[Row]) -> bool:
+    def _is_no_log(self, path: str, rows: Sequence[Row]) -> bool:
         """Whether a file turned out to be no log, and nobody said that it was."""
         return path in self.found.perhaps and not rows[0].channel
 
@@ -269,7 +273,7 @@ class _Work:
             return False
         finished = self.journal.rows(content)
         if finished and all(map(self._complete, finished)):
-            if self._aside(path, finished):
+            if self._is_no_log(path, finished):
                 self.skipped += 1
             else:
                 self.resumed += 1
@@ -285,23 +289,23 @@ class _Work:
         return all((self.folder / file).is_file() for file in files if file)
 
     def _finish(self, task: str, done: Done) -> None:
-        path, state, content = self.underway.pop(task)
-        if self._aside(path, done.rows):
+        path, state, content = self.under_way.pop(task)
+        if self._is_no_log(path, done.rows):
             self.skipped += 1
         else:
             self.calibrated += 1
         if not done.sha256 or state is None:
-            self.passing[path] = done.rows
+            self.unkept[path] = done.rows
             if content is not None:
-                self.passing[content] = done.rows
+                self.unkept[content] = done.rows
             return
         self.made += len(done.rows)
         self.fresh.add(done.sha256)
         self.journal.note(path, state, done.sha256)
-        if done.lasting:
+        if done.final:
             self.journal.add(done.sha256, done.rows)
         else:
-            self.passing[done.sha256] = done.rows
+            self.unkept[done.sha256] = done.rows
 
     def _tell(self, stage: str = "") -> None:
         done = self.calibrated + self.resumed + self.repeated + self.skipped
@@ -311,14 +315,14 @@ class _Work:
         self._tell(f"{stage} {done} of {total} sensors" if done else stage)
 
 
-def _content(path: str) -> str | None:
+def _hash_file(path: str) -> str | None:
     try:
         return sha256_of(Path(path))
     except OSError:
         return None
 
 
-def _page(compared: Compared, folder: Path) -> Path:
+def _write_page(compared: Compared, folder: Path) -> Path:
     """The report of the fleet."""
     title = folder.resolve().name
     page = fleet_page(compared.population, title=title, outliers=compared.outliers)

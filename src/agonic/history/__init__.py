@@ -1,8 +1,8 @@
 """Calibrations kept over time: how a sensor drifts, when it stepped, whether it left the others."""
 
-from agonic.history.departure import Departure, beside, departures
-from agonic.history.drift_fit import Drift, Event, Moved, drift
-from agonic.history.listing import drifting
+from agonic.history.departure import Departure, add_departures, departures
+from agonic.history.drifting_sensors import find_drifting
+from agonic.history.fit import Drift, Event, ParameterChange, drift
 from agonic.history.trend import Band, Trend
 
 __all__ = [
@@ -10,10 +10,10 @@ __all__ = [
     "Departure",
     "Drift",
     "Event",
-    "Moved",
+    "ParameterChange",
     "Trend",
-    "beside",
+    "add_departures",
     "departures",
     "drift",
-    "drifting",
+    "find_drifting",
 ]

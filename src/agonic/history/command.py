@@ -60,19 +60,19 @@ def history(
         raise AgonicError("-o and --date are of one sensor: agonic history SENSOR")
     with History.open(store, new=False) as kept:
         if sensor is None:
-            return _all(kept, as_json)
-        return _one(kept, sensor, _moment(date), out, as_json)
+            return _show_all(kept, as_json)
+        return _show_sensor(kept, sensor, _parse_date(date), out, as_json)
 
 
-def _all(kept: History, as_json: bool) -> int:
+def _show_all(kept: History, as_json: bool) -> int:
     from agonic.console.output import print_json, say
     from agonic.console.progress import counting
-    from agonic.history import departures, drifting
+    from agonic.history import departures, find_drifting
     from agonic.history.report.record import listed, listing
 
     sensors = kept.sensors()
     with counting(100) as told:
-        moving = drifting(kept, lambda done, of: told("Drift", 100 * done // of))
+        moving = find_drifting(kept, lambda done, of: told("Drift", 100 * done // of))
     said = listing(sensors, moving, departures(kept))
     if as_json:
         print_json("agonic/history@1", said)
@@ -81,13 +81,15 @@ def _all(kept: History, as_json: bool) -> int:
     return 1 if said["departures"] else 0
 
 
-def _one(kept: History, sensor: str, at: datetime | None, out: Path | None, as_json: bool) -> int:
+def _show_sensor(
+    kept: History, sensor: str, at: datetime | None, out: Path | None, as_json: bool
+) -> int:
     from agonic.console.output import print_json, say
-    from agonic.history import beside, departures, drift
+    from agonic.history import add_departures, departures, drift
     from agonic.history.report.record import lines, record
 
-    found = beside(drift(kept.of(sensor), at), departures(kept))
-    files = [] if out is None else [_page(found, out)]
+    found = add_departures(drift(kept.of(sensor), at), departures(kept))
+    files = [] if out is None else [_write_page(found, out)]
     if as_json:
         print_json("agonic/history@1", {**record(found), "files": files})
     else:
@@ -95,14 +97,14 @@ def _one(kept: History, sensor: str, at: datetime | None, out: Path | None, as_j
     return 0 if found.ok else 1
 
 
-def _page(found: Drift, out: Path) -> str:
+def _write_page(found: Drift, out: Path) -> str:
     from agonic.atomic import write_atomically
     from agonic.history.report.page import history_page
 
     return str(write_atomically(out, history_page(found)))
 
 
-def _moment(date: str | None) -> datetime | None:
+def _parse_date(date: str | None) -> datetime | None:
     from agonic.errors import AgonicError
 
     if date is None:
@@ -128,8 +130,8 @@ def keep(
     """
     from dataclasses import replace
 
-    from agonic.fleet.inputs import identified
-    from agonic.fleet.rows import row_of
+    from agonic.fleet.inputs import name_sensors
+    from agonic.fleet.rows import make_row
     from agonic.fleet.settings import digest
     from agonic.population import History
     from agonic.version import __version__
@@ -137,7 +139,7 @@ def keep(
     settings = asked.asked if between is None else f"{asked.asked} {between}"
     rows = []
     for result in results:
-        row = row_of(
+        row = make_row(
             result,
             sensor="",
             source=str(log.path),
@@ -146,9 +148,9 @@ def keep(
             settings=settings,
             version=__version__,
         )
-        rows.append(replace(row, start=row.start or _moment(asked.date)))
+        rows.append(replace(row, start=row.start or _parse_date(asked.date)))
     if name is None:
-        rows = identified(str(log.path), rows, None)
+        rows = name_sensors(str(log.path), rows, None)
     else:
         several = len(rows) > 1
         rows = [replace(r, sensor=f"{name} {r.channel}" if several else name) for r in rows]

@@ -1,4 +1,4 @@
-"""`departures`: sensors that left their population, by where they are and by how they moved."""
+"""`departures`: sensors that left their population, by where they are and how they moved."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.health import Finding
 from agonic.health.finding import figure
-from agonic.history.drift_fit import Drift
-from agonic.history.parameters import NAMES, parameters
+from agonic.history.fit import Drift
+from agonic.history.parameters import NAMES, extract_parameters
 from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.robust_spread import robust_spread
 from agonic.maths.estimation.tails import Tail, tail_of
-from agonic.population import Population, outliers
-from agonic.population.outlier import usual_rate
+from agonic.population import Population, find_outliers
+from agonic.population.outlier import choose_rate
 from agonic.population.store import History
 
 LEAST = 8
@@ -41,10 +41,10 @@ class Departure:
 def departures(history: History, *, rate: float | None = None) -> tuple[Departure, ...]:
     """The sensors of a history that left their population.
 
-    The last good calibration of each is set against those of all others, as `outliers` does it, and
-    its move since the one before against the moves of all others: their robust centre and spread,
-    and the tail that the moves themselves show. Of the sensors named, chance has named a share of
-    at most `rate` (Benjamini and Hochberg).
+    The last good calibration of each is set against those of all others, as `find_outliers` does
+    it, and its move since the one before against the moves of all others: their robust centre and
+    spread, and the tail that the moves themselves show. Of the sensors named, chance has named a
+    share of at most `rate` (Benjamini and Hochberg).
 
     Parameters
     ----------
@@ -73,12 +73,14 @@ def departures(history: History, *, rate: float | None = None) -> tuple[Departur
         return ()
     levels = [
         Departure(o.sensor, "level", o.sentence, o.distance, o.p_value)
-        for o in outliers(latest, rate=rate)
+        for o in find_outliers(latest, rate=rate)
     ]
-    return tuple(sorted([*levels, *moves(latest, history.latest(1), rate)], key=lambda d: d.sensor))
+    return tuple(
+        sorted([*levels, *find_moves(latest, history.latest(1), rate)], key=lambda d: d.sensor)
+    )
 
 
-def beside(drift: Drift, departed: Iterable[Departure]) -> Drift:
+def add_departures(drift: Drift, departed: Iterable[Departure]) -> Drift:
     """How a sensor moved, with what it looks like among the others added to its findings."""
     found = tuple(
         Finding(
@@ -93,7 +95,9 @@ def beside(drift: Drift, departed: Iterable[Departure]) -> Drift:
     return replace(drift, findings=(*drift.findings, *found))
 
 
-def moves(latest: Population, previous: Population, rate: float | None = None) -> list[Departure]:
+def find_moves(
+    latest: Population, previous: Population, rate: float | None = None
+) -> list[Departure]:
     """The sensors that moved unlike the others between two calibrations of each.
 
     >>> from agonic.population import Row
@@ -103,21 +107,21 @@ def moves(latest: Population, previous: Population, rate: float | None = None) -
     ...                bias_y_sd=1.0, bias_z_sd=1.0)
     >>> before = Population.of([row(k, 100.0 * k) for k in range(20)])
     >>> after = Population.of([row(k, 100.0 * k + k % 3 + 900 * (k == 7)) for k in range(20)])
-    >>> [(d.sensor, d.kind) for d in moves(after, before)]
+    >>> [(d.sensor, d.kind) for d in find_moves(after, before)]
     [('s07', 'move')]
     """
-    now, then = _pairs(latest, previous)
+    now, then = _pair(latest, previous)
     if rate is None:
-        rate = usual_rate(len(now))
+        rate = choose_rate(len(now))
     found: list[Departure] = []
     for units in sorted({*zip(now["unit_in"], now["unit_out"], strict=True)}, key=str):
         same = (now["unit_in"] == units[0]) & (now["unit_out"] == units[1])
         if same.sum() >= LEAST:
-            found.extend(_moved(now.select(same), then.select(same), rate))
+            found.extend(_test_moves(now.select(same), then.select(same), rate))
     return found
 
 
-def _pairs(latest: Population, previous: Population) -> tuple[Population, Population]:
+def _pair(latest: Population, previous: Population) -> tuple[Population, Population]:
     """The sensors that have two calibrations which can be compared, row by row."""
     names = ("sensor", "channel", "unit_in", "unit_out")
     keys = [list(zip(*(p[name] for name in names), strict=True)) for p in (latest, previous)]
@@ -129,8 +133,8 @@ def _pairs(latest: Population, previous: Population) -> tuple[Population, Popula
     )
 
 
-def _moved(now: Population, then: Population, rate: float) -> list[Departure]:
-    after, before = parameters(now), parameters(then)
+def _test_moves(now: Population, then: Population, rate: float) -> list[Departure]:
+    after, before = extract_parameters(now), extract_parameters(then)
     away = after.values - before.values
     sd = np.hypot(after.sd, before.sd)
     tested = []
@@ -148,7 +152,7 @@ def _moved(now: Population, then: Population, rate: float) -> list[Departure]:
     found, at = [], 0
     for (kind, rows, off, distance, tail), p_value in zip(tested, p_values, strict=True):
         for k in np.flatnonzero(holds[at : at + len(rows)]):
-            said = _sentence(kind, off[k], after.units[_KINDS[kind].start], distance[k], tail)
+            said = _describe(kind, off[k], after.units[_KINDS[kind].start], distance[k], tail)
             sensor = str(now["sensor"][rows[k]])
             times = float(distance[k] / (tail.scale * np.sqrt(3)))
             found.append(Departure(sensor, "move", said, times, float(p_value[k])))
@@ -156,7 +160,7 @@ def _moved(now: Population, then: Population, rate: float) -> list[Departure]:
     return found
 
 
-def _sentence(kind: str, off: Array, unit: str, distance: float, tail: Tail) -> str:
+def _describe(kind: str, off: Array, unit: str, distance: float, tail: Tail) -> str:
     worst = int(np.argmax(np.abs(off)))
     name = NAMES[_KINDS[kind].start + worst]
     size = f"{'−' if off[worst] < 0 else '+'}{figure(abs(float(off[worst])))} {unit}".rstrip()

@@ -30,12 +30,12 @@ class Parameters(NamedTuple):
     units: tuple[str, ...]
 
 
-def comparable(population: Population) -> Index:
+def find_comparable(population: Population) -> Index:
     """The rows that can be compared with the last calibration: its channel, its units.
 
     Their biases are known, within bounds.
 
-    >>> comparable(Population.of([])).tolist()
+    >>> find_comparable(Population.of([])).tolist()
     []
     """
     known = np.isfinite(population.bias) & ~np.isinf(population.bias_sd)
@@ -48,10 +48,10 @@ def comparable(population: Population) -> Index:
     return rows[same]
 
 
-def parameters(population: Population) -> Parameters:
+def extract_parameters(population: Population) -> Parameters:
     """The parameters of every row; those without bounds are not known.
 
-    >>> parameters(Population.of([])).values.shape
+    >>> extract_parameters(Population.of([])).values.shape
     (0, 9)
     """
     matrix, matrix_sd = population.matrix, np.nan_to_num(population.matrix_sd, posinf=np.inf)
@@ -59,10 +59,10 @@ def parameters(population: Population) -> Parameters:
     values = np.hstack([population.bias, matrix[:, axes, axes], population.cross])
     bias_sd = np.nan_to_num(population.bias_sd, posinf=np.inf)
     sd = np.hstack([bias_sd, matrix_sd[:, axes, axes], population.cross_sd])
-    return Parameters(np.where(np.isfinite(sd), values, np.nan), sd, _units(population))
+    return Parameters(np.where(np.isfinite(sd), values, np.nan), sd, _name_units(population))
 
 
-def _units(population: Population) -> tuple[str, ...]:
+def _name_units(population: Population) -> tuple[str, ...]:
     if not len(population):
         return ("",) * 9
     into, out = (str(population[name][-1] or "") for name in ("unit_in", "unit_out"))

@@ -79,13 +79,13 @@ class Trend:
         return np.array([np.ones_like(time), self._scaled(time), *steps], dtype=np.float64)
 
 
-def series_of(time: Array, value: Array, sd: Array) -> Series:
+def make_series(time: Array, value: Array, sd: Array) -> Series:
     """A parameter as the kernels take it: time over its span, values about their mean."""
     span = (time - time[0]) / (time[-1] - time[0])
     return Series(span, value - value.mean(), sd**2, np.stack([np.ones_like(span), span]))
 
 
-def trend(
+def make_trend(
     name: str,
     unit: str,
     time: Array,

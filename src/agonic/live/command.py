@@ -80,34 +80,34 @@ def live(
         raise AgonicError(f"a --target of {target:g}° is none; give one above zero")
     opened = open_source(source, unit=unit, speed=speed)
     _require_writable(out)
-    reference, settings = _expected(opened, at, date, field)
+    reference, settings = _find_reference(opened, at, date, field)
     plan = Plan(
         folder=out,
         reference=reference,
         settings=settings,
         target_deg=target,
         sensor=sensor,
-        before=_before(before or []),
+        before=_load_before(before or []),
         fresh=fresh,
     )
     session = Session(opened, plan)
     if text or as_json:
-        return _in_terminal(session, as_json)
-    return _on_page(session, listen, port)
+        return _run_in_terminal(session, as_json)
+    return _run_on_page(session, listen, port)
 
 
-def _expected(
+def _find_reference(
     source: Source, at: str | None, date: str | None, field: float | None
 ) -> tuple[Reference | None, dict[str, Any]]:
     """What the field should be: as told, by the log that is replayed, or by the simulation."""
     import numpy as np
 
     from agonic.console.place import expected
-    from agonic.live.streams.played import Played
+    from agonic.live.streams.replay import Replay
     from agonic.reference import Reference
     from agonic.samples import Samples
 
-    played = source.sensors if isinstance(source, Played) else ()
+    played = source.sensors if isinstance(source, Replay) else ()
     if field is None and at is None and played and played[0].notes == ("simulated",):
         return Reference.constant(50_000.0, source="the simulation"), {}
     samples = played[0] if played else Samples(field=np.array([[0.0, 0.0, 1.0]]))
@@ -135,7 +135,7 @@ def _require_writable(folder: Path) -> None:
         ) from None
 
 
-def _before(paths: list[Path]) -> dict[str, Affine]:
+def _load_before(paths: list[Path]) -> dict[str, Affine]:
     """Calibrations by the name of their sensor."""
     from agonic.calibration.affine import Affine
     from agonic.files.calibration import load
@@ -149,7 +149,7 @@ def _before(paths: list[Path]) -> dict[str, Affine]:
     return found
 
 
-def _on_page(session: Session, listen: str | None, port: int) -> int:
+def _run_on_page(session: Session, listen: str | None, port: int) -> int:
     """Serve the page until interrupted."""
     try:
         from agonic.live.web.server import serve
@@ -166,7 +166,7 @@ def _on_page(session: Session, listen: str | None, port: int) -> int:
     return 0
 
 
-def _in_terminal(session: Session, as_json: bool) -> int:
+def _run_in_terminal(session: Session, as_json: bool) -> int:
     """Guide in words until the target is reached or the source has ended, then write."""
     import sys
     import time

@@ -15,11 +15,11 @@ from agonic.coverage import Coverage, cover
 from agonic.ellipsoid.calibration import Scale, calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
-from agonic.live.guidance import Guidance, guidance
+from agonic.live.files import load_state, save_state
+from agonic.live.guidance import Guidance, make_guidance
 from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
-from agonic.live.statefile import load_state, save_state
-from agonic.live.update import boxes_of, updated
+from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
@@ -56,7 +56,7 @@ class LiveFit:
         self.state = LiveState()
         self._nanotesla = nanotesla_per(self.params.unit)
         self._fitted: tuple[int, tuple[Affine, Coverage]] | None = None
-        self._boxed: tuple[int, Voxels | None] | None = None
+        self._collected: tuple[int, Voxels | None] | None = None
 
     def add(self, time: ArrayLike, field: ArrayLike) -> None:
         """Take readings `field` (n, 3), in the unit of the parameters, made at `time` (n,), s."""
@@ -68,7 +68,7 @@ class LiveFit:
                 f"{rows.shape}"
             )
         stacked = np.column_stack([moments, rows * self._nanotesla])
-        self.state = updated(self.params, self.state, stacked)
+        self.state = update_state(self.params, self.state, stacked)
 
     @property
     def n(self) -> int:
@@ -103,14 +103,14 @@ class LiveFit:
     @property
     def guidance(self) -> Guidance:
         """What to do next, and what is wrong."""
-        return guidance(self.params, self.state, self.fitted)
+        return make_guidance(self.params, self.state, self.fitted)
 
     @property
     def boxes(self) -> Voxels | None:
         """The readings summed up by where they lie; `None` before there are enough."""
-        if self._boxed is None or self._boxed[0] != self.n:
-            self._boxed = (self.n, boxes_of(self.params, self.state))
-        return self._boxed[1]
+        if self._collected is None or self._collected[0] != self.n:
+            self._collected = (self.n, collect_boxes(self.params, self.state))
+        return self._collected[1]
 
     @property
     def samples(self) -> Samples:

@@ -43,28 +43,28 @@ class Guidance:
     findings: tuple[Finding, ...] = field(default_factory=tuple)
 
 
-def guidance(
+def make_guidance(
     params: LiveParams, state: LiveState, fitted: tuple[Affine, Coverage] | None
 ) -> Guidance:
     """The guidance at a state, and the calibration and coverage there."""
-    findings = [*_stuck(state), *_silent(state)]
+    findings = [*_find_stuck(state), *_find_missing(state)]
     if fitted is None or state.found is None:
         say = "turn the sensor slowly about all three axes"
         return Guidance(say=say, findings=tuple(findings))
     calibration, coverage = fitted
     findings += [
-        *_near_metal(state, calibration),
-        *(_held(state) or _scattered(calibration)),
-        *_off_model(params, calibration),
+        *_find_near_metal(state, calibration),
+        *(_find_held_out(state) or _find_scatter(calibration)),
+        *_find_off_model(params, calibration),
     ]
     present = state.recent[-5:, 1:].mean(axis=0)
     present = calibration.correct(present[None])[0]
-    wanted = _wanted(params, state.found, present / np.linalg.norm(present))
-    turn = next_turn.turn_between(present, wanted)
+    wanted = _choose_direction(params, state.found, present / np.linalg.norm(present))
+    turn = next_turn.find_turn(present, wanted)
     close = coverage.heading_sd_deg <= params.target_deg
     done = close and not findings
     return Guidance(
-        say="enough: accept the result" if done else _words(turn),
+        say="enough: accept the result" if done else _describe_turn(turn),
         done=done,
         present=present / np.linalg.norm(present),
         wanted=wanted,
@@ -73,17 +73,17 @@ def guidance(
     )
 
 
-def _words(turn: Array) -> str:
+def _describe_turn(turn: Array) -> str:
     """The turn in words; a hand that is told to hold still would not move again."""
     small = np.abs(np.degrees(turn)).max() < next_turn.SMALLEST_DEG
-    return "go on turning" if small else next_turn.words(turn)
+    return "go on turning" if small else next_turn.describe_turn(turn)
 
 
-def _wanted(params: LiveParams, found: Found, present: Array) -> Array:
+def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array:
     """The direction that teaches most for the turn it takes, with what is read on the way."""
     centres = cells.icosphere()[0]
-    along, length = next_turn.ways(present, centres)
-    gains = next_turn.gains(
+    along, length = next_turn.draw_great_circles(present, centres)
+    gains = next_turn.compute_gains(
         along,
         found.bias,
         found.matrix,
@@ -95,7 +95,7 @@ def _wanted(params: LiveParams, found: Found, present: Array) -> Array:
     return np.asarray(centres[np.argmax(gains / (SHORT + length))])
 
 
-def _stuck(state: LiveState) -> list[Finding]:
+def _find_stuck(state: LiveState) -> list[Finding]:
     still = state.repeats >= STUCK
     if not still.any():
         return []
@@ -107,7 +107,7 @@ def _stuck(state: LiveState) -> list[Finding]:
     return [Finding("frozen axis", "check", what, "look at the sensor")]
 
 
-def _silent(state: LiveState) -> list[Finding]:
+def _find_missing(state: LiveState) -> list[Finding]:
     total = state.n + state.rejected
     if state.rejected < 0.01 * max(total, 1):
         return []
@@ -115,7 +115,7 @@ def _silent(state: LiveState) -> list[Finding]:
     return [Finding("NaN", "check", what, "look at the sensor and its cable")]
 
 
-def _near_metal(state: LiveState, calibration: Affine) -> list[Finding]:
+def _find_near_metal(state: LiveState, calibration: Affine) -> list[Finding]:
     """The present readings are off the sphere, all to one side."""
     assert calibration.magnitude is not None
     if abs(float(state.recent[-1, 0]) - state.alarm) < WAIT_S:
@@ -138,7 +138,7 @@ def _near_metal(state: LiveState, calibration: Affine) -> list[Finding]:
     ]
 
 
-def _held(state: LiveState) -> list[Finding]:
+def _find_held_out(state: LiveState) -> list[Finding]:
     """Much was kept out, and what is near may as well be what was taken for the rest."""
     share = state.held / state.n
     if share < MUCH:
@@ -148,7 +148,7 @@ def _held(state: LiveState) -> list[Finding]:
     return [Finding("disturbed", "check", what, turns)]
 
 
-def _scattered(calibration: Affine) -> list[Finding]:
+def _find_scatter(calibration: Affine) -> list[Finding]:
     """No sphere fits: the field was not the same all the time."""
     assert calibration.magnitude is not None
     share = (calibration.noise or 0.0) * float(np.trace(calibration.matrix)) / 3
@@ -166,7 +166,7 @@ def _scattered(calibration: Affine) -> list[Finding]:
     ]
 
 
-def _off_model(params: LiveParams, calibration: Affine) -> list[Finding]:
+def _find_off_model(params: LiveParams, calibration: Affine) -> list[Finding]:
     """A mean gain that no sensor has: the whole place is disturbed, or the reference is wrong."""
     if params.magnitude is None or params.unit == "raw":
         return []

@@ -38,7 +38,7 @@ class Alarm(NamedTuple):
     off: float
 
 
-class Judged(NamedTuple):
+class Judgement(NamedTuple):
     """Rows let in, rows that wait, how many are kept out, and the last alarm."""
 
     let_in: Array
@@ -47,7 +47,7 @@ class Judged(NamedTuple):
     alarm: Alarm
 
 
-def offs(judge: Found | None, blocks: Array) -> Array:
+def compute_deviations(judge: Found | None, blocks: Array) -> Array:
     """By how much of the magnitude blocks (b, k, 4) of rows are off, 0 where they are not, (b,)."""
     if judge is None:
         return np.zeros(len(blocks))
@@ -59,7 +59,9 @@ def offs(judge: Found | None, blocks: Array) -> Array:
     return np.where(np.abs(middle) > np.maximum(SLIGHT, room), middle, 0.0)
 
 
-def passed(judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size: int) -> Judged:
+def judge_blocks(
+    judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size: int
+) -> Judgement:
     """Whole blocks of `size` among rows that wait and `fresh` ones (…, 4), one after another.
 
     The rows that wait have been judged before. What is let in does not depend on how the readings
@@ -68,7 +70,7 @@ def passed(judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size
     rows = np.concatenate([waiting, fresh])
     blocks = rows.reshape(-1, size, 4)
     old = len(waiting) // size
-    off = offs(judge, blocks[old:])
+    off = compute_deviations(judge, blocks[old:])
     begins, ends = blocks[:, 0, 0].tolist(), blocks[:, -1, 0].tolist()
     queue, let_in, held = deque(range(old)), list[int](), 0
     for k in range(old, len(blocks)):
@@ -85,4 +87,4 @@ def passed(judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size
         else:
             queue.append(k)
     chosen = blocks[let_in].reshape(-1, 4)
-    return Judged(chosen, blocks[list(queue)].reshape(-1, 4), held * size, alarm)
+    return Judgement(chosen, blocks[list(queue)].reshape(-1, 4), held * size, alarm)

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.live.maths import voxels
 from agonic.live.maths.voxels import Voxels
-from agonic.live.quarantine import Alarm, passed
+from agonic.live.quarantine import Alarm, judge_blocks
 from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import moment_fit, moments
 
@@ -33,7 +33,7 @@ FINEST = 2.0**-12
 """Edge of the first boxes, over the largest reading: small enough to begin with."""
 
 
-def updated(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
+def update_state(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     """The state after rows (n, 4) of time and field, the same however they are cut in chunks.
 
     A fit is made where the count of readings last passed a multiple of `params.every`.
@@ -43,30 +43,30 @@ def updated(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     rows = rows[finite]
     blocks = state.n // params.every
     while len(rows):
-        until = _next_judge(params, state)
+        until = _plan_next_judge(params, state)
         taken, rows = np.split(rows, [until - state.n])
-        state = _taken(params, state, taken)
+        state = _take(params, state, taken)
         if state.n == until:
-            state = _rejudged(params, state)
+            state = _renew_judge(params, state)
     if state.n // params.every == blocks:
         return state
-    found = _fit(params, state.n, boxes_of(params, state), state.judge)
+    found = _fit(params, state.n, collect_boxes(params, state), state.judge)
     return replace(state, found=found or state.found)
 
 
-def boxes_of(params: LiveParams, state: LiveState) -> Voxels | None:
+def collect_boxes(params: LiveParams, state: LiveState) -> Voxels | None:
     """The boxes with the readings that wait in them too, as long as nothing speaks against them."""
     waiting = state.waiting[: len(state.waiting) - state.n % params.every]
-    return _boxed(state.voxels, waiting)[0]
+    return _put_in_boxes(state.voxels, waiting)[0]
 
 
-def _next_judge(params: LiveParams, state: LiveState) -> int:
+def _plan_next_judge(params: LiveParams, state: LiveState) -> int:
     """The count of readings at which the next judge is made, a multiple of `every`."""
     blocks = max(int(GROWTH * state.judged_at / params.every), state.judged_at // params.every + 1)
     return blocks * params.every
 
 
-def _rejudged(params: LiveParams, state: LiveState) -> LiveState:
+def _renew_judge(params: LiveParams, state: LiveState) -> LiveState:
     """A judge of what was let in so far; none where as much was kept out, which is as credible."""
     boxes, judge = state.voxels, None
     if boxes is not None and 2 * state.held <= state.n and boxes.counts.sum() >= FEWEST_TO_JUDGE:
@@ -76,7 +76,7 @@ def _rejudged(params: LiveParams, state: LiveState) -> LiveState:
     return replace(state, judge=judge, judged_at=state.n)
 
 
-def _repeated(state: LiveState, field: Array) -> Array:
+def _count_repeats(state: LiveState, field: Array) -> Array:
     """How often each axis has repeated itself up to now."""
     repeats, last = state.repeats.copy(), state.recent[-1:, 1:]
     steps = np.concatenate([last, field])
@@ -87,18 +87,18 @@ def _repeated(state: LiveState, field: Array) -> Array:
     return repeats
 
 
-def _taken(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
+def _take(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     """Rows taken: whole blocks of them judged, and put in their boxes when they have waited."""
     partial = state.n % params.every
     judged, fresh = np.split(state.waiting, [len(state.waiting) - partial])
     fresh = np.concatenate([fresh, rows])
     fresh, partly = np.split(fresh, [len(fresh) - len(fresh) % params.every])
-    made = passed(state.judge, Alarm(state.alarm, state.off), judged, fresh, params.every)
-    boxes, memorable = _boxed(state.voxels, made.let_in)
+    made = judge_blocks(state.judge, Alarm(state.alarm, state.off), judged, fresh, params.every)
+    boxes, memorable = _put_in_boxes(state.voxels, made.let_in)
     return replace(
         state,
         n=state.n + len(rows),
-        repeats=_repeated(state, rows[:, 1:]),
+        repeats=_count_repeats(state, rows[:, 1:]),
         recent=np.concatenate([state.recent, rows])[-RECENT:],
         voxels=boxes,
         kept=np.concatenate([state.kept, made.let_in[memorable]]),
@@ -109,14 +109,14 @@ def _taken(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     )
 
 
-def _boxed(boxes: Voxels | None, rows: Array) -> tuple[Voxels | None, Mask]:
+def _put_in_boxes(boxes: Voxels | None, rows: Array) -> tuple[Voxels | None, Mask]:
     """Boxes with rows put in, and which rows to remember."""
     if not len(rows):
         return boxes, np.zeros(0, dtype=bool)
     field = rows[:, 1:]
     if boxes is None:
-        boxes = voxels.begun(field[0], float(np.abs(field[0]).max() or 1.0) * FINEST)
-    boxes, place = voxels.added(boxes, field)
+        boxes = voxels.begin(field[0], float(np.abs(field[0]).max() or 1.0) * FINEST)
+    boxes, place = voxels.add_readings(boxes, field)
     return boxes, (place <= moment_fit.PLENTY) | (np.log2(place) % 1 == 0)
 
 

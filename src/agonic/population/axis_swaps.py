@@ -30,21 +30,21 @@ class Likelihoods(NamedTuple):
         return np.asarray(np.exp(np.minimum(largest, 600.0)) * mean)
 
 
-def signed_swaps() -> Array:
+def list_swaps() -> Array:
     """The 48 matrices that take axes to axes, mirrored ones too, (48, 3, 3); first the identity.
 
-    >>> len(signed_swaps()), signed_swaps()[0].trace()
+    >>> len(list_swaps()), list_swaps()[0].trace()
     (48, np.float64(3.0))
     """
     return np.concatenate([right_angles(), -right_angles()])
 
 
-def swapped(parameters: Array, turn: Array) -> Array:
+def swap_axes(parameters: Array, turn: Array) -> Array:
     """Bias, gains and cross-axis terms xy xz yz (…, 9) of the sensor with its axes swapped.
 
     b' = P b, W' = P W Pᵀ.
 
-    >>> swapped(np.arange(9.0), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])).tolist()
+    >>> swap_axes(np.arange(9.0), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])).tolist()
     [-1.0, 0.0, 2.0, 4.0, 3.0, 5.0, -6.0, -8.0, 7.0]
     """
     own = np.argmax(np.abs(turn), axis=1)
@@ -55,24 +55,24 @@ def swapped(parameters: Array, turn: Array) -> Array:
     return np.asarray(parameters[..., order] * signs)
 
 
-def swap_likelihoods(parameters: Array, sd: Array, centre: Array, spread: Array) -> Likelihoods:
+def compute_likelihoods(parameters: Array, sd: Array, centre: Array, spread: Array) -> Likelihoods:
     """How well each sensor fits its population after each swap of its axes.
 
     Every parameter of a member is taken as a Student t with 4 degrees of freedom about the centre,
-    with the scale √(spread² + sd²). Parameters: parameters and sd (n, 9) as for `swapped`, NaN
+    with the scale √(spread² + sd²). Parameters: parameters and sd (n, 9) as for `swap_axes`, NaN
     where there are none; centre and spread (9,).
     """
-    turns = signed_swaps()
-    table = _table(parameters, sd, centre, spread)
+    turns = list_swaps()
+    table = _tabulate(parameters, sd, centre, spread)
     log = np.empty((len(parameters), len(turns)))
     for k, turn in enumerate(turns):
-        source = swapped(np.arange(1.0, 10.0), turn)
+        source = swap_axes(np.arange(1.0, 10.0), turn)
         own, mirrored = np.abs(source).astype(int) - 1, (source < 0).astype(int)
         log[:, k] = table[range(9), own, mirrored].sum(axis=0)
     return Likelihoods(turns, log)
 
 
-def _table(parameters: Array, sd: Array, centre: Array, spread: Array) -> Array:
+def _tabulate(parameters: Array, sd: Array, centre: Array, spread: Array) -> Array:
     """Of each parameter, for each of the sensor's own of its kind, for each sign: (9, 9, 2, n)."""
     table = np.zeros((9, 9, 2, len(parameters)))
     for theirs in range(9):

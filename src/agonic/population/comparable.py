@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from agonic.population.duplicate import Duplicate, duplicates
-from agonic.population.outlier import Outlier, outliers
+from agonic.population.duplicate import Duplicate, find_duplicates
+from agonic.population.outlier import Outlier, find_outliers
 from agonic.population.population import Population
 
 
@@ -27,7 +27,7 @@ def compare(population: Population) -> Compared:
     >>> compare(Population.of(rows)).population["unusual"][0]
     'a.csv and b.csv are the same log, said to be of 2 sensors: a and b.'
     """
-    found, same = outliers(population), duplicates(population)
+    found, same = find_outliers(population), find_duplicates(population)
     said: dict[int, list[str]] = {}
     for one in found:
         said.setdefault(one.row, []).append(one.sentence[:1].upper() + one.sentence[1:])

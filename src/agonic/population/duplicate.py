@@ -30,14 +30,14 @@ class Duplicate:
     def sentence(self) -> str:
         """What is the same."""
         if len(self.sources) == 1:
-            return f"{_listed(self.sensors)} of {self.sources[0]} have the same readings"
-        said = f"{_listed(self.sources)} are the same log"
+            return f"{_list_names(self.sensors)} of {self.sources[0]} have the same readings"
+        said = f"{_list_names(self.sources)} are the same log"
         if self.contested:
-            said += f", said to be of {len(self.sensors)} sensors: {_listed(self.sensors)}"
+            said += f", said to be of {len(self.sensors)} sensors: {_list_names(self.sensors)}"
         return said
 
 
-def duplicates(population: Population) -> tuple[Duplicate, ...]:
+def find_duplicates(population: Population) -> tuple[Duplicate, ...]:
     """Logs that are in a population more than once, under other names or of other sensors.
 
     Parameters
@@ -54,7 +54,7 @@ def duplicates(population: Population) -> tuple[Duplicate, ...]:
     >>> from agonic.population import Row
     >>> rows = [Row(sensor=s, source=f"{s}.csv", sha256="5e", verdict="good", status="")
     ...         for s in "ab"]
-    >>> [found.sources for found in duplicates(Population.of(rows))]
+    >>> [found.sources for found in find_duplicates(Population.of(rows))]
     [('a.csv', 'b.csv')]
     """
     by_digest: dict[str, list[int]] = {}
@@ -71,10 +71,13 @@ def duplicates(population: Population) -> tuple[Duplicate, ...]:
             named = tuple(dict.fromkeys(sensors))
             found.append(Duplicate(digest, sources, named, tuple(rows), contested))
     known = {row for one in found for row in one.rows}
-    return (*found, *(one for one in _within(population) if not known.issuperset(one.rows)))
+    return (
+        *found,
+        *(one for one in _find_within_sources(population) if not known.issuperset(one.rows)),
+    )
 
 
-def _within(population: Population) -> Iterator[Duplicate]:
+def _find_within_sources(population: Population) -> Iterator[Duplicate]:
     """Sensors of one source whose bias and noise agree in seven digits, which is no chance."""
     figures = np.column_stack([population.bias, population["noise"]]).astype(np.float32)
     usable = np.flatnonzero(np.isfinite(figures).all(axis=1) & (figures != 0).all(axis=1))
@@ -88,7 +91,7 @@ def _within(population: Population) -> Iterator[Duplicate]:
             yield Duplicate(digest, (source,), sensors, tuple(rows), True)
 
 
-def _listed(names: tuple[str, ...], most: int = 5) -> str:
+def _list_names(names: tuple[str, ...], most: int = 5) -> str:
     """Names as a sentence has them; of many, the first few."""
     shown = names if len(names) <= most else (*names[: most - 1], f"{len(names) - most + 1} more")
     return f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -12,8 +12,8 @@ from agonic.arrays import Array, Index, Mask
 from agonic.health.finding import figure
 from agonic.maths.estimation.false_discovery import discoveries
 from agonic.maths.estimation.tails import Tail, tail_of
-from agonic.population.axis_swaps import swap_likelihoods, swapped
-from agonic.population.peers import LEAST, Peers, Quantity, peers
+from agonic.population.axis_swaps import compute_likelihoods, swap_axes
+from agonic.population.peers import LEAST, Peers, Quantity, find_peers
 from agonic.population.population import AXES, Population
 from agonic.units import RAW
 
@@ -48,7 +48,7 @@ class Outlier:
 
 
 @dataclass(frozen=True)
-class _Tested:
+class _Test:
     """One quantity of one group, above or below or in all directions."""
 
     group: Peers
@@ -60,7 +60,7 @@ class _Tested:
     p_values: Array
 
 
-def outliers(population: Population, *, rate: float | None = None) -> tuple[Outlier, ...]:
+def find_outliers(population: Population, *, rate: float | None = None) -> tuple[Outlier, ...]:
     """Sensors that stand out from their population, each with a sentence that says why.
 
     Every quantity of a sensor (bias, gains, cross-axis terms, the magnitude where it has the gain,
@@ -92,37 +92,37 @@ def outliers(population: Population, *, rate: float | None = None) -> tuple[Outl
     ...     return Row(sensor=f"s{k:02d}", source=f"{k:02d}.csv", verdict="good", status="",
     ...                unit_in="nT", bias_x=bias, bias_y=0.1 * bias, bias_z=-50.0 - bias)
     >>> crowd = [row(k, 40.0 * (-1) ** k + k) for k in range(20)] + [row(20, 9000.0)]
-    >>> [(o.sensor, o.quantity) for o in outliers(Population.of(crowd))]
+    >>> [(o.sensor, o.quantity) for o in find_outliers(Population.of(crowd))]
     [('s20', 'bias')]
     """
-    groups = [group for group in peers(population) if group.told]
+    groups = [group for group in find_peers(population) if group.enough]
     if rate is None:
-        rate = usual_rate(sum(map(len, groups)))
-    tested = [test for group in groups for test in _tests(group)]
+        rate = choose_rate(sum(map(len, groups)))
+    tested = [test for group in groups for test in _make_tests(group)]
     p_values = np.concatenate([test.p_values for test in tested] or [np.zeros(0)])
     holds = discoveries(p_values, rate)
     found: list[Outlier] = []
-    for test, part in zip(tested, _parts(holds, tested), strict=True):
+    for test, part in zip(tested, _split(holds, tested), strict=True):
         chosen = np.flatnonzero(part & test.quantity.matters[test.members])
-        found.extend(_named(test, chosen))
-    turned = [one for group in groups for one in _swapped(group, tested, rate)]
-    return _ordered(found, turned)
+        found.extend(_name_outliers(test, chosen))
+    turned = [one for group in groups for one in _find_swapped_axes(group, tested, rate)]
+    return _order(found, turned)
 
 
-def usual_rate(sensors: int) -> float:
+def choose_rate(sensors: int) -> float:
     """The false discovery rate for so many sensors: 3 %, and up to 10 % from 20 to 30 of them.
 
     Few sensors show little of their tail, so that little can stand out, and a second look costs
     less than a board that is missed. Still of n regular ones at most 0.5 % are named by chance,
     and where a tenth is bad, chance adds no more than 0.3 sensors to the list.
 
-    >>> [usual_rate(n) for n in (8, 20, 50, 1000)]
+    >>> [choose_rate(n) for n in (8, 20, 50, 1000)]
     [0.04, 0.1, 0.06, 0.03]
     """
     return max(RATE, min(0.1, 0.005 * sensors, 3.0 / max(sensors, 1)))
 
 
-def _tests(group: Peers) -> Iterator[_Tested]:
+def _make_tests(group: Peers) -> Iterator[_Test]:
     for name, quantity in group.quantities.items():
         distance = quantity.distance
         known = np.isfinite(distance)
@@ -134,24 +134,24 @@ def _tests(group: Peers) -> Iterator[_Tested]:
             if known.sum() >= LEAST and 2 * len(members) >= LEAST // len(sides):
                 far = distance[members]
                 tail = tail_of(far, quantity.values.shape[1])
-                yield _Tested(group, name, quantity, members, far, tail, tail.beyond(far))
+                yield _Test(group, name, quantity, members, far, tail, tail.beyond(far))
 
 
-def _parts(flags: Mask, tested: Sequence[_Tested]) -> list[Mask]:
+def _split(flags: Mask, tested: Sequence[_Test]) -> list[Mask]:
     ends = np.cumsum([0, *(len(test.members) for test in tested)]).tolist()
     return [flags[start:end] for start, end in pairwise(ends)]
 
 
-def _named(test: _Tested, chosen: Index) -> Iterator[Outlier]:
+def _name_outliers(test: _Test, chosen: Index) -> Iterator[Outlier]:
     scale = test.tail.scale * float(np.sqrt(test.tail.dimensions))
     for k in chosen.tolist():
         member = int(test.members[k])
         times = float(test.distance[k]) / scale
-        said = _sentence(test.group, test.name, test.quantity, member, times)
-        yield _outlier(test.group, member, test.name, said, times, float(test.p_values[k]))
+        said = _describe(test.group, test.name, test.quantity, member, times)
+        yield _make_outlier(test.group, member, test.name, said, times, float(test.p_values[k]))
 
 
-def _outlier(
+def _make_outlier(
     group: Peers, member: int, quantity: str, said: str, times: float, p_value: float
 ) -> Outlier:
     row = int(group.rows[member])
@@ -159,7 +159,7 @@ def _outlier(
     return Outlier(sensor, source, row, quantity, said, times, p_value)
 
 
-def _ordered(found: Iterable[Outlier], turned: Iterable[Outlier]) -> tuple[Outlier, ...]:
+def _order(found: Iterable[Outlier], turned: Iterable[Outlier]) -> tuple[Outlier, ...]:
     """Sensors in the order of their rows; swapped axes explain what else their geometry shows.
 
     So does one gain the magnitude.
@@ -174,7 +174,7 @@ def _ordered(found: Iterable[Outlier], turned: Iterable[Outlier]) -> tuple[Outli
 # ---- swapped axes --------------------------------------------------------------------------------
 
 
-def _swapped(group: Peers, tested: Sequence[_Tested], rate: float) -> Iterator[Outlier]:
+def _find_swapped_axes(group: Peers, tested: Sequence[_Test], rate: float) -> Iterator[Outlier]:
     three = [group.quantities[name] for name in GEOMETRY]
     values, sd = (np.hstack([getattr(q, name) for q in three]) for name in ("values", "sd"))
     centre = np.concatenate([q.centre for q in three])
@@ -185,27 +185,29 @@ def _swapped(group: Peers, tested: Sequence[_Tested], rate: float) -> Iterator[O
     tails = {name: test.tail for name, test in tests.items()}
     odd = [t.members[t.p_values < _ODD] for name, t in tests.items() if name in GEOMETRY]
     members = np.unique(np.concatenate([*odd, np.zeros(0, dtype=np.intp)]))
-    likelihoods = swap_likelihoods(values[members], sd[members], centre, spread)
+    likelihoods = compute_likelihoods(values[members], sd[members], centre, spread)
     evidence = likelihoods.evidence()
     for k in np.flatnonzero(discoveries(1.0 / evidence, rate, len(group))).tolist():
         log, member = likelihoods.log[k], int(members[k])
         best = int(np.argmax(log))
         turn = likelihoods.turns[best]
-        own, error = swapped(values[member], turn), np.abs(swapped(sd[member], turn))
-        if _shows(turn, centre, spread) and _regular(own, error, group.quantities, tails):
+        own, error = swap_axes(values[member], turn), np.abs(swap_axes(sd[member], turn))
+        if _changes_pattern(turn, centre, spread) and _is_regular(
+            own, error, group.quantities, tails
+        ):
             ways = int(np.count_nonzero(log > log[best] - _AMBIGUOUS))
-            said, times = _swap_sentence(turn, ways), float(np.log(evidence[k]))
-            yield _outlier(group, member, "axes", said, times, float(1.0 / evidence[k]))
+            said, times = _describe_swap(turn, ways), float(np.log(evidence[k]))
+            yield _make_outlier(group, member, "axes", said, times, float(1.0 / evidence[k]))
 
 
-def _shows(turn: Array, centre: Array, spread: Array) -> bool:
+def _changes_pattern(turn: Array, centre: Array, spread: Array) -> bool:
     """Whether the swap changes what the population has in common by more than it spreads."""
-    scale = np.hypot(spread, np.abs(swapped(spread, turn)))
-    z = (swapped(centre, turn) - centre) / scale
+    scale = np.hypot(spread, np.abs(swap_axes(spread, turn)))
+    z = (swap_axes(centre, turn) - centre) / scale
     return bool(np.linalg.norm(z[np.isfinite(z)]) > _PATTERN)
 
 
-def _regular(
+def _is_regular(
     own: Array, error: Array, quantities: Mapping[str, Quantity], tails: Mapping[str, Tail]
 ) -> bool:
     """Whether a sensor with these parameters is one of its population."""
@@ -221,21 +223,23 @@ def _regular(
 # ---- words ---------------------------------------------------------------------------------------
 
 
-def _sentence(group: Peers, name: str, quantity: Quantity, member: int, times: float) -> str:
+def _describe(group: Peers, name: str, quantity: Quantity, member: int, times: float) -> str:
     value, centre, spread = quantity.values[member], quantity.centre, quantity.spread
     if name in ("magnitude", "noise", "spread"):
-        return _of_size(group, name, float(value[0]), float(centre[0]))
+        return _describe_size(group, name, float(value[0]), float(centre[0]))
     away = value - centre
     worst = int(np.argmax(np.abs(away) / np.hypot(spread, 1e-12 + 0.1 * quantity.least)))
     usual = f"{figure(times)} times as far as is usual among {len(group)} sensors"
     if name == "bias":
-        unit = _unit(group.unit_in)
+        unit = _name_unit(group.unit_in)
         size, parts = (
             figure(float(np.linalg.norm(away)), 3),
-            ", ".join(f"{axis} {away[k]:+.{_decimals(away)}f}" for k, axis in enumerate(AXES)),
+            ", ".join(
+                f"{axis} {away[k]:+.{_count_decimals(away)}f}" for k, axis in enumerate(AXES)
+            ),
         )
         return f"its bias is {size} {unit} from that of the others ({parts}), {usual}"
-    decimals = _decimals(np.append(spread[spread > 0], 0.01 * abs(away[worst])))
+    decimals = _count_decimals(np.append(spread[spread > 0], 0.01 * abs(away[worst])))
     both = f"{value[worst]:.{decimals}f}", f"{centre[worst]:.{decimals}f}"
     around = f"{both[1]} ± {spread[worst]:.{decimals}f}"
     if name == "gain":
@@ -248,11 +252,11 @@ def _sentence(group: Peers, name: str, quantity: Quantity, member: int, times: f
     )
 
 
-def _of_size(group: Peers, name: str, log: float, usual: float) -> str:
+def _describe_size(group: Peers, name: str, log: float, usual: float) -> str:
     if name == "magnitude":
         field, others = figure(float(np.exp(log)), 3), figure(float(np.exp(usual)), 3)
         return (
-            f"it saw a field of {field} {_unit(group.unit_out)}, the others {others}: all its "
+            f"it saw a field of {field} {_name_unit(group.unit_out)}, the others {others}: all its "
             f"gains are {figure(100 * abs(float(np.expm1(log - usual))))} % "
             f"too {'large' if log > usual else 'small'}, or it was elsewhere"
         )
@@ -260,23 +264,23 @@ def _of_size(group: Peers, name: str, log: float, usual: float) -> str:
     times = f"{more} times that of the others" if log > usual else f"1/{more} of the others'"
     value, centre = float(np.exp(log)), float(np.exp(usual))
     if name == "noise":
-        unit = _unit(group.unit_in)
+        unit = _name_unit(group.unit_in)
         return f"its noise is {times}: {figure(value)} {unit} instead of {figure(centre)}"
     shares = f"{figure(100 * value)} % instead of {figure(100 * centre)} %"
     return f"its calibrated magnitude spreads {more} times as much as that of the others: {shares}"
 
 
-def _unit(unit: str) -> str:
+def _name_unit(unit: str) -> str:
     return "raw units" if unit == RAW else unit or "units"
 
 
-def _decimals(values: Array) -> int:
+def _count_decimals(values: Array) -> int:
     """Decimal places that show two digits of the smallest value, from 0 to 8."""
     least = float(np.min(np.abs(values))) if len(values) else 0.0
     return int(np.clip(1 - np.floor(np.log10(least)), 0, 8)) if least > 0 else 0
 
 
-def _swap_sentence(turn: Array, ways: int) -> str:
+def _describe_swap(turn: Array, ways: int) -> str:
     axes = []
     for own, column in enumerate(turn.T):
         theirs = int(np.argmax(np.abs(column)))

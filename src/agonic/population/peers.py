@@ -74,7 +74,7 @@ class Peers:
         return len(self.rows)
 
     @property
-    def told(self) -> bool:
+    def enough(self) -> bool:
         """Whether they are enough to tell what is usual."""
         return len(self) >= LEAST
 
@@ -97,22 +97,22 @@ class Peers:
     @cached_property
     def quantities(self) -> Mapping[str, Quantity]:
         """What is compared, by name: bias, gain, cross, magnitude, noise, spread."""
-        matrix, errors = self._matrix, _errors(self.population.matrix_sd[self.rows])
+        matrix, errors = self._matrix, _fill_errors(self.population.matrix_sd[self.rows])
         gain, gain_sd = matrix[:, range(3), range(3)], errors[:, range(3), range(3)]
         usual = float(np.nanmedian(np.abs(gain))) if np.isfinite(gain).any() else 1.0
         cross, cross_sd = self.population.cross[self.rows], self.population.cross_sd[self.rows]
         readings = np.maximum(self.population["rows"][self.rows], 10)
         log_sd = 1.0 / np.sqrt(2.0 * readings)[:, None]
         bias = self.population.bias[self.rows]
-        bias_sd = _errors(self.population.bias_sd[self.rows])
+        bias_sd = _fill_errors(self.population.bias_sd[self.rows])
         least = MATTERS * self.field if np.isfinite(self.field) else 0.0
         return {
-            "bias": _quantity(bias, bias_sd, least),
-            "gain": _quantity(gain, gain_sd, MATTERS * usual),
-            "cross": _quantity(cross, cross_sd, MATTERS * usual),
-            "magnitude": _quantity(self._own_magnitude(), 0.0 * log_sd, ELSEWHERE),
-            "noise": _quantity(self._log("noise"), log_sd, float(np.log(FACTOR))),
-            "spread": _quantity(self._log("spread_after"), log_sd, float(np.log(FACTOR))),
+            "bias": _make_quantity(bias, bias_sd, least),
+            "gain": _make_quantity(gain, gain_sd, MATTERS * usual),
+            "cross": _make_quantity(cross, cross_sd, MATTERS * usual),
+            "magnitude": _make_quantity(self._own_magnitude(), 0.0 * log_sd, ELSEWHERE),
+            "noise": _make_quantity(self._log("noise"), log_sd, float(np.log(FACTOR))),
+            "spread": _make_quantity(self._log("spread_after"), log_sd, float(np.log(FACTOR))),
         }
 
     @property
@@ -132,7 +132,7 @@ class Peers:
         return logs
 
 
-def peers(population: Population) -> tuple[Peers, ...]:
+def find_peers(population: Population) -> tuple[Peers, ...]:
     """The groups of sensors that are compared with one another, the largest first.
 
     Rows that were refused take no part. A channel of a log forms a group of its own where it has
@@ -141,10 +141,10 @@ def peers(population: Population) -> tuple[Peers, ...]:
     >>> from agonic.population.row import Row
     >>> rows = [Row(sensor=f"s{k}", source=f"{k}.csv", verdict="good", status="", unit_in="nT",
     ...             unit_out="nT") for k in range(9)]
-    >>> [(len(group), group.name) for group in peers(Population.of(rows))]
+    >>> [(len(group), group.name) for group in find_peers(Population.of(rows))]
     [(9, 'readings in nT')]
     """
-    rows = _one_a_sensor(population)
+    rows = _choose_rows(population)
     columns = [population[name][rows].tolist() for name in ("unit_in", "unit_out", "channel")]
     who = list(zip(*columns, strict=True))
     size = Counter(who)
@@ -157,7 +157,7 @@ def peers(population: Population) -> tuple[Peers, ...]:
     return tuple(sorted(made, key=lambda group: (-len(group), group.name)))
 
 
-def _one_a_sensor(population: Population) -> list[int]:
+def _choose_rows(population: Population) -> list[int]:
     """The row that stands for each sensor, in the population's order."""
     columns = ("sensor", "channel", "unit_in", "unit_out", "sha256", "source", "verdict", "start")
     chosen: dict[tuple[str, ...], tuple[tuple[bool, datetime], int]] = {}
@@ -175,11 +175,11 @@ def _one_a_sensor(population: Population) -> list[int]:
     return sorted(row for _, row in chosen.values())
 
 
-def _errors(sd: Array) -> Array:
+def _fill_errors(sd: Array) -> Array:
     """Standard errors, none where they are not known; what has no bounds stays without."""
     return np.nan_to_num(sd, posinf=np.inf)
 
 
-def _quantity(values: Array, sd: Array, least: float) -> Quantity:
+def _make_quantity(values: Array, sd: Array, least: float) -> Quantity:
     centre, spread = robust_spread(values, np.broadcast_to(sd, values.shape))
     return Quantity(values, sd, centre, spread, least)

@@ -45,7 +45,7 @@ class Population:
     def of(cls, rows: Iterable[Row]) -> Population:
         """The population of these rows, in its order."""
         ordered = sorted(rows, key=lambda row: (row.source, row.channel, row.sensor))
-        return cls({name: _column(name, ordered) for name in COLUMNS})
+        return cls({name: _make_column(name, ordered) for name in COLUMNS})
 
     @classmethod
     def joined(cls, parts: Sequence[Population]) -> Population:
@@ -64,7 +64,7 @@ class Population:
     def __iter__(self) -> Iterator[Row]:
         for values in zip(*self.columns.values(), strict=True):
             named = zip(COLUMNS, values, strict=True)
-            yield Row(**{name: _value(value) for name, value in named})
+            yield Row(**{name: _make_value(value) for name, value in named})
 
     def select(self, rows: NDArray[Any]) -> Population:
         """The rows of a mask or an index, as a population."""
@@ -116,9 +116,9 @@ class Population:
         return np.where(once, errors[:, i, j], both)
 
 
-def _column(name: str, rows: list[Row]) -> NDArray[Any]:
+def _make_column(name: str, rows: list[Row]) -> NDArray[Any]:
     values = [getattr(row, name) for row in rows]
-    kind = dtype_of(name)
+    kind = get_dtype(name)
     if kind is np.float64:
         return np.array([np.nan if value is None else value for value in values], dtype=kind)
     if kind is np.int64:
@@ -128,7 +128,7 @@ def _column(name: str, rows: list[Row]) -> NDArray[Any]:
     return column
 
 
-def dtype_of(name: str) -> type:
+def get_dtype(name: str) -> type:
     """The NumPy type that a column is kept as."""
     hint = COLUMNS[name]
     if hint is int:
@@ -136,7 +136,7 @@ def dtype_of(name: str) -> type:
     return np.float64 if hint == (float | None) else object
 
 
-def _value(value: Any) -> Any:
+def _make_value(value: Any) -> Any:
     """A column's entry as the field of a row."""
     if isinstance(value, np.floating):
         return None if np.isnan(value) else float(value)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.population import store_schema as schema
-from agonic.population.population import COLUMNS, Population, dtype_of
+from agonic.population.population import COLUMNS, Population, get_dtype
 from agonic.population.row import Row
 from agonic.provenance import as_text
 
@@ -35,7 +35,7 @@ SELECT {", ".join(f"calibration.{name}" for name in COLUMNS)} FROM (
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class SensorSummary:
     """A sensor of a history: how many calibrations, the moments of the first and the last, and what
     the last one came to.
     """
@@ -97,7 +97,7 @@ class History:
             raise LogError(f"cannot be opened as a history: {error}", path=path) from None
         history = cls(database, path)
         try:
-            with _told(path):
+            with _explain_errors(path):
                 history._prepare()
         except BaseException:
             database.close()
@@ -122,7 +122,7 @@ class History:
         All of them or, where it fails, none. Raises `LogError` where the file cannot be written.
         """
         moment = now or datetime.now(UTC)
-        entries = (schema.entry_of(row, moment) for row in rows)
+        entries = (schema.make_entry(row, moment) for row in rows)
         added = 0
         with self._writing() as database:
             last = database.execute("SELECT COALESCE(MAX(id), 0) FROM calibration").fetchone()[0]
@@ -141,7 +141,7 @@ class History:
         if found and of_log[2]:
             entry[1], entry[3 + schema.START] = found
 
-    def sensors(self) -> list[Kept]:
+    def sensors(self) -> list[SensorSummary]:
         """The sensors by name, each with how much is known of it."""
         rows = self._read(
             "SELECT sensor, COUNT(*), SUM(verdict = 'refused'), MIN(time), MAX(time), "
@@ -150,7 +150,7 @@ class History:
             f"{_CURRENT} GROUP BY sensor ORDER BY sensor"
         )
         return [
-            Kept(sensor, n, refused, _moment(first), _moment(last), verdict)
+            SensorSummary(sensor, n, refused, _make_date(first), _make_date(last), verdict)
             for sensor, n, refused, first, last, verdict in rows
         ]
 
@@ -188,24 +188,24 @@ class History:
             "ORDER BY sensor, time, id"
         )
         columns = list(zip(*rows, strict=True)) or [()] * len(known)
-        with _understood(self.path):
+        with _check_values(self.path):
             return {
-                name: np.array(values, dtype=np.float64 if name == "time" else dtype_of(name))
+                name: np.array(values, dtype=np.float64 if name == "time" else get_dtype(name))
                 for name, values in zip(known, columns, strict=True)
             }
 
     def _population(self, rows: list[Any]) -> Population:
-        with _understood(self.path):
-            return schema.population_of(rows)
+        with _check_values(self.path):
+            return schema.make_population(rows)
 
     def _read(self, query: str, values: tuple[Any, ...] = ()) -> list[Any]:
-        with _told(self.path):
+        with _explain_errors(self.path):
             return self._database.execute(query, values).fetchall()
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
         """One transaction: all or nothing."""
-        with _told(self.path):
+        with _explain_errors(self.path):
             self._database.execute("BEGIN IMMEDIATE")
             try:
                 yield self._database
@@ -247,7 +247,7 @@ class History:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _explain_errors(path: Path) -> Iterator[None]:
     """Errors of the database as `LogError`, in words."""
     try:
         yield
@@ -261,7 +261,7 @@ def _told(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _understood(path: Path) -> Iterator[None]:
+def _check_values(path: Path) -> Iterator[None]:
     """Values that no calibration has, as `LogError`."""
     try:
         yield
@@ -271,5 +271,5 @@ def _understood(path: Path) -> Iterator[None]:
         ) from None
 
 
-def _moment(seconds: float) -> datetime:
+def _make_date(seconds: float) -> datetime:
     return datetime.fromtimestamp(seconds, UTC)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.health import Finding
-from agonic.population.population import COLUMNS, Population, dtype_of
+from agonic.population.population import COLUMNS, Population, get_dtype
 from agonic.population.row import Row
 from agonic.provenance import as_text
 
@@ -27,13 +27,13 @@ UNDATED = Finding(
 )
 
 
-def _kind(name: str) -> str:
-    if dtype_of(name) is np.float64:
+def _choose_kind(name: str) -> str:
+    if get_dtype(name) is np.float64:
         return "REAL"
     return "INTEGER" if name in ("rows", "device_id") else "TEXT"
 
 
-KINDS = {name: _kind(name) for name in COLUMNS}
+KINDS = {name: _choose_kind(name) for name in COLUMNS}
 CREATE = f"""
 CREATE TABLE calibration (
     id INTEGER PRIMARY KEY, identity BLOB NOT NULL UNIQUE, time REAL NOT NULL, added REAL NOT NULL,
@@ -65,15 +65,15 @@ SENSOR, CHANNEL, SHA256, START, FINDINGS = (
 )
 
 
-def entry_of(row: Row, now: datetime) -> list[Any]:
+def make_entry(row: Row, now: datetime) -> list[Any]:
     """A row as `INSERT` takes it; one without a date is dated now, and says so.
 
     >>> row = Row(sensor="a", source="a.csv", verdict="refused", status="empty")
     >>> now = datetime(2026, 5, 1, tzinfo=UTC)
-    >>> len(entry_of(row, now)) == INSERT.count("?"), entry_of(row, now)[1] == now.timestamp()
+    >>> len(make_entry(row, now)) == INSERT.count("?"), make_entry(row, now)[1] == now.timestamp()
     (True, True)
     """
-    values = [_written(value) for value in _VALUES(row)]
+    values = [_make_value(value) for value in _VALUES(row)]
     if row.key:
         identity = _digest(row.sensor, row.channel, row.key)
     elif row.sha256:
@@ -92,16 +92,16 @@ def entry_of(row: Row, now: datetime) -> list[Any]:
     return [identity, when.timestamp(), now.timestamp(), *values]
 
 
-def population_of(values: Sequence[Sequence[Any]]) -> Population:
+def make_population(values: Sequence[Sequence[Any]]) -> Population:
     """The population of rows as they are stored, in their order."""
     columns = list(zip(*values, strict=True)) or [()] * len(COLUMNS)
     return Population(
-        {name: _column(name, column) for name, column in zip(COLUMNS, columns, strict=True)}
+        {name: _read_column(name, column) for name, column in zip(COLUMNS, columns, strict=True)}
     )
 
 
-def _column(name: str, values: Sequence[Any]) -> NDArray[Any]:
-    kind = dtype_of(name)
+def _read_column(name: str, values: Sequence[Any]) -> NDArray[Any]:
+    kind = get_dtype(name)
     if kind is not object:
         return np.array(values, dtype=kind)
     column = np.empty(len(values), dtype=object)
@@ -118,6 +118,6 @@ def _digest(*parts: str) -> bytes:
     return blake2b(as_text("\0".join(parts)).encode(), digest_size=16).digest()
 
 
-def _written(value: Any) -> Any:
+def _make_value(value: Any) -> Any:
     """A value as the file can hold it: names of files may have bytes that are no text."""
     return as_text(value) if isinstance(value, str) and not value.isascii() else value

@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.atomic import write_atomically
 from agonic.errors import LogError, MissingExtraError
-from agonic.population.population import COLUMNS, Population, dtype_of
+from agonic.population.population import COLUMNS, Population, get_dtype
 
 SCHEMA = b"agonic/population@1"
 
@@ -42,7 +42,7 @@ def write_population(population: Population, path: Path | str) -> Path:
 
 def to_bytes(population: Population) -> bytes:
     """The table as the bytes of a Parquet file."""
-    pa, parquet = _arrow()
+    pa, parquet = _import_arrow()
     kinds = {"device_id": pa.int64(), "start": pa.timestamp("us", "UTC")}
     kinds["findings"] = pa.list_(pa.string())
     fields, arrays = [], []
@@ -87,19 +87,19 @@ def read_population(path: Path | str) -> Population:
 
 def from_bytes(content: bytes) -> Population:
     """The population that `to_bytes` gave the bytes of; `LogError` where they are none."""
-    pa, parquet = _arrow()
+    pa, parquet = _import_arrow()
     try:
         table = parquet.read_table(pa.BufferReader(content))
     except pa.ArrowInvalid as error:
         raise LogError(f"it is not a Parquet table: {error}") from None
     if (table.schema.metadata or {}).get(b"schema") != SCHEMA:
         raise LogError("it is not a table of calibrations, as agonic fleet writes")
-    return Population({name: _column(name, table.column(name)) for name in COLUMNS})
+    return Population({name: _read_column(name, table.column(name)) for name in COLUMNS})
 
 
-def _column(name: str, column: Any) -> Any:
+def _read_column(name: str, column: Any) -> Any:
     """A column as `Population` keeps it."""
-    kind = dtype_of(name)
+    kind = get_dtype(name)
     if kind is not object:
         values = column.to_numpy()
         return np.asarray(values, dtype=kind)
@@ -111,7 +111,7 @@ def _column(name: str, column: Any) -> Any:
     return kept
 
 
-def _arrow() -> tuple[Any, Any]:
+def _import_arrow() -> tuple[Any, Any]:
     try:
         import pyarrow
         from pyarrow import parquet

@@ -15,7 +15,7 @@ COVARIANCE = ROOT @ ROOT.T
 
 
 def test_the_gradient_gives_the_heading_s_standard_error():
-    g = next_turn.heading_gradient(65.0, BIAS, MATRIX)
+    g = next_turn.compute_heading_gradient(65.0, BIAS, MATRIX)
     sd = np.degrees(np.sqrt(np.trace(COVARIANCE @ g)))
     assert sd == pytest.approx(heading_sd_deg(65.0, 1.0, MATRIX, COVARIANCE, "symmetric"), rel=1e-9)
 
@@ -23,11 +23,11 @@ def test_the_gradient_gives_the_heading_s_standard_error():
 def test_gains_are_those_of_a_new_inversion():
     present, *targets = RNG.normal(size=(21, 3))
     targets = np.array(targets) / np.linalg.norm(targets, axis=1, keepdims=True)
-    along, lengths = next_turn.ways(present / np.linalg.norm(present), targets, 5)
+    along, lengths = next_turn.draw_great_circles(present / np.linalg.norm(present), targets, 5)
     np.testing.assert_allclose(along[:, -1], targets, atol=1e-12)
     readings = 3 * lengths
-    promised = next_turn.gains(along, BIAS, MATRIX, COVARIANCE, 0.004, 65.0, readings)
-    g = next_turn.heading_gradient(65.0, BIAS, MATRIX)
+    promised = next_turn.compute_gains(along, BIAS, MATRIX, COVARIANCE, 0.004, 65.0, readings)
+    g = next_turn.compute_heading_gradient(65.0, BIAS, MATRIX)
     sd = 0.004 * np.trace(MATRIX) / 3
     for way, k, gain in zip(along, readings, promised, strict=True):
         jacobian = correction_jacobian(way @ np.linalg.inv(MATRIX).T + BIAS, BIAS, MATRIX)
@@ -39,16 +39,16 @@ def test_gains_are_those_of_a_new_inversion():
 @pytest.mark.parametrize("seed", range(20))
 def test_the_turn_brings_the_field_there(seed):
     present, wanted = np.random.default_rng(seed).normal(size=(2, 3))
-    turn = next_turn.turn_between(present, wanted)
+    turn = next_turn.find_turn(present, wanted)
     # a body turned by R sees a fixed field turned by the inverse of R
     seen = Rotation.from_rotvec(turn).inv().apply(present / np.linalg.norm(present))
     np.testing.assert_allclose(seen, wanted / np.linalg.norm(wanted), atol=1e-12)
 
 
 def test_the_opposite_direction_is_half_a_turn_away():
-    turn = next_turn.turn_between(np.array([0, 0, 1.0]), np.array([0, 0, -1.0]))
+    turn = next_turn.find_turn(np.array([0, 0, 1.0]), np.array([0, 0, -1.0]))
     assert np.linalg.norm(turn) == pytest.approx(np.pi)
-    assert not next_turn.turn_between(np.array([0, 0, 2.0]), np.array([0, 0, 1.0])).any()
+    assert not next_turn.find_turn(np.array([0, 0, 2.0]), np.array([0, 0, 1.0])).any()
 
 
 @pytest.mark.parametrize(
@@ -61,5 +61,5 @@ def test_the_opposite_direction_is_half_a_turn_away():
     ],
 )
 def test_words(present, wanted, said):
-    turn = next_turn.turn_between(np.array(present, float), np.array(wanted, float))
-    assert next_turn.words(turn) == said
+    turn = next_turn.find_turn(np.array(present, float), np.array(wanted, float))
+    assert next_turn.describe_turn(turn) == said

@@ -14,10 +14,10 @@ SPHERE *= 50_000 / np.linalg.norm(SPHERE, axis=1, keepdims=True)
 
 
 def put(rows, cuts=()):
-    boxes = voxels.begun(rows[0], 16.0)
+    boxes = voxels.begin(rows[0], 16.0)
     places = []
     for piece in np.split(rows, sorted(cuts)):
-        boxes, place = voxels.added(boxes, piece)
+        boxes, place = voxels.add_readings(boxes, piece)
         places.append(place)
     return boxes, np.concatenate(places)
 
@@ -42,7 +42,7 @@ def test_chunks_do_not_matter(cuts):
 
 def test_middles_lie_in_their_boxes():
     boxes, _ = put(SPHERE)
-    np.testing.assert_array_equal(voxels.keys_of(boxes, boxes.middles), boxes.keys)
+    np.testing.assert_array_equal(voxels.compute_keys(boxes, boxes.middles), boxes.keys)
 
 
 def test_a_sensor_at_rest_fills_one_box():

@@ -22,7 +22,7 @@ def readings(rng, n, noise=200.0, highest=1.0):
 
 def fitted(rows, most=voxels.MOST):
     """Bias and matrix (9,) in nT and per nT, their standard errors, and the noise."""
-    boxes, _ = voxels.added(voxels.begun(rows[0], 16.0), rows, most)
+    boxes, _ = voxels.add_readings(voxels.begin(rows[0], 16.0), rows, most)
     centre = rows.mean(axis=0)
     sums = moments.rebase(boxes.sums.T, boxes.centre, boxes.scale, centre, FIELD).T
     found = moment_fit.estimate(sums)

@@ -115,19 +115,19 @@ def fleet(
         files=files,
         reports=reports,
     )
-    chosen = _engine(engine, scheduler, workers)
+    chosen = _choose_engine(engine, scheduler, workers)
     with _interruptible() as progress:
         run = run_fleet(
             inputs, out, settings=settings, engine=chosen, store=store, progress=progress
         )
     if as_json:
-        print_json("agonic/fleet@1", _summary(run))
+        print_json("agonic/fleet@1", _make_record(run))
     else:
-        say(_text(run))
-    return 1 if _failed(run) > fail_above * len(run.population) else 0
+        say(_make_text(run))
+    return 1 if _count_failed(run) > fail_above * len(run.population) else 0
 
 
-def _engine(engine: str | None, scheduler: str | None, workers: int | None) -> Engine:
+def _choose_engine(engine: str | None, scheduler: str | None, workers: int | None) -> Engine:
     from agonic.errors import AgonicError, check_choice
     from agonic.fleet.engine import Here
     from agonic.fleet.local import Processes
@@ -192,11 +192,11 @@ def _handle(
     return before
 
 
-def _failed(run: FleetRun) -> int:
+def _count_failed(run: FleetRun) -> int:
     return int((~run.population.fitted).sum())
 
 
-def _summary(run: FleetRun) -> dict[str, Any]:
+def _make_record(run: FleetRun) -> dict[str, Any]:
     """What programs are told."""
     verdicts = Counter(run.population["verdict"].tolist())
     return {
@@ -204,7 +204,7 @@ def _summary(run: FleetRun) -> dict[str, Any]:
         "datasets": run.datasets,
         "rows": len(run.population),
         "verdicts": {word: verdicts[word] for word in ("good", "check", "refused")},
-        "reasons": [{"reason": reason, "rows": rows} for reason, rows in _reasons(run)],
+        "reasons": [{"reason": reason, "rows": rows} for reason, rows in _count_reasons(run)],
         "outliers": [
             {"sensor": o.sensor, "source": o.source, "quantity": o.quantity, "sentence": o.sentence}
             for o in run.outliers
@@ -225,7 +225,7 @@ def _summary(run: FleetRun) -> dict[str, Any]:
     }
 
 
-def _reasons(run: FleetRun) -> list[tuple[str, int]]:
+def _count_reasons(run: FleetRun) -> list[tuple[str, int]]:
     """Why rows are not good, the most frequent first: the gravest finding, or what was said."""
     columns = (run.population[name].tolist() for name in ("verdict", "findings", "status"))
     counts = Counter(
@@ -236,11 +236,11 @@ def _reasons(run: FleetRun) -> list[tuple[str, int]]:
     return sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
 
 
-def _text(run: FleetRun) -> str:
+def _make_text(run: FleetRun) -> str:
     """What people are told."""
     from agonic.report.digits import counted
 
-    told = _summary(run)
+    told = _make_record(run)
     words = ", ".join(f"{count} {word}" for word, count in told["verdicts"].items())
     read = [counted(run.logs, "log")] if run.logs or not run.datasets else []
     read += [counted(run.datasets, "dataset")] if run.datasets else []
@@ -252,22 +252,22 @@ def _text(run: FleetRun) -> str:
         "skipped": f"{run.skipped} other files were left aside",
     }
     lines.append("; ".join(text for name, text in parts.items() if told[name]))
-    reasons = _reasons(run)
+    reasons = _count_reasons(run)
     if reasons:
         lines += ["", "Not good, because of"]
-        lines += [f"{rows:>8}  {_short(reason)}" for reason, rows in reasons[:REASONS]]
+        lines += [f"{rows:>8}  {_shorten(reason)}" for reason, rows in reasons[:REASONS]]
         others = sum(rows for _, rows in reasons[REASONS:])
         lines += [f"{others:>8}  other reasons"] if others else []
     sensors = {outlier.sensor for outlier in run.outliers}
     if sensors or run.duplicates:
         lines.append("")
     if sensors:
-        names = _short(", ".join(sorted(sensors)))
+        names = _shorten(", ".join(sorted(sensors)))
         lines.append(f"{counted(len(sensors), 'sensor')} unlike the others: {names}")
     if run.duplicates:
         lines.append(f"{counted(len(run.duplicates), 'log')} more than once")
     return "\n".join([*lines, "", f"Table     {run.table}", f"Report    {run.page}"])
 
 
-def _short(text: str, most: int = 88) -> str:
+def _shorten(text: str, most: int = 88) -> str:
     return text if len(text) <= most else text[: most - 1].rstrip() + "…"

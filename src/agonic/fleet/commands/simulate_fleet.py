@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from agonic.fleet.simulation.fleet import SimulatedFleet
+    from agonic.fleet.simulation.simulate import SimulatedFleet
 
 T = TypeVar("T")
 
@@ -18,12 +18,12 @@ def fleet(
     """Write the logs or the dataset, and beside them the truth."""
     from agonic.console.output import print_json, say
     from agonic.errors import check_choice
-    from agonic.fleet.simulation.fleet import simulate_fleet
-    from agonic.fleet.write_fleet import write_truth
+    from agonic.fleet.simulation.files import write_truth
+    from agonic.fleet.simulation.simulate import simulate_fleet
 
     check_choice("format", format, ("csv", "parquet"))
-    made = simulate_fleet(_count(sensors), seed=seed, **settings)
-    where = _logs(made, out) if format == "csv" else _dataset(made, out)
+    made = simulate_fleet(_parse_count(sensors), seed=seed, **settings)
+    where = _write_logs(made, out) if format == "csv" else _write_dataset(made, out)
     truth = write_truth(made.truth, out / "truth.csv")
     groups, faults = made.truth["group"], made.truth["fault"]
     there = sorted(set(faults[groups != ""]))
@@ -45,7 +45,7 @@ def fleet(
     return 0
 
 
-def _count(sensors: str) -> int:
+def _parse_count(sensors: str) -> int:
     from agonic.errors import AgonicError
 
     if not sensors.isdecimal():
@@ -53,26 +53,28 @@ def _count(sensors: str) -> int:
     return int(sensors)
 
 
-def _logs(made: SimulatedFleet, out: Path) -> Path:
+def _write_logs(made: SimulatedFleet, out: Path) -> Path:
     """A folder of text tables."""
-    from agonic.fleet.simulation.fleet_logs import texts
-    from agonic.fleet.write_fleet import write_logs
+    from agonic.fleet.simulation.files import write_logs
+    from agonic.fleet.simulation.logs import make_texts
 
-    write_logs(_counted(texts(made), len(made), "Writing logs"), out / "logs")
+    write_logs(_show_progress(make_texts(made), len(made), "Writing logs"), out / "logs")
     return out / "logs"
 
 
-def _dataset(made: SimulatedFleet, out: Path) -> Path:
+def _write_dataset(made: SimulatedFleet, out: Path) -> Path:
     """One Parquet file for all."""
-    from agonic.fleet.simulation.fleet import CHUNK
-    from agonic.fleet.simulation.fleet_logs import tables
-    from agonic.fleet.write_fleet import write_dataset
+    from agonic.fleet.simulation.files import write_dataset
+    from agonic.fleet.simulation.logs import make_tables
+    from agonic.fleet.simulation.simulate import CHUNK
 
     chunks = -(-int(made.draw.max() + 1) // CHUNK)
-    return write_dataset(_counted(tables(made), chunks, "Writing"), out / "readings.parquet")
+    return write_dataset(
+        _show_progress(make_tables(made), chunks, "Writing"), out / "readings.parquet"
+    )
 
 
-def _counted(items: Iterator[T], total: int, what: str) -> Iterator[T]:
+def _show_progress(items: Iterator[T], total: int, what: str) -> Iterator[T]:
     """The items, shown on a bar as they pass."""
     from agonic.console.progress import counting
 

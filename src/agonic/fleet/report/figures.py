@@ -21,12 +21,12 @@ _MARGIN = 0.06
 _LEAST = 1e-3  # of a value that all share, shown to either side: labels stay short
 
 
-def reach(values: Array, label: str, beyond: float = 1.5) -> Axis:
+def make_axis(values: Array, label: str, beyond: float = 1.5) -> Axis:
     """An axis over the bulk of the values: a few that lie far out do not squeeze the others.
 
     It goes no further than `beyond` times the width of the inner eight tenths past them.
 
-    >>> axis = reach(np.r_[np.linspace(0.0, 1.0, 99), 1e6], "")
+    >>> axis = make_axis(np.r_[np.linspace(0.0, 1.0, 99), 1e6], "")
     >>> bool(axis.low < 0.0), bool(1.0 < axis.high < 3.0)
     (True, True)
     """
@@ -37,7 +37,7 @@ def reach(values: Array, label: str, beyond: float = 1.5) -> Axis:
     return Axis(label, float(low - margin), float(high + margin))
 
 
-def histogram(
+def draw_histogram(
     values: Array,
     label: str,
     column: str,
@@ -50,7 +50,7 @@ def histogram(
     Values are `size` times those of the column. `usual` are centre and spread of the population:
     a line, and a band of one spread to each side.
     """
-    x = reach(values, label)
+    x = make_axis(values, label)
     counts, edges = np.histogram(np.clip(values, x.low, x.high), BINS, (x.low, x.high))
     y = Axis("calibrations", 0.0, 1.06 * float(max(counts.max(), 1)))
     steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)
@@ -61,10 +61,10 @@ def histogram(
         layers.append(path(f"M{middle:.1f} 0V1000", "centre"))
     name = f"Histogram of {label} of {counted(len(values), 'calibration')}"
     drawn = plot(x, y, layers, name, kind="short")
-    return _live(drawn, "histogram", group, (column,), (x, y), name, size)
+    return _make_selectable(drawn, "histogram", group, (column,), (x, y), name, size)
 
 
-def scatter(
+def draw_scatter(
     x: Axis,
     y: Axis,
     across: Array,
@@ -83,7 +83,7 @@ def scatter(
     for rows, name in ((plain, "dots"), (marked, "odd-dots")):
         rows = rows[inside[rows]]
         if len(rows):
-            layers.append(path(_dots(right(x, across[rows]), down(y, along[rows])), name))
+            layers.append(path(_draw_dots(right(x, across[rows]), down(y, along[rows])), name))
     for line, low, high in lines:
         ends = np.array([low, high])
         layers.append(path(f"M{points(right(x, ends), down(y, line.at(ends)))}", "centre"))
@@ -91,11 +91,11 @@ def scatter(
     return plot(x, y, layers, name, kind=kind)
 
 
-def biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) -> Markup:
+def draw_biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) -> Markup:
     """Bias x against y and z against y, on axes of the same length."""
-    axes = [reach(bias[:, k], f"bias {name}, {unit}", 4.0) for k, name in enumerate("xyz")]
+    axes = [make_axis(bias[:, k], f"bias {name}, {unit}", 4.0) for k, name in enumerate("xyz")]
     widest = max(axis.high - axis.low for axis in axes)
-    x, y, z = (_widened(axis, widest) for axis in axes)
+    x, y, z = (_widen(axis, widest) for axis in axes)
     outside = np.zeros(len(bias), dtype=bool)
     for values, axis in zip(bias.T, (x, y, z), strict=True):
         outside |= (values < axis.low) | (values > axis.high)
@@ -104,8 +104,8 @@ def biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) -> Ma
     drawn = element(
         "div",
         *(
-            _live(
-                scatter(one, y, bias[:, k], bias[:, 1], noted, kind="tall"),
+            _make_selectable(
+                draw_scatter(one, y, bias[:, k], bias[:, 1], noted, kind="tall"),
                 "scatter",
                 number,
                 (f"bias_{'xyz'[k]}", "bias_y"),
@@ -119,7 +119,7 @@ def biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) -> Ma
     return markup(drawn, element("p", said, class_="aside"))
 
 
-def verdicts(counts: dict[str, int]) -> Markup:
+def draw_verdicts(counts: dict[str, int]) -> Markup:
     """The shares of good, to be checked and refused as one bar."""
     total, at, parts = max(sum(counts.values()), 1), 0.0, []
     for name, n in counts.items():
@@ -140,7 +140,7 @@ def verdicts(counts: dict[str, int]) -> Markup:
     )
 
 
-def usual_words(usual: tuple[float, float] | None, unit: str) -> str:
+def describe_usual(usual: tuple[float, float] | None, unit: str) -> str:
     """Centre and spread of a population in words."""
     if usual is None or not np.isfinite(usual).all():
         return ""
@@ -149,16 +149,16 @@ def usual_words(usual: tuple[float, float] | None, unit: str) -> str:
     return f"{shown}, sensors differ by ±{quantity(spread, unit, 2)}"
 
 
-def _widened(axis: Axis, wide: float) -> Axis:
+def _widen(axis: Axis, wide: float) -> Axis:
     middle = 0.5 * (axis.low + axis.high)
     return Axis(axis.label, middle - 0.5 * wide, middle + 0.5 * wide)
 
 
-def _dots(across: Array, below: Array) -> str:
+def _draw_dots(across: Array, below: Array) -> str:
     return "".join(f"M{r:.0f} {d:.0f}h0" for r, d in zip(across, below, strict=True))
 
 
-def _live(
+def _make_selectable(
     drawn: Markup,
     kind: str,
     group: int,

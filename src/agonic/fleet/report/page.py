@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Index, Mask
 from agonic.fleet.report import figures, words
-from agonic.fleet.report.data import days, embedded, known, number
-from agonic.fleet.report.related import drawn, related
-from agonic.population import Outlier, Population, duplicates
-from agonic.population import outliers as standing_out
-from agonic.population.peers import Peers, peers
+from agonic.fleet.report.data import count_days, embed_rows, get_numbers, has_values
+from agonic.fleet.report.related import draw_relation, find_relation
+from agonic.population import Outlier, Population, find_duplicates
+from agonic.population import find_outliers as standing_out
+from agonic.population.peers import Peers, find_peers
 from agonic.report.blocks import header, part
 from agonic.report.digits import counted
 from agonic.report.documents import document, static
@@ -55,32 +55,34 @@ def fleet_page(
     (False, True)
     """
     found = standing_out(population) if outliers is None else outliers
-    groups, same = peers(population), duplicates(population)
-    notes = words.notes(found)
-    noted = _noted(len(population), found)
-    belongs = _belonging(population, groups)
+    groups, same = find_peers(population), find_duplicates(population)
+    notes = words.collect_notes(found)
+    noted = _mark_rows(len(population), found)
+    belongs = _assign_groups(population, groups)
     body = markup(
-        header(KICKER, title, words.headline(population, found, same), _verdicts(population)),
+        header(
+            KICKER, title, words.make_headline(population, found, same), _draw_verdicts(population)
+        ),
         element(
             "main",
-            *_remarks(remarks),
-            part("What stands out", words.standing_out(population, found, groups)),
-            part("Refused, and to be checked", words.reasons(population)),
+            *_list_remarks(remarks),
+            part("What stands out", words.list_outliers(population, found, groups)),
+            part("Refused, and to be checked", words.list_reasons(population)),
             *(
-                _group(population, g, k, belongs, noted == 2)
+                _draw_group(population, g, k, belongs, noted == 2)
                 for k, g in enumerate(groups[:MOST_GROUPS])
             ),
-            *_others(groups[MOST_GROUPS:]),
-            *([part("Duplicates", words.duplicated(population, same))] if same else []),
-            part("All calibrations", _table(population)),
+            *_list_others(groups[MOST_GROUPS:]),
+            *([part("Duplicates", words.list_duplicates(population, same))] if same else []),
+            part("All calibrations", _place_table(population)),
         ),
-        embedded(population, belongs, notes, noted),
+        embed_rows(population, belongs, notes, noted),
     )
     style = static("report.css") + static("fleet.css")
     return document(f"{KICKER}: {title}", body, style=style, script="".join(map(static, _SCRIPTS)))
 
 
-def _noted(rows: int, found: Sequence[Outlier]) -> NDArray[np.uint8]:
+def _mark_rows(rows: int, found: Sequence[Outlier]) -> NDArray[np.uint8]:
     """0 for rows like the others, 1 for those that stand out, 2 where the bias does."""
     noted = np.zeros(rows, dtype=np.uint8)
     for one in found:
@@ -88,18 +90,18 @@ def _noted(rows: int, found: Sequence[Outlier]) -> NDArray[np.uint8]:
     return noted
 
 
-def _verdicts(population: Population) -> Markup:
-    number = words.counts(population)
-    return markup(figures.verdicts(number), words.verdict_words(number))
+def _draw_verdicts(population: Population) -> Markup:
+    number = words.count_verdicts(population)
+    return markup(figures.draw_verdicts(number), words.describe_verdicts(number))
 
 
-def _remarks(remarks: Sequence[str]) -> list[Markup]:
+def _list_remarks(remarks: Sequence[str]) -> list[Markup]:
     if not remarks:
         return []
     return [part("Of their history", element("ul", *(element("li", sentence(r)) for r in remarks)))]
 
 
-def _belonging(population: Population, groups: Sequence[Peers]) -> NDArray[np.int8]:
+def _assign_groups(population: Population, groups: Sequence[Peers]) -> NDArray[np.int8]:
     """The group of every calibration, −1 where it has none."""
     belongs = np.full(len(population), -1, dtype=np.int8)
     for k, group in reversed(list(enumerate(groups[:MOST_GROUPS]))):
@@ -115,7 +117,7 @@ def _belonging(population: Population, groups: Sequence[Peers]) -> NDArray[np.in
     return belongs
 
 
-def _others(groups: Sequence[Peers]) -> list[Markup]:
+def _list_others(groups: Sequence[Peers]) -> list[Markup]:
     if not groups:
         return []
     said = "; ".join(f"{group.name}: {counted(len(group), 'sensor')}" for group in groups)
@@ -125,7 +127,7 @@ def _others(groups: Sequence[Peers]) -> list[Markup]:
 # ---- one group of sensors ------------------------------------------------------------------------
 
 
-def _group(
+def _draw_group(
     population: Population,
     group: Peers,
     k: int,
@@ -137,11 +139,11 @@ def _group(
         return Markup("")
     parts = [
         element("h3", "Distributions"),
-        element("p", _USUAL if group.told else "", class_="aside"),
-        element("div", *_histograms(population, group, k, rows), class_="trio"),
-        *_bias(population, group, k, rows, noted),
-        *_temperature(population, group, rows, noted),
-        *_time(population, group, rows, noted),
+        element("p", _USUAL if group.enough else "", class_="aside"),
+        element("div", *_draw_histograms(population, group, k, rows), class_="trio"),
+        *_draw_bias(population, group, k, rows, noted),
+        *_draw_temperature(population, group, rows, noted),
+        *_draw_time(population, group, rows, noted),
     ]
     name = f"{counted(len(group), 'sensor')}: {group.name}"
     return part(name, *parts)
@@ -154,7 +156,7 @@ _USUAL = (
 )
 
 
-def _histograms(population: Population, group: Peers, k: int, rows: Index) -> list[Markup]:
+def _draw_histograms(population: Population, group: Peers, k: int, rows: Index) -> list[Markup]:
     unit, out = unit_label(group.unit_in), unit_label(group.unit_out)
     gain = "" if group.unit_in == group.unit_out else f"{out} per raw unit"
     entries = [
@@ -164,11 +166,11 @@ def _histograms(population: Population, group: Peers, k: int, rows: Index) -> li
         ("spread_after", "spread of the magnitude", "%", ("spread", -1)),
         ("heading_sd_deg", "error of the heading", "°", None),
     ]
-    drawn = (_histogram(population, group, k, rows, *entry) for entry in entries)
+    drawn = (_draw_histogram(population, group, k, rows, *entry) for entry in entries)
     return [figure for figure in drawn if figure]
 
 
-def _histogram(
+def _draw_histogram(
     population: Population,
     group: Peers,
     k: int,
@@ -178,20 +180,22 @@ def _histogram(
     unit: str,
     key: tuple[str, int] | None,
 ) -> Markup:
-    values = number(population, column)[rows]
+    values = get_numbers(population, column)[rows]
     values = values[np.isfinite(values)]
     if not len(values):
         return Markup("")
     size = 100.0 if unit == "%" else 1.0
-    usual = _usual(group, key, size)
+    usual = _get_usual(group, key, size)
     label = f"{name}, {unit}" if unit else name
-    figure = figures.histogram(size * values, label, column, k, usual, size)
-    said = element("p", figures.usual_words(usual, unit), class_="aside")
+    figure = figures.draw_histogram(size * values, label, column, k, usual, size)
+    said = element("p", figures.describe_usual(usual, unit), class_="aside")
     return element("figure", element("figcaption", element("strong", name), said), figure)
 
 
-def _usual(group: Peers, key: tuple[str, int] | None, size: float) -> tuple[float, float] | None:
-    if key is None or not group.told:
+def _get_usual(
+    group: Peers, key: tuple[str, int] | None, size: float
+) -> tuple[float, float] | None:
+    if key is None or not group.enough:
         return None
     quantity = group.quantities[key[0]]
     centre, spread = float(quantity.centre[key[1]]), float(quantity.spread[key[1]])
@@ -200,11 +204,15 @@ def _usual(group: Peers, key: tuple[str, int] | None, size: float) -> tuple[floa
     return (size * centre, size * spread) if np.isfinite(centre) else None
 
 
-def _bias(population: Population, group: Peers, k: int, rows: Index, noted: Mask) -> list[Markup]:
+def _draw_bias(
+    population: Population, group: Peers, k: int, rows: Index, noted: Mask
+) -> list[Markup]:
     rows = rows[np.isfinite(population.bias[rows]).all(axis=1)]
     if len(rows) < 3:
         return []
-    drawn = figures.biases(group, k, population.bias[rows], noted[rows], unit_label(group.unit_in))
+    drawn = figures.draw_biases(
+        group, k, population.bias[rows], noted[rows], unit_label(group.unit_in)
+    )
     key = element(
         "p",
         element("i", class_="key odd-dots"),
@@ -214,33 +222,35 @@ def _bias(population: Population, group: Peers, k: int, rows: Index, noted: Mask
     return [element("h3", "Bias"), key, drawn]
 
 
-def _temperature(population: Population, group: Peers, rows: Index, noted: Mask) -> list[Markup]:
+def _draw_temperature(
+    population: Population, group: Peers, rows: Index, noted: Mask
+) -> list[Markup]:
     celsius = population["temperature_C"]
     seen = celsius[rows][np.isfinite(celsius[rows])]
-    relation = related(population, group, rows, celsius) if len(seen) else None
+    relation = find_relation(population, group, rows, celsius) if len(seen) else None
     if relation is None or np.ptp(relation.along) < _LEAST_RANGE_C:
         return []
-    figure = drawn(relation, group, "temperature, °C", noted, ("°C", 1.0))
+    figure = draw_relation(relation, group, "temperature, °C", noted, ("°C", 1.0))
     return [element("h3", "Bias and temperature"), figure]
 
 
-def _time(population: Population, group: Peers, rows: Index, noted: Mask) -> list[Markup]:
-    when = days(population["start"])
-    if not known(when[rows]):
+def _draw_time(population: Population, group: Peers, rows: Index, noted: Mask) -> list[Markup]:
+    when = count_days(population["start"])
+    if not has_values(when[rows]):
         return []
     first = float(np.nanmin(when[rows]))
-    relation = related(population, group, rows, when - first)
+    relation = find_relation(population, group, rows, when - first)
     if relation is None or np.ptp(relation.along) < _LEAST_DAYS:
         return []
     day = np.datetime64(int(first), "D")
-    figure = drawn(relation, group, f"days since {day}", noted, ("year", _YEAR))
+    figure = draw_relation(relation, group, f"days since {day}", noted, ("year", _YEAR))
     return [element("h3", "Bias over time"), figure]
 
 
 # ---- the table of all ----------------------------------------------------------------------------
 
 
-def _table(population: Population) -> Markup:
+def _place_table(population: Population) -> Markup:
     """Where the page's script puts its table; without it, where the rows are."""
     none = (
         f"{counted(len(population), 'calibration')} to search, sort and select with JavaScript on."

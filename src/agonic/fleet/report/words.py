@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from agonic.fleet.report.data import VERDICTS, link
+from agonic.fleet.report.data import VERDICTS, make_link
 from agonic.population import Duplicate, Outlier, Population
 from agonic.population.peers import LEAST, Peers
 from agonic.report.blocks import key_figures
@@ -25,14 +25,16 @@ _BEGIN = re.compile(r"[;:('\"\d]")  # before what differs from log to log
 MOST_DUPLICATES = 100
 
 
-def counts(population: Population) -> dict[str, int]:
+def count_verdicts(population: Population) -> dict[str, int]:
     """How many rows have each verdict."""
     return {name: int((population["verdict"] == name).sum()) for name in VERDICTS}
 
 
-def headline(population: Population, found: Sequence[Outlier], same: Sequence[Duplicate]) -> Markup:
+def make_headline(
+    population: Population, found: Sequence[Outlier], same: Sequence[Duplicate]
+) -> Markup:
     """Sensors, logs, verdicts and what stands out, the numbers to look at first."""
-    number, n = counts(population), max(len(population), 1)
+    number, n = count_verdicts(population), max(len(population), 1)
     standing = len({one.sensor for one in found})
     return key_figures(
         [
@@ -59,7 +61,7 @@ def headline(population: Population, found: Sequence[Outlier], same: Sequence[Du
 # ---- sensors that stand out ----------------------------------------------------------------------
 
 
-def notes(found: Sequence[Outlier]) -> dict[int, str]:
+def collect_notes(found: Sequence[Outlier]) -> dict[int, str]:
     """What is said of a row, all its sentences together."""
     said: dict[int, list[str]] = {}
     for one in found:
@@ -67,16 +69,16 @@ def notes(found: Sequence[Outlier]) -> dict[int, str]:
     return {row: " ".join(sentences) for row, sentences in said.items()}
 
 
-def standing_out(
+def list_outliers(
     population: Population, found: Sequence[Outlier], groups: Sequence[Peers]
 ) -> Markup:
     """The sensors that stand out, each with its sentences, the most striking first."""
-    said = notes(found)
+    said = collect_notes(found)
     rank: dict[int, float] = {}
     for one in found:
         rank[one.row] = min(rank.get(one.row, 0.0), -one.distance)
     rows = sorted(said, key=lambda row: (rank[row], row))
-    few = [group for group in groups if not group.told]
+    few = [group for group in groups if not group.enough]
     lines = [
         element(
             "p",
@@ -87,12 +89,12 @@ def standing_out(
         for group in few
     ]
     if not rows:
-        told = any(group.told for group in groups)
+        told = any(group.enough for group in groups)
         none = element("p", "No sensor stands out from the others.") if told else ""
         return markup(none, *lines)
     body = [
         (
-            named(population, row),
+            link_sensor(population, row),
             element("span", population["source"][row], class_="source"),
             minused(said[row]),
         )
@@ -107,10 +109,10 @@ def standing_out(
     )
 
 
-def named(population: Population, row: int) -> Markup:
+def link_sensor(population: Population, row: int) -> Markup:
     """A sensor by its name, with a link to its report where there is one."""
     name, report = population["sensor"][row], population["report"][row]
-    return markup(name) if report is None else element("a", name, href=link(report))
+    return markup(name) if report is None else element("a", name, href=make_link(report))
 
 
 # ---- reasons -------------------------------------------------------------------------------------
@@ -122,53 +124,53 @@ class _Reason:
     examples: list[int] = field(default_factory=list)
 
 
-def reasons(population: Population) -> Markup:
+def list_reasons(population: Population) -> Markup:
     """The first reason why each was refused or is to be checked, the most frequent first."""
     odd = np.flatnonzero(population["verdict"] != "good")
     if not len(odd):
         return element("p", "Every calibration is good.")
     found: dict[str, _Reason] = {}
     for row in odd.tolist():
-        entry = found.setdefault(_first(population, row), _Reason())
+        entry = found.setdefault(_get_reason(population, row), _Reason())
         entry.number[population["verdict"][row]] += 1
         if len(entry.examples) < 3:
             entry.examples.append(row)
     order = sorted(found, key=lambda r: (-found[r].number["refused"], -found[r].number["check"], r))
-    body = [_reason(population, name, found[name]) for name in order[:MOST_REASONS]]
+    body = [_make_reason_row(population, name, found[name]) for name in order[:MOST_REASONS]]
     head = ("Reason", "Refused", "To check", "For example")
     shown = table(head, body, class_="reasons")
     left = len(order) - len(body)
     return markup(shown, element("p", f"{counted(left, 'other reason')}.") if left > 0 else "")
 
 
-def _first(population: Population, row: int) -> str:
+def _get_reason(population: Population, row: int) -> str:
     """The first finding of a row; where there is none, how its status begins."""
     findings: tuple[str, ...] = population["findings"][row]
     return findings[0] if findings else _BEGIN.split(population["status"][row])[0][:60].strip()
 
 
-def _reason(population: Population, name: str, reason: _Reason) -> Sequence[str]:
+def _make_reason_row(population: Population, name: str, reason: _Reason) -> Sequence[str]:
     first = reason.examples[0]
     logs = ", ".join(dict.fromkeys(str(population["source"][row]) for row in reason.examples))
-    status = minused(sentence(_shortened(str(population["status"][first]))))
+    status = minused(sentence(_shorten(str(population["status"][first]))))
     example = markup(status, " ", element("span", logs, class_="source"))
     return (name, *(grouped(reason.number[v]) for v in ("refused", "check")), example)
 
 
-def _shortened(text: str, most: int = 200) -> str:
+def _shorten(text: str, most: int = 200) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 # ---- the rest ------------------------------------------------------------------------------------
 
 
-def verdict_words(number: Mapping[str, int]) -> Markup:
+def describe_verdicts(number: Mapping[str, int]) -> Markup:
     """The words of the bar of verdicts."""
     parts = (mark(name, f"{grouped(n)} {MEANINGS[name][0].lower()}") for name, n in number.items())
     return element("p", *parts, class_="legend verdicts")
 
 
-def duplicated(population: Population, same: Sequence[Duplicate]) -> Markup:
+def list_duplicates(population: Population, same: Sequence[Duplicate]) -> Markup:
     """The logs that are there more than once."""
     shown = [element("li", f"{one.sentence}.") for one in same[:MOST_DUPLICATES]]
     left = len(same) - len(shown)

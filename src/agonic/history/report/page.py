@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.history import Drift, Event, Trend
-from agonic.history.drift_fit import moments
+from agonic.history.fit import sample_times
 from agonic.history.parameters import KINDS
 from agonic.history.report.record import figures
 from agonic.population import Row
@@ -127,7 +127,7 @@ def _unit(drift: Drift, kind: str) -> str:
 
 def strip(one: Trend, drift: Drift) -> Markup:
     """One parameter over time: calibrations, the line that they follow, its bands, and steps."""
-    time = np.unique(np.concatenate([moments(drift), one.time]))
+    time = np.unique(np.concatenate([sample_times(drift), one.time]))
     band = one.at(time)
     x, along = _time_axis(time, drift)
     reach = _WIDE * band.calibration_sd
@@ -157,7 +157,7 @@ def _since(time: Array, drift: Drift) -> Array:
 
 
 def _unit_of_time(drift: Drift) -> tuple[float, str]:
-    ends = moments(drift, 2)
+    ends = sample_times(drift, 2)
     days = float(ends[1] - ends[0]) / _DAY_S
     if days < _MONTHS:
         return _DAY_S, "days"

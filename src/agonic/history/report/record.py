@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from agonic.history import Departure, Drift, Event, Trend
-from agonic.population import Kept, Row
+from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
 from agonic.report.digits import counted, grouped, minused, rounded, signed, with_sd
 from agonic.report.text import SIGNS, WIDTH
@@ -86,7 +86,7 @@ def _event(event: Event) -> dict[str, Any]:
 
 
 def listing(
-    kept: Sequence[Kept], moving: set[str], departed: Sequence[Departure]
+    kept: Sequence[SensorSummary], moving: set[str], departed: Sequence[Departure]
 ) -> dict[str, Any]:
     """What there is to say of all sensors."""
     return {

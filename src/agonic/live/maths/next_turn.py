@@ -15,7 +15,7 @@ _PARTS = (("roll right", "roll left"), ("nose up", "nose down"), ("turn right", 
 """Turns of a body about its axes forward, right and down, positive first."""
 
 
-def heading_gradient(inclination_deg: float, bias: Array, matrix: Array) -> Array:
+def compute_heading_gradient(inclination_deg: float, bias: Array, matrix: Array) -> Array:
     """G (9, 9) of the mean square error of a level heading, trace(C G), magnitude one, rad².
 
     Parameters are bias x y z, then matrix xx yy zz xy xz yz.
@@ -27,11 +27,11 @@ def heading_gradient(inclination_deg: float, bias: Array, matrix: Array) -> Arra
     return np.asarray(rows.T @ rows / len(rows))
 
 
-def ways(present: Array, targets: Array, steps: int = 12) -> tuple[Array, Array]:
+def draw_great_circles(present: Array, targets: Array, steps: int = 12) -> tuple[Array, Array]:
     """Great circles from a direction (3,) to others (n, 3): `steps` directions along each, the
     last of them the target, (n, steps, 3), and their lengths (n,), rad.
 
-    >>> along, length = ways(np.array([1.0, 0, 0]), np.array([[0, 0, 1.0]]), 2)
+    >>> along, length = draw_great_circles(np.array([1.0, 0, 0]), np.array([[0, 0, 1.0]]), 2)
     >>> along.round(3), np.degrees(length)
     (array([[[0.707, 0.   , 0.707],
             [0.   , 0.   , 1.   ]]]), array([90.]))
@@ -46,7 +46,7 @@ def ways(present: Array, targets: Array, steps: int = 12) -> tuple[Array, Array]
     return np.cos(angle) * present + np.sin(angle) * across[:, None, :], length
 
 
-def gains(
+def compute_gains(
     along: Array,
     bias: Array,
     matrix: Array,
@@ -70,15 +70,15 @@ def gains(
     each = (noise * gain) ** 2 / np.maximum(readings, 1e-9)
     room = room + each[:, None, None] * np.eye(along.shape[1])
     learnt = np.linalg.solve(room, spread)
-    g = heading_gradient(inclination_deg, bias, matrix)
+    g = compute_heading_gradient(inclination_deg, bias, matrix)
     return np.asarray(np.einsum("nti,ij,ntj->n", spread, g, learnt))
 
 
-def turn_between(present: Array, wanted: Array) -> Array:
+def find_turn(present: Array, wanted: Array) -> Array:
     """The least rotation of the sensor, a vector in its own axes, rad, that moves the field's
     direction there from `present` to `wanted` (3,): opposite to the field's own.
 
-    >>> np.degrees(turn_between(np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))).round(6) + 0.0
+    >>> np.degrees(find_turn(np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))).round(6) + 0.0
     array([ 0., 90.,  0.])
     """
     u = present / np.linalg.norm(present)
@@ -93,10 +93,10 @@ def turn_between(present: Array, wanted: Array) -> Array:
     return np.asarray(axis / sine * np.arctan2(sine, cosine))
 
 
-def words(turn: Array) -> str:
+def describe_turn(turn: Array) -> str:
     """A turn as a person makes it, in parts about forward, right and down.
 
-    >>> words(np.radians([0.0, -62.0, 30.0]))
+    >>> describe_turn(np.radians([0.0, -62.0, 30.0]))
     'nose down 60°, turn right 30°'
     """
     degrees = np.degrees(turn)

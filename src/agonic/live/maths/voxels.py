@@ -49,47 +49,47 @@ class Voxels(NamedTuple):
         return np.asarray(self.centre + self.scale * self.sums[:, first] / self.counts[:, None])
 
 
-def begun(first: Array, edge: float) -> Voxels:
+def begin(first: Array, edge: float) -> Voxels:
     """No boxes yet, about the first reading (3,); `edge` is best far too small."""
     size = max(float(np.linalg.norm(first)), edge)
     return Voxels(edge, first, size, np.empty((0, 3), np.int64), np.empty((0, 35)))
 
 
-def added(voxels: Voxels, readings: Array, most: int = MOST) -> tuple[Voxels, Array]:
+def add_readings(voxels: Voxels, readings: Array, most: int = MOST) -> tuple[Voxels, Array]:
     """The boxes with readings (n, 3) put in, and the how-many-eth of its box each was, (n,).
 
     >>> rows = np.array([[0.1, 0, 0], [0.2, 0, 0], [5.0, 0, 0]])
-    >>> voxels, place = added(begun(np.zeros(3), 1.0), rows)
+    >>> voxels, place = add_readings(begin(np.zeros(3), 1.0), rows)
     >>> voxels.counts, place
     (array([2., 1.]), array([1., 2., 1.]))
     """
     rows = np.asarray(readings, dtype=np.float64)
     places = [np.empty(0)]
     while len(rows):
-        taken = _room(voxels, rows, most)
+        taken = _count_fitting(voxels, rows, most)
         voxels, place = _put(voxels, rows[:taken])
         places.append(place)
         rows = rows[taken:]
         while len(voxels.keys) > most:
-            voxels = _doubled(voxels)
+            voxels = _double(voxels)
     return voxels, np.concatenate(places)
 
 
-def keys_of(voxels: Voxels, readings: Array) -> Keys:
+def compute_keys(voxels: Voxels, readings: Array) -> Keys:
     """The boxes (n, 3) in which readings lie."""
     return np.floor(np.clip(readings / voxels.edge, -FARTHEST, FARTHEST - 1)).astype(np.int64)
 
 
-def _codes(keys: Keys) -> NDArray[np.int64]:
+def _encode(keys: Keys) -> NDArray[np.int64]:
     """One number for each key, which is much faster to compare than three."""
     shifted = keys + FARTHEST
     return np.asarray((shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2])
 
 
-def _room(voxels: Voxels, rows: Array, most: int) -> int:
+def _count_fitting(voxels: Voxels, rows: Array, most: int) -> int:
     """How many rows can be put in before there are more boxes than `most`."""
-    keys = np.concatenate([voxels.keys, keys_of(voxels, rows)])
-    _, first = np.unique(_codes(keys), return_index=True)
+    keys = np.concatenate([voxels.keys, compute_keys(voxels, rows)])
+    _, first = np.unique(_encode(keys), return_index=True)
     if len(first) <= most:
         return len(rows)
     return int(np.sort(first)[most]) - len(voxels.keys) + 1
@@ -97,40 +97,40 @@ def _room(voxels: Voxels, rows: Array, most: int) -> int:
 
 def _put(voxels: Voxels, rows: Array) -> tuple[Voxels, Array]:
     terms = moments.powers(rows, voxels.centre, voxels.scale)
-    keys = np.concatenate([voxels.keys, keys_of(voxels, rows)])
-    box, chosen = _boxes(keys)
-    sums = _summed(box, np.concatenate([voxels.sums, terms]), len(chosen))
+    keys = np.concatenate([voxels.keys, compute_keys(voxels, rows)])
+    box, chosen = _number_boxes(keys)
+    sums = _sum(box, np.concatenate([voxels.sums, terms]), len(chosen))
     before = np.zeros(len(chosen))
     before[: len(voxels.keys)] = voxels.counts
     mine = box[len(voxels.keys) :]
-    place = before[mine] + 1 + _earlier(mine)
+    place = before[mine] + 1 + _count_earlier(mine)
     return voxels._replace(keys=keys[chosen], sums=sums), place
 
 
-def _doubled(voxels: Voxels) -> Voxels:
+def _double(voxels: Voxels) -> Voxels:
     """The boxes merged into those of twice the edge."""
     keys = voxels.keys // 2
-    box, chosen = _boxes(keys)
-    sums = _summed(box, voxels.sums, len(chosen))
+    box, chosen = _number_boxes(keys)
+    sums = _sum(box, voxels.sums, len(chosen))
     return voxels._replace(edge=2 * voxels.edge, keys=keys[chosen], sums=sums)
 
 
-def _boxes(keys: Keys) -> tuple[Index, Index]:
+def _number_boxes(keys: Keys) -> tuple[Index, Index]:
     """The number of the box of each key, counted as they came, and the first key of each box."""
-    _, first, inverse = np.unique(_codes(keys), return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(_encode(keys), return_index=True, return_inverse=True)
     order = np.argsort(first)
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
     return number[inverse.ravel()], first[order]
 
 
-def _summed(box: Index, sums: Array, boxes: int) -> Array:
+def _sum(box: Index, sums: Array, boxes: int) -> Array:
     total = np.zeros((boxes, 35))
     np.add.at(total, box, sums)
     return total
 
 
-def _earlier(box: Index) -> Array:
+def _count_earlier(box: Index) -> Array:
     """How many rows before each one fell into the same box."""
     order = np.argsort(box, kind="stable")
     first = np.searchsorted(box[order], box[order])

@@ -18,7 +18,7 @@ class Chunk(NamedTuple):
     device_id: int | None = None
 
 
-class Said(NamedTuple):
+class Notice(NamedTuple):
     """How a source is getting on, in words; `connected` whether readings can come."""
 
     connected: bool
@@ -26,4 +26,4 @@ class Said(NamedTuple):
     ended: bool = False
 
 
-Event = Chunk | Said
+Event = Chunk | Notice

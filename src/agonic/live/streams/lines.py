@@ -6,8 +6,8 @@ import numpy as np
 
 from agonic.errors import AgonicError
 from agonic.live.streams.clock import Clock
-from agonic.live.streams.events import Chunk, Event, Said
-from agonic.live.streams.rows import Row, Rows
+from agonic.live.streams.events import Chunk, Event, Notice
+from agonic.live.streams.rows import LineParser, Reading
 
 LONGEST = 4096
 """Bytes of a line; longer ones are passed over."""
@@ -29,7 +29,7 @@ class Lines:
     """
 
     def __init__(self, unit: str, suffix: str = "") -> None:
-        self.rows = Rows(unit=unit)
+        self.rows = LineParser(unit=unit)
         self._unit, self._suffix = unit, suffix
         self._rest, self._skipping = b"", False
         self._unread, self._good, self._why, self._said_at = 0, 0, "", -np.inf
@@ -38,12 +38,12 @@ class Lines:
     def feed(self, data: bytes, now: float) -> list[Event]:
         """The readings in bytes that came at `now`, s, and what could not be read."""
         lines = self._cut(data)
-        found: dict[str, list[Row]] = {}
+        found: dict[str, list[Reading]] = {}
         for line in lines:
             try:
                 rows = self.rows.read(line.decode("utf-8", "replace"))
             except (AgonicError, OverflowError) as error:
-                self._count(f"{_shown(line)} ({error})")
+                self._count(f"{_make_printable(line)} ({error})")
                 continue
             self._good += len(rows)
             for row in rows:
@@ -59,7 +59,7 @@ class Lines:
             lines, self._skipping = lines[1:], False
         if len(self._rest) > LONGEST:
             if not self._skipping:
-                self._count(f"{_shown(self._rest)} (no end of line in {LONGEST} bytes)")
+                self._count(f"{_make_printable(self._rest)} (no end of line in {LONGEST} bytes)")
             self._rest, self._skipping = b"", True
         elif self._skipping:
             self._rest = b""
@@ -76,16 +76,16 @@ class Lines:
         self._said_at = now
         if unread <= 1 + 0.1 * good:
             return []
-        return [Said(True, f"hears {unread} lines that it cannot read, the last: {self._why}")]
+        return [Notice(True, f"hears {unread} lines that it cannot read, the last: {self._why}")]
 
-    def _chunk(self, rows: list[Row], now: float) -> Chunk:
+    def _chunk(self, rows: list[Reading], now: float) -> Chunk:
         time = self._clock.times([row.time for row in rows], now, rows[0].sensor)
         unit = rows[0].unit or self._unit
         name = rows[0].sensor + self._suffix
         return Chunk(name, time, np.array([row.field for row in rows]), unit)
 
 
-def _shown(line: bytes) -> str:
+def _make_printable(line: bytes) -> str:
     """The start of a line as text that can be printed."""
     text = line[:SHOWN].decode("ascii", "backslashreplace")
     shown = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)[:SHOWN]

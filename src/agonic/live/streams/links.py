@@ -14,7 +14,7 @@ WAIT_S = 0.05
 MOST_BYTES = 65_536
 
 
-class Received(NamedTuple):
+class Packet(NamedTuple):
     """Bytes, and who sent them where several can; `whole` where they are a datagram."""
 
     data: bytes
@@ -29,7 +29,7 @@ class Link(Protocol):
     hint: str
 
     def open(self) -> None: ...
-    def read(self) -> Received | None: ...
+    def read(self) -> Packet | None: ...
     def write(self, data: bytes) -> None: ...
     def close(self) -> None: ...
 
@@ -51,14 +51,14 @@ class SerialLink:
             raise MissingExtraError("reading a serial port", "live") from None
         self._port = serial.Serial(self.device, self.baud, timeout=WAIT_S, write_timeout=2.0)
 
-    def read(self) -> Received | None:
+    def read(self) -> Packet | None:
         """What has come, at once when something has."""
         try:
             waiting = self._port.in_waiting
             data = self._port.read(min(max(waiting, 1), MOST_BYTES))
         except TypeError as error:  # pyserial, when the port is gone while it waits
             raise OSError(str(error)) from error
-        return Received(data) if data else None
+        return Packet(data) if data else None
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
@@ -95,14 +95,14 @@ class UdpLink:
                 f"{error.strerror or error}; stop what else listens there, or take another port"
             ) from None
 
-    def read(self) -> Received | None:
+    def read(self) -> Packet | None:
         """The next datagram."""
         assert self._socket is not None
         try:
             data, self._peer = self._socket.recvfrom(MOST_BYTES)
         except TimeoutError:
             return None
-        return Received(data, f"{self._peer[0]}:{self._peer[1]}", whole=True)
+        return Packet(data, f"{self._peer[0]}:{self._peer[1]}", whole=True)
 
     def write(self, data: bytes) -> None:
         """Send bytes to who was heard last."""
@@ -129,7 +129,7 @@ class TcpLink:
         self._socket = socket.create_connection(self._address, timeout=2.0)
         self._socket.settimeout(WAIT_S)
 
-    def read(self) -> Received | None:
+    def read(self) -> Packet | None:
         """What has come; `ConnectionError` where the other end has closed."""
         assert self._socket is not None
         try:
@@ -138,7 +138,7 @@ class TcpLink:
             return None
         if not data:
             raise ConnectionError("the other end closed the connection")
-        return Received(data)
+        return Packet(data)
 
     def write(self, data: bytes) -> None:
         """Send bytes."""

@@ -18,10 +18,10 @@ LIST_S = 10.0
 """So long after the last parameter of a list no more will come."""
 
 
-def wanted_of(slot: str) -> tuple[str, ...]:
+def list_wanted(slot: str) -> tuple[str, ...]:
     """The parameters that correct the compass of a slot: "" the first, then "2" and "3".
 
-    >>> wanted_of("2")[0], len(wanted_of(""))
+    >>> list_wanted("2")[0], len(list_wanted(""))
     ('COMPASS_OFS2_X', 12)
     """
     vectors = [f"COMPASS_{part}{slot}_{axis}" for part in ("OFS", "DIA", "ODI") for axis in AXES]
@@ -50,8 +50,8 @@ class Parameters:
     def missing(self, slot: str) -> list[str]:
         """The parameters of a slot that are not known, nor known to be absent."""
         if self._count and len(self._listed) >= self._count:
-            return [n for n in wanted_of(slot)[:3] if n not in self.values]
-        return [name for name in wanted_of(slot) if name not in self.values]
+            return [n for n in list_wanted(slot)[:3] if n not in self.values]
+        return [name for name in list_wanted(slot) if name not in self.values]
 
     def pursue(self, slot: str, now: float) -> str:
         """Ask for what is missing when it is time to; a sentence where the vehicle stays silent."""

@@ -15,7 +15,7 @@ from agonic.units import RAW
 Vector = tuple[float, float, float]
 
 
-class Row(NamedTuple):
+class Reading(NamedTuple):
     """One reading: the sensor's name, the field, its unit, and the device's own time, s."""
 
     sensor: str
@@ -38,7 +38,7 @@ _MOTIONCAL_OTHERS = ("Uni:", "Ori:")
 
 
 @dataclass
-class Rows:
+class LineParser:
     """What is known of the lines so far: the header, once there was one.
 
     `unit` is that of numbers without a header; `told` holds the device's answers `Cal1:` and
@@ -53,14 +53,14 @@ class Rows:
     told: dict[str, tuple[float, ...]] = field(default_factory=dict)
     motioncal: bool = False
 
-    def read(self, line: str) -> list[Row]:
+    def read(self, line: str) -> list[Reading]:
         """The readings in a line, none where it is a header, a remark or empty.
 
         Raises `Unreadable` for anything else.
 
-        >>> Rows().read("Raw:0,0,8192,0,0,0,200,-10,430")
-        [Row(sensor='mag', field=(200.0, -10.0, 430.0), unit='mG', time=None)]
-        >>> rows = Rows()
+        >>> LineParser().read("Raw:0,0,8192,0,0,0,200,-10,430")
+        [Reading(sensor='mag', field=(200.0, -10.0, 430.0), unit='mG', time=None)]
+        >>> rows = LineParser()
         >>> rows.read("millis,mag_x_uT,mag_y_uT,mag_z_uT"), rows.read("20,1.5,2,43")[0].time
         ([], 0.02)
         """
@@ -69,16 +69,16 @@ class Rows:
             return []
         if text.startswith("Raw:"):
             self.motioncal = True
-            return [Row("mag", _three(_numbers(text[4:], 9)[6:]), "mG")]
+            return [Reading("mag", _make_vector(_parse_numbers(text[4:], 9)[6:]), "mG")]
         if text.startswith(("Cal1:", "Cal2:")):
-            self.told[text[:4]] = _numbers(text[5:], None)
+            self.told[text[:4]] = _parse_numbers(text[5:], None)
             return []
         if text[0] in "$!":
-            return [_sentence(text)]
+            return [_parse_sentence(text)]
         return self._cells([cell.strip() for cell in _SEPARATORS.split(text) if cell.strip()])
 
-    def _cells(self, cells: list[str]) -> list[Row]:
-        values = [_number(cell) for cell in cells]
+    def _cells(self, cells: list[str]) -> list[Reading]:
+        values = [_parse_number(cell) for cell in cells]
         words = sum(
             math.isnan(v) and c.lower() != "nan" for c, v in zip(cells, values, strict=True)
         )
@@ -90,12 +90,14 @@ class Rows:
                 raise Unreadable(
                     f"{len(values)} numbers without a header: send three (x, y, z), or a header"
                 )
-            return [Row("mag", _three(values), self.unit)]
+            return [Reading("mag", _make_vector(values), self.unit)]
         if len(values) != self.width:
             raise Unreadable(f"{len(values)} cells under a header of {self.width}")
         time = None if self.time is None else values[self.time[0]] * self.time[1]
         return [
-            Row(name, _three([values[i] * by for i, by in columns]), self.units[name], time)
+            Reading(
+                name, _make_vector([values[i] * by for i, by in columns]), self.units[name], time
+            )
             for name, columns in self.header.items()
         ]
 
@@ -110,16 +112,16 @@ class Rows:
             f"mag{number}": [(place[axes[a].header], 1.0) for a in "xyz"]
             for number, axes in whole.items()
         }
-        self.units = {f"mag{n}": _unit(axes) or self.unit for n, axes in whole.items()}
-        self.width, self.time = len(cells), _clock(cells)
+        self.units = {f"mag{n}": _find_unit(axes) or self.unit for n, axes in whole.items()}
+        self.width, self.time = len(cells), _find_clock(cells)
 
 
-def _unit(axes: Mapping[str, Column]) -> str | None:
+def _find_unit(axes: Mapping[str, Column]) -> str | None:
     units = {column.unit for column in axes.values()}
     return units.pop() if len(units) == 1 else None
 
 
-def _clock(cells: list[str]) -> tuple[int, float] | None:
+def _find_clock(cells: list[str]) -> tuple[int, float] | None:
     """The column of the device's clock, and its unit in seconds."""
     for i, cell in enumerate(cells):
         column = understood(cell)
@@ -129,7 +131,7 @@ def _clock(cells: list[str]) -> tuple[int, float] | None:
     return None
 
 
-def _sentence(text: str) -> Row:
+def _parse_sentence(text: str) -> Reading:
     """The reading in `$NAME,x,y,z,…*HH`; the checksum is the XOR of what lies between."""
     body, star, check = text[1:].partition("*")
     if star:
@@ -143,26 +145,26 @@ def _sentence(text: str) -> Row:
         raise Unreadable(f"${name} is already corrected by the device: have it send $VNIMU")
     if name not in _SENTENCES and not name.endswith("MAG"):
         raise Unreadable(f"${name} holds no field that is known: send $…MAG,x,y,z")
-    values = [_number(cell) for cell in cells[:3]]
+    values = [_parse_number(cell) for cell in cells[:3]]
     if len(values) < 3 or any(map(math.isnan, values)):
         raise Unreadable(f"${name} without three numbers")
-    return Row("mag", _three(values), _SENTENCES.get(name, ""))
+    return Reading("mag", _make_vector(values), _SENTENCES.get(name, ""))
 
 
-def _three(values: list[float] | tuple[float, ...]) -> Vector:
+def _make_vector(values: list[float] | tuple[float, ...]) -> Vector:
     x, y, z = values[:3]
     return x, y, z
 
 
-def _numbers(text: str, count: int | None) -> tuple[float, ...]:
+def _parse_numbers(text: str, count: int | None) -> tuple[float, ...]:
     """The numbers between commas; exactly so many, where it is known."""
-    values = tuple(_number(cell) for cell in text.split(","))
+    values = tuple(_parse_number(cell) for cell in text.split(","))
     if (count is not None and len(values) != count) or any(map(math.isnan, values)):
         raise Unreadable(f"a line that should hold {count or 'only'} numbers")
     return values
 
 
-def _number(cell: str) -> float:
+def _parse_number(cell: str) -> float:
     try:
         return float(cell)
     except ValueError:

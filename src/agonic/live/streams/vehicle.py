@@ -19,8 +19,8 @@ from agonic.exports.ardupilot import ardupilot_parameters
 from agonic.exports.targets import compass_number
 from agonic.live.streams.clock import Clock
 from agonic.live.streams.device import ANSWER_S, Change
-from agonic.live.streams.events import Chunk, Event, Said
-from agonic.live.streams.links import Received
+from agonic.live.streams.events import Chunk, Event, Notice
+from agonic.live.streams.links import Packet
 from agonic.live.streams.parameters import Parameters
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.parameters import recover
@@ -86,7 +86,7 @@ class Vehicle:
         """Itself, once it is known to be one that takes parameters."""
         return self if self.name else None
 
-    def feed(self, received: Received, now: float) -> list[Event]:
+    def feed(self, received: Packet, now: float) -> list[Event]:
         """The readings in what was received, and what stands in their way."""
         found: dict[str, list[Any]] = {}
         events: list[Event] = []
@@ -114,9 +114,9 @@ class Vehicle:
         self._autopilot = int(beat.autopilot)
         self.stack = STACKS.get(self._autopilot, "")
         if self._autopilot == PX4:
-            return [Said(True, _PX4_SAYS)]
+            return [Notice(True, _PX4_SAYS)]
         kind = self.name or "vehicle"
-        return [Said(True, f"{kind} {self._system[0]} answers")]
+        return [Notice(True, f"{kind} {self._system[0]} answers")]
 
     def _tend(self, now: float) -> list[Event]:
         """Heartbeats, and requests for what is missing."""
@@ -133,7 +133,7 @@ class Vehicle:
             refused = self.parameters.pursue(slot, now)
             if refused:
                 events.append(
-                    Said(
+                    Notice(
                         True,
                         f"{refused}: its readings are corrected and cannot be taken back; "
                         "check the link, or calibrate from the vehicle's own log (.bin)",
@@ -170,7 +170,7 @@ class Vehicle:
         answered = np.isfinite(field).all(axis=1) & field.any(axis=1)
         if not answered.any():
             return []
-        own = [_moment(m) for m, there in zip(heard, answered, strict=True) if there]
+        own = [_get_time(m) for m, there in zip(heard, answered, strict=True) if there]
         field = field[answered]
         if self._autopilot != ARDUPILOT:
             unit, factor = OTHERS[kind]
@@ -238,7 +238,7 @@ class _Wire:
         self._write(bytes(data))
 
 
-def _moment(message: Any) -> float:
+def _get_time(message: Any) -> float:
     """The vehicle's time of a reading, s."""
     if hasattr(message, "time_usec"):
         return float(message.time_usec) / 1e6

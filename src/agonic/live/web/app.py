@@ -20,17 +20,17 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from agonic.live.web.messages import (
     LARGEST,
     Accept,
-    Asked,
     Hello,
     Offer,
+    PageRequest,
     Restart,
     Status,
     Write,
-    asked,
     encode,
-    points,
+    encode_points,
+    parse_request,
 )
-from agonic.live.web.session import Session, in_background
+from agonic.live.web.session import Session, run_in_background
 from agonic.live.web.view import MOST
 from agonic.maths.equation.coverage import icosphere
 from agonic.report.documents import static as of_report
@@ -53,15 +53,15 @@ POLICY = (
 )
 _TYPES = {"js": "text/javascript", "css": "text/css"}
 _FILES: dict[str, Callable[[], str]] = {
-    "live.js": lambda: _static("live.js"),
+    "live.js": lambda: _read_static("live.js"),
     "live.css": lambda: (
         of_report("base.css")
         + of_report("report.css")
-        + _static("uplot/uPlot.min.css")
-        + _static("live.css")
+        + _read_static("uplot/uPlot.min.css")
+        + _read_static("live.css")
     ),
-    "strips.js": lambda: _static("strips.js"),
-    "uplot.js": lambda: _static("uplot/uPlot.iife.min.js"),
+    "strips.js": lambda: _read_static("strips.js"),
+    "uplot.js": lambda: _read_static("uplot/uPlot.iife.min.js"),
     "canvas.js": lambda: of_report("canvas.js"),
 }
 
@@ -72,31 +72,31 @@ def make_app(session: Session, *, token: str | None = None) -> Starlette:
 
     def allowed(connection: HTTPConnection) -> bool:
         if token is None:
-            return _host(connection) in LOOPBACK
+            return _get_host(connection) in LOOPBACK
         return hmac.compare_digest(connection.query_params.get("token", ""), token)
 
     async def page(request: Request) -> Response:
         if not allowed(request):
-            return _refused()
-        return _answer(_static("index.html"), "text/html")
+            return _refuse()
+        return _respond(_read_static("index.html"), "text/html")
 
     async def resource(request: Request) -> Response:
         name = request.path_params["name"]
         if name not in _FILES:
             return PlainTextResponse("there is no such file", status_code=404)
-        return _answer(_FILES[name](), _TYPES[name.rpartition(".")[2]])
+        return _respond(_FILES[name](), _TYPES[name.rpartition(".")[2]])
 
     async def report(request: Request) -> Response:
         path = session.plan.folder / "report.html"
         if not allowed(request):
-            return _refused()
+            return _refuse()
         if not path.is_file():
             return PlainTextResponse("there is no report yet: accept first", status_code=404)
         return FileResponse(path, headers={"Cache-Control": "no-store"})
 
     async def socket(websocket: WebSocket) -> None:
         full = len(clients) >= MOST_CLIENTS
-        if full or not allowed(websocket) or not _same_origin(websocket):
+        if full or not allowed(websocket) or not _has_same_origin(websocket):
             await websocket.close(code=1008)
             return
         await websocket.accept()
@@ -136,33 +136,35 @@ async def _tell(websocket: WebSocket, session: Session) -> None:
     A page that reads slowly finds fewer points and always the present status; nothing is queued
     for it beyond the message under way.
     """
-    await websocket.send_text(encode(hello(session)).decode())
+    await websocket.send_text(encode(make_hello(session)).decode())
     version, seen = -1, list[Any]()
     while True:
         began = time.monotonic()
         if session.version != version:
             version = session.version
-            await websocket.send_text(encoded(session.status).decode())
+            await websocket.send_text(encode_status(session.status).decode())
         for k, shown in enumerate(session.shown):
             if k == len(seen):
                 seen.append((shown, 0))
             before, count = seen[k]
             if before is not shown:  # begun anew: no rows, which is to forget the others
                 count = 0
-                await websocket.send_bytes(points(k, 0, shown.at, np.empty((0, 3), np.float32)))
+                await websocket.send_bytes(
+                    encode_points(k, 0, shown.at, np.empty((0, 3), np.float32))
+                )
             total = shown.total
             rows = shown.since(max(count, total - MOST), MOST)[:MOST_POINTS]
             count = max(count, total - MOST) + len(rows) if len(rows) else count
             seen[k] = (shown, count)
             if len(rows):
-                await websocket.send_bytes(points(k, count, shown.at, rows))
+                await websocket.send_bytes(encode_points(k, count, shown.at, rows))
         await asyncio.sleep(max(FRAME_S - (time.monotonic() - began), 0.001))
 
 
 _last: tuple[Status | None, bytes] = (None, b"")
 
 
-def encoded(status: Status) -> bytes:
+def encode_status(status: Status) -> bytes:
     """The JSON of a status, made once for all pages."""
     global _last
     if _last[0] is None or _last[0].version != status.version or _last[0] != status:
@@ -183,7 +185,7 @@ async def _listen(websocket: WebSocket, session: Session) -> None:
         now = time.monotonic()
         second, lately = (now, 1) if now - second > 1.0 else (second, lately + 1)
         data = message.get("text") or message.get("bytes") or b""
-        what = asked(data) if len(data) <= LARGEST else None
+        what = parse_request(data) if len(data) <= LARGEST else None
         wrong += what is None
         if wrong > PATIENCE or lately > PATIENCE:
             await websocket.close(code=1008, reason="too many messages, or not understood")
@@ -192,18 +194,18 @@ async def _listen(websocket: WebSocket, session: Session) -> None:
             _do(what, session)
 
 
-def _do(what: Asked, session: Session) -> None:
+def _do(what: PageRequest, session: Session) -> None:
     if isinstance(what, Accept):
-        in_background(session.accept)
+        run_in_background(session.accept)
     elif isinstance(what, Restart):
         session.restart(what.sensor)
     elif isinstance(what, Offer):
-        in_background(lambda: session.offer(what.sensor))
+        run_in_background(lambda: session.offer(what.sensor))
     elif isinstance(what, Write):
-        in_background(lambda: session.write(what.sensor))
+        run_in_background(lambda: session.write(what.sensor))
 
 
-def hello(session: Session) -> Hello:
+def make_hello(session: Session) -> Hello:
     """The first message of a session."""
     reference = session.plan.reference
     told = "unknown: bias and shape are found all the same, the scale is that of the sensor"
@@ -217,11 +219,11 @@ def hello(session: Session) -> Hello:
     )
 
 
-def _static(name: str) -> str:
+def _read_static(name: str) -> str:
     return (files("agonic.live.web") / "static" / name).read_text(encoding="utf-8")
 
 
-def _answer(text: str, kind: str) -> Response:
+def _respond(text: str, kind: str) -> Response:
     headers = {
         "Content-Security-Policy": POLICY,
         "X-Content-Type-Options": "nosniff",
@@ -231,13 +233,13 @@ def _answer(text: str, kind: str) -> Response:
     return Response(text, media_type=f"{kind}; charset=utf-8", headers=headers)
 
 
-def _refused() -> Response:
+def _refuse() -> Response:
     return PlainTextResponse(
         "Not allowed: open the address that agonic live printed.\n", status_code=403
     )
 
 
-def _host(connection: HTTPConnection) -> str:
+def _get_host(connection: HTTPConnection) -> str:
     """The name by which the page was asked for; not ours where a foreign name points here."""
     try:
         return urlsplit(f"//{connection.headers.get('host', '')}").hostname or ""
@@ -245,7 +247,7 @@ def _host(connection: HTTPConnection) -> str:
         return ""
 
 
-def _same_origin(websocket: WebSocket) -> bool:
+def _has_same_origin(websocket: WebSocket) -> bool:
     """Whether a browser's page is one of ours; programs send no origin."""
     origin = websocket.headers.get("origin")
     return origin is None or urlsplit(origin).netloc == websocket.headers.get("host", "")

@@ -128,26 +128,26 @@ class Write(msgspec.Struct, frozen=True, tag="write"):
     sensor: str
 
 
-Asked = Accept | Restart | Offer | Write
+PageRequest = Accept | Restart | Offer | Write
 
-_decode = msgspec.json.Decoder(Asked)
+_decode = msgspec.json.Decoder(PageRequest)
 encode = msgspec.json.Encoder().encode
 
 
-def asked(text: str | bytes) -> Asked | None:
+def parse_request(text: str | bytes) -> PageRequest | None:
     """What a page asks for; `None` where it is not one of the messages.
 
-    >>> asked('{"type": "restart", "sensor": "mag"}'), asked('{"type": "shout"}'), asked("[")
-    (Restart(sensor='mag'), None, None)
+    >>> parse_request('{"type": "restart", "sensor": "mag"}'), parse_request("[")
+    (Restart(sensor='mag'), None)
     """
     try:
-        found: Asked = _decode.decode(text)
+        found: PageRequest = _decode.decode(text)
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
         return None
     return found
 
 
-def read_back(listed: list[Setting]) -> str:
+def describe_read_back(listed: list[Setting]) -> str:
     """What came of writing, in words."""
     missing = [one.name for one in listed if one.read_back is None]
     wrong = [
@@ -162,7 +162,7 @@ def read_back(listed: list[Setting]) -> str:
     return "written and read back: the device has it"
 
 
-def points(sensor: int, total: int, sent_at: float, rows: NDArray[np.float32]) -> bytes:
+def encode_points(sensor: int, total: int, sent_at: float, rows: NDArray[np.float32]) -> bytes:
     """Readings (n, 3) of the sensor at that position, the last of which is the `total`-th.
 
     Little-endian: sensor and total as uint32, when they were made as float64 (Unix time, s), then

@@ -12,14 +12,14 @@ from pathlib import Path
 from agonic.atomic import make_folder
 from agonic.errors import AgonicError
 from agonic.live import LiveFit, LiveParams, LiveState
-from agonic.live.statefile import save_state
+from agonic.live.files import save_state
 from agonic.recording.report.folder import file_stem
 
 SAVE_S = 5.0
 """Between two times that the files are written."""
 
 
-class Unfinished:
+class SavedFits:
     """Saves the live fits of a session, and takes them up again after the program was stopped.
 
     What cannot be gone on with, or is not wanted (`fresh`), is set aside under another name.
@@ -36,7 +36,7 @@ class Unfinished:
         """The file of a sensor."""
         return self._folder / f"{file_stem(sensor)}.live"
 
-    def taken_up(self, params: LiveParams) -> tuple[LiveFit | None, str]:
+    def resume(self, params: LiveParams) -> tuple[LiveFit | None, str]:
         """The live fit of a sensor as it was left, `None` where there is none, and what to say."""
         path = self.path(params.name)
         if not (self._origin and path.is_file()):

@@ -35,8 +35,8 @@ def serve(session: Session, *, listen: str | None, port: int, ready: Callable[[s
     """
     token = None if listen is None else secrets.token_urlsafe(16)
     host = listen or "127.0.0.1"
-    bound = _bound(host, port)
-    address = _address(host, bound.getsockname()[1], token)
+    bound = _bind(host, port)
+    address = _make_address(host, bound.getsockname()[1], token)
     config = uvicorn.Config(
         make_app(session, token=token),
         log_level="critical",
@@ -63,7 +63,7 @@ def serve(session: Session, *, listen: str | None, port: int, ready: Callable[[s
         bound.close()
 
 
-def _bound(host: str, port: int) -> socket.socket:
+def _bind(host: str, port: int) -> socket.socket:
     """A socket at the address; `AgonicError` where it is taken or not ours."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     bound = socket.socket(family, socket.SOCK_STREAM)
@@ -78,7 +78,7 @@ def _bound(host: str, port: int) -> socket.socket:
     return bound
 
 
-def _address(host: str, port: int, token: str | None) -> str:
+def _make_address(host: str, port: int, token: str | None) -> str:
     """The address of the page, for this machine where it listens on all."""
     with suppress(ValueError):
         if ipaddress.ip_address(host).is_unspecified:

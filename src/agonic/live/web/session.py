@@ -10,13 +10,13 @@ from dataclasses import replace
 from agonic.atomic import make_folder
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
-from agonic.live.streams import Chunk, Said, Source
+from agonic.live.streams import Chunk, Notice, Source
 from agonic.live.streams.device import Change, Device
-from agonic.live.web.messages import Outcome, Sensor, Setting, Status, read_back
+from agonic.live.web.messages import Outcome, Sensor, Setting, Status, describe_read_back
 from agonic.live.web.plan import Plan
-from agonic.live.web.resume import Unfinished
-from agonic.live.web.view import Shown
-from agonic.live.web.watch import Watched, calibration_before
+from agonic.live.web.resume import SavedFits
+from agonic.live.web.view import RecentReadings
+from agonic.live.web.watch import WatchedSensor, find_calibration_before
 from agonic.provenance import Input, sha256_of
 from agonic.recording.calibrated import Calibrated, calibrate
 from agonic.recording.report.folder import Written, file_stem, write_folder
@@ -35,11 +35,11 @@ class Session:
         self.source, self.plan = source, plan
         self._lock, self._stop = threading.RLock(), threading.Event()
         self._threads: list[threading.Thread] = []
-        self._watched: dict[str, Watched] = {}
+        self._watched: dict[str, WatchedSensor] = {}
         origin = source.name if source.lasting else ""
-        self._unfinished = Unfinished(plan.folder, origin, fresh=plan.fresh)
+        self._unfinished = SavedFits(plan.folder, origin, fresh=plan.fresh)
         self._notes: list[str] = []
-        self._heard = Said(False, f"connecting to {source.name}")
+        self._heard = Notice(False, f"connecting to {source.name}")
         self._sensors: list[Sensor] = []
         self._version = self._accepted = 0
         self._outcomes: list[Outcome] = []
@@ -99,7 +99,7 @@ class Session:
         return self._version
 
     @property
-    def shown(self) -> list[Shown]:
+    def shown(self) -> list[RecentReadings]:
         """The points of each sensor, in the order of the status."""
         return [watched.shown for watched in list(self._watched.values())]
 
@@ -132,7 +132,7 @@ class Session:
             changes = [Change(one.name, one.old, one.new) for one in listed]
             read = self._device().write(changes, self._result(sensor).fit.calibration)
             listed = [Setting(one.name, one.old, one.new, read.get(one.name)) for one in listed]
-            says = read_back(listed)
+            says = describe_read_back(listed)
         except (AgonicError, OSError) as error:
             says = f"not written: {error}"
         with self._lock:
@@ -224,16 +224,16 @@ class Session:
     def _read(self) -> None:
         try:
             for event in self.source.events(self._stop):
-                if isinstance(event, Said):
+                if isinstance(event, Notice):
                     self._say(event)
                 else:
                     self._take(event)
         except AgonicError as error:
-            self._say(Said(False, str(error), ended=True))
+            self._say(Notice(False, str(error), ended=True))
         except Exception as error:  # whatever a driver raises must reach the page
-            self._say(Said(False, f"stopped: {type(error).__name__}: {error}", ended=True))
+            self._say(Notice(False, f"stopped: {type(error).__name__}: {error}", ended=True))
 
-    def _say(self, said: Said) -> None:
+    def _say(self, said: Notice) -> None:
         with self._lock:
             self._heard = said
             self._changed()
@@ -247,8 +247,10 @@ class Session:
             if watched is None:
                 if len(self._watched) >= MOST_SENSORS:
                     return
-                before = calibration_before(self.plan.folder, chunk.sensor, dict(self.plan.before))
-                watched = Watched(chunk, self.plan.params(chunk), before)
+                before = find_calibration_before(
+                    self.plan.folder, chunk.sensor, dict(self.plan.before)
+                )
+                watched = WatchedSensor(chunk, self.plan.params(chunk), before)
                 self._watched[chunk.sensor] = watched
                 self._go_on(watched)
             watched.take(chunk)
@@ -260,9 +262,9 @@ class Session:
             self._notes.append(note)
             self._changed()
 
-    def _go_on(self, watched: Watched) -> None:
+    def _go_on(self, watched: WatchedSensor) -> None:
         """Take a sensor up where it was left."""
-        live, note = self._unfinished.taken_up(watched.params)
+        live, note = self._unfinished.resume(watched.params)
         if live is not None:
             watched.go_on(live)
         if note:
@@ -295,6 +297,6 @@ class Session:
         self._version += 1
 
 
-def in_background(work: Callable[[], object]) -> None:
+def run_in_background(work: Callable[[], object]) -> None:
     """Do something that takes a while beside the server."""
     threading.Thread(target=work, daemon=True).start()

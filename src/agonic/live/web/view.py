@@ -11,7 +11,7 @@ MOST = 50_000
 """Points of a sensor on the page."""
 
 
-class Shown:
+class RecentReadings:
     """The last `most` readings, and how many there were; `at` is when the latest came."""
 
     def __init__(self, most: int = MOST) -> None:
@@ -31,7 +31,7 @@ class Shown:
     def since(self, seen: int, most: int) -> NDArray[np.float32]:
         """The readings after the first `seen`, at most the latest `most` of them.
 
-        >>> shown = Shown(4)
+        >>> shown = RecentReadings(4)
         >>> shown.add(np.arange(15.0).reshape(5, 3), 0.0)
         >>> shown.since(3, 10)[:, 0], len(shown.since(0, 10))
         (array([ 9., 12.], dtype=float32), 4)

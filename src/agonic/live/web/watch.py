@@ -1,4 +1,4 @@
-"""`Watched`: one sensor of a live session, and what is said of it."""
+"""`WatchedSensor`: one sensor of a live session, and what is said of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from agonic.calibration.affine import PARAMETERS, Affine
 from agonic.live import LiveFit, LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Sensor
-from agonic.live.web.view import Shown
+from agonic.live.web.view import RecentReadings
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
@@ -28,7 +28,7 @@ RATE_OVER_S = 2.0
 """The rate is that of readings in so many seconds."""
 
 
-class Watched:
+class WatchedSensor:
     """A sensor that is being turned: its fit, its points, the calibration it had before."""
 
     def __init__(self, first: Chunk, params: LiveParams, before: Affine | None) -> None:
@@ -48,7 +48,7 @@ class Watched:
         self.shown.add(readings.field, time.time())
 
     def _begin(self, live: LiveFit, last_s: float | None = None) -> None:
-        self.live, self.shown = live, Shown()
+        self.live, self.shown = live, RecentReadings()
         self._waiting: list[Chunk] = []
         self._arrived: list[tuple[float, int]] = []
         self._last_s, self._later_s = last_s, 0.0
@@ -102,16 +102,16 @@ class Watched:
             done=guidance.done,
             progress=0.0 if coverage is None else coverage.filled,
             target_deg=self.params.target_deg,
-            centre=_plain(centre),
-            shape=_plain(shape),
+            centre=_make_list(centre),
+            shape=_make_list(shape),
             cells=[] if coverage is None else coverage.cells.tolist(),
-            heading_sd_deg=None if coverage is None else _finite(coverage.heading_sd_deg),
+            heading_sd_deg=None if coverage is None else _make_finite(coverage.heading_sd_deg),
             magnitude=None if calibration is None else calibration.magnitude,
-            present=None if guidance.present is None else _plain(guidance.present),
-            wanted=None if guidance.wanted is None else _plain(guidance.wanted),
+            present=None if guidance.present is None else _make_list(guidance.present),
+            wanted=None if guidance.wanted is None else _make_list(guidance.wanted),
             problems=[Problem(f.name, f.sentence) for f in guidance.findings],
             numbers=[] if calibration is None else self._numbers(calibration),
-            before="" if self.before is None else _told(self.before),
+            before="" if self.before is None else _describe(self.before),
             course=list(self._course),
         )
 
@@ -155,9 +155,9 @@ class Watched:
                 Number(
                     name.replace("_", " "),
                     unit,
-                    _finite(value),
-                    None if error is None else _finite(error),
-                    None if was is None else _finite(was),
+                    _make_finite(value),
+                    None if error is None else _make_finite(error),
+                    None if was is None else _make_finite(was),
                 )
                 for name, unit, value, error, was in rows
             ),
@@ -173,10 +173,10 @@ class Watched:
         if boxes is None:
             return None
         sizes = np.linalg.norm(correct(boxes.middles), axis=1)
-        return _finite(100 * float(sizes.std() / sizes.mean()))
+        return _make_finite(100 * float(sizes.std() / sizes.mean()))
 
 
-def calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Affine | None:
+def find_calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Affine | None:
     """The calibration of a sensor that was given, or was written to the folder before."""
     from agonic.errors import AgonicError
     from agonic.files.calibration import load
@@ -194,14 +194,14 @@ def calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Aff
     return found if isinstance(found, Affine) else None
 
 
-def _told(calibration: Affine) -> str:
+def _describe(calibration: Affine) -> str:
     created = str(getattr(calibration.provenance, "created", "") or "")
     return f"the calibration before{f', of {created[:10]}' if created else ''}"
 
 
-def _plain(values: Array) -> list[float]:
+def _make_list(values: Array) -> list[float]:
     return [float(v) for v in np.ravel(values)]
 
 
-def _finite(value: float) -> float | None:
+def _make_finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None

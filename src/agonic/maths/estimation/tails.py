@@ -66,16 +66,17 @@ def tail_of(distance: Array, dimensions: int) -> Tail:
 
 
 def _binned(distance: Array, k: int, scales: Array) -> tuple[Array, Array, Array]:
-    """Counts (b,) in the filled bins of log r, and the shares of regular (ν, c, b) and other members
-    there."""
+    """Counts (b,) in the bins of log r that are filled, and the shares of regular members (ν, c, b)
+    and of others (b,) there.
+    """
     first, outer = 0.2 * scales[0], _OUTER * np.sqrt(k) * scales[len(scales) // 2]
     last = max(10.0 * outer, 1.1 * float(np.max(distance, initial=0.0)))
     edges = np.geomspace(first, last, 1 + max(60, int(20 * np.log(last / first))))
     counts = np.histogram(np.clip(distance, first, last), edges)[0].astype(np.float64)
     filled = counts > 0  # the others say nothing, and few members fill few
-    shares = [
-        fdtr(k, 1.0 / _INVERSES[:, None, None], (end / scales[:, None]) ** 2 / k)
-        for end in (np.append(0.0, edges[1:-1])[filled], np.append(edges[1:-1], np.inf)[filled])
-    ]
+    ends = np.array([np.append(0.0, edges[1:-1]), np.append(edges[1:-1], np.inf)])[:, filled]
+    ratio = (ends[:, None, None] / scales[:, None]) ** 2 / k
+    below = fdtr(k, 1.0 / _INVERSES[:, None, None], ratio)
     log = np.log(np.maximum(edges, outer))
-    return counts[filled], shares[1] - shares[0], (np.diff(log) / (log[-1] - log[0]))[filled]
+    outside = np.diff(log) / (log[-1] - log[0])
+    return counts[filled], np.asarray(below[1] - below[0]), outside[filled]

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from agonic.errors import LogError
-from agonic.fleet.rows import refused, row_of
+from agonic.fleet.one_log import explain, try_calibrate
+from agonic.fleet.rows import make_refused_row, make_row
 from agonic.fleet.settings import FleetSettings
-from agonic.fleet.work import outcome_of, sentence
 from agonic.logs.large.dataset import Channel, Dataset
 from agonic.logs.large.sensor_rows import Table
 from agonic.logs.table import log_of_table
@@ -22,7 +22,7 @@ Task = tuple[tuple[int, str, Table], ...]
 """Sensors with their place in the table, their name and their rows."""
 
 
-def refined(
+def calibrate_by_rows(
     task: Task,
     *,
     dataset: Dataset,
@@ -46,18 +46,18 @@ def refined(
                 )
                 samples = log.sensor(channel.name)
             except LogError as error:
-                why = sentence(error, str(dataset.path))
-                rows.append(refused(why, sensor=name, **known))
+                why = explain(error, str(dataset.path))
+                rows.append(make_refused_row(why, sensor=name, **known))
                 continue
-            outcome = outcome_of(samples, settings)
-            rows.append(_row(outcome, samples, name, known))
+            outcome = try_calibrate(samples, settings)
+            rows.append(_make_row(outcome, samples, name, known))
     return tuple(rows)
 
 
-def _row(
+def _make_row(
     outcome: Calibrated | Exception, samples: Samples, name: str, known: Mapping[str, Any]
 ) -> Row:
     told = {key: value for key, value in known.items() if key != "channel"}
     if isinstance(outcome, Calibrated):
-        return row_of(outcome, sensor=name, **told)
-    return refused(sentence(outcome, told["source"]), sensor=name, samples=samples, **told)
+        return make_row(outcome, sensor=name, **told)
+    return make_refused_row(explain(outcome, told["source"]), sensor=name, samples=samples, **told)

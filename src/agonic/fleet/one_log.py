@@ -15,7 +15,7 @@ from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.field.place import reference_for
 from agonic.files.calibration import save
 from agonic.fleet.inputs import SINGLE
-from agonic.fleet.rows import refused, row_of
+from agonic.fleet.rows import make_refused_row, make_row
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.logs.large.mission import is_long, open_mission
 from agonic.logs.log import Log
@@ -35,13 +35,13 @@ IN_MEMORY = 5_000_000
 class Done:
     """What became of a log: the digest of its content, and its rows.
 
-    `lasting` is false where another try may end otherwise, as where the file could not be read.
+    `final` is false where another try may end otherwise, as where the file could not be read.
     The row of a log that could not be opened has the channel "".
     """
 
     sha256: str
     rows: tuple[Row, ...]
-    lasting: bool = True
+    final: bool = True
 
 
 def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
@@ -56,26 +56,26 @@ def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what matters is among the findings of the row
         try:
-            if _is_long(path) and (found := _long(path, settings)):
+            if _is_long(path) and (found := _calibrate_long(path, settings)):
                 log, outcomes = found
             else:
                 log = open_log(path, unit=settings.unit)
                 if settings.sensor is not None:
                     log = replace(log, sensors=(log.sensor(settings.sensor),))
-                outcomes = [outcome_of(samples, settings) for samples in log.sensors]
+                outcomes = [try_calibrate(samples, settings) for samples in log.sensors]
         except Exception as error:  # whatever is wrong with a log becomes its row
-            return unread(path, sentence(error, path), settings, lasting=_lasting(error))
+            return report_unread(path, explain(error, path), settings, final=_is_final(error))
         results = [outcome for outcome in outcomes if isinstance(outcome, Calibrated)]
-        written = _written(results, log, settings, Path(folder)) if results else {}
+        written = _write_files(results, log, settings, Path(folder)) if results else {}
     rows = []
     for samples, outcome in zip(log.sensors, outcomes, strict=True):
-        known = facts(path, log.source.sha256, settings, samples.name)
+        known = describe_log(path, log.source.sha256, settings, samples.name)
         rows.append(
-            row_of(outcome, **known, **written.get(samples.name, {}))
+            make_row(outcome, **known, **written.get(samples.name, {}))
             if isinstance(outcome, Calibrated)
-            else refused(sentence(outcome, path), **known, samples=samples)
+            else make_refused_row(explain(outcome, path), **known, samples=samples)
         )
-    return Done(log.source.sha256, tuple(rows), all(map(_lasting, outcomes)))
+    return Done(log.source.sha256, tuple(rows), all(map(_is_final, outcomes)))
 
 
 def _is_long(path: str) -> bool:
@@ -85,7 +85,9 @@ def _is_long(path: str) -> bool:
         return False
 
 
-def _long(path: str, settings: FleetSettings) -> tuple[Log, list[Calibrated | Exception]] | None:
+def _calibrate_long(
+    path: str, settings: FleetSettings
+) -> tuple[Log, list[Calibrated | Exception]] | None:
     """A table too long for memory, by rows that were kept of it, and what became of each sensor."""
     mission = open_mission([path], sensor=settings.sensor, unit=settings.unit)
     names = mission.sensors()
@@ -100,14 +102,16 @@ def _long(path: str, settings: FleetSettings) -> tuple[Log, list[Calibrated | Ex
     for name in names if settings.sensor is None else (settings.sensor,):
         of_sensor = replace(mission, sensor=name)
         heads.append(of_sensor.head())
-        outcomes.append(outcome_of(heads[-1], settings, partial(calibrate_recording, of_sensor)))
+        outcomes.append(try_calibrate(heads[-1], settings, partial(calibrate_recording, of_sensor)))
     log = Log(
         path=Path(path), format="Parquet table", source=mission.inputs[0], sensors=tuple(heads)
     )
     return log, outcomes
 
 
-def facts(path: str, sha256: str, settings: FleetSettings, channel: str = "") -> dict[str, Any]:
+def describe_log(
+    path: str, sha256: str, settings: FleetSettings, channel: str = ""
+) -> dict[str, Any]:
     """What a row of a log says beside its figures; the caller may know the sensor better."""
     return {
         "sensor": as_text(Path(path).stem),
@@ -119,12 +123,12 @@ def facts(path: str, sha256: str, settings: FleetSettings, channel: str = "") ->
     }
 
 
-def sentence(error: Exception, path: str) -> str:
+def explain(error: Exception, path: str) -> str:
     """Why a log has no calibration: the error without the path, which the row names.
 
-    >>> sentence(LogError("not a number", path="a.csv", row=3), "a.csv")
+    >>> explain(LogError("not a number", path="a.csv", row=3), "a.csv")
     'row 3: not a number'
-    >>> sentence(ZeroDivisionError("division by zero"), "a.csv")
+    >>> explain(ZeroDivisionError("division by zero"), "a.csv")
     'unexpected: ZeroDivisionError: division by zero'
     """
     if not isinstance(error, AgonicError):
@@ -132,17 +136,17 @@ def sentence(error: Exception, path: str) -> str:
     return " ".join(str(error).removeprefix(path).lstrip(":, ").split())
 
 
-def unread(path: str, reason: str, settings: FleetSettings, *, lasting: bool = False) -> Done:
+def report_unread(path: str, reason: str, settings: FleetSettings, *, final: bool = False) -> Done:
     """The row of a log that could not be opened."""
     content = ""
     with suppress(OSError):
         if Path(path).is_file():  # a pipe would be waited for
             content = sha256_of(Path(path))
-    row = refused(reason, **facts(path, content, settings), channel="")
-    return Done(content, (row,), lasting and bool(content))
+    row = make_refused_row(reason, **describe_log(path, content, settings), channel="")
+    return Done(content, (row,), final and bool(content))
 
 
-def outcome_of(
+def try_calibrate(
     samples: Samples, settings: FleetSettings, run: Callable[..., Calibrated] | None = None
 ) -> Calibrated | Exception:
     """What `agonic calibrate` makes of one magnetometer, or why it cannot.
@@ -159,7 +163,7 @@ def outcome_of(
         return error
 
 
-def _written(
+def _write_files(
     results: Sequence[Calibrated], log: Log, settings: FleetSettings, folder: Path
 ) -> Mapping[str, dict[str, str]]:
     """The files of each sensor, from the folder of the table, by the fields of its row.
@@ -190,7 +194,7 @@ def _written(
     }
 
 
-def _lasting(outcome: Calibrated | Exception) -> bool:
+def _is_final(outcome: Calibrated | Exception) -> bool:
     """Whether another try would end the same."""
     chain = (outcome, getattr(outcome, "__cause__", None))
     return not any(isinstance(part, OSError | MemoryError | MissingExtraError) for part in chain)

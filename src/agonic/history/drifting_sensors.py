@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr
 
 from agonic.arrays import Array, Index, Mask
-from agonic.history.drift_fit import DRIFTING, FEWEST
+from agonic.history.fit import DRIFTING, FEWEST
 from agonic.history.parameters import NAMES
 from agonic.maths.estimation.drift_model import Series, believed
 from agonic.population.store import History
@@ -31,7 +31,7 @@ _SCREEN = 0.05
 _AT_ONCE = 100
 
 
-def drifting(history: History, progress: Callable[[int, int], None] | None = None) -> set[str]:
+def find_drifting(history: History, progress: Callable[[int, int], None] | None = None) -> set[str]:
     """The sensors whose bias drifts, as `drift` judges it, with steps not taken out.
 
     A plain line through the biases comes first: where it sees nothing, nothing is there.
@@ -39,34 +39,34 @@ def drifting(history: History, progress: Callable[[int, int], None] | None = Non
     Parameters: `progress` is told how many of how many sensors are done.
     """
     columns = history.columns(*_COLUMNS)
-    first, last = _sensors(columns)
-    keep = _like_last(columns, first, last)
+    first, last = _find_sensors(columns)
+    keep = _select_like_last(columns, first, last)
     bounds = np.concatenate([[0], np.cumsum(keep)])
     kept = {name: values[keep] for name, values in columns.items()}
     first, last = bounds[first], bounds[last]
     known = np.flatnonzero(last - first >= FEWEST)
-    suspects = known[_plain_line(kept, first[known], last[known]) < _SCREEN]
+    suspects = known[_fit_plain_lines(kept, first[known], last[known]) < _SCREEN]
     found: set[str] = set()
     done = 0
     for n in np.unique(last[suspects] - first[suspects]):
         of_length = suspects[last[suspects] - first[suspects] == n]
         for start in range(0, len(of_length), _AT_ONCE):
             rows = first[of_length[start : start + _AT_ONCE], None] + np.arange(n)
-            found.update(kept["sensor"][rows[_drift(kept, rows), 0]])
+            found.update(kept["sensor"][rows[_test_drift(kept, rows), 0]])
             done += len(rows)
             if progress:
                 progress(done, len(suspects))
     return found
 
 
-def _sensors(columns: dict[str, NDArray[Any]]) -> tuple[Index, Index]:
+def _find_sensors(columns: dict[str, NDArray[Any]]) -> tuple[Index, Index]:
     """The first row of each sensor and the one after its last."""
     names = columns["sensor"]
     starts = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]])[: len(names)])
     return starts, np.append(starts[1:], len(names)) if len(starts) else starts
 
 
-def _like_last(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> Mask:
+def _select_like_last(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> Mask:
     """The rows of each sensor with a bias, and the channel and unit of the last."""
     of = np.repeat(last - 1, last - first)
     keep = np.ones(len(of), dtype=bool)
@@ -77,7 +77,7 @@ def _like_last(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> M
     return np.asarray(keep, dtype=bool)
 
 
-def _plain_line(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> Array:
+def _fit_plain_lines(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> Array:
     """The least p-value (s,) of the slopes of plain lines through the three biases."""
     if not len(first):
         return np.ones(0)
@@ -107,7 +107,7 @@ def _plain_line(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> 
     return least
 
 
-def _drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
+def _test_drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
     """Which of sensors with rows (s, n) drift on one axis or another."""
     time = columns["time"][rows]
     span = time[:, -1:] - time[:, :1]

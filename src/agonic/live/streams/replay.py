@@ -10,7 +10,7 @@ from threading import Event as Flag
 
 import numpy as np
 
-from agonic.live.streams.events import Chunk, Event, Said
+from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.logs.read import open_log
 from agonic.samples import Samples
 
@@ -21,7 +21,7 @@ RATE_HZ = 50.0
 """Of readings that were logged without times."""
 
 
-class Played:
+class Replay:
     """Recorded sensors, played at `speed` times their own pace; as fast as possible at 0."""
 
     lasting = False
@@ -38,8 +38,8 @@ class Played:
 
     def events(self, stop: Flag) -> Iterator[Event]:
         """The readings, each when its time has come."""
-        yield Said(True, f"playing {self.name}")
-        times = [_times(samples) for samples in self.sensors]
+        yield Notice(True, f"playing {self.name}")
+        times = [_get_times(samples) for samples in self.sensors]
         first = min(t[0] for t in times)
         last = max(t[-1] for t in times)
         done = [0] * len(times)
@@ -64,16 +64,16 @@ class Played:
                         samples.device_id,
                     )
                     done[k] = until
-        yield Said(False, f"{self.name} has ended", ended=True)
+        yield Notice(False, f"{self.name} has ended", ended=True)
 
 
-def replayed(path: Path, speed: float, unit: str | None) -> Played:
+def replay_log(path: Path, speed: float, unit: str | None) -> Replay:
     """A log at a speed; `LogError` where it cannot be read."""
     log = open_log(path, unit=unit)
-    return Played(log.sensors, log.path.name, speed, log.stack)
+    return Replay(log.sensors, log.path.name, speed, log.stack)
 
 
-def simulated(
+def make_simulated(
     *,
     kind: str = "hand",
     rate_Hz: float = 50.0,
@@ -81,7 +81,7 @@ def simulated(
     seed: int = 0,
     minutes: float = 10.0,
     speed: float = 1.0,
-) -> Played:
+) -> Replay:
     """Sensors that are turned together, in a field of 50 000 nT dipping 60°."""
     from agonic.simulation import random_calibration, simulate  # which takes a second
 
@@ -97,8 +97,8 @@ def simulated(
         ).samples
         for k in range(sensors)
     ]
-    return Played(made, "the simulation", speed)
+    return Replay(made, "the simulation", speed)
 
 
-def _times(samples: Samples) -> np.ndarray:
+def _get_times(samples: Samples) -> np.ndarray:
     return np.arange(len(samples)) / RATE_HZ if samples.time is None else samples.time

@@ -11,8 +11,8 @@ from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.health import Finding
 from agonic.health.finding import Judged, figure
-from agonic.history.parameters import NAMES, Parameters, comparable, parameters
-from agonic.history.trend import Trend, series_of, trend
+from agonic.history.parameters import NAMES, Parameters, extract_parameters, find_comparable
+from agonic.history.trend import Trend, make_series, make_trend
 from agonic.maths.estimation.change_points import Shift, joined, shifts, size_of
 from agonic.maths.estimation.drift_model import Series, believed
 from agonic.population import Population
@@ -28,7 +28,7 @@ _SETTLED = 4  # calibrations after a step from which on it is history
 
 
 @dataclass(frozen=True)
-class Moved:
+class ParameterChange:
     """By how much one parameter moved, with its standard deviation."""
 
     name: str
@@ -43,7 +43,7 @@ class Event:
 
     It lies after `after` and not later than `before`, the moment of calibration number `place` (of
     those that are compared). `p_value` is how often chance makes one like it anywhere in the
-    history; `parameters` are those in which it shows.
+    history; `extract_parameters` are those in which it shows.
     """
 
     kind: str
@@ -51,7 +51,7 @@ class Event:
     after: datetime
     before: datetime
     p_value: float
-    parameters: tuple[Moved, ...]
+    parameters: tuple[ParameterChange, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,7 +113,7 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
     moment = (at or datetime.now(UTC)).astimezone(UTC)
     if not len(population):
         raise AgonicError("there is no calibration to follow")
-    compared = comparable(population)
+    compared = find_comparable(population)
     chosen = population.select(compared)
     if None in chosen["start"].tolist():
         raise AgonicError("a calibration has no date; a History dates those that are added to it")
@@ -121,7 +121,7 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
     if len(time) and moment.timestamp() < time[0]:
         raise AgonicError(f"{moment:%Y-%m-%d} is before the first calibration")
     enough = len(time) >= FEWEST and time[-1] > time[0]
-    trends, events = _followed(time, parameters(chosen)) if enough else ((), ())
+    trends, events = _fit_trends(time, extract_parameters(chosen)) if enough else ((), ())
     return Drift(
         sensor=str(population["sensor"][-1]),
         at=moment,
@@ -129,33 +129,33 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
         compared=compared,
         trends=trends,
         events=events,
-        findings=tuple(_findings(population, compared, trends, events)),
-        remarks=_remarks(trends, moment),
+        findings=tuple(_find(population, compared, trends, events)),
+        remarks=_make_remarks(trends, moment),
     )
 
 
-def _followed(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[Event, ...]]:
+def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[Event, ...]]:
     """The trends of all parameters that are known throughout and move at all, and what happened."""
     known = [
         k
         for k in range(len(NAMES))
         if np.isfinite(of.values[:, k]).all() and np.ptp(of.values[:, k]) > 0
     ]
-    many = [series_of(time, of.values[:, k], of.sd[:, k]) for k in known]
+    many = [make_series(time, of.values[:, k], of.sd[:, k]) for k in known]
     found = shifts(many, CHANCE)
     trends = []
     for number, k in enumerate(known):
         held = joined(many[number], found, number)
         own = tuple(s for s in found if s.stray or number in s.where)
         value, sd = of.values[:, k], of.sd[:, k]
-        trends.append(trend(NAMES[k], of.units[k], time, value, sd, held, believed(held), own))
+        trends.append(make_trend(NAMES[k], of.units[k], time, value, sd, held, believed(held), own))
     units = [of.units[k] for k in known]
     names = [NAMES[k] for k in known]
-    events = [_event(time, many, found, shift, names, units) for shift in found]
+    events = [_make_event(time, many, found, shift, names, units) for shift in found]
     return tuple(trends), tuple(sorted(events, key=lambda event: event.place))
 
 
-def _event(
+def _make_event(
     time: Array,
     many: list[Series],
     found: list[Shift],
@@ -168,13 +168,17 @@ def _event(
     for k in shift.where:
         belief = size_of(joined(many[k], others, k), shift)
         last = belief.beta.shape[-1] - 1
-        moved.append(Moved(names[k], units[k], float(belief.mean(last)), float(belief.sd(last))))
+        moved.append(
+            ParameterChange(names[k], units[k], float(belief.mean(last)), float(belief.sd(last)))
+        )
     kind = "step" if not shift.stray else "last" if shift.place == len(time) - 1 else "stray"
-    after = _moment(time[shift.place - (0 if kind == "stray" else 1)])
-    return Event(kind, shift.place, after, _moment(time[shift.place]), shift.p_value, tuple(moved))
+    after = _make_date(time[shift.place - (0 if kind == "stray" else 1)])
+    return Event(
+        kind, shift.place, after, _make_date(time[shift.place]), shift.p_value, tuple(moved)
+    )
 
 
-def _findings(
+def _find(
     population: Population,
     compared: Index,
     trends: tuple[Trend, ...],
@@ -191,7 +195,7 @@ def _findings(
             )
         )
     for event in events:
-        found.append(_happened(event, len(compared)))
+        found.append(_describe_event(event, len(compared)))
     if len(compared) < FEWEST:
         found.append(
             Finding(
@@ -214,13 +218,15 @@ def _findings(
         found.append(UNDATED)
     moving = [one for one in trends if one.p_value * len(trends) < DRIFTING]
     if moving:
-        found.append(Finding("drifting", "note", "it drifts: " + ", ".join(map(_slope, moving))))
+        found.append(
+            Finding("drifting", "note", "it drifts: " + ", ".join(map(_describe_slope, moving)))
+        )
     return found
 
 
-def _happened(event: Event, n: int) -> Finding:
+def _describe_event(event: Event, n: int) -> Finding:
     moved = ", ".join(
-        f"{one.name} by {_signed(one.size, one.sd)} ± {_figure(one.sd, one.unit)}"
+        f"{one.name} by {_format_signed(one.size, one.sd)} ± {_format(one.sd, one.unit)}"
         for one in event.parameters
     )
     if event.kind == "last":
@@ -247,36 +253,36 @@ def _happened(event: Event, n: int) -> Finding:
     )
 
 
-def _remarks(trends: tuple[Trend, ...], at: datetime) -> tuple[str, ...]:
+def _make_remarks(trends: tuple[Trend, ...], at: datetime) -> tuple[str, ...]:
     known = []
     for one in trends[:3]:
         band = one.at(np.array([at.timestamp()]))
-        known.append(f"{one.name} to ± {_figure(float(band.sd[0]), one.unit)}")
+        known.append(f"{one.name} to ± {_format(float(band.sd[0]), one.unit)}")
     return (f"known on {at:%Y-%m-%d}: {', '.join(known)}",) if known else ()
 
 
-def _slope(one: Trend) -> str:
+def _describe_slope(one: Trend) -> str:
     return (
-        f"{one.name} by {_signed(one.slope, one.slope_sd)} ± "
-        f"{_figure(one.slope_sd, one.unit)} a year"
+        f"{one.name} by {_format_signed(one.slope, one.slope_sd)} ± "
+        f"{_format(one.slope_sd, one.unit)} a year"
     )
 
 
-def _signed(value: float, sd: float) -> str:
+def _format_signed(value: float, sd: float) -> str:
     """A number with its sign, to the second digit of its standard deviation."""
     decimals = int(np.clip(1 - np.floor(np.log10(max(sd, 1e-300))), 0, 12))
     return f"{value:+.{decimals}f}"
 
 
-def _figure(value: float, unit: str) -> str:
+def _format(value: float, unit: str) -> str:
     return f"{figure(value)} {unit}".rstrip()
 
 
-def _moment(seconds: float) -> datetime:
+def _make_date(seconds: float) -> datetime:
     return datetime.fromtimestamp(float(seconds), UTC)
 
 
-def moments(drift: Drift, count: int = 200) -> Array:
+def sample_times(drift: Drift, count: int = 200) -> Array:
     """Moments (count,) from the first calibration to the date of the drift, seconds since 1970."""
     first = drift.trends[0].time[0]
     return np.linspace(first, max(drift.at.timestamp(), first + 1.0), count)

@@ -42,14 +42,14 @@ NOISIER = 10.0
 WRONG_GAIN = (0.7, 1.3)
 
 
-def _of(board: int) -> np.random.Generator:
+def _make_generator(board: int) -> np.random.Generator:
     """What is drawn for the fault of a board."""
     return np.random.default_rng([board, 7])
 
 
-def gain_of(fault: str, board: int) -> Array:
+def draw_gain(fault: str, board: int) -> Array:
     """By what the three axes of a board are multiplied, (3,)."""
-    rng = _of(board)
+    rng = _make_generator(board)
     wrong, axis = WRONG_GAIN[rng.integers(2)], rng.integers(3)
     gains = np.ones(3)
     if fault == "gain":
@@ -59,15 +59,15 @@ def gain_of(fault: str, board: int) -> Array:
     return gains
 
 
-def naming_of(fault: str, board: int) -> Array:
+def draw_naming(fault: str, board: int) -> Array:
     """The matrix from the axes of a board to those of its log, (3, 3).
 
-    >>> naming_of("exchanged axes", 1)
+    >>> draw_naming("exchanged axes", 1)
     array([[0., 0., 1.],
            [0., 1., 0.],
            [1., 0., 0.]])
     """
-    axis = int(_of(board).integers(3))
+    axis = int(_make_generator(board).integers(3))
     naming = np.eye(3)
     if fault == "exchanged axes":
         naming[[axis, (axis + 1) % 3]] = naming[[(axis + 1) % 3, axis]]
@@ -79,22 +79,22 @@ def naming_of(fault: str, board: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Faulty:
+class Fault:
     """What a fault makes of the readings (m, 3) of a board and of their noise."""
 
     fault: str
 
     def __call__(self, raw: Array, noise: Array, board: int) -> tuple[Array, Array]:
-        change = naming_of(self.fault, board) @ np.diag(gain_of(self.fault, board))
+        change = draw_naming(self.fault, board) @ np.diag(draw_gain(self.fault, board))
         raw, noise = raw @ change.T, noise @ change.T
         hurt = _READINGS.get(self.fault)
-        return (raw, noise) if hurt is None else hurt(raw, noise, _of(board))
+        return (raw, noise) if hurt is None else hurt(raw, noise, _make_generator(board))
 
 
 Hurt = Callable[[Array, Array, np.random.Generator], tuple[Array, Array]]
 
 
-def _frozen(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def _freeze_axis(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """One axis stands still, from the start or from some moment of the first half on."""
     axis, since = rng.integers(3), int(len(raw) * max(rng.uniform(-0.5, 0.5), 0.0))
     raw, noise = raw.copy(), noise.copy()
@@ -103,44 +103,44 @@ def _frozen(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, 
     return raw, noise
 
 
-def _dead(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def _kill_axis(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """One axis reads its noise about some value."""
     raw = raw.copy()
     raw[:, rng.integers(3)] = rng.uniform(-20_000, 20_000)
     return raw, noise
 
 
-def _clipped(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def _clip(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """A range that a good part of the readings leave."""
     total = raw + noise
     limit = np.quantile(np.abs(total).max(axis=1), rng.uniform(0.6, 0.95))
     return np.clip(total, -limit, limit), np.zeros_like(noise)
 
 
-def _noisy(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def _add_noise(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     return raw, NOISIER * noise
 
 
-def _spikes(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def _add_spikes(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Gross errors in single readings."""
     hit = rng.uniform(size=len(raw)) < rng.uniform(0.03, 0.2)
     length = rng.uniform(10_000, 60_000, (len(raw), 1))
     return raw + hit[:, None] * length * directions(rng, len(raw)), noise
 
 
-def _moved(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def _move_magnet(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """A magnet, or iron, that has another place from some moment on."""
     since = np.arange(len(raw)) >= len(raw) * rng.uniform(0.25, 0.75)
     return raw + since[:, None] * directions(rng, 1) * rng.uniform(1_500, 12_000), noise
 
 
 _READINGS: Mapping[str, Hurt] = {
-    "frozen axis": _frozen,
-    "dead axis": _dead,
-    "clipping": _clipped,
-    "noise": _noisy,
-    "spikes": _spikes,
-    "moved magnet": _moved,
+    "frozen axis": _freeze_axis,
+    "dead axis": _kill_axis,
+    "clipping": _clip,
+    "noise": _add_noise,
+    "spikes": _add_spikes,
+    "moved magnet": _move_magnet,
 }
 
 
@@ -162,11 +162,11 @@ def damage(fault: str, content: bytes, seed: int) -> bytes:
     if fault == "wrong columns":
         return b",".join(b"v%d" % k for k in range(header.count(b",") + 1)) + b"\n" + rows
     if fault == "missing values":
-        return header + b"\n" + _without_values(rng, rows)
+        return header + b"\n" + _remove_values(rng, rows)
     return content.decode().encode("utf-16-be")
 
 
-def _without_values(rng: np.random.Generator, rows: bytes) -> bytes:
+def _remove_values(rng: np.random.Generator, rows: bytes) -> bytes:
     """Rows of which about half have lost their second value."""
     lines = [line.split(b",") for line in rows.splitlines()]
     for line, lost in zip(lines, rng.uniform(size=len(lines)) < 0.5, strict=True):

@@ -10,11 +10,11 @@ from typing import Any, Protocol
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from agonic.errors import AgonicError
-from agonic.live.streams.connected import Connected, Decoder, LineDecoder
+from agonic.live.streams.connection import Connection, Decoder, LineDecoder
 from agonic.live.streams.device import Device
 from agonic.live.streams.events import Event
 from agonic.live.streams.links import Link, SerialLink, TcpLink, UdpLink
-from agonic.live.streams.played import replayed, simulated
+from agonic.live.streams.replay import make_simulated, replay_log
 from agonic.units import RAW, canonical
 
 BAUD = 115_200
@@ -63,16 +63,18 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
     scheme, _, rest = text.partition(":")
     mavlink, wire = scheme.startswith("mavlink+"), scheme.removeprefix("mavlink+")
     if wire in ("serial", "udp", "tcp") and rest:
-        link = _serial(rest) if wire == "serial" else _network(text, urlsplit(text), wire)
-        return Connected(link, _decoder(mavlink, unit))
+        link = (
+            _parse_serial(rest) if wire == "serial" else _parse_network(text, urlsplit(text), wire)
+        )
+        return Connection(link, _choose_decoder(mavlink, unit))
     if text == "sim" or text.startswith("sim?"):
-        return simulated(speed=speed, **_settings(text.partition("?")[2]))
+        return make_simulated(speed=speed, **_parse_settings(text.partition("?")[2]))
     if mavlink or "://" in text:
         raise AgonicError(f"{text!r} names no source; use {FORMS}")
-    return replayed(Path(text), speed, unit)
+    return replay_log(Path(text), speed, unit)
 
 
-def _decoder(mavlink: bool, unit: str | None) -> Decoder:
+def _choose_decoder(mavlink: bool, unit: str | None) -> Decoder:
     if not mavlink:
         return LineDecoder(unit or RAW)
     from agonic.live.streams.vehicle import Vehicle
@@ -80,14 +82,14 @@ def _decoder(mavlink: bool, unit: str | None) -> Decoder:
     return Vehicle()
 
 
-def _serial(rest: str) -> SerialLink:
+def _parse_serial(rest: str) -> SerialLink:
     device, _, baud = rest.removeprefix("//").rpartition(":")
     if device and baud.isdecimal():
         return SerialLink(device, int(baud))
     return SerialLink(rest.removeprefix("//"), BAUD)
 
 
-def _network(text: str, parts: SplitResult, wire: str) -> Link:
+def _parse_network(text: str, parts: SplitResult, wire: str) -> Link:
     try:
         host, port = parts.hostname or "", parts.port
     except ValueError:
@@ -97,7 +99,7 @@ def _network(text: str, parts: SplitResult, wire: str) -> Link:
     return TcpLink(host, port) if wire == "tcp" else UdpLink(host or "127.0.0.1", port)
 
 
-def _settings(query: str) -> dict[str, Any]:
+def _parse_settings(query: str) -> dict[str, Any]:
     """The settings in `kind=tumble&rate=100`."""
     given: dict[str, Any] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):

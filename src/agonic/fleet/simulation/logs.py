@@ -10,33 +10,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Mask
-from agonic.fleet.simulation.fleet import Recorded, SimulatedFleet
-from agonic.fleet.simulation.fleet_faults import DAMAGED, damage
+from agonic.fleet.simulation.faults import DAMAGED, damage
+from agonic.fleet.simulation.simulate import RecordedLogs, SimulatedFleet
 
 HEADER = (
     "time_s,mag_x_nT,mag_y_nT,mag_z_nT,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2,temperature_C,epoch_unix_s"
 )
 
 
-def texts(fleet: SimulatedFleet) -> Iterator[tuple[str, bytes]]:
+def make_texts(fleet: SimulatedFleet) -> Iterator[tuple[str, bytes]]:
     """The name and the bytes of every file, copies beside what they repeat.
 
-    >>> from agonic.fleet.simulation.fleet import simulate_fleet
-    >>> name, content = next(texts(simulate_fleet(3)))
+    >>> from agonic.fleet.simulation.simulate import simulate_fleet
+    >>> name, content = next(make_texts(simulate_fleet(3)))
     >>> name, content.decode().splitlines()[0][:28]
     ('board-0-1.csv', 'time_s,mag_x_nT,mag_y_nT,mag')
     """
-    holding = _holding(fleet)
+    holding = _group_logs(fleet)
     for recorded in fleet.readings():
         for k in range(len(recorded.field)):
-            content = _text(fleet, recorded, k)
+            content = _make_text(fleet, recorded, k)
             for log in holding[recorded.first + k]:
                 fault = fleet.truth["fault"][log]
                 name = f"{fleet.truth['source'][log]}.csv"
                 yield name, damage(fault, content, log) if fault in DAMAGED else content
 
 
-def tables(
+def make_tables(
     fleet: SimulatedFleet, *, acceleration: bool = True
 ) -> Iterator[Mapping[str, NDArray[Any]]]:
     """The readings of some hundred logs at a time, as columns, each row with its sensor.
@@ -44,7 +44,7 @@ def tables(
     A dataset has no files to be damaged: such a log is cut to five rows, or has lost half its
     values. A log that is there twice is one of a sensor of its own, named as the copy.
     """
-    holding, truth = _holding(fleet), fleet.truth
+    holding, truth = _group_logs(fleet), fleet.truth
     for recorded in fleet.readings():
         logs = [(k, log) for k in range(len(recorded.field)) for log in holding[recorded.first + k]]
         rows = np.array([k for k, _ in logs])
@@ -53,28 +53,30 @@ def tables(
         whole = np.ones(field.shape[:2], dtype=bool)
         for k, (_, log) in enumerate(logs):
             if truth["group"][log] == "damaged":
-                _hurt(str(truth["fault"][log]), field[k], whole[k], log)
+                _damage(str(truth["fault"][log]), field[k], whole[k], log)
         count = field.shape[1]
         start_s = np.array([truth["start"][i].timestamp() for _, i in logs])
         time = (start_s[:, None] + recorded.time)[whole]
         table: dict[str, NDArray[Any]] = {"sensor": np.repeat(np.array(names, object), count)}
         table["sensor"] = table["sensor"][whole.ravel()]
         table["time_s"] = time
-        _spread(table, "mag_{}_nT", field, whole)
+        _put_vectors(table, "mag_{}_nT", field, whole)
         if acceleration:
             force = recorded.acceleration[rows].astype(np.float32)
-            _spread(table, "acc_{}_m_s2", force, whole)
+            _put_vectors(table, "acc_{}_m_s2", force, whole)
         table["temperature_C"] = recorded.temperature[rows].astype(np.float32)[whole]
         yield table
 
 
-def _spread(table: dict[str, NDArray[Any]], name: str, vectors: NDArray[Any], whole: Mask) -> None:
+def _put_vectors(
+    table: dict[str, NDArray[Any]], name: str, vectors: NDArray[Any], whole: Mask
+) -> None:
     """Put the three components of vectors (k, m, 3) into a table."""
     for axis, component in zip("xyz", np.moveaxis(vectors, -1, 0), strict=True):
         table[name.format(axis)] = component[whole]
 
 
-def _hurt(fault: str, field: NDArray[Any], whole: Mask, seed: int) -> None:
+def _damage(fault: str, field: NDArray[Any], whole: Mask, seed: int) -> None:
     """Lose values or rows of one log."""
     if fault == "missing values":
         lost = np.random.default_rng([seed, 11]).uniform(size=len(field)) < 0.5
@@ -83,7 +85,7 @@ def _hurt(fault: str, field: NDArray[Any], whole: Mask, seed: int) -> None:
         whole[5:] = False
 
 
-def _holding(fleet: SimulatedFleet) -> Mapping[int, list[int]]:
+def _group_logs(fleet: SimulatedFleet) -> Mapping[int, list[int]]:
     """The logs that hold each drawn one: itself, and its copy."""
     holding: dict[int, list[int]] = defaultdict(list)
     for log, drawn in enumerate(fleet.draw.tolist()):
@@ -91,7 +93,7 @@ def _holding(fleet: SimulatedFleet) -> Mapping[int, list[int]]:
     return holding
 
 
-def _text(fleet: SimulatedFleet, recorded: Recorded, k: int) -> bytes:
+def _make_text(fleet: SimulatedFleet, recorded: RecordedLogs, k: int) -> bytes:
     """One log as a table of text, written by one format for all its rows."""
     log = recorded.first + k
     start = fleet.truth["start"][log].timestamp()

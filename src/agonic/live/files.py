@@ -41,7 +41,7 @@ class StateFile(Struct, frozen=True):
 def save_state(params: LiveParams, state: LiveState, path: Path | str, origin: str = "") -> Path:
     """Write the state in one step; `AgonicError` where the file cannot be written."""
     record = StateFile(SCHEMA, origin, asdict(params), vars(state))
-    return write_atomically(path, msgspec.msgpack.encode(record, enc_hook=_recorded))
+    return write_atomically(path, msgspec.msgpack.encode(record, enc_hook=_encode))
 
 
 def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:
@@ -55,7 +55,7 @@ def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:
         if record.schema != SCHEMA:
             raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
         params = msgspec.convert(record.params, LiveParams)
-        state = msgspec.convert(record.state, LiveState, dec_hook=_restored)
+        state = msgspec.convert(record.state, LiveState, dec_hook=_decode)
         for name, columns in _SHAPES.items():
             if getattr(state, name).shape[1:] != (columns,):
                 raise LogError(f"its {name} is no table of {columns} columns")
@@ -64,7 +64,7 @@ def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:
     return params, state, record.origin
 
 
-def _recorded(value: Any) -> Any:
+def _encode(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         kind = "i8" if value.dtype.kind == "i" else "f8"
         return ArrayRecord(value.shape, kind, value.astype("<" + kind).tobytes())
@@ -73,7 +73,7 @@ def _recorded(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} is not kept in a state")
 
 
-def _restored(kind: type, value: Any) -> Any:
+def _decode(kind: type, value: Any) -> Any:
     record = msgspec.convert(value, ArrayRecord)
     if record.kind not in ("f8", "i8"):
         raise ValueError(f"numbers of kind {record.kind!r}")

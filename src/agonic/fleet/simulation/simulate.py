@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
-from agonic.fleet.simulation.fleet_faults import (
+from agonic.fleet.simulation.faults import (
     BROKEN,
     DAMAGED,
     SWAPPED,
-    Faulty,
-    gain_of,
-    naming_of,
+    Fault,
+    draw_gain,
+    draw_naming,
 )
 from agonic.simulation.turnings import pushes, turnings
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -34,7 +34,7 @@ _STEP_NT = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Board:
+class Boards:
     """What is true of many boards, a row a board: readings = matrix⁻¹ field + bias + noise.
 
     `bias` (n, 3) nT at 25 °C, `matrix` (n, 3, 3), `noise` (n,) nT, `slope` (n, 3) nT/°C,
@@ -50,7 +50,7 @@ class Board:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Recorded:
+class RecordedLogs:
     """Logs as their loggers had them: `first` the number of the first of k logs of m rows.
 
     `time` (m,) s, `field` (k, m, 3) nT, `acceleration` (k, m, 3) m/s², `temperature` (k, m) °C.
@@ -76,7 +76,7 @@ class SimulatedFleet:
 
     truth: Mapping[str, NDArray[Any]]
     facts: Mapping[str, Any]
-    boards: Board
+    boards: Boards
     board: Index
     """Which board each log is of, (k,)."""
     draw: Index
@@ -85,13 +85,13 @@ class SimulatedFleet:
     def __len__(self) -> int:
         return len(self.board)
 
-    def readings(self) -> Iterator[Recorded]:
+    def readings(self) -> Iterator[RecordedLogs]:
         """All logs that were drawn, some hundred at a time, without duplicates and damage."""
         drawn = int(self.draw.max()) + 1
         for first in range(0, drawn, CHUNK):
             yield self._chunk(first, min(first + CHUNK, drawn))
 
-    def _chunk(self, first: int, stop: int) -> Recorded:
+    def _chunk(self, first: int, stop: int) -> RecordedLogs:
         """The logs of one seed."""
         rng = np.random.default_rng([self.facts["seed"], 1, first])
         rows, rate_Hz = self.facts["rows"], self.facts["rate_Hz"]
@@ -111,9 +111,9 @@ class SimulatedFleet:
         force += _FORCE_NOISE_M_S2 * rng.standard_normal(force.shape)
         for k, fault in enumerate(boards.fault[of]):
             if fault:
-                raw[k], noise[k] = Faulty(fault)(raw[k], noise[k], int(of[k]))
+                raw[k], noise[k] = Fault(fault)(raw[k], noise[k], int(of[k]))
         field = np.round((raw + noise) / _STEP_NT) * _STEP_NT
-        return Recorded(
+        return RecordedLogs(
             first=first, time=time, field=field, acceleration=force, temperature=temperature
         )
 
@@ -170,10 +170,10 @@ def simulate_fleet(
     shares = {"broken": broken, "swapped": swapped, "duplicated": duplicated, "damaged": damaged}
     _check(n, logs, rows, shares)
     rng = np.random.default_rng([seed, 0])
-    boards = _boards(rng, n, np.asarray(bias), bias_sd, noise)
+    boards = _draw_boards(rng, n, np.asarray(bias), bias_sd, noise)
     places = rng.permutation(n)
-    ill = _dealt(BROKEN, round(broken * n))
-    odd = _dealt(SWAPPED, round(swapped * n))
+    ill = _deal(BROKEN, round(broken * n))
+    odd = _deal(SWAPPED, round(swapped * n))
     boards.fault[places[: len(ill)]] = ill
     boards.fault[places[len(ill) : len(ill) + len(odd)]] = odd
     board = np.tile(np.arange(n), logs)
@@ -181,9 +181,9 @@ def simulate_fleet(
     hurt = rng.permutation(np.setdiff1d(np.arange(len(board)), again))
     hurt = hurt[np.argsort(boards.fault[board[hurt]] != "", kind="stable")]  # good boards first
     files = dict(
-        zip(hurt.tolist(), _dealt(DAMAGED, round(damaged * len(board))).tolist(), strict=False)
+        zip(hurt.tolist(), _deal(DAMAGED, round(damaged * len(board))).tolist(), strict=False)
     )
-    truth = _truth(rng, boards, board, again, files)
+    truth = _make_truth(rng, boards, board, again, files)
     facts = {
         "n": n,
         "logs": logs,
@@ -217,18 +217,20 @@ def _check(n: int, logs: int, rows: int, shares: Mapping[str, float]) -> None:
             raise AgonicError(f"{one} and {other} are more than all together: lower one")
 
 
-def _dealt(faults: tuple[str, ...], count: int) -> NDArray[Any]:
+def _deal(faults: tuple[str, ...], count: int) -> NDArray[Any]:
     """The faults in turn, as often as it takes."""
     return np.array([faults[k % len(faults)] for k in range(count)], dtype=object)
 
 
-def _boards(rng: np.random.Generator, n: int, bias: Array, bias_sd: float, noise: float) -> Board:
+def _draw_boards(
+    rng: np.random.Generator, n: int, bias: Array, bias_sd: float, noise: float
+) -> Boards:
     """Boards about the pattern of their design."""
     iron = np.array([[0.04, 0.015, -0.01], [0.015, -0.03, 0.02], [-0.01, 0.02, 0.01]])
     spread = 0.004 * rng.standard_normal((n, 3, 3))
     gains = np.eye(3) * (1 + 0.015 * rng.standard_normal((n, 1, 3)))
     matrix = gains + iron + (spread + spread.transpose(0, 2, 1)) / 2
-    return Board(
+    return Boards(
         bias=bias + bias_sd * rng.standard_normal((n, 3)),
         matrix=matrix,
         noise=noise * np.exp(0.1 * rng.standard_normal(n)),
@@ -238,9 +240,9 @@ def _boards(rng: np.random.Generator, n: int, bias: Array, bias_sd: float, noise
     )
 
 
-def _truth(
+def _make_truth(
     rng: np.random.Generator,
-    boards: Board,
+    boards: Boards,
     board: Index,
     again: Index,
     files: Mapping[int, str],
@@ -259,7 +261,7 @@ def _truth(
         [f"{name}-{turn}" for name, turn in zip(names[board], round_, strict=True)], dtype=object
     )
     bias = boards.bias[board] + boards.slope[board] * (mean_C - 25.0)[:, None]
-    bias, matrix = _as_named(boards, board, bias)
+    bias, matrix = _rename_axes(boards, board, bias)
     table: dict[str, NDArray[Any]] = {
         "source": source,
         "sensor": names[board],
@@ -287,7 +289,7 @@ _GROUPS = {
 }
 
 
-def _as_named(boards: Board, board: Index, bias: Array) -> tuple[Array, Array]:
+def _rename_axes(boards: Boards, board: Index, bias: Array) -> tuple[Array, Array]:
     """Bias and symmetric matrix of readings with wrong gains and wrongly named axes.
 
     Named readings are r' = N G r: field = W (r − b) = W (N G)⁻¹ (r' − N G b), and of that matrix
@@ -296,7 +298,7 @@ def _as_named(boards: Board, board: Index, bias: Array) -> tuple[Array, Array]:
     bias, matrix = bias.copy(), boards.matrix[board].copy()
     for k in np.flatnonzero(boards.fault[board] != ""):
         fault, of = boards.fault[board[k]], int(board[k])
-        change = naming_of(fault, of) @ np.diag(gain_of(fault, of))
+        change = draw_naming(fault, of) @ np.diag(draw_gain(fault, of))
         bias[k] = change @ bias[k]
         values, vectors = np.linalg.eigh(_square(matrix[k] @ np.linalg.inv(change)))
         matrix[k] = vectors * np.sqrt(values) @ vectors.T

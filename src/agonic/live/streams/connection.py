@@ -1,4 +1,4 @@
-"""`Connected`: a wire and what understands it, connected again whenever it is cut."""
+"""`Connection`: a wire and what understands it, connected again whenever it is cut."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from threading import Event as Flag
 from typing import Protocol
 
 from agonic.live.streams.device import Device, MotionCalDevice
-from agonic.live.streams.events import Chunk, Event, Said
+from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.live.streams.lines import MOST_LINES_S, Lines
-from agonic.live.streams.links import Link, Received
+from agonic.live.streams.links import Link, Packet
 
 RETRY_S = 0.5
 """Between two attempts to connect."""
@@ -30,7 +30,7 @@ class Decoder(Protocol):
     @property
     def device(self) -> Device | None: ...
     def begin(self, write: Callable[[bytes], None]) -> None: ...
-    def feed(self, received: Received, now: float) -> list[Event]: ...
+    def feed(self, received: Packet, now: float) -> list[Event]: ...
 
 
 class LineDecoder:
@@ -56,18 +56,20 @@ class LineDecoder:
         """A new connection: half a line of the old one is forgotten."""
         self.senders, self._write = {}, write
 
-    def feed(self, received: Received, now: float) -> list[Event]:
+    def feed(self, received: Packet, now: float) -> list[Event]:
         """The readings in what was received."""
         lines = self.senders.get(received.origin)
         if lines is None:
             if len(self.senders) >= MOST_SENDERS:
-                return [Said(True, f"more than {MOST_SENDERS} senders: {received.origin} is left")]
+                return [
+                    Notice(True, f"more than {MOST_SENDERS} senders: {received.origin} is left")
+                ]
             suffix = f" from {received.origin}" if self.senders else ""
             lines = self.senders[received.origin] = Lines(self._unit, suffix)
         return lines.feed(received.data + (b"\n" if received.whole else b""), now)
 
 
-class Connected:
+class Connection:
     """A source over a wire."""
 
     lasting = True
@@ -93,7 +95,7 @@ class Connected:
         while not stop.is_set():
             try:
                 self.link.open()
-                yield Said(True, f"connected to {self.name}")
+                yield Notice(True, f"connected to {self.name}")
                 self.decoder.begin(self.link.write)
                 lost = False
                 yield from self._listen(stop)
@@ -101,7 +103,7 @@ class Connected:
                 if not lost:
                     known = error.errno is not None and error.errno > 0  # not of a host's name
                     reason = os.strerror(error.errno or 0) if known else error.strerror or error
-                    yield Said(False, f"no connection to {self.name} ({reason}); trying again")
+                    yield Notice(False, f"no connection to {self.name} ({reason}); trying again")
                 lost = True
                 stop.wait(RETRY_S)
             finally:
@@ -116,8 +118,8 @@ class Connected:
             if received is None:
                 if now - self._heard > SILENCE_S and not silent:
                     silent = True
-                    yield Said(True, f"{self.name} is silent{self.link.hint}")
-                received = Received(b"")
+                    yield Notice(True, f"{self.name} is silent{self.link.hint}")
+                received = Packet(b"")
             else:
                 self._heard, silent = now, False
             for event in self.decoder.feed(received, now):

@@ -58,10 +58,10 @@ def write_dataset(tables: Iterable[Mapping[str, NDArray[Any]]], path: Path | str
         from pyarrow import parquet
     except ImportError:
         raise MissingExtraError("a dataset of many sensors", "fleet") from None
-    with _fresh(Path(path)) as part:
+    with _replace_when_whole(Path(path)) as part:
         writer = None
-        for table in _together(tables):
-            arrow = pa.table({name: _encoded(pa, column) for name, column in table.items()})
+        for table in _group_tables(tables):
+            arrow = pa.table({name: _encode(pa, column) for name, column in table.items()})
             if writer is None:
                 writer = parquet.ParquetWriter(part, arrow.schema, compression="zstd")
             writer.write_table(arrow, row_group_size=ROW_GROUP)
@@ -85,7 +85,7 @@ def write_truth(truth: Mapping[str, NDArray[Any]], path: Path | str) -> Path:
         for _ in values.shape[1:]:
             names = [f"{n}{'_' if n == name else ''}{axis}" for n in names for axis in "xyz"]
         flat = values.reshape(len(values), -1)
-        columns |= {n: _plain(flat[:, k]) for k, n in enumerate(names)}
+        columns |= {n: _make_plain(flat[:, k]) for k, n in enumerate(names)}
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
@@ -93,11 +93,11 @@ def write_truth(truth: Mapping[str, NDArray[Any]], path: Path | str) -> Path:
     return write_atomically(path, stream.getvalue())
 
 
-def _plain(column: NDArray[Any]) -> list[Any]:
+def _make_plain(column: NDArray[Any]) -> list[Any]:
     return [v.isoformat() if hasattr(v, "isoformat") else v for v in column.tolist()]
 
 
-def _together(
+def _group_tables(
     tables: Iterable[Mapping[str, NDArray[Any]]],
 ) -> Iterator[Mapping[str, NDArray[Any]]]:
     """Tables joined to such as fill a row group."""
@@ -107,24 +107,24 @@ def _together(
         held.append(table)
         rows += len(next(iter(table.values())))
         if rows >= ROW_GROUP:
-            yield _joined(held)
+            yield _join(held)
             held, rows = [], 0
     if held:
-        yield _joined(held)
+        yield _join(held)
 
 
-def _joined(tables: list[Mapping[str, NDArray[Any]]]) -> Mapping[str, NDArray[Any]]:
+def _join(tables: list[Mapping[str, NDArray[Any]]]) -> Mapping[str, NDArray[Any]]:
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
-def _encoded(pa: Any, column: NDArray[Any]) -> Any:
+def _encode(pa: Any, column: NDArray[Any]) -> Any:
     """A column for Parquet; names, which repeat, by a dictionary."""
     array = pa.array(column)
     return array.dictionary_encode() if column.dtype == object else array
 
 
 @contextmanager
-def _fresh(path: Path) -> Iterator[Path]:
+def _replace_when_whole(path: Path) -> Iterator[Path]:
     """A file beside `path` that takes its place when it is whole."""
     make_folder(path.parent)
     try:
