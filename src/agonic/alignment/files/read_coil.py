@@ -38,10 +38,8 @@ longitude_deg = 12.6750
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -51,21 +49,18 @@ from agonic.alignment.files.coil_schema import (
     AttitudeSection,
     CoilSection,
 )
+from agonic.alignment.files.description import Description, read_description
 from agonic.alignment.files.north_schema import Head
-from agonic.alignment.files.read_north import files_missing, not_positive
-from agonic.alignment.files.read_session import calibration_of, north_east_down, samples_of
 from agonic.alignment.files.session_schema import SiteSection
 from agonic.alignment.session import Site, published_earth_rotation
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
-from agonic.errors import AgonicError, LogError
+from agonic.errors import AgonicError
 from agonic.files.calibration import load
-from agonic.files.toml_sections import read_toml, section
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_ci, rot_en
-from agonic.provenance import Input, sha256_of
 
 FILE_NAME = "coil.toml"
 
@@ -92,54 +87,39 @@ def read_coil(path: Path | str) -> CoilSession:
     ...     read_coil(folder).geometric_axis.tolist()
     [0.0, 0.0, 1.0]
     """
-    given = Path(path)
-    file = given / FILE_NAME if given.is_dir() else given
-    head, parts = _described(read_toml(file), file)
-    home, sources = file.parent, list[Input]()
-    coil, reference = parts["coil"] or CoilSection(), parts["reference"]
-    magnetometer = samples_of(parts["magnetometer"], home, sources)
-    alignment, before = _alignment(parts["alignment"], home, sources)
-    calibration = calibration_of(parts["magnetometer"], home) or before
+    description = read_description(path, FILE_NAME, Head, SECTIONS, needed=("magnetometer",))
+    parts = description.parts
+    _check_attitude_and_axis(description)
+    description.require()
+    coil, site = parts["coil"] or CoilSection(), _site(parts["site"])
+    magnetometer = description.read_samples(parts["magnetometer"])
+    alignment, before = _load_alignment(description)
     return CoilSession(
-        name=head.name,
+        name=description.head.name,
         coil=coil.name,
         magnetometer=magnetometer,
-        reference=None
-        if reference is None
-        else north_east_down(samples_of(reference, home, sources), reference.axes),
-        calibration=calibration,
+        reference=description.read_reference(),
+        calibration=description.load_calibration() or before,
         geometric_axis=None if coil.axis is None else np.array(coil.axis),
         geometric_frame=coil.frame,
         settle_s=coil.settle_s,
         current_sd=coil.current_sd,
         alignment=alignment,
-        attitude=_attitude(parts["attitude"], _site(parts["site"])),
-        site=_site(parts["site"]),
-        sources=tuple(sources),
+        attitude=_attitude(parts["attitude"], site),
+        site=site,
+        sources=tuple(description.sources),
     )
 
 
-def _described(table: Mapping[str, Any], file: Path) -> tuple[Head, dict[str, Any]]:
-    """What the description says, or every mistake in it."""
-    mistakes: list[str] = []
-    plain = {key: value for key, value in table.items() if key not in SECTIONS}
-    head = section(plain, Head, "the file", mistakes, tuple(SECTIONS))
-    parts = {
-        name: section(table.get(name), kind, f"[{name}]", mistakes)
-        for name, kind in SECTIONS.items()
-    }
-    if "magnetometer" not in table:
-        mistakes.append("there is no section [magnetometer]")
-    mistakes += files_missing(parts, file.parent)
-    mistakes += not_positive(parts)
-    if parts["attitude"] is not None:
-        mistakes += _attitude_amiss(parts["attitude"], parts["site"] is not None)
-    coil = parts["coil"]
+def _check_attitude_and_axis(description: Description) -> None:
+    """Note angles that are missing, and an axis without length."""
+    attitude, coil = description.parts["attitude"], description.parts["coil"]
+    if attitude is not None:
+        description.mistakes.extend(
+            _attitude_amiss(attitude, description.parts["site"] is not None)
+        )
     if coil is not None and coil.axis is not None and not np.any(coil.axis):
-        mistakes.append("[coil] axis has no length")
-    if mistakes or head is None:
-        raise LogError("; ".join(mistakes), path=file)
-    return head, parts
+        description.mistakes.append("[coil] axis has no length")
 
 
 def _attitude_amiss(part: AttitudeSection, site: bool) -> list[str]:
@@ -201,15 +181,14 @@ def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | Non
     )
 
 
-def _alignment(
-    part: AlignmentSection | None, home: Path, sources: list[Input]
-) -> tuple[Alignment | None, Calibration | None]:
+def _load_alignment(description: Description) -> tuple[Alignment | None, Calibration | None]:
     """The alignment, and what corrects the readings before it where both are one chain."""
+    part: AlignmentSection | None = description.parts["alignment"]
     if part is None:
         return None, None
-    file = home / part.file
+    file = description.home / part.file
     found = load(file)
-    sources.append(Input(name=part.file, sha256=sha256_of(file), count=1))
+    description.add_source(part.file, 1)
     if isinstance(found, Alignment):
         return found, None
     if isinstance(found, Chain) and isinstance(found.steps[-1], Alignment):

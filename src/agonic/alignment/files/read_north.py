@@ -41,6 +41,7 @@ from typing import Any
 
 import numpy as np
 
+from agonic.alignment.files.description import Description, read_description
 from agonic.alignment.files.north_schema import (
     SECTIONS,
     GyroSection,
@@ -48,13 +49,11 @@ from agonic.alignment.files.north_schema import (
     PlatformSection,
     SightingSection,
 )
-from agonic.alignment.files.read_session import calibration_of, north_east_down, pier_of, samples_of
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.files.toml_sections import read_toml, section
+from agonic.files.toml_sections import section
 from agonic.logs.auxiliary import numbers
-from agonic.provenance import Input, sha256_of
 
 Columns = dict[str, Array]
 
@@ -89,82 +88,33 @@ def read_north(path: Path | str) -> NorthSession:
     ...     len(read_north(folder).turning_deg)
     8
     """
-    given = Path(path)
-    file = given / FILE_NAME if given.is_dir() else given
-    home = file.parent
-    head, parts, sightings = _described(read_toml(file), file)
-    sources: list[Input] = []
+    description = read_description(path, FILE_NAME, Head, SECTIONS, beside=("sighting",))
+    parts = description.parts
+    sightings = _sightings(description.table.get("sighting", []), description.mistakes)
+    description.require()
     tables = {
-        name: _table(home / parts[name].file, names, sources)
+        name: _read_table(description, parts[name].file, names)
         for name, names in TABLES.items()
         if parts[name] is not None
     }
     gyro = parts["gyro"] or GyroSection()
     magnetometer, reference = parts["magnetometer"], parts["reference"]
     return NorthSession(
-        name=head.name,
+        name=description.head.name,
         turning_deg=tables["reversal"]["reading_deg"] if "reversal" in tables else None,
         transits=Transits(**tables["transit"]) if "transit" in tables else None,
         swing=SwingRecord(**tables["swing"]) if "swing" in tables else None,
-        reading_sd_arcsec=gyro.reading_sd_arcsec,
-        time_sd_s=gyro.time_sd_s,
-        transit_constant=gyro.transit_constant,
-        transit_constant_sd=gyro.transit_constant_sd,
-        constant_arcsec=gyro.constant_arcsec,
-        constant_sd_arcsec=gyro.constant_sd_arcsec,
+        **{name: getattr(gyro, name) for name in GyroSection.__struct_fields__},
         sightings=sightings,
         platform=_platform(tables, parts["platform"]),
-        magnetometer=None if magnetometer is None else samples_of(magnetometer, home, sources),
-        reference=None
-        if reference is None
-        else north_east_down(samples_of(reference, home, sources), reference.axes),
-        pier=pier_of(parts["pier"]),
-        calibration=None if magnetometer is None else calibration_of(magnetometer, home),
+        magnetometer=None if magnetometer is None else description.read_samples(magnetometer),
+        reference=description.read_reference(),
+        pier=description.make_pier(),
+        calibration=description.load_calibration(),
         noise=None if magnetometer is None else magnetometer.noise_nT,
         reference_noise=None if reference is None else reference.noise_nT,
-        sources=tuple(sources),
+        sources=tuple(description.sources),
     )
-
-
-def _described(
-    table: Mapping[str, Any], file: Path
-) -> tuple[Head, dict[str, Any], tuple[Sighting, ...]]:
-    """What the description says, or every mistake in it."""
-    mistakes: list[str] = []
-    known = (*SECTIONS, "sighting")
-    plain = {key: value for key, value in table.items() if key not in known}
-    head = section(plain, Head, "the file", mistakes, known)
-    parts = {
-        name: section(table.get(name), kind, f"[{name}]", mistakes)
-        for name, kind in SECTIONS.items()
-    }
-    mistakes += files_missing(parts, file.parent)
-    mistakes += not_positive(parts)
-    sightings = _sightings(table.get("sighting", []), mistakes)
-    if mistakes or head is None:
-        raise LogError("; ".join(mistakes), path=file)
-    return head, parts, sightings
-
-
-def files_missing(parts: Mapping[str, Any], home: Path) -> list[str]:
-    """Tables that sections name and that are not there."""
-    return [
-        f"[{name}]: there is no file {part.file} in {home}"
-        for name, part in parts.items()
-        if part is not None and hasattr(part, "file") and not (home / part.file).is_file()
-    ]
-
-
-def not_positive(parts: Mapping[str, Any]) -> list[str]:
-    """Standard deviations and noises that are below 0."""
-    return [
-        f"[{name}] {key} is {value:g}; it must not be below 0"
-        for name, part in parts.items()
-        for key in (() if part is None else part.__struct_fields__)
-        if ("_sd" in key or key.startswith(("sd_", "noise")))
-        and isinstance(value := getattr(part, key), float | int)
-        and value < 0
-    ]
 
 
 def _sightings(given: Any, mistakes: list[str]) -> tuple[Sighting, ...]:
@@ -202,8 +152,9 @@ def _platform(tables: Mapping[str, Columns], part: PlatformSection | None) -> Pl
     )
 
 
-def _table(path: Path, names: tuple[str, ...], sources: list[Input]) -> Columns:
+def _read_table(description: Description, file: str, names: tuple[str, ...]) -> Columns:
     """The columns of a table by name, angles in degrees; every column that is missing is named."""
+    path = description.home / file
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -221,7 +172,7 @@ def _table(path: Path, names: tuple[str, ...], sources: list[Input]) -> Columns:
             raise LogError(f"{len(row)} cells below {len(header)} columns", path=path, row=number)
     if not cells:
         raise LogError("has no rows below its header", path=path)
-    sources.append(Input(name=path.name, sha256=sha256_of(path), count=len(cells)))
+    description.add_source(file, len(cells))
     return {name: _column(cells, at, name, path) for name, at in found.items() if at is not None}
 
 

@@ -41,49 +41,33 @@ sd_deg = 2
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from agonic.alignment.files.description import Description, read_description
 from agonic.alignment.files.session_schema import (
     NEEDED,
     SECTIONS,
     Head,
-    MagnetometerSection,
     MountingSection,
-    PierSection,
-    ReferenceSection,
     SiteSection,
     StarSection,
 )
 from agonic.alignment.files.star_table import diagonal, read_stars
-from agonic.alignment.session import Mounting, Pier, Session, Site, StarReadings, check_session
+from agonic.alignment.session import Mounting, Session, Site, StarReadings, check_session
 from agonic.alignment.session.session import unix_of
 from agonic.arrays import Array
-from agonic.calibration.base import Calibration
-from agonic.calibration.chain import require_calibration
-from agonic.errors import AgonicError, LogError
-from agonic.files.calibration import load
-from agonic.files.toml_sections import read_toml, section, tried
-from agonic.logs.read import open_log
+from agonic.errors import AgonicError
+from agonic.files.toml_sections import tried
 from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
 from agonic.maths.earth.starlight import Air
-from agonic.provenance import Input, sha256_of
 from agonic.samples import Samples
 
 FILE_NAME = "session.toml"
 GPS_TAI_S = -19.0
-AXES = {
-    "NED": np.eye(3),
-    "XYZ": np.eye(3),
-    "ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
-    "NWU": np.diag([1.0, -1.0, -1.0]),
-}
-"""From the axes of the reference to north, east, down."""
 
 
 def read_session(path: Path | str) -> Session:
@@ -106,71 +90,45 @@ def read_session(path: Path | str) -> Session:
     ...     read_session(folder).orientations.tolist()
     [1, 2, 3, 4]
     """
-    given = Path(path)
-    file = given / FILE_NAME if given.is_dir() else given
-    head, parts = _described(read_toml(file), file)
-    home = file.parent
-    scale = head.time_scale
-    sources: list[Input] = []
-    star = _stars(parts["star"], home, scale, sources)
-    magnetometer = _in_utc(samples_of(parts["magnetometer"], home, sources), scale)
-    reference = _in_utc(samples_of(parts["reference"], home, sources), scale)
+    description = read_description(path, FILE_NAME, Head, SECTIONS, needed=NEEDED, zero=False)
+    parts = description.parts
+    _check_stars_and_site(description)
+    description.require()
+    scale = description.head.time_scale
+    star = _read_stars(description, scale)
+    magnetometer = _turn_into_utc(description.read_samples(parts["magnetometer"]), scale)
+    reference = description.read_reference()
+    assert reference is not None, "required above"
+    reference = _turn_into_utc(reference, scale)
     return check_session(
         Session(
-            name=head.name,
-            site=_site(parts["site"], file),
+            name=description.head.name,
+            site=_site(parts["site"]),
             star=star,
-            magnetometer=_numbered(magnetometer, star),
-            reference=north_east_down(reference, parts["reference"].axes),
-            pier=pier_of(parts["pier"]),
+            magnetometer=_number_orientations(magnetometer, star),
+            reference=reference,
+            pier=description.make_pier(),
             mounting=_mounting(parts["mounting"]),
-            calibration=calibration_of(parts["magnetometer"], home),
+            calibration=description.load_calibration(),
             noise=parts["magnetometer"].noise_nT,
             reference_noise=parts["reference"].noise_nT,
             reference_sd_arcsec=parts["reference"].axes_sd_arcsec,
-            sources=tuple(sources),
+            sources=tuple(description.sources),
             notes=(*magnetometer.notes, *reference.notes),
         )
     )
 
 
-def _described(table: Mapping[str, Any], file: Path) -> tuple[Head, dict[str, Any]]:
-    """What the description says, or every mistake in it."""
-    mistakes: list[str] = []
-    plain = {key: value for key, value in table.items() if key not in SECTIONS}
-    head = section(plain, Head, "the file", mistakes, tuple(SECTIONS))
-    parts = {
-        name: section(table.get(name), kind, f"[{name}]", mistakes)
-        for name, kind in SECTIONS.items()
-    }
-    mistakes += [f"there is no section [{name}]" for name in NEEDED if name not in table]
-    for name in ("star", "magnetometer", "reference"):
-        part = parts[name]
-        if part is not None and not (file.parent / part.file).is_file():
-            mistakes.append(f"[{name}]: there is no file {part.file} in {file.parent}")
-    mistakes += _numbers_amiss(parts)
-    if parts["site"] is not None:
-        tried(lambda: _site(parts["site"], file), "[site]", mistakes)
-    if mistakes or head is None:
-        raise LogError("; ".join(mistakes), path=file)
-    return head, parts
-
-
-def _numbers_amiss(parts: Mapping[str, Any]) -> list[str]:
-    """Standard deviations that are not above 0, and halves of a pair."""
-    said = []
-    for name, part in parts.items():
-        for key in () if part is None else part.__struct_fields__:
-            value = getattr(part, key)
-            if ("sd_" in key or key.startswith("noise")) and value is not None and not value > 0:
-                said.append(f"[{name}] {key} is {value:g}; it must be above 0, or left out")
-    star = parts["star"]
+def _check_stars_and_site(description: Description) -> None:
+    """Note half of a pair of standard deviations, and a place that cannot be."""
+    star, site = description.parts["star"], description.parts["site"]
     if star is not None and (star.across_sd_arcsec is None) != (star.about_sd_arcsec is None):
-        said.append("[star] across_sd_arcsec and about_sd_arcsec go together")
-    return said
+        description.mistakes.append("[star] across_sd_arcsec and about_sd_arcsec go together")
+    if site is not None:
+        tried(lambda: _site(site), "[site]", description.mistakes)
 
 
-def _site(part: SiteSection, file: Path) -> Site:
+def _site(part: SiteSection) -> Site:
     return Site(
         latitude_deg=part.latitude_deg,
         longitude_deg=part.longitude_deg,
@@ -179,11 +137,11 @@ def _site(part: SiteSection, file: Path) -> Site:
     )
 
 
-def _stars(part: StarSection, home: Path, scale: str, sources: list[Input]) -> StarReadings:
+def _read_stars(description: Description, scale: str) -> StarReadings:
     """The star sensor's readings, in UTC."""
-    file = home / part.file
-    read = read_stars(file, part.turns)
-    sources.append(Input(name=part.file, sha256=sha256_of(file), count=len(read)))
+    part: StarSection = description.parts["star"]
+    read = read_stars(description.home / part.file, part.turns)
+    description.add_source(part.file, len(read))
     covariance = read.covariance
     if covariance is None and part.across_sd_arcsec and part.about_sd_arcsec:
         ones = np.ones(len(read))
@@ -207,28 +165,14 @@ def _ahead_s(time: Array, scale: str) -> Array:
     return np.asarray(leap + {"TAI": 0.0, "GPS": GPS_TAI_S, "TT": TT_TAI_S}[scale])
 
 
-def samples_of(
-    part: MagnetometerSection | ReferenceSection, home: Path, sources: list[Input]
-) -> Samples:
-    """The readings of a magnetometer, whatever the kind of its file."""
-    file = home / part.file
-    log = open_log(file, unit=part.unit)
-    if len(log.sensors) > 1:
-        names = ", ".join(sensor.name for sensor in log.sensors)
-        raise LogError(f"holds {names}; a session needs a file for each", path=file)
-    samples = log.sensors[0]
-    sources.append(Input(name=part.file, sha256=sha256_of(file), count=len(samples)))
-    return replace(samples, name=part.name, rejected={})
-
-
-def _in_utc(samples: Samples, scale: str) -> Samples:
+def _turn_into_utc(samples: Samples, scale: str) -> Samples:
     """Samples whose epoch is in a time scale, in UTC."""
     ahead = float(_ahead_s(unix_of(samples)[:1], scale)[0])
     assert samples.epoch is not None, "unix_of refuses samples without"
     return samples.with_columns(epoch=samples.epoch - timedelta(seconds=ahead))
 
 
-def _numbered(samples: Samples, star: StarReadings) -> Samples:
+def _number_orientations(samples: Samples, star: StarReadings) -> Samples:
     """With the numbers of the orientations, by the star sensor's times where the table has none.
 
     Readings while the platform was turned belong to none and are left out.
@@ -255,18 +199,6 @@ def _numbered(samples: Samples, star: StarReadings) -> Samples:
     return samples.with_columns(station=number).select(inside)
 
 
-def north_east_down(samples: Samples, axes: str) -> Samples:
-    """The readings in north, east, down, from the axes that the session names."""
-    return samples.with_columns(field=samples.field @ AXES[axes].T)
-
-
-def pier_of(part: PierSection | None) -> Pier:
-    """What the field differs by between the instrument's pier and the reference's."""
-    if part is None:
-        return Pier()
-    return Pier(difference=np.array(part.difference_nT), sd=part.sd_nT)
-
-
 def _mounting(part: MountingSection | None) -> Mounting | None:
     if part is None:
         return None
@@ -276,8 +208,3 @@ def _mounting(part: MountingSection | None) -> Mounting | None:
         gamma_deg=part.gamma_deg,
         sd_deg=part.sd_deg,
     )
-
-
-def calibration_of(part: MagnetometerSection, home: Path) -> Calibration | None:
-    """The calibration of the magnetometer, where the session names one."""
-    return None if not part.calibration else require_calibration(load(home / part.calibration))

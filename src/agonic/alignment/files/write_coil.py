@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from agonic.alignment.files.read_coil import FILE_NAME
-from agonic.alignment.files.write_north import section_text
+from agonic.alignment.files.write_description import (
+    magnetometer_keys,
+    write_instruments,
+    write_toml,
+)
 from agonic.alignment.session.coil import Attitude, CoilSession
-from agonic.atomic import make_folder, write_atomically
+from agonic.atomic import make_folder
 from agonic.errors import AgonicError
-from agonic.exports.csv import write_csv
 from agonic.files.calibration import save
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
@@ -32,48 +34,34 @@ def write_coil(session: CoilSession, folder: Path | str) -> list[Path]:
     magnetometer.csv reference.csv alignment.json coil.toml
     """
     home = make_folder(folder)
-    files = [write_csv(session.magnetometer, home / "magnetometer.csv")]
-    if session.reference is not None:
-        files.append(write_csv(session.reference, home / "reference.csv"))
-    if session.calibration is not None:
-        files.append(save(session.calibration, home / "calibration.json"))
+    axis, site, files = session.geometric_axis, session.site, write_instruments(session, home)
+    coil = {
+        "name": session.coil,
+        "axis": None if axis is None else axis.tolist(),
+        "frame": session.geometric_frame,
+        "settle_s": session.settle_s,
+        "current_sd": session.current_sd,
+    }
     if session.alignment is not None:
         files.append(save(session.alignment, home / "alignment.json"))
-    return [*files, write_atomically(home / FILE_NAME, _text(session))]
+    parts: list[tuple[str, dict[str, Any] | None]] = [
+        ("", {"name": session.name}),
+        ("coil", coil),
+        ("magnetometer", magnetometer_keys(session)),
+        ("reference", None if session.reference is None else {"file": "reference.csv"}),
+        ("alignment", None if session.alignment is None else {"file": "alignment.json"}),
+        ("attitude", None if session.attitude is None else _attitude_keys(session.attitude)),
+        (
+            "site",
+            None
+            if site is None
+            else {"latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg},
+        ),
+    ]
+    return [*files, write_toml(home / FILE_NAME, parts)]
 
 
-def _text(session: CoilSession) -> str:
-    """coil.toml."""
-    axis = session.geometric_axis
-    sections: dict[str, dict[str, Any] | None] = {
-        "coil": {
-            "name": session.coil,
-            "axis": None if axis is None else axis.tolist(),
-            "frame": session.geometric_frame,
-            "settle_s": session.settle_s,
-            "current_sd": session.current_sd,
-        },
-        "magnetometer": {
-            "file": "magnetometer.csv",
-            "calibration": None if session.calibration is None else "calibration.json",
-        },
-        "reference": None if session.reference is None else {"file": "reference.csv"},
-        "alignment": None if session.alignment is None else {"file": "alignment.json"},
-        "attitude": None if session.attitude is None else _written(session.attitude),
-        "site": None
-        if session.site is None
-        else {
-            "latitude_deg": session.site.latitude_deg,
-            "longitude_deg": session.site.longitude_deg,
-        },
-    }
-    lines = [f"name = {json.dumps(session.name)}"]
-    for name, keys in sections.items():
-        lines += [] if keys is None else section_text(name, keys)
-    return "\n".join(lines) + "\n"
-
-
-def _written(attitude: Attitude) -> dict[str, float]:
+def _attitude_keys(attitude: Attitude) -> dict[str, float]:
     if attitude.frame != "b":
         raise AgonicError("an attitude in a star sensor's axes is not written; give ra, dec, rot")
     roll, pitch, heading = (float(a) for a in angles_deg(attitude.rot_pn.T))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping
 from io import StringIO
 from pathlib import Path
@@ -14,10 +13,14 @@ from numpy.typing import ArrayLike
 
 from agonic.alignment.files.north_schema import GyroSection
 from agonic.alignment.files.read_north import FILE_NAME, TABLES
+from agonic.alignment.files.write_description import (
+    magnetometer_keys,
+    pier_keys,
+    write_instruments,
+    write_toml,
+)
 from agonic.alignment.session.north import NorthSession
 from agonic.atomic import make_folder, write_atomically
-from agonic.exports.csv import write_csv
-from agonic.files.calibration import save
 
 
 def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
@@ -45,12 +48,8 @@ def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
         write_atomically(home / f"{name}.csv", text_of_table(columns))
         for name, columns in tables.items()
     ]
-    for samples, name in ((session.magnetometer, "magnetometer"), (session.reference, "reference")):
-        if samples is not None:
-            files.append(write_csv(samples, home / f"{name}.csv"))
-    if session.calibration is not None:
-        files.append(save(session.calibration, home / "calibration.json"))
-    return [*files, write_atomically(home / FILE_NAME, _text(session))]
+    files += write_instruments(session, home)
+    return [*files, write_toml(home / FILE_NAME, _parts(session))]
 
 
 def text_of_table(columns: Mapping[str, ArrayLike]) -> str:
@@ -62,61 +61,29 @@ def text_of_table(columns: Mapping[str, ArrayLike]) -> str:
     return stream.getvalue()
 
 
-def _text(session: NorthSession) -> str:
-    """north.toml."""
+def _parts(session: NorthSession) -> list[tuple[str, dict[str, Any] | None]]:
+    """The sections of north.toml."""
     gyro = {name: getattr(session, name) for name in GyroSection.__struct_fields__}
-    lines = [f"name = {json.dumps(session.name)}", *section_text("gyro", gyro)]
     given = {"reversal": session.turning_deg, "transit": session.transits, "swing": session.swing}
-    for name, part in given.items():
-        if part is not None:
-            lines += section_text(name, {"file": f"{name}.csv"})
+    parts: list[tuple[str, dict[str, Any] | None]] = [("", {"name": session.name}), ("gyro", gyro)]
+    parts += [(name, {"file": f"{name}.csv"}) for name, part in given.items() if part is not None]
     for sighting in session.sightings:
-        lines += section_text(
-            "[sighting]",
-            {
-                "name": sighting.name,
-                "readings_deg": sighting.reading_deg.tolist(),
-                "mirror": sighting.mirror,
-            },
-        )
+        keys = {"name": sighting.name, "readings_deg": sighting.reading_deg.tolist()}
+        parts.append(("[sighting]", {**keys, "mirror": sighting.mirror}))
     platform = session.platform
     if platform is not None:
-        lines += section_text(
-            "platform",
-            {
-                "file": "platform.csv",
-                "circle_sd_arcsec": platform.circle_sd_arcsec,
-                "level_sd_arcsec": platform.level_sd_arcsec,
-                "mirror": platform.mirror,
-            },
-        )
+        keys = {
+            "file": "platform.csv",
+            "circle_sd_arcsec": platform.circle_sd_arcsec,
+            "level_sd_arcsec": platform.level_sd_arcsec,
+            "mirror": platform.mirror,
+        }
+        parts.append(("platform", keys))
     if session.magnetometer is not None:
-        lines += section_text(
-            "magnetometer",
-            {
-                "file": "magnetometer.csv",
-                "noise_nT": session.noise,
-                "calibration": None if session.calibration is None else "calibration.json",
-            },
-        )
-        lines += section_text(
-            "reference",
-            {"file": "reference.csv", "axes": "NED", "noise_nT": session.reference_noise},
-        )
-        lines += section_text(
-            "pier", {"difference_nT": session.pier.difference.tolist(), "sd_nT": session.pier.sd}
-        )
-    return "\n".join(lines) + "\n"
-
-
-def section_text(name: str, keys: Mapping[str, Any]) -> list[str]:
-    """A section of TOML; what is not known is left out."""
-    return [
-        "",
-        f"[{name}]",
-        *(
-            f"{key} = {json.dumps(value, ensure_ascii=False)}"
-            for key, value in keys.items()
-            if value is not None
-        ),
-    ]
+        beside = {"file": "reference.csv", "axes": "NED", "noise_nT": session.reference_noise}
+        parts += [
+            ("magnetometer", {**magnetometer_keys(session), "noise_nT": session.noise}),
+            ("reference", beside),
+            ("pier", pier_keys(session)),
+        ]
+    return parts

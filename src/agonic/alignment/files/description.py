@@ -1,0 +1,151 @@
+"""What the descriptions of all sessions share: reading their sections, the tables they name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+
+from agonic.alignment.files.session_schema import (
+    MagnetometerSection,
+    PierSection,
+    ReferenceSection,
+)
+from agonic.alignment.session import Pier
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import require_calibration
+from agonic.errors import LogError
+from agonic.files.calibration import load
+from agonic.files.toml_sections import read_toml, section
+from agonic.logs.read import open_log
+from agonic.provenance import Input, sha256_of
+from agonic.samples import Samples
+
+AXES = {
+    "NED": np.eye(3),
+    "XYZ": np.eye(3),
+    "ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "NWU": np.diag([1.0, -1.0, -1.0]),
+}
+"""From the axes of the reference to north, east, down."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """A description as it was read: what stands before its sections, and each section.
+
+    `parts` are None where a section is missing or wrong; every mistake is in `mistakes`, to which
+    further checks add theirs before `require`. `sources` are the tables that were read.
+    """
+
+    file: Path
+    table: Mapping[str, Any]
+    head: Any
+    parts: Mapping[str, Any]
+    mistakes: list[str]
+    sources: list[Input] = field(default_factory=list)
+
+    @property
+    def home(self) -> Path:
+        """The folder of the tables."""
+        return self.file.parent
+
+    def require(self) -> None:
+        """Raise a `LogError` that names every mistake, if there is one."""
+        if self.mistakes or self.head is None:
+            raise LogError("; ".join(self.mistakes), path=self.file)
+
+    def read_samples(self, part: MagnetometerSection | ReferenceSection) -> Samples:
+        """The readings of a magnetometer, whatever the kind of its file."""
+        path = self.home / part.file
+        log = open_log(path, unit=part.unit)
+        if len(log.sensors) > 1:
+            names = ", ".join(sensor.name for sensor in log.sensors)
+            raise LogError(f"holds {names}; a session needs a file for each", path=path)
+        samples = log.sensors[0]
+        self.add_source(part.file, len(samples))
+        return replace(samples, name=part.name, rejected={})
+
+    def read_reference(self) -> Samples | None:
+        """The readings of the reference in north, east, down, where there is one."""
+        part = self.parts["reference"]
+        if part is None:
+            return None
+        samples = self.read_samples(part)
+        return samples.with_columns(field=samples.field @ AXES[part.axes].T)
+
+    def load_calibration(self) -> Calibration | None:
+        """The calibration of the magnetometer, where one is named."""
+        part = self.parts["magnetometer"]
+        if part is None or not part.calibration:
+            return None
+        return require_calibration(load(self.home / part.calibration))
+
+    def make_pier(self) -> Pier:
+        """What the field differs by between the instrument's pier and the reference's."""
+        part: PierSection | None = self.parts["pier"]
+        if part is None:
+            return Pier()
+        return Pier(difference=np.array(part.difference_nT), sd=part.sd_nT)
+
+    def add_source(self, name: str, count: int) -> None:
+        """Note a table as read."""
+        self.sources.append(Input(name=name, sha256=sha256_of(self.home / name), count=count))
+
+
+def read_description(
+    path: Path | str,
+    name: str,
+    head: type[Struct],
+    sections: Mapping[str, type[Struct]],
+    *,
+    needed: tuple[str, ...] = (),
+    beside: tuple[str, ...] = (),
+    zero: bool = True,
+) -> Description:
+    """The description in a file, or in a folder under its `name`, with every mistake in it.
+
+    Parameters
+    ----------
+    head, sections : which keys stand before the first section, and in each. needed : sections that
+        must be there. beside : others that the caller reads itself.
+    zero : whether a standard deviation may be 0.
+    """
+    given = Path(path)
+    file = given / name if given.is_dir() else given
+    table, known = read_toml(file), (*sections, *beside)
+    mistakes: list[str] = []
+    plain = {key: value for key, value in table.items() if key not in known}
+    made = section(plain, head, "the file", mistakes, known)
+    parts = {
+        key: section(table.get(key), kind, f"[{key}]", mistakes) for key, kind in sections.items()
+    }
+    mistakes += [f"there is no section [{key}]" for key in needed if key not in table]
+    mistakes += _missing_files(parts, file.parent) + _bad_sds(parts, zero)
+    return Description(file=file, table=table, head=made, parts=parts, mistakes=mistakes)
+
+
+def _missing_files(parts: Mapping[str, Any], home: Path) -> list[str]:
+    """Tables that sections name and that are not there."""
+    return [
+        f"[{name}]: there is no file {part.file} in {home}"
+        for name, part in parts.items()
+        if part is not None and hasattr(part, "file") and not (home / part.file).is_file()
+    ]
+
+
+def _bad_sds(parts: Mapping[str, Any], zero: bool) -> list[str]:
+    """Standard deviations and noises that are below 0, or that are 0 and must not be."""
+    wanted = "must not be below 0" if zero else "must be above 0, or left out"
+    return [
+        f"[{name}] {key} is {value:g}; it {wanted}"
+        for name, part in parts.items()
+        for key in (() if part is None else part.__struct_fields__)
+        if "_sd" in key or key.startswith(("sd_", "noise"))
+        if isinstance(value := getattr(part, key), float | int)
+        if not (value >= 0 if zero else value > 0)
+    ]
