@@ -14,7 +14,7 @@ from agonic.errors import CoverageError
 from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import noise_of
+from agonic.network.maths.robust import solve_with_noise
 
 SOFT_IRON_SD = 0.1
 """Prior on the matrix about one gain, which decides where the readings do not."""
@@ -30,21 +30,21 @@ class Ends(NamedTuple):
     device_id: int | None
 
 
-class Based(NamedTuple):
+class BaseFit(NamedTuple):
     """A base and the standard deviation (nT) that its standard errors rest on; None if given."""
 
     calibration: Affine | Thermal | None
     noise: float | None = None
 
 
-def from_vectors(raw: Array, field: Array, ends: Ends, *, robust: bool) -> Based:
+def fit_vectors(raw: Array, field: Array, ends: Ends, *, robust: bool) -> BaseFit:
     """The affine calibration from the field (n, 3) of every reading (n, 3).
 
     raw = A field + c + noise is linear in A and c, and its noise is where it belongs:
 
         matrix = A⁻¹,   bias = c,   with a prior on A about one gain
     """
-    scaled = _scaled(raw, field)
+    scaled = _centre_and_scale(raw, field)
     rows = np.column_stack([scaled.field, np.ones(len(raw))])
 
     def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
@@ -59,21 +59,9 @@ def from_vectors(raw: Array, field: Array, ends: Ends, *, robust: bool) -> Based
     def prior(params: Array) -> tuple[Array, Array]:
         return (params - wanted) / sds, np.diag(1 / sds)
 
-    solution = leastsq.solve(pieces, wanted, scale=1e-2, prior=prior)
-    for _ in range(6):
-        noise = noise_of(solution.residuals, robust, 12)
-        solution = leastsq.solve(
-            pieces,
-            solution.params,
-            scale=noise.sd,
-            loss=noise.loss,
-            prior=prior,
-            correlation=noise.correlation,
-        )
-        if noise_of(solution.residuals, robust, 12).settled(noise):
-            break
-    made = _inverted(solution, scaled, noise.sd, ends)
-    return Based(made, noise.sd * float(np.sqrt(noise.correlation)) * scaled.strength)
+    solution, noise = solve_with_noise(pieces, wanted, scale=1e-2, prior=prior, robust=robust)
+    made = _invert(solution, scaled, noise.sd, ends)
+    return BaseFit(made, noise.sd * float(np.sqrt(noise.correlation)) * scaled.strength)
 
 
 class _Scaled(NamedTuple):
@@ -87,7 +75,7 @@ class _Scaled(NamedTuple):
     strength: float
 
 
-def _scaled(raw: Array, field: Array) -> _Scaled:
+def _centre_and_scale(raw: Array, field: Array) -> _Scaled:
     centre, middle = raw.mean(axis=0), field.mean(axis=0)
     size, strength = (
         float(np.sqrt(np.mean((values - at) ** 2)))
@@ -104,7 +92,7 @@ def _scaled(raw: Array, field: Array) -> _Scaled:
     )
 
 
-def _inverted(solution: leastsq.Solution, scaled: _Scaled, noise: float, ends: Ends) -> Affine:
+def _invert(solution: leastsq.Solution, scaled: _Scaled, noise: float, ends: Ends) -> Affine:
     """Bias and matrix from the response, with their covariance.
 
     Unscaled: A = size/strength A', c = centre + size c' − A middle; then W = A⁻¹ and
@@ -134,7 +122,7 @@ def _inverted(solution: leastsq.Solution, scaled: _Scaled, noise: float, ends: E
     )
 
 
-def from_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, seed: int) -> Based:
+def fit_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, seed: int) -> BaseFit:
     """The affine calibration, symmetric, from the magnitude (n,) at every reading (n, 3)."""
     centre = raw.mean(axis=0)
     size, mean = float(np.sqrt(np.mean((raw - centre) ** 2) * 3)), float(magnitude.mean())
@@ -164,4 +152,4 @@ def from_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, s
         noise=noise.sd * size,
         **ends._asdict(),
     )
-    return Based(made, noise.sd * float(np.sqrt(noise.correlation)) * mean)
+    return BaseFit(made, noise.sd * float(np.sqrt(noise.correlation)) * mean)

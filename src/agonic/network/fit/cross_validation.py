@@ -1,4 +1,4 @@
-"""Base and network on blocks of time that neither has seen."""
+"""Cross-validation: base and network on blocks of time that neither has seen."""
 
 from __future__ import annotations
 
@@ -6,54 +6,43 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.equation.coverage import cells_of
-from agonic.network.fit.problem import Task
+from agonic.network.fit.problem import Problem, compute_errors
 from agonic.network.fit.result import Comparison, Errors
-from agonic.network.fit.solve import blocks, correlation, trained
+from agonic.network.fit.solve import correlate, train
+from agonic.network.maths.blocks import number_blocks
 
 FOLDS = 4
 
 
-def compare(task: Task, believed: Index) -> Comparison:
+def cross_validate(problem: Problem, used: Index) -> Comparison:
     """Base and network made from three blocks of four, judged on the fourth, in turn.
 
-    Parameters: `believed` the rows (k,) that take part; strays would judge luck.
+    Parameters: `used` (k,) the rows that take part; outliers would judge luck.
     """
-    number = blocks(len(believed))
-    before, after = (np.empty((len(believed), task.wanted.shape[1])) for _ in range(2))
+    number = number_blocks(len(used))
+    before, after = (np.empty((len(used), problem.wanted.shape[1])) for _ in range(2))
     outputs, targets = [], []
     for fold in range(FOLDS):
         unseen = number % FOLDS == fold
-        rows = believed[unseen]
-        made = trained(task, believed[~unseen]).calibration
-        field, _ = made.evaluated(task.samples.field[rows], task.beside(rows))
-        based, wanted = task.based(made.base, rows), task.wanted[rows]
-        before[unseen], after[unseen] = _error(based, wanted), _error(field, wanted)
-        outputs.append(_added(field, based, wanted) - made.output_middle)
-        targets.append(_taught(wanted, based) - made.output_middle)
-    middle = task.samples.field[believed].mean(axis=0)
+        rows = used[unseen]
+        made = train(problem, used[~unseen]).calibration
+        field, _ = made.evaluated(problem.samples.field[rows], problem.select_columns(rows))
+        based, wanted = problem.apply_base(made.base, rows), problem.wanted[rows]
+        before[unseen], after[unseen] = compute_errors(based, wanted), compute_errors(field, wanted)
+        outputs.append(_added_by_network(field, based, wanted) - made.output_middle)
+        targets.append(-compute_errors(based, wanted) - made.output_middle)
+    middle = problem.samples.field[used].mean(axis=0)
     return Comparison(
-        base=None if task.settings.base is None else Errors(values=before),
+        base=None if problem.settings.base is None else Errors(values=before),
         network=Errors(values=after),
-        rows=believed,
+        rows=used,
         block=number,
-        cell=cells_of(task.samples.field[believed] - middle),
-        regression=correlation(np.concatenate(outputs), np.concatenate(targets)),
+        cell=cells_of(problem.samples.field[used] - middle),
+        regression=correlate(np.concatenate(outputs), np.concatenate(targets)),
     )
 
 
-def _error(field: Array, wanted: Array) -> Array:
-    """How far fields (n, 3) are from vectors (n, 3), or from magnitudes (n, 1)."""
-    if wanted.shape[1] == 3:
-        return field - wanted
-    return np.asarray(np.linalg.norm(field, axis=1, keepdims=True) - wanted)
-
-
-def _taught(wanted: Array, based: Array) -> Array:
-    """What the base leaves to the network: (n, 3), or (n, 1) of the magnitude."""
-    return -_error(based, wanted)
-
-
-def _added(field: Array, based: Array, wanted: Array) -> Array:
+def _added_by_network(field: Array, based: Array, wanted: Array) -> Array:
     """What the network added, likewise."""
     if wanted.shape[1] == 3:
         return field - based

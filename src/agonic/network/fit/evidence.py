@@ -10,16 +10,16 @@ from agonic.health import Finding, figure, gravest_first, inspect
 from agonic.network.fit.result import WORTH, NetworkFit
 from agonic.samples import Samples
 
-STRAYS_DOUBTFUL = 0.1
+OUTLIERS_DOUBTFUL = 0.1
 FEW_PER_WEIGHT = 5.0
 
 
-def examined(fit: NetworkFit, samples: Samples) -> NetworkFit:
+def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
     """The fit with findings and remarks."""
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_compared(fit),
-        *_strays(fit),
+        *_outliers(fit),
         *_few(fit),
         *_unfinished(fit),
     ]
@@ -41,14 +41,14 @@ def _compared(fit: NetworkFit) -> list[Finding]:
     ]
 
 
-def _strays(fit: NetworkFit) -> list[Finding]:
+def _outliers(fit: NetworkFit) -> list[Finding]:
     share = 1.0 - float((fit.weights[np.isfinite(fit.residuals[:, 0])] > 0).mean())
     if share == 0.0:
         return []
     return [
         Finding(
             "left out in training",
-            "check" if share > STRAYS_DOUBTFUL else "note",
+            "check" if share > OUTLIERS_DOUBTFUL else "note",
             f"{figure(100 * share)} % of the readings stood out and were left out",
             "look for wrong references, and for readings taken while something was switched",
         )

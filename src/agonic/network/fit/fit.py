@@ -10,11 +10,11 @@ from agonic.calibration.network import Network
 from agonic.errors import AgonicError
 from agonic.maths.estimation.marquardt import Stopping
 from agonic.network.fit import evidence
-from agonic.network.fit.cross_validation import compare
-from agonic.network.fit.problem import Task, pose
+from agonic.network.fit.cross_validation import cross_validate
+from agonic.network.fit.problem import Problem, pose_problem
 from agonic.network.fit.result import NetworkFit
 from agonic.network.fit.settings import Base, Settings, Target
-from agonic.network.fit.solve import Part, trained
+from agonic.network.fit.solve import Training, train
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -86,16 +86,16 @@ def fit_network(
         seed=seed,
     )
     if start is not None:
-        settings = _as_started(settings, start)
-    task = pose(samples, reference, settings)
-    part = trained(task, np.flatnonzero(task.rows), start)
-    fit = _fit(task, part)
+        settings = _settings_of_start(settings, start)
+    problem = pose_problem(samples, reference, settings)
+    training = train(problem, np.flatnonzero(problem.rows), start)
+    fit = _fit(problem, training)
     if compared:
-        fit = replace(fit, comparison=compare(task, np.flatnonzero(fit.weights > 0)))
-    return evidence.examined(fit, samples)
+        fit = replace(fit, comparison=cross_validate(problem, np.flatnonzero(fit.weights > 0)))
+    return evidence.examine(fit, samples)
 
 
-def _as_started(settings: Settings, start: Network) -> Settings:
+def _settings_of_start(settings: Settings, start: Network) -> Settings:
     """The settings with what a start decides: base, inputs, hidden nodes, target."""
     if start.held:
         raise AgonicError("a network held at a temperature cannot be trained further")
@@ -108,20 +108,20 @@ def _as_started(settings: Settings, start: Network) -> Settings:
     )
 
 
-def _fit(task: Task, part: Part) -> NetworkFit:
+def _fit(problem: Problem, training: Training) -> NetworkFit:
     """The fit before it is compared and examined; residuals and weights of every row."""
-    n, o = task.wanted.shape
+    n, o = problem.wanted.shape
     residuals, weights = np.full((n, o), np.nan), np.zeros(n)
-    residuals[task.rows], weights[task.rows] = part.residuals, part.weights
+    residuals[problem.rows], weights[problem.rows] = training.residuals, training.weights
     return NetworkFit(
-        calibration=part.calibration,
-        n=int(task.rows.sum()),
+        calibration=training.calibration,
+        n=int(problem.rows.sum()),
         residuals=residuals,
         weights=weights,
-        noise=part.noise.sd,
-        correlation=part.noise.correlation,
-        epochs=part.trained.epochs,
-        effective=part.trained.effective,
-        converged=part.trained.converged,
-        regression=part.regression,
+        noise=training.noise.sd,
+        correlation=training.noise.correlation,
+        epochs=training.trained.epochs,
+        effective=training.trained.effective,
+        converged=training.trained.converged,
+        regression=training.regression,
     )

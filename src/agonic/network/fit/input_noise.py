@@ -11,7 +11,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.thermal import Thermal
 from agonic.maths.estimation.leastsq import robust_scale
-from agonic.network.fit.problem import Task
+from agonic.network.fit.problem import Problem
 
 
 class Scale(NamedTuple):
@@ -35,39 +35,39 @@ class Noiseless(NamedTuple):
     s being the share of e that is the sensor's, sd the standard deviation of the reference.
     """
 
-    task: Task
+    problem: Problem
     rows: Index
     base: Affine | Thermal | None
     field: Array
     scale: Scale
 
     @property
-    def there(self) -> bool:
+    def possible(self) -> bool:
         """Whether readings go in and a base says what noise of the field is in them."""
-        return self.base is not None and "field" in self.task.settings.inputs
+        return self.base is not None and "field" in self.problem.settings.inputs
 
     def x(self, error: Array) -> Array:
         """Scaled inputs (k, i) when the field is off by `error` (k, o), nT."""
-        inputs = self.task.inputs[self.rows].copy()
-        if isinstance(self.base, Affine | Thermal) and "field" in self.task.settings.inputs:
+        inputs = self.problem.inputs[self.rows].copy()
+        if isinstance(self.base, Affine | Thermal) and "field" in self.problem.settings.inputs:
             if error.shape[1] == 1:
                 error = error * self.field / np.linalg.norm(self.field, axis=1, keepdims=True)
-            at = sum(WIDTH[n] for n in self.task.settings.inputs[: self._position])
+            at = sum(WIDTH[n] for n in self.problem.settings.inputs[: self._position])
             inputs[:, at : at + 3] -= self._share(error) * self._back(error)
         return np.asarray((inputs - self.scale.input_middle) / self.scale.input_half)
 
     @property
     def _position(self) -> int:
-        return self.task.settings.inputs.index("field")
+        return self.problem.settings.inputs.index("field")
 
     def _share(self, error: Array) -> float:
         noise = robust_scale(error.ravel())
-        return 1.0 - min((self.task.sd / max(noise, 1e-300)) ** 2, 1.0)
+        return 1.0 - min((self.problem.sd / max(noise, 1e-300)) ** 2, 1.0)
 
     def _back(self, error: Array) -> Array:
         """Errors of the field as errors of the readings, W⁻¹ e."""
         if isinstance(self.base, Thermal):
-            matrix = self.base.matrix_at(self.task.columns["temperature"][self.rows])
+            matrix = self.base.matrix_at(self.problem.columns["temperature"][self.rows])
         else:
             assert self.base is not None
             matrix = self.base.matrix

@@ -14,7 +14,7 @@ from agonic.errors import AgonicError, CoverageError, FrameError, LogError
 from agonic.health import usable_rows
 from agonic.maths.estimation.series import rates
 from agonic.maths.rotations.attitude import rot_nb
-from agonic.network.fit import base as bases
+from agonic.network.fit.base import BaseFit, Ends, fit_magnitudes, fit_vectors
 from agonic.network.fit.settings import Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -25,7 +25,7 @@ PER_WEIGHT = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Task:
+class Problem:
     """Everything that a training needs, of all rows.
 
     `inputs` (n, i) as they are; `columns` beside the readings; `wanted` (n, 3) in the axes of the
@@ -37,28 +37,28 @@ class Task:
     columns: dict[str, Array]
     wanted: Array
     rows: Mask
-    ends: bases.Ends
+    ends: Ends
     source: str
     sd: float
     settings: Settings
 
-    def base(self, rows: Index) -> bases.Based:
+    def fit_base(self, rows: Index) -> BaseFit:
         """The base that was given, or an affine one from some of the rows."""
         given = self.settings.base
         if not isinstance(given, str):
-            return bases.Based(given)
+            return BaseFit(given)
         raw, wanted = self.samples.field[rows], self.wanted[rows]
         if self.settings.target == "vector":
-            return bases.from_vectors(raw, wanted, self.ends, robust=self.settings.robust)
-        return bases.from_magnitudes(
+            return fit_vectors(raw, wanted, self.ends, robust=self.settings.robust)
+        return fit_magnitudes(
             raw, wanted[:, 0], self.ends, robust=self.settings.robust, seed=self.settings.seed
         )
 
-    def beside(self, rows: Index) -> dict[str, Array]:
+    def select_columns(self, rows: Index) -> dict[str, Array]:
         """The columns that inputs and base take, of some of the rows."""
         return {name: values[rows] for name, values in self.columns.items()}
 
-    def based(self, base: Affine | Thermal | None, rows: Index) -> Array:
+    def apply_base(self, base: Affine | Thermal | None, rows: Index) -> Array:
         """The field (n, 3) by the base, or zeros without one."""
         if base is None:
             return np.zeros((len(rows), 3))
@@ -66,26 +66,26 @@ class Task:
         return base.correct(self.samples.field[rows], **needed)
 
 
-def pose(samples: Samples, reference: Reference, settings: Settings) -> Task:
-    """The task that samples and reference set, or a clear error."""
+def pose_problem(samples: Samples, reference: Reference, settings: Settings) -> Problem:
+    """The problem that samples and reference pose, or a clear error."""
     base = settings.base if not isinstance(settings.base, str) else None
     columns = _columns(samples, settings, () if base is None else base.needs)
     if settings.target == "vector":
-        wanted, frame_out = _vectors(samples, reference)
+        wanted, frame_out = find_vectors(samples, reference)
     else:
         wanted = np.array(np.broadcast_to(reference.magnitudes(len(samples)), len(samples)))[
             :, None
         ]
         frame_out = samples.frame if base is None else base.frame_out
-    ends = bases.Ends(samples.name, samples.unit, samples.frame, frame_out, samples.device_id)
+    ends = Ends(samples.name, samples.unit, samples.frame, frame_out, samples.device_id)
     if base is not None:
-        _meet(base, ends)
+        _require_meeting(base, ends)
     rows = usable_rows(samples.field)
     if samples.flagged is not None:
         rows &= samples.flagged == 0
     inputs = stacked(settings.inputs, samples.field, columns)
-    _enough(rows, inputs, settings)
-    return Task(
+    _require_enough(rows, inputs, settings)
+    return Problem(
         samples=samples,
         inputs=inputs,
         columns=columns,
@@ -113,7 +113,14 @@ def _columns(samples: Samples, settings: Settings, needs: tuple[str, ...]) -> di
     return {name: there[name] for name in wanted}
 
 
-def _vectors(samples: Samples, reference: Reference) -> tuple[Array, str]:
+def compute_errors(field: Array, wanted: Array) -> Array:
+    """How far fields (n, 3) are from vectors (n, 3), or from magnitudes (n, 1), nT."""
+    if wanted.shape[1] == 3:
+        return field - wanted
+    return np.asarray(np.linalg.norm(field, axis=1, keepdims=True) - wanted)
+
+
+def find_vectors(samples: Samples, reference: Reference) -> tuple[Array, str]:
     """The known field in axes fixed to the sensor or the body (n, 3), and their letter."""
     n = len(samples)
     if reference.kind != "vector":
@@ -143,7 +150,7 @@ def _vectors(samples: Samples, reference: Reference) -> tuple[Array, str]:
     return np.einsum("nji,nj->ni", rot_nb(known[0], known[1], known[2]), values), "b"
 
 
-def _meet(base: Affine | Thermal, ends: bases.Ends) -> None:
+def _require_meeting(base: Affine | Thermal, ends: Ends) -> None:
     """The base that was given corrects these readings into these axes."""
     if (base.unit_in, base.frame_in) != (ends.unit_in, ends.frame_in):
         raise FrameError(
@@ -160,7 +167,7 @@ def _meet(base: Affine | Thermal, ends: bases.Ends) -> None:
         )
 
 
-def _enough(rows: Mask, inputs: Array, settings: Settings) -> None:
+def _require_enough(rows: Mask, inputs: Array, settings: Settings) -> None:
     outputs = 3 if settings.target == "vector" else 1
     count = settings.hidden * (inputs.shape[1] + 1) + outputs * (settings.hidden + 1)
     needed = max(FEWEST, int(PER_WEIGHT * count))

@@ -57,7 +57,7 @@ class Settings:
             if getattr(self, name) < 1:
                 raise AgonicError(f"{name} is {getattr(self, name)}; it must be at least 1")
 
-    def recorded(self) -> Mapping[str, Any]:
+    def to_record(self) -> Mapping[str, Any]:
         """The settings for the provenance."""
         base = self.base if isinstance(self.base, str | None) else self.base.kind
         return {

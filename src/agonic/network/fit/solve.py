@@ -18,9 +18,10 @@ from agonic.maths.estimation import domain, marquardt
 from agonic.maths.estimation.domain import shared
 from agonic.maths.estimation.leastsq import correlation_length, robust_scale
 from agonic.maths.estimation.noise import Noise, noise_of
-from agonic.network.fit.base import Based
+from agonic.network.fit.base import BaseFit
 from agonic.network.fit.input_noise import Noiseless, Scale
-from agonic.network.fit.problem import Task
+from agonic.network.fit.problem import Problem, compute_errors
+from agonic.network.maths.blocks import hold_out
 from agonic.provenance import Provenance
 
 CENTRES = 64
@@ -29,15 +30,13 @@ LEAST_REACH = 0.1
 """Readings that lie on a curve are close together; the network holds a little beside it, too."""
 ROOM = 1.25
 """The longest correction, over the longest that training saw."""
-BLOCKS = 20
-"""Blocks of time; in early stopping every fifth is held out."""
 _GROSS = 12.0
 _LASTING = 1.5  # readings that count as one, from which on it is looked into
 _LEAST_PER_WEIGHT = 3.0  # residuals that count, so that the evidence has something to go by
 _ROUNDS = 4
 
 
-class Part(NamedTuple):
+class Training(NamedTuple):
     """A network trained on some of the rows, what it leaves there, and how it went."""
 
     calibration: Network
@@ -48,47 +47,44 @@ class Part(NamedTuple):
     regression: float
 
 
-def trained(task: Task, rows: Index, start: Network | None = None) -> Part:
+def train(problem: Problem, rows: Index, start: Network | None = None) -> Training:
     """The network of some of the rows; from `start` its base, scales and weights are taken."""
-    settings = task.settings
-    base, base_noise = task.base(rows) if start is None else Based(start.base)
-    field = task.based(base, rows)
-    target = task.wanted[rows] - (field if settings.target == "vector" else _length(field))
-    believed = _believed(target, settings.robust)
-    scale = _scale(task, rows[believed], target[believed]) if start is None else _scale_of(start)
-    problem = marquardt.Problem(
-        x=(task.inputs[rows] - scale.input_middle) / scale.input_half,
+    settings = problem.settings
+    base, base_noise = problem.fit_base(rows) if start is None else BaseFit(start.base)
+    field = problem.apply_base(base, rows)
+    target = -compute_errors(field, problem.wanted[rows])
+    used = _select_near(target, settings.robust)
+    scale = _find_scale(problem, rows[used], target[used]) if start is None else _scale_from(start)
+    scaled = marquardt.Problem(
+        x=(problem.inputs[rows] - scale.input_middle) / scale.input_half,
         target=(target - scale.output_middle) / scale.output_half,
         hidden=settings.hidden,
-        weight=None if believed.all() else believed.astype(np.float64),
+        weight=None if used.all() else used.astype(np.float64),
     )
-    noiseless = Noiseless(task, rows, base, field, scale)
-    found, noise, problem = _repeated(
-        problem, task, noiseless, None if start is None else start.weights
+    noiseless = Noiseless(problem, rows, base, field, scale)
+    found, noise, scaled = _train_until_settled(
+        scaled, problem, noiseless, None if start is None else start.weights
     )
-    outputs = network.forward(*network.split(found.weights, problem.shape), problem.x)
-    weights = np.ones(len(rows)) if problem.weight is None else problem.weight
-    calibration = _network(task, base, scale, found, noise, problem, outputs, target, weights)
+    outputs = network.forward(*network.split(found.weights, scaled.shape), scaled.x)
+    weights = np.ones(len(rows)) if scaled.weight is None else scaled.weight
+    calibration = _network(problem, base, scale, found, noise, scaled, outputs, target, weights)
+    unmodelled = _estimate_unmodelled(scaled, outputs, weights > 0, noise, found)
     calibration = replace(
         calibration,
-        unmodelled=scale.output_half * _unmodelled(problem, outputs, weights > 0, noise, found),
-        base_sd_ratio=1.0 if base_noise is None else _ratio(calibration, noise, base_noise),
+        unmodelled=scale.output_half * unmodelled,
+        base_sd_ratio=1.0 if base_noise is None else _sd_ratio(calibration, noise, base_noise),
     )
-    return Part(
+    return Training(
         calibration=calibration,
         trained=found,
         noise=noise._replace(sd=noise.sd * scale.output_half),
-        residuals=(outputs - problem.target) * scale.output_half,
+        residuals=(outputs - scaled.target) * scale.output_half,
         weights=weights,
-        regression=correlation(outputs[weights > 0], problem.target[weights > 0]),
+        regression=correlate(outputs[weights > 0], scaled.target[weights > 0]),
     )
 
 
-def _length(field: Array) -> Array:
-    return np.asarray(np.linalg.norm(field, axis=1, keepdims=True))
-
-
-def _believed(target: Array, robust: bool) -> Mask:
+def _select_near(target: Array, robust: bool) -> Mask:
     """Rows that are not gross: a network bends to what an affine leaves, but not to anything."""
     size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
     if not robust:
@@ -96,12 +92,12 @@ def _believed(target: Array, robust: bool) -> Mask:
     return np.asarray(size <= _GROSS * max(robust_scale(size), 1e-300))
 
 
-def _scale(task: Task, rows: Index, target: Array) -> Scale:
+def _find_scale(problem: Problem, rows: Index, target: Array) -> Scale:
     """Scales from the rows; one for the three axes of a vector, so that distances keep meaning."""
-    inputs = task.inputs[rows]
+    inputs = problem.inputs[rows]
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     half, at = (high - low) / 2, 0
-    for name in task.settings.inputs:
+    for name in problem.settings.inputs:
         own = slice(at, at + WIDTH[name])
         half[own] = half[own].max()
         at += WIDTH[name]
@@ -110,43 +106,34 @@ def _scale(task: Task, rows: Index, target: Array) -> Scale:
     return Scale((low + high) / 2, half, (least + most) / 2, whole or 1.0)
 
 
-def _scale_of(start: Network) -> Scale:
+def _scale_from(start: Network) -> Scale:
     return Scale(start.input_middle, start.input_half, start.output_middle, start.output_half)
 
 
-def blocks(n: int, count: int = BLOCKS) -> Index:
-    """The number of the block of time that each of n rows in order is in."""
-    return np.asarray(np.arange(n) * count // max(n, 1), dtype=np.intp)
-
-
-def _held(n: int) -> Mask:
-    return np.asarray(blocks(n) % 5 == 2)
-
-
-def _repeated(
-    problem: marquardt.Problem, task: Task, noiseless: Noiseless, warm: Array | None
+def _train_until_settled(
+    scaled: marquardt.Problem, problem: Problem, noiseless: Noiseless, warm: Array | None
 ) -> tuple[marquardt.Trained, Noise, marquardt.Problem]:
-    """Trained until the weights of rows, and how many count as one, are what they were taken for.
+    """Train until the weights of rows, and their correlation, are what they were taken for.
 
     Rows that stand out lose their weight, and any may have it back; inputs lose their noise.
-    Returns the problem with its inputs as they are.
+    Returns the scaled problem with its inputs as they are.
     """
-    settings, x, size = task.settings, problem.x, noiseless.scale.output_half
-    held = _held(len(x)) if settings.stopping == "early" else np.zeros(len(x), dtype=bool)
+    settings, x, size = problem.settings, scaled.x, noiseless.scale.output_half
+    held = hold_out(len(x)) if settings.stopping == "early" else np.zeros(len(x), dtype=bool)
     seen, unseen = np.flatnonzero(~held), np.flatnonzero(held)
-    error = -(noiseless.scale.output_middle + size * problem.target)
+    error = -(noiseless.scale.output_middle + size * scaled.target)
     epochs: tuple[marquardt.Epoch, ...] = ()
-    start, ridge, twice = warm, None, noiseless.there
+    start, ridge, twice = warm, None, noiseless.possible
     for _ in range(_ROUNDS):
-        calm = problem._replace(x=noiseless.x(error))
-        part = calm.subset(seen) if held.any() else calm
+        calm = scaled._replace(x=noiseless.x(error))
+        shown = calm.subset(seen) if held.any() else calm
         other = calm.subset(unseen) if held.any() else None
         if start is None:
             start = marquardt.starts(
-                part, seed=settings.seed, restarts=settings.restarts, held_out=other
+                shown, seed=settings.seed, restarts=settings.restarts, held_out=other
             )
         found = marquardt.train(
-            part,
+            shown,
             start,
             stopping=settings.stopping,
             ridge=ridge,
@@ -154,23 +141,23 @@ def _repeated(
             most_epochs=settings.most_epochs,
         )
         epochs += found.epochs
-        left = network.forward(*network.split(found.weights, problem.shape), x) - problem.target
+        left = network.forward(*network.split(found.weights, scaled.shape), x) - scaled.target
         error = size * left
-        noise, weight = _noise(left, problem, found.weights, settings.robust)
-        before = np.ones(len(weight)) if problem.weight is None else problem.weight
+        noise, weight = _estimate_noise(left, scaled, found.weights, settings.robust)
+        before = np.ones(len(weight)) if scaled.weight is None else scaled.weight
         same = np.abs(weight - before).max() < 0.1
-        if same and not twice and abs(noise.correlation / problem.correlation - 1) < 0.2:
+        if same and not twice and abs(noise.correlation / scaled.correlation - 1) < 0.2:
             break
         twice = False
-        problem = problem._replace(
+        scaled = scaled._replace(
             weight=None if (weight == 1.0).all() else weight, correlation=noise.correlation
         )
         start, ridge = found.weights, found.ridge if settings.stopping == "bayesian" else None
-    return found._replace(epochs=epochs), noise, problem
+    return found._replace(epochs=epochs), noise, scaled
 
 
-def _noise(
-    left: Array, problem: marquardt.Problem, weights: Array, robust: bool
+def _estimate_noise(
+    left: Array, scaled: marquardt.Problem, weights: Array, robust: bool
 ) -> tuple[Noise, Array]:
     """The noise of what is left (k, o), axis after axis, and the weight of each row.
 
@@ -180,8 +167,8 @@ def _noise(
     noise = noise_of(left.T.ravel(), robust, len(weights))
     weight = np.asarray(noise.loss.weight((left / noise.sd) ** 2).min(axis=1))
     if noise.correlation > _LASTING:
-        hidden, _ = network.split(weights, problem.shape)
-        active = network.activity(hidden, problem.x)
+        hidden, _ = network.split(weights, scaled.shape)
+        active = network.activity(hidden, scaled.x)
         active -= active.mean(axis=0)
         lengths = [
             correlation_length(left[:, k] * column, weight)
@@ -193,8 +180,8 @@ def _noise(
     return noise, weight
 
 
-def _unmodelled(
-    problem: marquardt.Problem,
+def _estimate_unmodelled(
+    scaled: marquardt.Problem,
     outputs: Array,
     kept: Mask,
     noise: Noise,
@@ -204,20 +191,20 @@ def _unmodelled(
 
     A fit takes off sd² (weights determined)/(residuals) of what neighbours share, even of noise.
     """
-    left = (outputs - problem.target)[kept]
+    left = (outputs - scaled.target)[kept]
     taken = noise.sd**2 * found.effective * noise.correlation / left.size
-    found_square, error = shared(left, problem.x[kept])
+    found_square, error = shared(left, scaled.x[kept])
     square = found_square + taken
     return float(np.sqrt(square)) if square > error else 0.0
 
 
-def _ratio(made: Network, noise: Noise, base_noise: float) -> float:
+def _sd_ratio(made: Network, noise: Noise, base_noise: float) -> float:
     """Standard errors of the base with the noise that the network leaves, over its own."""
     assert made.noise is not None
     return min(1.0, made.noise * float(np.sqrt(noise.correlation)) / max(base_noise, 1e-300))
 
 
-def correlation(outputs: Array, targets: Array) -> float:
+def correlate(outputs: Array, targets: Array) -> float:
     """R between outputs and targets, all components together (the paper's coefficient)."""
     a, b = outputs.ravel(), targets.ravel()
     a, b = a - a.mean(), b - b.mean()
@@ -226,27 +213,27 @@ def correlation(outputs: Array, targets: Array) -> float:
 
 
 def _network(
-    task: Task,
+    problem: Problem,
     base: Affine | Thermal | None,
     scale: Scale,
     found: marquardt.Trained,
     noise: Noise,
-    problem: marquardt.Problem,
+    scaled: marquardt.Problem,
     outputs: Array,
     target: Array,
     weights: Array,
 ) -> Network:
     """The calibration, with where it holds."""
     kept = weights > 0
-    hidden, output = network.split(found.weights, problem.shape)
-    centres, reach = domain.cover(problem.x[kept], CENTRES)
+    hidden, output = network.split(found.weights, scaled.shape)
+    centres, reach = domain.cover(scaled.x[kept], CENTRES)
     added = scale.output_middle + scale.output_half * outputs[kept]
     longest = float(np.linalg.norm(added, axis=1).max())
-    samples, wanted = task.samples, task.wanted
+    samples, wanted = problem.samples, problem.wanted
     misfit = target[kept] if base is not None else target[kept] - target[kept].mean(axis=0)
     return Network(
         base=base,
-        inputs=task.settings.inputs,
+        inputs=problem.settings.inputs,
         **scale._asdict(),
         hidden=hidden,
         output=output,
@@ -260,9 +247,9 @@ def _network(
         validity=Validity.of(samples),
         provenance=Provenance(
             inputs=(samples.origin,),
-            settings={"reference": task.source, **task.settings.recorded()},
+            settings={"reference": problem.source, **problem.settings.to_record()},
             method=("wang-sheng-he-cheng-2020", "foresee-hagan-1997", "nguyen-widrow-1990"),
         ),
         unit_out="nT",
-        **task.ends._asdict(),
+        **problem.ends._asdict(),
     )

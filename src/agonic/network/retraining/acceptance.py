@@ -18,8 +18,6 @@ OUTLIERS = 0.1
 """Share of readings that fit nothing, from which on a window is not believed."""
 OUTLIER = 6.0
 """Standard deviations from which on a reading is a stray."""
-BLOCKS = 20
-"""Blocks of time in a window; every fifth is held out."""
 STUCK = 0.1
 """A reading that stays the same for so much of a window is that of a stuck sensor."""
 _FEWEST_STUCK = 20
@@ -45,15 +43,6 @@ class Unseen(NamedTuple):
     moves: float
     strength: float
     noise: float | None
-
-
-def hold_out(n: int) -> Mask:
-    """The rows (n,) that no candidate is trained on: every fifth block of time.
-
-    >>> hold_out(20).astype(int).tolist()
-    [0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0]
-    """
-    return np.asarray(np.arange(n) * BLOCKS // max(n, 1) % 5 == 2)
 
 
 def find_stuck(window: Window) -> str:

@@ -18,6 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
+from agonic.network.fit.problem import compute_errors
 from agonic.network.retraining.model_change import can_move, move
 from agonic.network.retraining.problem import to_samples
 
@@ -102,13 +103,6 @@ def correct(running: Running | None, rows: Window) -> Array:
     if isinstance(running, Network):
         return running.evaluated(rows.raw, beside)[0]
     return running.correct(rows.raw, **beside)
-
-
-def compute_errors(field: Array, wanted: Array) -> Array:
-    """How far fields (k, 3) are from vectors (k, 3), or from magnitudes (k, 1)."""
-    if wanted.shape[1] == 3:
-        return field - wanted
-    return np.asarray(np.linalg.norm(field, axis=1, keepdims=True) - wanted)
 
 
 def _fit(

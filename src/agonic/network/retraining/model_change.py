@@ -25,9 +25,9 @@ from agonic.calibration.network import Network
 from agonic.calibration.retraining import Running, Window
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import noise_of
+from agonic.maths.estimation.noise import Noise
+from agonic.network.maths.robust import solve_with_noise
 
-_ROUNDS = 6
 # entries of P that are one: six symmetric ones and the constants, as a magnitude shows no turn
 _SYMMETRIC = ([0], [5], [10], [1, 4], [2, 8], [6, 9], [3], [7], [11])
 
@@ -69,7 +69,7 @@ def move(
     base = running.base if isinstance(running, Network) else running
     assert isinstance(base, Affine)
     covariance = basis @ solution.covariance @ basis.T
-    base = _compose(base, basis @ solution.params, covariance, strength, noise)
+    base = _compose(base, basis @ solution.params, covariance, strength, noise.sd)
     return replace(running, base=base) if isinstance(running, Network) else base
 
 
@@ -102,8 +102,8 @@ def _pieces(u: Array, x: Array, wanted: Array, basis: Array) -> leastsq.Pieces:
 
 def _solve(
     pieces: leastsq.Pieces, basis: Array, strength: float, bias_sd: float, matrix_sd: float
-) -> tuple[leastsq.Solution, float]:
-    """The move, and the noise of a residual; robust, its noise and correlation found on the way."""
+) -> tuple[leastsq.Solution, Noise]:
+    """The step, and the noise of a residual."""
     sds = basis.T @ np.tile(strength * np.array([*[matrix_sd] * 3, bias_sd]), 3)
     sds /= basis.sum(axis=0)
     zero = np.zeros(len(sds))
@@ -113,22 +113,7 @@ def _solve(
 
     first = np.concatenate([residual for residual, _ in pieces(zero)])
     scale = max(leastsq.robust_scale(first), 1e-6)
-    solution = leastsq.solve(pieces, zero, scale=scale, prior=prior)
-    noise = noise_of(solution.residuals, True, len(zero))
-    for _ in range(_ROUNDS):
-        solution = leastsq.solve(
-            pieces,
-            solution.params,
-            scale=noise.sd,
-            loss=noise.loss,
-            prior=prior,
-            correlation=noise.correlation,
-        )
-        found = noise_of(solution.residuals, True, len(zero))
-        if found.settled(noise):
-            break
-        noise = found
-    return solution, noise.sd
+    return solve_with_noise(pieces, zero, scale=scale, prior=prior)
 
 
 def _compose(

@@ -19,18 +19,19 @@ from agonic.calibration.retraining import (
 from agonic.errors import AgonicError
 from agonic.health import Finding, Judged, figure, sentences
 from agonic.maths.estimation import cusum
+from agonic.network.fit.problem import compute_errors
+from agonic.network.maths.blocks import hold_out
 from agonic.network.retraining import acceptance, schedule
 from agonic.network.retraining.acceptance import Judgement, Unseen
 from agonic.network.retraining.candidates import (
     Candidate,
     adapt,
-    compute_errors,
     correct,
     train_candidates,
 )
 from agonic.network.retraining.evidence import list_findings
 from agonic.network.retraining.files import load_retrainer, save_retrainer
-from agonic.network.retraining.problem import collect_rows, match_samples
+from agonic.network.retraining.problem import take_samples
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -100,8 +101,7 @@ class Retrainer(Judged):
         Raises `LogError` without times or columns, `UnitError` and `FrameError` where samples and
         reference do not meet the calibration, `AgonicError` where they are not later.
         """
-        state = match_samples(self.state, self.params, samples, reference)
-        rows = collect_rows(state, self.params, samples, reference)
+        state, rows = take_samples(self.state, self.params, samples, reference)
         if state.n == 0 and len(rows):
             fresh_state = replace(state, epoch=samples.epoch)
             state = schedule.begin(fresh_state, self.params, float(rows.time[0]))
@@ -182,7 +182,7 @@ class Retrainer(Judged):
         if verdict.accepted and chosen is not None:
             state = replace(state, running=chosen.calibration)
         state = schedule.close_retraining(state, self.params, done)
-        unseen = rows.select(acceptance.hold_out(len(rows)))
+        unseen = rows.select(hold_out(len(rows)))
         told = not verdict.poisoned and (verdict.accepted or done.onset is None)
         if told and (state.noise is None or len(unseen) >= ENOUGH):
             left = compute_errors(correct(state.running, unseen), unseen.wanted)
@@ -197,7 +197,7 @@ class Retrainer(Judged):
         wrong = acceptance.find_stuck(rows)
         if wrong:
             return Judgement(False, wrong, True), None
-        out = acceptance.hold_out(len(rows))
+        out = hold_out(len(rows))
         unseen = rows.select(out)
         whole = state.onset is None and schedule.is_full(state, params)
         try:
