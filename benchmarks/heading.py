@@ -77,7 +77,7 @@ def kernel(samples: Samples) -> None:
     assert pitch is not None
     for start in range(0, len(samples), PIECE):
         rows = slice(start, start + PIECE)
-        tilt.heading_deg(samples.field[rows], tilt.of_angles(roll[rows], pitch[rows]))
+        tilt.heading_deg(samples.field[rows], tilt.tilt_from_angles(roll[rows], pitch[rows]))
 
 
 def vectors(samples: Samples) -> None:
@@ -86,7 +86,7 @@ def vectors(samples: Samples) -> None:
     assert force is not None
     for start in range(0, len(samples), PIECE):
         rows = slice(start, start + PIECE)
-        tilt.heading_by_vectors_deg(samples.field[rows], tilt.down_of_force(force[rows]))
+        tilt.heading_by_vectors_deg(samples.field[rows], tilt.down_from_force(force[rows]))
 
 
 def main() -> None:

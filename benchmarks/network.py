@@ -155,7 +155,7 @@ def compared(draws: int, quick: bool) -> list[tuple[str, ...]]:
     found: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for seed in range(draws):
         for task in tasks(seed, quick):
-            start = network.random_weights(np.random.default_rng(seed), task.problem.shape)
+            start = network.draw_weights(np.random.default_rng(seed), task.problem.shape)
             for name, train in trainers().items():
                 tables.progress(f"network: {task.name}, {name}, draw {seed + 1}")
                 if train is None:

@@ -4,14 +4,14 @@ import re
 
 import pytest
 
-from agonic.citations import CITATIONS, citation
+from agonic.citations import CITATIONS, find_citation
 from agonic.errors import AgonicError
 
 
 def test_every_reference_names_the_authors_and_the_year_of_its_key():
     for key in CITATIONS:
         *authors, year = key.split("-")
-        plain = citation(key).replace(" ", "").lower()
+        plain = find_citation(key).replace(" ", "").lower()
         assert year in plain
         assert all(author in plain for author in authors), key
 
@@ -23,4 +23,4 @@ def test_every_reference_can_be_looked_up():
 
 def test_an_unknown_key_names_the_known_ones():
     with pytest.raises(AgonicError, match=r"no citation 'newton-1687'.*huber-1981"):
-        citation("newton-1687")
+        find_citation("newton-1687")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.coverage import cover, turns
+from agonic.coverage import cover, describe_missing_orientations
 from agonic.maths.equation.coverage import icosphere
 
 ALL_SEEN = np.full(80, 10)
@@ -45,6 +45,6 @@ def test_what_was_not_seen_is_to_be_turned_to() -> None:
 
 
 def test_turns_in_words() -> None:
-    assert turns(["+x", "−x", "+z"]).endswith(
+    assert describe_missing_orientations(["+x", "−x", "+z"]).endswith(
         "along +x, −x and +z (field never within 40° of them)"
     )

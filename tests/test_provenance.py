@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 import agonic as ag
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 
 
 def test_a_file_is_known_by_its_bytes(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(b"time_s,mag_x_nT\n" * 100_000)
-    assert sha256_of(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert hash_file(path) == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def test_an_array_is_known_by_its_numbers_not_its_layout() -> None:

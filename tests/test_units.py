@@ -3,7 +3,7 @@
 import pytest
 
 import agonic as ag
-from agonic.units import NANOTESLA_PER, canonical, nanotesla_per
+from agonic.units import NANOTESLA_PER, find_unit, nanotesla_per
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ from agonic.units import NANOTESLA_PER, canonical, nanotesla_per
     ],
 )
 def test_spellings(spelling: str, unit: str, factor: float) -> None:
-    assert canonical(spelling) == unit
+    assert find_unit(spelling) == unit
     assert nanotesla_per(spelling) == factor
 
 
@@ -45,4 +45,4 @@ def test_one_field_in_every_unit() -> None:
 @pytest.mark.parametrize("unit", ["", "V", "Am", "furlong", "MT"])
 def test_other_words_are_refused_with_those_that_are_known(unit: str) -> None:
     with pytest.raises(ag.UnitError, match=r"is not known; use one of nT, uT, mT, T, G, mG or raw"):
-        canonical(unit)
+        find_unit(unit)

@@ -107,12 +107,12 @@ CITATIONS: dict[str, str] = {
 """Full references by the key that `Provenance.method` holds."""
 
 
-def citation(key: str) -> str:
+def find_citation(key: str) -> str:
     """The full reference of a method key.
 
     Raises `AgonicError` for a key that is not in the bibliography.
 
-    >>> citation("huber-1981")
+    >>> find_citation("huber-1981")
     'P. J. Huber: Robust Statistics. Wiley, New York, 1981. doi:10.1002/0471725250'
     """
     if key not in CITATIONS:

@@ -53,16 +53,16 @@ def cover(
             kernel.heading_sd_deg(inclination_deg, magnitude, matrix, covariance, gauge)
         ),
         inclination_deg=inclination_deg,
-        turns=turns(kernel.missing_axes(cells)),
+        turns=describe_missing_orientations(kernel.find_missing_axes(cells)),
     )
 
 
-def turns(missing: list[str]) -> str:
+def describe_missing_orientations(missing: list[str]) -> str:
     """The turns that would bring the field along the axes it was never seen near.
 
-    >>> turns(["−z"])
+    >>> describe_missing_orientations(["−z"])
     'turn the sensor until the field points along −z (field never within 40° of it)'
-    >>> turns([])
+    >>> describe_missing_orientations([])
     ''
     """
     if not missing:

@@ -23,7 +23,7 @@ class Input:
     count: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", as_text(self.name))
+        object.__setattr__(self, "name", escape_text(self.name))
 
     @classmethod
     def of_array(cls, name: str, array: np.ndarray[Any, Any]) -> Input:
@@ -32,16 +32,16 @@ class Input:
         return cls(name=name, sha256=hashlib.sha256(data.tobytes()).hexdigest(), count=len(data))
 
 
-def as_text(name: str) -> str:
+def escape_text(name: str) -> str:
     r"""A name that can be written: bytes of a file's name that are no UTF-8 stand as escapes.
 
-    >>> as_text("caf\udce9.csv"), as_text("café.csv")
+    >>> escape_text("caf\udce9.csv"), escape_text("café.csv")
     ('caf\\udce9.csv', 'café.csv')
     """
     return name.encode("utf-8", "backslashreplace").decode()
 
 
-def sha256_of(path: Path) -> str:
+def hash_file(path: Path) -> str:
     """The SHA-256 of a file, read in pieces."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.errors import FrameError, LogError, UnitError
 from agonic.provenance import Input
-from agonic.units import RAW, canonical, nanotesla_per
+from agonic.units import RAW, find_unit, nanotesla_per
 
 VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
@@ -141,7 +141,7 @@ class Samples:
             self._put("field", _frozen(self.field * factor))
             if self.second is not None:
                 self._put("second", _frozen(self.second * factor))
-        self._put("unit", RAW if canonical(self.unit) == RAW else "nT")
+        self._put("unit", RAW if find_unit(self.unit) == RAW else "nT")
 
     def _put(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)

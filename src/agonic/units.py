@@ -49,10 +49,10 @@ _SPELLINGS = {
 }
 
 
-def canonical(unit: str) -> str:
+def find_unit(unit: str) -> str:
     """The one spelling of a field unit; "mT" and "MT" are told apart by case, the rest is not.
 
-    >>> canonical("µT"), canonical("Gauss"), canonical("counts")
+    >>> find_unit("µT"), find_unit("Gauss"), find_unit("counts")
     ('uT', 'G', 'raw')
     """
     text = unit.strip()
@@ -72,5 +72,5 @@ def nanotesla_per(unit: str) -> float:
     >>> nanotesla_per("mG")
     100.0
     """
-    name = canonical(unit)
+    name = find_unit(unit)
     return 1.0 if name == RAW else NANOTESLA_PER[name]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration, apply
 from agonic.maths.estimation.leastsq import robust_scale
-from agonic.maths.rotations.angles import angle_deg, wrapped_deg
+from agonic.maths.rotations.angles import angle_deg, wrap_deg
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.reference import Reference
@@ -206,7 +206,7 @@ def _attitude_checks(
     if samples.heading_deg is not None and reference.kind == "vector":
         east, north = reference.values[:, 1], reference.values[:, 0]
         true = heading_by_vectors_deg(field, down) + np.degrees(np.arctan2(east, north))
-        difference = wrapped_deg(true - samples.heading_deg)
+        difference = wrap_deg(true - samples.heading_deg)
         checks.append(_heading_check(difference[rows], samples.heading_estimated))
     return checks
 

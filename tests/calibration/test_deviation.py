@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from agonic.calibration.deviation import Deviation, east_west, heading_name
+from agonic.calibration.deviation import Deviation, format_east_west, name_heading
 from agonic.errors import AgonicError
 
 CARD = Deviation(
@@ -65,11 +65,11 @@ def test_coefficients_are_five_finite_numbers(wrong) -> None:
 
 
 def test_words() -> None:
-    assert [heading_name(h) for h in (0.0, 22.5, 100.0, 315.0)] == [
+    assert [name_heading(h) for h in (0.0, 22.5, 100.0, 315.0)] == [
         "000° N",
         "022.5° NNE",
         "100°",
         "315° NW",
     ]
-    assert [east_west(d) for d in (0.04, 0.06, -12.34)] == ["0.0°", "0.1° E", "12.3° W"]
+    assert [format_east_west(d) for d in (0.04, 0.06, -12.34)] == ["0.0°", "0.1° E", "12.3° W"]
     assert "+8.000 cos(compass)" in CARD.equation

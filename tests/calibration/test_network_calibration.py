@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.calibration.base import apply
-from agonic.calibration.inputs import signals, stacked
+from agonic.calibration.inputs import signals, stack_inputs
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
 from agonic.maths.equation import network as kernel
@@ -197,7 +197,7 @@ def test_samples_bring_their_columns():
 
 
 def test_inputs_are_stacked_in_their_order():
-    rows = stacked(("temperature", "field"), [[1.0, 2.0, 3.0]], {"temperature": [9.0]})
+    rows = stack_inputs(("temperature", "field"), [[1.0, 2.0, 3.0]], {"temperature": [9.0]})
     assert rows.tolist() == [[9.0, 1.0, 2.0, 3.0]]
     assert signals(("temperature", "field"))[0] == "temperature"
     with pytest.raises(AgonicError, match="needs temperature"):

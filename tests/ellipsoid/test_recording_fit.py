@@ -268,10 +268,15 @@ def test_commands_read_a_long_table_piece_by_piece(write, tmp_path, monkeypatch,
 
 def test_batches_see_only_what_lasts() -> None:
     rng = np.random.default_rng(5)
-    told = [batch_scores.scatter(rng.normal(size=(2000, 9)), 2000 * np.eye(9)) for _ in range(200)]
+    told = [
+        batch_scores.compute_scatter(rng.normal(size=(2000, 9)), 2000 * np.eye(9))
+        for _ in range(200)
+    ]
     assert np.mean([one.correlation > 1 for one in told]) < 0.02
     breaks = [
-        batch_scores.find_break(rng.normal(size=(2000, 9)), 2000 * np.eye(9), 2000 * np.eye(9))
+        batch_scores.find_change_point(
+            rng.normal(size=(2000, 9)), 2000 * np.eye(9), 2000 * np.eye(9)
+        )
         for _ in range(200)
     ]
     assert max(one.significance for one in breaks if one is not None) < 50

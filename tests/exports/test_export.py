@@ -20,7 +20,7 @@ from agonic.exports.convert import banner, float32_text, in_frame, reduced, symm
 from agonic.exports.px4 import px4_parameters
 from agonic.exports.targets import TARGETS
 from agonic.files.calibration import save
-from agonic.provenance import Input, Provenance, sha256_of
+from agonic.provenance import Input, Provenance, hash_file
 from tests.exports.read_back import (
     apply_ardupilot,
     apply_c,
@@ -178,7 +178,7 @@ def test_comments_carry_equation_origin_and_warnings(name, tmp_path):
 
 def test_the_hash_in_a_comment_is_that_of_the_calibration_file(tmp_path):
     calibration = random_affine(5, "turned")
-    digest = sha256_of(save(calibration, tmp_path / "mag.json"))
+    digest = hash_file(save(calibration, tmp_path / "mag.json"))
     assert any(digest in line for line in banner(calibration, ""))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from agonic.field.model import Model
 from agonic.field.published import igrf, wmm, wmmhr
-from agonic.provenance import sha256_of
+from agonic.provenance import hash_file
 
 DATA = Path(str(files("agonic.field"))) / "data"
 NT = 1e-3
@@ -51,7 +51,7 @@ def test_files_are_those_named_in_the_source_list() -> None:
     listed = dict(
         re.findall(r"^\| (\S+) \| ([0-9a-f]{64}) \|$", (DATA / "SOURCE.md").read_text(), re.M)
     )
-    shipped = {path.name: sha256_of(path) for path in DATA.iterdir() if path.name != "SOURCE.md"}
+    shipped = {path.name: hash_file(path) for path in DATA.iterdir() if path.name != "SOURCE.md"}
     assert shipped == listed
     assert len(shipped) == 3
 

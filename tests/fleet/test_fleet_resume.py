@@ -96,7 +96,7 @@ def test_finished_logs_are_not_read_again(fleet: Path, tmp_path: Path, monkeypat
     def never(*_: object, **__: object) -> None:
         raise AssertionError("read again")
 
-    monkeypatch.setattr("agonic.fleet.run.sha256_of", never)
+    monkeypatch.setattr("agonic.fleet.run.hash_file", never)
     monkeypatch.setattr("agonic.fleet.run.calibrate_log", never)
     again = run_here(fleet / "logs", out=out)
     assert (again.calibrated, again.resumed) == (0, len(first.population))

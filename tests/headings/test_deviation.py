@@ -11,7 +11,7 @@ from scipy.stats import t as student
 import agonic as ag
 from agonic.errors import AgonicError, CoverageError
 from agonic.headings.deviation import fit_deviation, plan_swing
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.deviation import basis
 
 ROSE = np.arange(0, 360, 45.0)
@@ -246,8 +246,8 @@ def test_a_real_quadrotor(recordings: Path) -> None:
         if verdict == "refused":
             assert "does not determine A to E; steer also" in fit.status
             continue
-        before = wrapped_deg(magnetic - compass)[~taught]
+        before = wrap_deg(magnetic - compass)[~taught]
         after = before - fit.calibration.at(compass)[~taught]
         assert fit.correlation > 5
         assert np.sqrt(np.mean(before**2)) > 20
-        assert np.sqrt(np.mean(wrapped_deg(after) ** 2)) < 5.5
+        assert np.sqrt(np.mean(wrap_deg(after) ** 2)) < 5.5

@@ -7,7 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.ellipsoid import against_gravity, fit_ellipsoid
-from agonic.health import misnamed
+from agonic.health import check_axes
 from agonic.maths.rotations.mounting import right_angles, vertical_misfit
 from agonic.simulation import simulate, simulate_vehicle
 
@@ -47,7 +47,7 @@ def tumbled() -> tuple[ag.Samples, np.ndarray]:
 def test_every_wrong_naming_is_told_and_undone(tumbled, number: int) -> None:
     samples, field = tumbled
     naming = NAMINGS[number]
-    found = misnamed(field @ naming.T, samples.acceleration, 50_000.0, upwards=False)
+    found = check_axes(field @ naming.T, samples.acceleration, 50_000.0, upwards=False)
     if np.array_equal(naming, -np.eye(3)):  # only the sign of the vertical field differs
         assert found is None
         return
@@ -120,9 +120,9 @@ def test_no_alarm_where_the_vehicle_manoeuvres() -> None:
 def test_no_alarm_where_the_turning_does_not_determine_it() -> None:
     for naming in NAMINGS[::5]:
         level = renamed_log(recorded("circle", 2, tilt_deg=1.0), naming)
-        assert misnamed(level.field, level.acceleration, 50_000.0) is None
+        assert check_axes(level.field, level.acceleration, 50_000.0) is None
     still = recorded("static", 0)
-    assert misnamed(still.field, still.acceleration, 50_000.0) is None
+    assert check_axes(still.field, still.acceleration, 50_000.0) is None
 
 
 def test_no_alarm_where_acceleration_is_not_gravity(tumbled) -> None:
@@ -131,9 +131,9 @@ def test_no_alarm_where_acceleration_is_not_gravity(tumbled) -> None:
     other = rng.normal(size=field.shape)
     other *= 9.8 / np.linalg.norm(other, axis=1, keepdims=True)
     exchanged = field[:, [1, 0, 2]]
-    assert misnamed(exchanged, other, 50_000.0) is None  # of another body
-    assert misnamed(exchanged, 0.1 * samples.acceleration, 50_000.0) is None  # gravity taken out
-    assert misnamed(exchanged, samples.acceleration, 50_000.0) is not None
+    assert check_axes(exchanged, other, 50_000.0) is None  # of another body
+    assert check_axes(exchanged, 0.1 * samples.acceleration, 50_000.0) is None  # gravity taken out
+    assert check_axes(exchanged, samples.acceleration, 50_000.0) is not None
 
 
 def test_strays_and_pushes_do_not_hide_it() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.health import describe, inspect, step, usable_rows
+from agonic.health import describe, find_quantisation, find_usable_rows, inspect
 from agonic.samples import Logged
 from agonic.simulation import clipped, duplicated, frozen, quantised, simulate, with_gap, with_nan
 
@@ -34,7 +34,7 @@ def test_good_readings_give_nothing_away(motion: str, n: int, steps: float | Non
     for seed in range(3):
         samples = minute(motion, n, seed=seed, defects=defects)
         assert inspect(samples) == ()
-        assert usable_rows(samples.field).all()
+        assert find_usable_rows(samples.field).all()
 
 
 @pytest.mark.parametrize("motion", ["tumble", "hand", "tilt 60"])
@@ -45,7 +45,7 @@ def test_an_axis_frozen_throughout_is_refused(motion: str, axis: int, n: int) ->
     (finding,) = inspect(samples)
     assert (finding.name, finding.severity) == ("frozen axis", "refuse")
     assert f"axis {'xyz'[axis]} never changes" in finding.sentence
-    assert usable_rows(samples.field).all()  # nothing would be left
+    assert find_usable_rows(samples.field).all()  # nothing would be left
 
 
 @pytest.mark.parametrize("motion", ["tumble", "hand", "tilt 60"])
@@ -58,7 +58,7 @@ def test_an_axis_frozen_for_a_time_is_left_out_there(motion: str, axis: int, n: 
         assert (finding.name, finding.severity) == ("frozen axis", "check")
         assert f"axis {'xyz'[axis]} stands still" in finding.sentence
         assert f"{n // 4} readings" in finding.sentence
-        assert np.array_equal(usable_rows(samples.field), samples.time < 45.0)
+        assert np.array_equal(find_usable_rows(samples.field), samples.time < 45.0)
 
 
 @pytest.mark.parametrize("moved", [1, 3, 11])
@@ -91,8 +91,8 @@ def test_clipped_readings_are_named_and_left_out(
         samples = clipped(limit)(whole)
         assert names(samples) == {"clipping": "check"}
         at_limit = (np.abs(samples.field) == limit).any(axis=1)
-        assert not usable_rows(samples.field)[at_limit].any()
-        assert usable_rows(samples.field)[~at_limit].all()
+        assert not find_usable_rows(samples.field)[at_limit].any()
+        assert find_usable_rows(samples.field)[~at_limit].all()
 
 
 def test_lost_rows_are_counted_and_many_of_them_are_to_be_looked_at() -> None:
@@ -130,8 +130,8 @@ def test_gaps_in_time_are_told() -> None:
 @pytest.mark.parametrize("size", [15.0, 150.0, 600.0])
 def test_the_step_of_a_converter_is_found(size: float) -> None:
     samples = minute("tumble", 20_000, defects=[quantised(size)])
-    assert step(samples.field) == pytest.approx(size)
-    assert step(minute("tumble").field) is None
+    assert find_quantisation(samples.field) == pytest.approx(size)
+    assert find_quantisation(minute("tumble").field) is None
 
 
 def test_describe_adds_what_is_worth_knowing() -> None:

@@ -299,7 +299,7 @@ def test_the_gauge_of_the_ground_calibration_stays(chosen: str) -> None:
     covariance = np.diag([300.0**2] * 3 + [0.003**2] * 6)
     matrix = truth.matrix
     if chosen == "triangular":
-        matrix, covariance = gauge.triangular(truth.matrix, covariance)
+        matrix, covariance = gauge.make_triangular(truth.matrix, covariance)
     if chosen == "free":
         matrix = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix() @ truth.matrix
         covariance = np.diag([300.0**2] * 3 + [0.003**2] * 9)

@@ -36,8 +36,8 @@ def window(raw: np.ndarray, wanted: np.ndarray) -> Window:
 class TestSums:
     def test_rows_one_by_one_and_at_once_come_to_the_same(self) -> None:
         z = np.random.default_rng(0).normal(size=(3000, 3))
-        whole = cusum.advance(cusum.fresh(3), z, drift=0.3, alarm=0.0, correlation=1.7)
-        sums = cusum.fresh(3)
+        whole = cusum.advance(cusum.start_sums(3), z, drift=0.3, alarm=0.0, correlation=1.7)
+        sums = cusum.start_sums(3)
         for row in z:
             clipped = np.clip(row, -4.0, 4.0)
             size = np.maximum(sums.size + (np.stack([clipped, -clipped]) - 0.3) / 1.7, 0.0)
@@ -49,7 +49,7 @@ class TestSums:
         rng, k, h = np.random.default_rng(1), 0.5, 4.0
         lengths = []
         for _ in range(400):
-            sums, n = cusum.fresh(1), 0
+            sums, n = cusum.start_sums(1), 0
             while True:
                 seen = cusum.advance(sums, rng.normal(size=(512, 1)), drift=k, alarm=h)
                 n, sums = n + seen.rows, seen.sums
@@ -66,7 +66,7 @@ class TestSums:
         for _ in range(50):
             z = rng.normal(size=(600, 3))
             z[400:, 1] += 3.0 * sign
-            seen = cusum.advance(cusum.fresh(3), z, drift=1.0, alarm=10.0)
+            seen = cusum.advance(cusum.start_sums(3), z, drift=1.0, alarm=10.0)
             assert seen.alarmed
             assert 400 < seen.rows < 420
             onsets.append(seen.rows - seen.age)
@@ -76,15 +76,15 @@ class TestSums:
     def test_single_strays_do_not_alarm(self) -> None:
         z = np.random.default_rng(3).normal(size=(5000, 3))
         z[::40] = 1e6
-        assert not cusum.advance(cusum.fresh(3), z, drift=1.0, alarm=10.0).alarmed
+        assert not cusum.advance(cusum.start_sums(3), z, drift=1.0, alarm=10.0).alarmed
 
     def test_residuals_that_last_count_as_one(self) -> None:
         rng, z, length = np.random.default_rng(4), np.zeros((20_000, 1)), 21.0
         noise = rng.normal(size=len(z))
         for k in range(1, len(z)):  # 1 + 2 Σ 0.9ᵏ = 19
             z[k] = 0.9 * z[k - 1] + np.sqrt(1 - 0.81) * noise[k]
-        assert cusum.advance(cusum.fresh(1), z, drift=1.0, alarm=6.0).alarmed
-        quiet = cusum.advance(cusum.fresh(1), z, drift=1.0, alarm=6.0, correlation=length)
+        assert cusum.advance(cusum.start_sums(1), z, drift=1.0, alarm=6.0).alarmed
+        quiet = cusum.advance(cusum.start_sums(1), z, drift=1.0, alarm=6.0, correlation=length)
         assert not quiet.alarmed
 
 

@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.false_discovery import discoveries
-from agonic.maths.estimation.robust_line import robust_line
-from agonic.maths.estimation.robust_spread import robust_spread
-from agonic.maths.estimation.tails import tail_of
+from agonic.maths.estimation.false_discovery import find_discoveries
+from agonic.maths.estimation.robust_line import fit_robust_line
+from agonic.maths.estimation.robust_spread import estimate_robust_spread
+from agonic.maths.estimation.tails import fit_tail
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.axis_swaps import list_swaps, swap_axes
 from agonic.population.peers import find_peers
@@ -273,11 +273,11 @@ def test_the_spread_is_that_of_the_sensors_alone() -> None:
         rng = np.random.default_rng(seed)
         sd = rng.uniform(0.2, 3.0, (300, 1))
         values = 5.0 + 2.0 * rng.normal(size=(300, 1)) + sd * rng.normal(size=(300, 1))
-        clean = robust_spread(values, sd)
+        clean = estimate_robust_spread(values, sd)
         centres.append(clean.centre[0])
         spreads.append(clean.spread[0])
         values[:30] = 1e5
-        assert robust_spread(values, sd).spread[0] == pytest.approx(2.0, rel=0.5)
+        assert estimate_robust_spread(values, sd).spread[0] == pytest.approx(2.0, rel=0.5)
     assert np.mean(spreads) == pytest.approx(2.0, abs=3 * np.std(spreads) / np.sqrt(60) + 0.02)
     assert np.mean(centres) == pytest.approx(5.0, abs=3 * np.std(centres) / np.sqrt(60))
     assert np.std(centres) < 1.1 * np.sqrt(4.0 + 3.2) / np.sqrt(300)  # the mean's, with mean sd²
@@ -290,7 +290,7 @@ def test_the_tail_is_that_of_the_members() -> None:
         regular = np.linalg.norm(rng.normal(size=(20_000, 3)), axis=1)
         regular *= np.sqrt(dof / rng.chisquare(dof, 20_000))
         strays = rng.uniform(10, 400, int(outside * 20_000))
-        tail = tail_of(np.r_[regular, strays], 3)
+        tail = fit_tail(np.r_[regular, strays], 3)
         share = float(np.mean(tail.beyond(regular) < 1e-3))
         assert 5e-4 < share < 2e-3
         assert tail.share == pytest.approx(outside, abs=0.03)
@@ -302,10 +302,10 @@ def test_discoveries_are_as_false_as_allowed() -> None:
     for _ in range(300):
         p_values = rng.uniform(size=1000)
         p_values[:100] = 1e-3 * rng.uniform(size=100)
-        found = discoveries(p_values, 0.1)
+        found = find_discoveries(p_values, 0.1)
         shares.append(found[100:].sum() / max(found.sum(), 1))
         few = np.sort(p_values)[:150]
-        assert discoveries(few, 0.1, 1000).sum() == found.sum()
+        assert find_discoveries(few, 0.1, 1000).sum() == found.sum()
     assert np.mean(shares) == pytest.approx(0.09, abs=0.01)  # rate × share of true nulls
 
 
@@ -329,7 +329,7 @@ def test_a_line_is_as_sure_as_it_says() -> None:
         x = rng.uniform(0, 40, 80)
         y = 2.0 * x + rng.normal(size=80) * rng.uniform(1, 9, 80)
         y[:6] += 500.0
-        line = robust_line(x, y)
+        line = fit_robust_line(x, y)
         errors.append((line.slope - 2.0) / line.slope_sd)
     assert abs(np.mean(errors)) < 0.25
     assert 0.85 < np.std(errors) < 1.2

@@ -12,7 +12,7 @@ from agonic.calibration.affine import Affine
 from agonic.coverage import cover
 from agonic.fit import Fit, ModelTest
 from agonic.maths.equation import affine
-from agonic.maths.equation.coverage import visits
+from agonic.maths.equation.coverage import count_visits
 from agonic.provenance import Input, Provenance
 from agonic.recording.calibrated import Calibrated
 from agonic.samples import Samples
@@ -65,7 +65,7 @@ def fit_of(samples: Samples, **changed: Any) -> Fit:
             created="2026-01-02T03:04:05+00:00",
         ),
     )
-    seen = visits(calibration.correct(samples.field))
+    seen = count_visits(calibration.correct(samples.field))
     facts: dict[str, Any] = {
         "calibration": calibration,
         "n": len(samples),

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
-from agonic.maths.equation.coverage import visits
+from agonic.maths.equation.coverage import count_visits
 from agonic.samples import Samples
 from agonic.simulation import (
     Simulated,
@@ -154,7 +154,7 @@ def test_level_circle_turns_clockwise_at_its_period():
 
 
 def test_tumble_covers_the_sphere_evenly():
-    filled = [np.mean(visits(directions(simulate("tumble", seed=k))) > 0) for k in range(10)]
+    filled = [np.mean(count_visits(directions(simulate("tumble", seed=k))) > 0) for k in range(10)]
     assert min(filled) > 0.95
     long = directions(simulate("tumble", n=100_000, rate_Hz=0.7))
     np.testing.assert_allclose(long.T @ long / len(long), np.eye(3) / 3, atol=0.01)
@@ -187,7 +187,7 @@ def test_belt_keeps_to_its_belt_and_fills_it():
 
 
 def test_hand_covers_the_most_part():
-    filled = [np.mean(visits(directions(simulate("hand", seed=k))) > 0) for k in range(10)]
+    filled = [np.mean(count_visits(directions(simulate("hand", seed=k))) > 0) for k in range(10)]
     assert min(filled) > 0.8
     assert np.mean(filled) < 1.0
 

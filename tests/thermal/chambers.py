@@ -83,7 +83,7 @@ def efficient(made: Made, temperature: np.ndarray, *, turns: bool) -> np.ndarray
         information = information + rows.T @ rows
         gradient = gradient + rows.T @ seen
     step = -leastsq.inverse(information) @ gradient
-    p = polynomial.powers(polynomial.scaled(temperature, 20.0, 30.0), 3)
+    p = polynomial.powers(polynomial.scale(temperature, 20.0, 30.0), 3)
     error = p @ step[:36].reshape(9, 4).T
     error[:, 3:] *= FIELD
     return error
@@ -93,16 +93,16 @@ def _linearised(made: Made, part: slice, turned: np.ndarray | None):
     """Jacobian and noise of the residuals of a station at the truth."""
     truth, field_m, noise = made.truth, made.field_m[part], made.noise[part]
     t = made.samples.temperature[part]
-    phi, onto = polynomial.powers(polynomial.scaled(t, 20.0, 30.0), 3), model.layout(3)
+    phi, onto = polynomial.powers(polynomial.scale(t, 20.0, 30.0), 3), model.build_layout(3)
     bias, matrix = truth.bias_at(t), truth.matrix_at(t)
     clean = bias + np.linalg.solve(matrix, field_m[:, :, None])[:, :, 0]
     if turned is None:
         _, by = model.size_residual(clean, bias, matrix, np.full(len(t), FIELD))
         size = np.linalg.norm(by[:, :3], axis=1)
-        rows = model.by_coefficients(by, onto, phi) / size[:, None]
+        rows = model.chain_to_coefficients(by, onto, phi) / size[:, None]
         return rows, -np.einsum("ni,ni->n", by[:, :3], noise) / size
     _, by, inverse = model.reading_residual(clean, bias, matrix, field_m)
-    rows = model.by_coefficients(by.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
+    rows = model.chain_to_coefficients(by.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
     tangent = np.linalg.svd(made.field_n[None])[2][1:].T
     crossed = np.swapaxes(np.cross(np.eye(3)[None], field_m[:, None, :]), 1, 2) / FIELD
     across = np.broadcast_to(turned.T @ tangent, (len(t), 3, 2))

@@ -17,15 +17,15 @@ from agonic.fit import Channel, Fit, ModelTest
 from agonic.health import (
     Evidence,
     Finding,
-    examine_taught,
+    check_mounting,
+    check_scale,
+    examine_attitude_aided,
     figure,
-    gravest_first,
     inspect,
-    misscaled,
-    mounted,
+    sort_findings,
 )
 from agonic.maths.equation import attitude_aided
-from agonic.maths.equation.coverage import visits
+from agonic.maths.equation.coverage import count_visits
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
 
@@ -138,7 +138,7 @@ def _coverage(
         dip = float(np.degrees(np.arctan2(problem.vertical.mean(), problem.horizontal.mean())))
     field = plain.correct(cleaned[believed])
     coverage = cover(
-        visits(field),
+        count_visits(field),
         plain.magnitude,
         plain.bias,
         plain.matrix,
@@ -237,13 +237,13 @@ def _findings(
     seen = inspect(samples)
     if any(finding.severity == "refuse" for finding in seen):
         return seen
-    misplaced = None if problem.down is None else mounted(cleaned, problem.down)
+    misplaced = None if problem.down is None else check_mounting(cleaned, problem.down)
     if misplaced is not None:
         return (misplaced, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
-    examined = (f for f in examine_taught(evidence) if half is None or f.name != half.name)
-    found = [*seen, *filter(None, (misscaled(gain, samples.unit), half)), *examined]
+    examined = (f for f in examine_attitude_aided(evidence) if half is None or f.name != half.name)
+    found = [*seen, *filter(None, (check_scale(gain, samples.unit), half)), *examined]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(
             Finding(
@@ -265,7 +265,7 @@ def _findings(
                 "check the heading, its unit and its zero, or fit without it (levelled)",
             )
         )
-    return gravest_first(found)
+    return sort_findings(found)
 
 
 def _remarks(fit: Fit, tilt_sd: float | None, problem: attitude_aided.Problem) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from agonic.attitude.problem import normalise
 from agonic.attitude.settings import Settings
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, figure, usable_rows
+from agonic.health import FEWEST, figure, find_usable_rows
 from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.estimation.wald import wald
@@ -35,7 +35,7 @@ def fitted(
     of the fit where the readings ask for it. A known heading determines it; the magnitude alone
     never shows it.
     """
-    usable = usable_rows(samples.field)
+    usable = find_usable_rows(samples.field)
     if usable.sum() < FEWEST:
         raise CoverageError(
             f"{int(usable.sum())} usable readings are too few for a fit with the attitude"

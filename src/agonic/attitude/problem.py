@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.attitude.settings import Settings
-from agonic.calibration.interference import stacked
+from agonic.calibration.interference import stack_sources
 from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.maths.equation import attitude_aided
 from agonic.maths.rotations.attitude import down_b, rot_nb
@@ -91,7 +91,7 @@ def terms(samples: Samples, sources: tuple[str, ...]) -> Array:
     known = {name: columns[name] for name in sources}
     if "second" in known:
         known["second"] = known["second"] - samples.field
-    return stacked(sources, known)
+    return stack_sources(sources, known)
 
 
 def _angles(samples: Samples, kinds: tuple[str, ...]) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
-from agonic.calibration.base import Validity, known, read_only
+from agonic.calibration.base import Validity, read_only, require_covariance
 from agonic.maths.equation import affine as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
@@ -102,7 +102,7 @@ class Affine:
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
-        covariance = known(self.covariance)
+        covariance = require_covariance(self.covariance)
         rows = np.asarray(raw, dtype=np.float64)
         jacobian = kernel.correction_jacobian(rows, self.bias, self.matrix)
         reduced = jacobian @ kernel.model_basis("full", self.gauge)

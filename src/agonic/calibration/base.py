@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
-from agonic.maths.estimation.series import rates
+from agonic.maths.estimation.series import compute_rates
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
@@ -73,25 +73,25 @@ def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     return array
 
 
-def known(covariance: Array | None) -> Array:
+def require_covariance(covariance: Array | None) -> Array:
     """The covariance of a calibration, or an error where it carries none."""
     if covariance is None:
         raise AgonicError("the calibration carries no covariance; fit it again with agonic")
     return covariance
 
 
-def beside(calibration: Calibration, samples: Samples) -> dict[str, Array]:
+def select_columns(calibration: Calibration, samples: Samples) -> dict[str, Array]:
     """The columns of the samples that the calibration needs beside the readings, by name.
 
     The rate at which the temperature changes, °C/s, is taken from time and temperature.
 
     >>> from agonic.calibration.affine import Affine
-    >>> beside(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]]))
+    >>> select_columns(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]]))
     {}
     """
     there = samples.columns()
     if "temperature_rate" in calibration.needs and {"time", "temperature"} <= set(there):
-        there["temperature_rate"] = rates(there["time"], there["temperature"])
+        there["temperature_rate"] = compute_rates(there["time"], there["temperature"])
     missing = [name for name in calibration.needs if name not in there]
     if missing:
         told = [name for name in missing if name != "temperature_rate" or "time" not in there]
@@ -127,7 +127,7 @@ def apply(calibration: Calibration, samples: Samples) -> Samples:
             right=calibration.frame_in,
         )
     return samples.with_columns(
-        field=calibration.correct(samples.field, **beside(calibration, samples)),
+        field=calibration.correct(samples.field, **select_columns(calibration, samples)),
         unit=calibration.unit_out,
         frame=calibration.frame_out,
         logged=None,

@@ -13,7 +13,7 @@ from agonic.arrays import Array
 from agonic.calibration.base import read_only
 from agonic.errors import AgonicError
 from agonic.maths.rotations import deviation as kernel
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.provenance import Provenance
 
 PARAMETERS = (*kernel.LEVEL, *kernel.HEEL)
@@ -40,10 +40,10 @@ POINTS = (
 )
 
 
-def heading_name(heading_deg: float) -> str:
+def name_heading(heading_deg: float) -> str:
     """A heading as it is spoken of, with its point where it is one of the sixteen.
 
-    >>> heading_name(45.0), heading_name(359.6), heading_name(47.0)
+    >>> name_heading(45.0), name_heading(359.6), name_heading(47.0)
     ('045° NE', '000° N', '047°')
     """
     point, off = divmod(heading_deg % 360.0, 22.5)
@@ -54,10 +54,10 @@ def heading_name(heading_deg: float) -> str:
     return f"{whole:03d}°" if whole else "000° N"
 
 
-def east_west(deviation_deg: float, decimals: int = 1) -> str:
+def format_east_west(deviation_deg: float, decimals: int = 1) -> str:
     """A deviation as cards write it: east is positive.
 
-    >>> east_west(10.46), east_west(-1.2), east_west(-0.01)
+    >>> format_east_west(10.46), format_east_west(-1.2), format_east_west(-0.01)
     ('10.5° E', '1.2° W', '0.0°')
     """
     size = f"{abs(deviation_deg):.{decimals}f}"
@@ -118,7 +118,7 @@ class Deviation:
         pitch_deg: ArrayLike | None = None,
     ) -> Array:
         """The deviation, −180…180°, where the compass reads `compass_deg`; level without heel."""
-        return wrapped_deg(self._rows(compass_deg, roll_deg, pitch_deg) @ self._all)
+        return wrap_deg(self._rows(compass_deg, roll_deg, pitch_deg) @ self._all)
 
     def sd_at(
         self,
@@ -132,7 +132,7 @@ class Deviation:
         """
         if self.covariance is None:
             raise AgonicError("this card carries no covariance; fit it again with agonic")
-        return kernel.band(self._rows(compass_deg, roll_deg, pitch_deg), self.covariance)
+        return kernel.compute_band(self._rows(compass_deg, roll_deg, pitch_deg), self.covariance)
 
     def band_at(self, compass_deg: ArrayLike, confidence: float = 0.95) -> Array:
         """Half the width of the level curve's confidence band, degrees, by Student's t."""
@@ -149,7 +149,7 @@ class Deviation:
     ) -> Array:
         """The magnetic heading, 0…360, when the compass reads `compass_deg`."""
         deviation = self.at(compass_deg, roll_deg, pitch_deg)
-        return kernel.circled_deg(np.asarray(compass_deg, dtype=np.float64) + deviation)
+        return kernel.wrap_360_deg(np.asarray(compass_deg, dtype=np.float64) + deviation)
 
     def steer(
         self,

@@ -17,10 +17,12 @@ WIDTH = {"field": 3, "temperature": 1, "temperature_rate": 1, **SOURCES}
 """What can be an input of a network, and how many numbers it has a row; `field` is the reading."""
 
 
-def stacked(inputs: tuple[str, ...], raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
+def stack_inputs(
+    inputs: tuple[str, ...], raw: ArrayLike, columns: Mapping[str, ArrayLike]
+) -> Array:
     """The inputs (…, i) as they are, from readings (…, 3) and columns; numbers are spread.
 
-    >>> stacked(("field", "temperature"), [[1.0, 2.0, 3.0]], {"temperature": 20.0}).tolist()
+    >>> stack_inputs(("field", "temperature"), [[1.0, 2.0, 3.0]], {"temperature": 20.0}).tolist()
     [[1.0, 2.0, 3.0, 20.0]]
     """
     readings = np.asarray(raw, dtype=np.float64)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import known, read_only
+from agonic.calibration.base import read_only, require_covariance
 from agonic.calibration.inputs import SOURCES
 from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
@@ -80,7 +80,7 @@ class Interference(Affine):
 
     def cleaned(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """The readings (…, 3) without what the sources add: raw − coefficients @ x."""
-        added = stacked(self.sources, columns) @ self.coefficients.T
+        added = stack_sources(self.sources, columns) @ self.coefficients.T
         return np.asarray(np.asarray(raw, dtype=np.float64) - added)
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
@@ -89,8 +89,8 @@ class Interference(Affine):
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
-        covariance = known(self.covariance)
-        x = np.atleast_2d(stacked(self.sources, columns))
+        covariance = require_covariance(self.covariance)
+        x = np.atleast_2d(stack_sources(self.sources, columns))
         rows = np.atleast_2d(self.cleaned(raw, **columns))
         local = kernel.correction_jacobian(rows, self.bias, self.matrix)
         reduced = local @ kernel.model_basis("full", self.gauge)
@@ -120,7 +120,7 @@ class Interference(Affine):
         return f"{plain[:-1]} - coefficients @ ({', '.join(signals(self.sources))}))"
 
 
-def stacked(sources: tuple[str, ...], columns: Mapping[str, ArrayLike]) -> Array:
+def stack_sources(sources: tuple[str, ...], columns: Mapping[str, ArrayLike]) -> Array:
     """The numbers x (…, k) of the sources, from the columns of samples."""
     missing = [name for name in sources if name not in columns]
     if missing:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Validity, known, read_only
-from agonic.calibration.inputs import WIDTH, stacked
+from agonic.calibration.base import Validity, read_only, require_covariance
+from agonic.calibration.inputs import WIDTH, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
 from agonic.maths.equation import network as kernel
@@ -201,7 +201,7 @@ class Network:
 
         Outside the base is all there is, and may err by what the network corrected inside.
         """
-        covariance = known(self.covariance)
+        covariance = require_covariance(self.covariance)
         rows = np.atleast_2d(np.asarray(raw, dtype=np.float64))
         x = np.broadcast_to(self.scaled(rows, columns), (len(rows), self.shape.inputs))
         g = self._inside(x)[:, None, None]
@@ -236,7 +236,7 @@ class Network:
 
     def scaled(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
         """The inputs x (…, i), from readings (…, 3) and the columns beside them."""
-        x = stacked(self.inputs, raw, {**columns, **self.held})
+        x = stack_inputs(self.inputs, raw, {**columns, **self.held})
         return np.asarray((x - self.input_middle) / self.input_half)
 
     @property
@@ -255,7 +255,7 @@ class Network:
         return kernel.forward(self.hidden, self.output, x)
 
     def _inside(self, x: Array) -> Array:
-        return domain.inside(domain.distances(x, self.centres), self.reach)
+        return domain.taper(domain.compute_distances(x, self.centres), self.reach)
 
     def _bounded(self, added: Array) -> Array:
         if self.bound is None or self.base is None:

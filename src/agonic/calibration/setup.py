@@ -106,7 +106,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "compasses", tuple(self.compasses))
-        wrong = mistakes({name: getattr(self, name) for name in _VALUES})
+        wrong = find_mistakes({name: getattr(self, name) for name in _VALUES})
         if not self.compasses:
             wrong.insert(0, "a setup needs at least one compass")
         names = [compass.sensor for compass in self.compasses]
@@ -116,10 +116,10 @@ class Setup:
             raise AgonicError("; ".join(wrong))
 
 
-def mistakes(values: Mapping[str, Any]) -> list[str]:
+def find_mistakes(values: Mapping[str, Any]) -> list[str]:
     """What is wrong with the values of a setup's attributes, in sentences, all at once.
 
-    >>> mistakes({"tilt": "sideways", "dip_limit_deg": -5.0})[1]
+    >>> find_mistakes({"tilt": "sideways", "dip_limit_deg": -5.0})[1]
     'dip_limit_deg is -5.0; it needs a number from 0 to 180'
     """
     wrong = []

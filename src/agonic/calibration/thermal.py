@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
-from agonic.calibration.base import Validity, known, read_only
+from agonic.calibration.base import Validity, read_only, require_covariance
 from agonic.errors import AgonicError, AgonicWarning
 from agonic.maths.equation import model as kernel
 from agonic.maths.equation import polynomial
@@ -137,9 +137,11 @@ class Thermal:
         if self.rate is not None:
             bias = bias + phi[:, -1:] * self.rate
         by = kernel.field_jacobian(values, bias, self.matrix_at(temperature))
-        rows = kernel.by_coefficients(by.reshape(-1, 12), self._layout, np.repeat(phi, 3, axis=0))
+        rows = kernel.chain_to_coefficients(
+            by.reshape(-1, 12), self._layout, np.repeat(phi, 3, axis=0)
+        )
         rows = rows.reshape(len(values), 3, -1)
-        return np.asarray(rows @ known(self.covariance) @ np.swapaxes(rows, 1, 2))
+        return np.asarray(rows @ require_covariance(self.covariance) @ np.swapaxes(rows, 1, 2))
 
     def at(self, temperature_C: float) -> Affine:
         """The affine calibration that this is while the temperature stays at a value, °C."""
@@ -168,7 +170,9 @@ class Thermal:
         powers = self._powers(temperature_C)
         p = self.degree + 1
         count = len(PARAMETERS) if self.gauge != "free" else len(FREE_PARAMETERS)
-        whole = known(self.covariance)[: count * p, : count * p].reshape(count, p, count, p)
+        whole = require_covariance(self.covariance)[: count * p, : count * p].reshape(
+            count, p, count, p
+        )
         return np.asarray(np.einsum("...k,akbl,...l->...ab", powers, whole, powers))
 
     def sd_at(self, temperature_C: ArrayLike) -> Array:
@@ -195,7 +199,7 @@ class Thermal:
         )
 
     def _powers(self, temperature: ArrayLike) -> Array:
-        x = polynomial.scaled(temperature, self.centre_C, self.half_range_C)
+        x = polynomial.scale(temperature, self.centre_C, self.half_range_C)
         return polynomial.powers(x, self.degree)
 
     def _phi(self, temperature: Array, rate: Array) -> Array:
@@ -220,7 +224,7 @@ class Thermal:
 
     @property
     def _layout(self) -> Array:
-        return kernel.layout(self.degree, self.gauge, self.rate is not None)
+        return kernel.build_layout(self.degree, self.gauge, self.rate is not None)
 
     def _beyond(self, temperature: Array, beyond: Mask) -> str:
         assert self.validity.temperature_C is not None

@@ -15,9 +15,9 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.equation import gauge
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.estimation.kalman import STATES, Belief, Model
+from agonic.maths.estimation.kalman import STATES, FilterState, Model
 from agonic.maths.estimation.ud_filter import CLIPPED_SQUARE, SCALE, TIME
-from agonic.maths.rotations.polar import Turned
+from agonic.maths.rotations.polar import RotationPart
 from agonic.provenance import Provenance
 
 Solve = Literal["bias", "gains", "full"]
@@ -116,9 +116,9 @@ class Opening:
     learn from what comes until the next time.
     """
 
-    prior: Belief
+    prior: FilterState
     rows: Array
-    before: Belief | None = None
+    before: FilterState | None = None
     outliers: int | None = None
     learns: bool = False
 
@@ -130,8 +130,8 @@ class Recent:
     A jump is seen some readings after it began; from here the filter goes back to before it.
     """
 
-    before: Belief
-    middle: Belief
+    before: FilterState
+    middle: FilterState
     rows: Array
 
 
@@ -147,8 +147,8 @@ class TrackerState:
     """
 
     base: Affine
-    turned: Turned
-    belief: Belief
+    turned: RotationPart
+    belief: FilterState
     noise: float
     noise_known: bool = True
     opening: Opening | None = None
@@ -195,7 +195,7 @@ class TrackerState:
         covariance[:m, :m] = self.belief.covariance[1:, 1:]
         symmetric = unpack_symmetric(self.belief.state[4:])
         if self.base.gauge == "triangular":
-            matrix, covariance = gauge.triangular(symmetric, covariance)
+            matrix, covariance = gauge.make_triangular(symmetric, covariance)
         elif self.base.gauge == "free":
             matrix, covariance = self.turned.free(symmetric, covariance)
         else:

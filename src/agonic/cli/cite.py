@@ -14,12 +14,12 @@ def add_to(app: typer.Typer) -> None:
 
 def cite(cal: CalibrationPath, as_json: Json = False) -> int:
     """List the software, the methods' sources and the inputs of a calibration."""
-    from agonic.citations import citation
+    from agonic.citations import find_citation
     from agonic.console.output import print_json, say
     from agonic.files.calibration import load
 
     provenance = load(cal).provenance
-    sources = {key: citation(key) for key in provenance.method}
+    sources = {key: find_citation(key) for key in provenance.method}
     if as_json:
         print_json(
             "agonic/cite@1",

@@ -130,7 +130,7 @@ def _placed(
     from agonic.console.place import position
     from agonic.exports.firmware import declination_grid
     from agonic.field.decimal_year import decimal_year
-    from agonic.field.place import model_for
+    from agonic.field.place import choose_model
 
     if declination is not None and not abs(declination) <= 180.0:
         raise AgonicError(f"--declination {declination:g} must lie within ±180°, east positive")
@@ -142,7 +142,7 @@ def _placed(
         return setup, declination_grid((south, north), (west, east), when, tolerance_deg=tolerance)
     if at is None:
         return setup, declination
-    here = model_for(float(decimal_year(when))).at(*position(at), when)
+    here = choose_model(float(decimal_year(when))).at(*position(at), when)
     if setup.horizontal is None:
         setup = replace(setup, horizontal=float(here.horizontal), vertical=float(here.down))
     return setup, float(here.declination_deg)

@@ -183,13 +183,13 @@ def _network(
 def own_log(cal: Path) -> Path:
     """The log that a calibration was made from, where it still lies nearby unchanged."""
     from agonic.files.calibration import load
-    from agonic.provenance import sha256_of
+    from agonic.provenance import hash_file
 
     inputs = load(cal).provenance.inputs
     for given in inputs:
         for folder in (cal.parent, cal.parent.parent, Path()):
             path = folder / given.name
-            if path.is_file() and sha256_of(path) == given.sha256:
+            if path.is_file() and hash_file(path) == given.sha256:
                 return path
     names = ", ".join(given.name for given in inputs) or "its log"
     raise AgonicError(f"{names} is not beside {cal}; name the log: agonic report {cal} LOG")

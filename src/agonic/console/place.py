@@ -15,10 +15,10 @@ def expected(
     samples: Samples, at: str | None, date: str | None, magnitude: float | None
 ) -> tuple[Reference | None, dict[str, Any]]:
     """The reference for a sensor and the fit settings that go with the place."""
-    from agonic.field.place import reference_for
+    from agonic.field.place import choose_reference
 
     where = position(at) if at and magnitude is None else None
-    return reference_for(samples, where, date, magnitude)
+    return choose_reference(samples, where, date, magnitude)
 
 
 def scalar_reference(samples: Samples, wanted: bool | None) -> Reference | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from agonic.ellipsoid.calibration import finished
 from agonic.fit import Fit
-from agonic.health import misnamed
+from agonic.health import check_axes
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -22,7 +22,7 @@ def against_gravity(fit: Fit, samples: Samples, reference: Reference | None) -> 
     believed = slice(None) if fit.weights is None else fit.weights > 0
     calibration = fit.calibration
     assert calibration.magnitude is not None
-    told = misnamed(
+    told = check_axes(
         calibration.correct(samples.field[believed]),
         samples.acceleration[believed],
         calibration.magnitude,

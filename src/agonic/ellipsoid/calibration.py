@@ -12,7 +12,7 @@ from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.ellipsoid.solve import Found
 from agonic.fit import Fit, ModelTest
-from agonic.health import Finding, figure, gravest_first, misscaled
+from agonic.health import Finding, check_scale, figure, sort_findings
 from agonic.maths.equation import gauge as gauges
 from agonic.reference import Reference
 
@@ -29,7 +29,7 @@ CITATIONS = {
 
 def calibration(found: Found, scale: Scale, unit: str, gauge: Gauge) -> Affine:
     """The calibration in the units of the readings, scale and gauge made explicit."""
-    bias, matrix, covariance, magnitude = gauges.in_units(
+    bias, matrix, covariance, magnitude = gauges.convert_to_units(
         found.bias, found.matrix, found.covariance, scale, gauge
     )
     return Affine(
@@ -67,7 +67,7 @@ def settings(
 
 def scale_finding(affine: Affine) -> Finding | None:
     """A wrong unit or a wrong reference."""
-    return misscaled(float(np.trace(affine.matrix) / 3), affine.unit_in)
+    return check_scale(float(np.trace(affine.matrix) / 3), affine.unit_in)
 
 
 def remarks(
@@ -106,5 +106,5 @@ def unscaled(magnitude: float, unit: str) -> str:
 
 def finished(fit: Fit, more: tuple[Finding | None, ...]) -> Fit:
     """The fit with further findings, refusals first; a refused fit boasts of no accuracy."""
-    fit = replace(fit, findings=gravest_first((*fit.findings, *more)))
+    fit = replace(fit, findings=sort_findings((*fit.findings, *more)))
     return replace(fit, remarks=()) if fit.verdict == "refused" else fit

@@ -13,11 +13,18 @@ from agonic.ellipsoid.calibration import finished, remarks, scale_finding
 from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest
-from agonic.health import Evidence, Finding, examine, examine_taught, inspect, usable_rows
+from agonic.health import (
+    Evidence,
+    Finding,
+    examine,
+    examine_attitude_aided,
+    find_usable_rows,
+    inspect,
+)
 from agonic.maths.equation import likelihood
 from agonic.maths.equation.affine import correct
-from agonic.maths.equation.coverage import visits
-from agonic.maths.estimation.noise import noise_of
+from agonic.maths.equation.coverage import count_visits
+from agonic.maths.estimation.noise import estimate_noise
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -46,11 +53,11 @@ def evaluate(
     """
     if calibration.covariance is None or calibration.magnitude is None:
         raise AgonicError("the calibration carries no covariance; fit it again with agonic")
-    usable = usable_rows(samples.field)
+    usable = find_usable_rows(samples.field)
     wanted = _wanted(calibration, reference, len(samples))
     residuals, _ = likelihood.distances(samples.field, calibration.bias, calibration.matrix, wanted)
     residuals = residuals[rows_of(usable)]
-    noise = noise_of(residuals, robust=True, parameters=0)
+    noise = estimate_noise(residuals, robust=True, parameters=0)
     found = Found(
         calibration.model,
         calibration.bias,
@@ -69,7 +76,7 @@ def evaluate(
         usable,
         (),
         inclination_deg,
-        examine if by_magnitude else examine_taught,
+        examine if by_magnitude else examine_attitude_aided,
     )
 
 
@@ -117,7 +124,7 @@ def with_evidence(
     weights[kept] = 1.0 if found.weights is None else found.weights
     field = correct(samples.field, affine.bias, affine.matrix)
     coverage = cover(
-        visits(field[rows_of(weights > 0)]),
+        count_visits(field[rows_of(weights > 0)]),
         affine.magnitude,
         affine.bias,
         affine.matrix,

@@ -25,7 +25,7 @@ from agonic.ellipsoid.solve import (
 )
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, inspect, usable_rows
+from agonic.health import FEWEST, find_usable_rows, inspect
 from agonic.maths.equation import likelihood as ellipsoid
 from agonic.maths.equation import moments
 from agonic.provenance import Provenance
@@ -133,7 +133,7 @@ def _solved(samples: Samples, reference: Reference | None, asked: Asked) -> _Sol
     check_choice("model", model, get_args(Model))
     check_choice("method", method, get_args(Method))
     check_choice("gauge", gauge, get_args(Gauge))
-    usable = usable_rows(samples.field)
+    usable = find_usable_rows(samples.field)
     scale, magnitude = normalised(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
 

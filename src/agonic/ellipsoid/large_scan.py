@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import LogError
-from agonic.health.readings import clipped_rows, stuck_rows
+from agonic.health.readings import find_clipped_rows, find_stuck_rows
 from agonic.maths.estimation.batch_scores import SHORTEST, STRETCHES
 from agonic.moments import Moments
 from agonic.provenance import Input
@@ -169,13 +169,13 @@ def _drawn(rows: int, seed: int) -> Index:
 def _spoilt(field: Array, drawn: Index, rows: int, stride: int) -> tuple[Spoilt, ...]:
     """The values at which axes are clipped, and the stretches in which one is stuck."""
     found = []
-    clipped = field[clipped_rows(field)]
+    clipped = field[find_clipped_rows(field)]
     for axis in range(3) if len(clipped) else ():
         for end in (field[:, axis].max(), field[:, axis].min()):
             if (clipped[:, axis] == end).any():
                 found.append(Spoilt(axis, float(end), 0, rows))
     for axis in range(3):
-        stuck = stuck_rows(field, axis)
+        stuck = find_stuck_rows(field, axis)
         if stuck.all():
             continue
         edges = np.flatnonzero(np.diff(np.concatenate([[False], stuck, [False]])))

@@ -36,7 +36,7 @@ class Whole(NamedTuple):
     noise: Assumed
     n: int
     strays: int
-    moved: batch_scores.Break | None
+    moved: batch_scores.ChangePoint | None
 
 
 def maximised(
@@ -68,7 +68,7 @@ def maximised(
         step = -leastsq.inverse(curved) @ (normal.gradient / lasts + pull)
         params = params + step
         scores, white = sums.score @ change / assumed.sd, _white(normal, len(params))
-        scatter = batch_scores.scatter(scores, white)
+        scatter = batch_scores.compute_scatter(scores, white)
         lasts = scatter.correlation
         seen = _seen(sums, assumed, robust, len(params))
         # noise moves the result by its effect on a curved surface, σ²/F, over σ/√n
@@ -78,14 +78,14 @@ def maximised(
         if converged:
             break
         assumed = seen
-    steady = batch_scores.scatter(scores, white, steady=True)
+    steady = batch_scores.compute_scatter(scores, white, steady=True)
     covariance, data = _sandwich(normal, scatter, held, len(params))
     bias, matrix = split(model_basis(model) @ params)
     found = Found(
         model,
         bias,
         matrix,
-        gauge.spread_model(model, covariance),
+        gauge.expand_model_covariance(model, covariance),
         seen.sd,
         lasts,
         condition=float(leastsq.condition(data)),
@@ -97,7 +97,7 @@ def maximised(
         seen,
         normal.total,
         round(float(sums.facts[6])),
-        batch_scores.find_break(-scores, data * lasts, steady.matrix),
+        batch_scores.find_change_point(-scores, data * lasts, steady.matrix),
     )
 
 

@@ -191,7 +191,7 @@ def _fit(
     _chosen(sums, count, model, part)
     here = np.flatnonzero(part.fitted)
     own = units._replace(centre=units.centre[here], size=units.size[here])
-    bias, matrix, covariance, magnitude = gauges.in_units(
+    bias, matrix, covariance, magnitude = gauges.convert_to_units(
         part.bias[here], part.matrix[here], part.covariance[here], own, gauge
     )
     part.bias[here], part.matrix[here], part.covariance[here] = bias, matrix, covariance
@@ -222,7 +222,7 @@ def _chosen(sums: Array, count: NDArray[np.int_], model: Model, part: Fits) -> N
     matrix, covariance = part.matrix[rows], part.covariance[rows]
     worst = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)[:, 3:].max(axis=1))
     discerned = worst < DISCERNIBLE * gauges.mean_gain(matrix)
-    tests = gauges.soft_iron_tests(matrix, covariance)
+    tests = gauges.compare_soft_iron_models(matrix, covariance)
     p_values = np.stack([p for *_, p in tests], axis=1)
     part.discerned[rows], part.p_values[rows] = discerned, p_values
     open_ = np.ones(len(rows), dtype=bool)
@@ -238,8 +238,8 @@ def _attempt(sums: Array, rows: Index, model: Fixed, part: Fits) -> None:
     """One model's fit to these rows, in normalised coordinates."""
     if not len(rows):
         return
-    psi = kernel.denoised_gram(sums[rows])
-    v, variance = quadric.adjusted(psi, model)
+    psi = kernel.compute_denoised_gram(sums[rows])
+    v, variance = quadric.fit_adjusted(psi, model)
     real = quadric.is_ellipsoid(v)
     part.refusal[rows[~real]] = str(no_ellipsoid())
     rows, v, variance = rows[real], v[real], np.maximum(variance[real], 1e-18)
@@ -251,7 +251,7 @@ def _attempt(sums: Array, rows: Index, model: Fixed, part: Fits) -> None:
     )
     part.model[rows] = model
     part.bias[rows], part.matrix[rows] = bias, matrix
-    part.covariance[rows] = gauges.spread_model(model, covariance)
+    part.covariance[rows] = gauges.expand_model_covariance(model, covariance)
     part.noise[rows], part.condition[rows] = np.sqrt(variance), condition
     part.spread[rows] = _spread(v, first)
 
@@ -261,7 +261,7 @@ def _spread(v: Array, gram: Array) -> Array:
 
     |W (x − b)|² − 1 is the quadric over n M⁻¹ n − d; its relative spread is twice that of |·|.
     """
-    m, n, d = quadric.parts(v)
+    m, n, d = quadric.split_quadric(v)
     size = np.einsum("ni,ni->n", n, np.linalg.solve(m, n[..., None])[..., 0]) - d
     q = v * quadric.MULTIPLICITY / size[:, None]
     count = gram[:, 9, 9]

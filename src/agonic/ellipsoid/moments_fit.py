@@ -22,7 +22,7 @@ from agonic.ellipsoid.calibration import (
 from agonic.ellipsoid.solve import Model, algebraic, choose
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
-from agonic.health import undetermined
+from agonic.health import check_coverage
 from agonic.maths.equation import moments as kernel
 from agonic.moments import Moments
 from agonic.provenance import Provenance
@@ -94,7 +94,7 @@ def fit_moments(
         tests=tests,
         remarks=remarks(affine, coverage, tests, reference is not None),
     )
-    return finished(fit, (scale_finding(affine), undetermined(coverage)))
+    return finished(fit, (scale_finding(affine), check_coverage(coverage)))
 
 
 def still() -> CoverageError:

@@ -17,7 +17,14 @@ from agonic.ellipsoid.moments_fit import middle
 from agonic.ellipsoid.solve import Fixed, Found, Model, algebraic, choose
 from agonic.errors import AgonicError, check_choice
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, Finding, left_out, strayed, usable_rows, wandered
+from agonic.health import (
+    FEWEST,
+    Finding,
+    check_bias_drift,
+    check_outliers,
+    check_rejected,
+    find_usable_rows,
+)
 from agonic.maths.equation import likelihood
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -139,7 +146,7 @@ def _likeliest(
     recording: Recording, scan: Scan, reference: Reference | None, asked: Asked, told: Progress
 ) -> _Solved:
     """The maximum of the likelihood of all readings, from that of the rows in memory."""
-    usable = usable_rows(scan.samples.field)
+    usable = find_usable_rows(scan.samples.field)
     scale, magnitude = normalised(scan.samples, reference, usable, "likelihood")
     points = (scan.samples.field[rows_of(usable)] - scale.centre) / scale.size
     robust = asked.robust and len(points) >= 2 * FEWEST
@@ -189,7 +196,7 @@ def _evident(
         affine,
         samples,
         reference,
-        usable_rows(samples.field),
+        find_usable_rows(samples.field),
         solved.tests,
         asked.inclination_deg,
     )
@@ -201,7 +208,9 @@ def _evident(
             f"{scan.rows}, drawn evenly; the fit is of all"
         )
         fit = replace(fit, remarks=(*fit.remarks, thinned))
-    return finished(fit, (*left_out(scan.rejected, _total(scan)), *_passed(scan, solved, fit)))
+    return finished(
+        fit, (*check_rejected(scan.rejected, _total(scan)), *_passed(scan, solved, fit))
+    )
 
 
 def _total(scan: Scan) -> int:
@@ -215,7 +224,7 @@ def _passed(scan: Scan, solved: _Solved, fit: Fit) -> tuple[Finding | None, ...]
         return ()
     if any(f.name == "field changed" for f in fit.findings):
         return ()  # one cause is not told twice
-    strays, moved = strayed(whole.strays, whole.n), whole.moved
+    strays, moved = check_outliers(whole.strays, whole.n), whole.moved
     if moved is None or moved.significance < BEYOND_CHANCE:
         return (strays,)
     shift = float(np.linalg.norm(moved.shift[:3])) * solved.scale.size
@@ -225,4 +234,4 @@ def _passed(scan: Scan, solved: _Solved, fit: Fit) -> tuple[Finding | None, ...]
     if scan.begun is not None:
         moment = f"t = {scan.begun[moved.stretch] - scan.begun[0]:.1f} s"
     radius = fit.calibration.magnitude / gain
-    return strays, wandered(shift, radius, moment, fit.calibration.unit_in)
+    return strays, check_bias_drift(shift, radius, moment, fit.calibration.unit_in)

@@ -54,7 +54,7 @@ def likelihood(problem: ellipsoid.Problem, model: Fixed, robust: bool, seed: int
         model,
         bias,
         matrix,
-        gauge.spread_model(model, solution.covariance),
+        gauge.expand_model_covariance(model, solution.covariance),
         estimate.noise.sd,
         estimate.noise.correlation,
         estimate.residuals,
@@ -69,23 +69,23 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
     """An algebraic fit from the 35 moments of normalised points."""
     if method == "li-griffiths" and model != "full":
         raise AgonicError(f"Li & Griffiths fit a full ellipsoid, not a {model}")
-    psi = moments.denoised_gram(sums)
+    psi = moments.compute_denoised_gram(sums)
     variance = 0.0
     try:
         if method == "adjusted":
-            v, found = quadric.adjusted(psi, model)
+            v, found = quadric.fit_adjusted(psi, model)
             variance = float(found)
         elif method == "li-griffiths":
-            v = quadric.li_griffiths(psi[0])
+            v = quadric.fit_li_griffiths(psi[0])
         else:
-            v = quadric.smallest(psi[0], model)
+            v = quadric.fit_algebraic(psi[0], model)
         bias, matrix = quadric.to_affine(v)
     except ValueError:
         raise no_ellipsoid() from None
     if method != "adjusted":  # their noise: what the algebraic residual leaves per reading
         gradient = 4 * float(np.trace(matrix.T @ matrix)) / 3
         q = v * quadric.MULTIPLICITY
-        m, n, d = quadric.parts(v)
+        m, n, d = quadric.split_quadric(v)
         size = float(n @ np.linalg.solve(m, n) - d)
         variance = float(q @ psi[0] @ q) / size**2 / gradient / sums[0]
     variance = max(variance, 1e-18)  # noiseless readings still get a covariance to test with
@@ -97,7 +97,7 @@ def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
         model,
         bias,
         matrix,
-        gauge.spread_model(model, covariance),
+        gauge.expand_model_covariance(model, covariance),
         float(np.sqrt(variance)),
         condition=float(condition),
     )
@@ -146,7 +146,7 @@ def choose(
             p_value=p,
             sentence=in_words(small, p, discerned),
         )
-        for small, large, x, p in gauge.soft_iron_tests(full.matrix, full.covariance)
+        for small, large, x, p in gauge.compare_soft_iron_models(full.matrix, full.covariance)
     )
     if method != "li-griffiths":
         for fixed, test in zip(SMALLER, tests, strict=True):

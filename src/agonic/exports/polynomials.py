@@ -139,7 +139,7 @@ def polynomials(calibration: Calibration) -> Polynomials:
     values = affine_at(calibration, nodes)
     table = np.concatenate([part.reshape(len(nodes), -1) for part in values], axis=1)
     largest = np.concatenate([_largest(part) for part in values])
-    x = polynomial.scaled(nodes, centre, half)
+    x = polynomial.scale(nodes, centre, half)
     for degree in range(HIGHEST + 1):
         powers = polynomial.powers(x, degree)
         found = np.linalg.lstsq(powers, table, rcond=None)[0]

@@ -14,7 +14,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError, AgonicWarning, LogError, ValidityError
 from agonic.field.coefficients import GaussCoefficients
 from agonic.field.decimal_year import Moments, decimal_year
-from agonic.field.track import along_track
+from agonic.field.track import evaluate_along_track
 from agonic.field.worldfield import Uncertainty, WorldField
 from agonic.maths.earth import geodesy, harmonics
 from agonic.reference import Reference
@@ -156,7 +156,7 @@ class Model:
             return geodesy.earth_fixed(field_n, geodesy.directions(*there))
 
         where = geodesy.directions(latitude, longitude)
-        field_n = geodesy.north_east_down(along_track(time, exact), where)
+        field_n = geodesy.north_east_down(evaluate_along_track(time, exact), where)
         return Reference.vector(
             field_n.T,
             frame="n",

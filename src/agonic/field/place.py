@@ -27,10 +27,10 @@ class Expected:
     inclination_deg: float
 
 
-def model_for(year: float) -> Model:
+def choose_model(year: float) -> Model:
     """WMM2025 in the years it was made for, IGRF before.
 
-    >>> model_for(2014.5).name, model_for(2026.5).name
+    >>> choose_model(2014.5).name, choose_model(2026.5).name
     ('IGRF-14', 'WMM2025')
     """
     return wmm() if 2025.0 <= year <= 2030.0 else igrf()
@@ -47,7 +47,7 @@ def field_at(
     (array([49464.]), 67.2)
     """
     when = date or (samples.epoch or datetime.now(UTC)).date().isoformat()
-    model = model_for(float(decimal_year(when)))
+    model = choose_model(float(decimal_year(when)))
     here = model.at(latitude_deg, longitude_deg, altitude_m, when)
     source = f"{model.name} at {latitude_deg:g}°, {longitude_deg:g}°, {altitude_m:g} m on {when}"
     vector = [float(part) for part in (here.north, here.east, here.down)]
@@ -55,10 +55,10 @@ def field_at(
     return Expected(reference=reference, inclination_deg=float(here.inclination_deg))
 
 
-def lacking(samples: Samples) -> str:
+def describe_missing(samples: Samples) -> str:
     """What a log lacks for the field along its track to be known, in words.
 
-    >>> lacking(Samples(field=[[0, 0, 1.0]], latitude_deg=[52.0]))
+    >>> describe_missing(Samples(field=[[0, 0, 1.0]], latitude_deg=[52.0]))
     'the log has no longitude and no date'
     """
     parts = {
@@ -88,7 +88,7 @@ def field_along(samples: Samples, date: str | None = None) -> Expected | None:
         altitude_m=np.zeros(rows) if samples.altitude_m is None else samples.altitude_m,
     )
     middle = epoch + timedelta(seconds=float(np.median(time)))
-    model = model_for(float(decimal_year(middle)))
+    model = choose_model(float(decimal_year(middle)))
     try:
         vectors = model.along(track)
     except LogError:
@@ -103,7 +103,7 @@ def field_along(samples: Samples, date: str | None = None) -> Expected | None:
     return Expected(reference=reference, inclination_deg=float(np.median(dip)))
 
 
-def reference_for(
+def choose_reference(
     samples: Samples,
     at: tuple[float, float, float] | None = None,
     date: str | None = None,
@@ -113,7 +113,7 @@ def reference_for(
 
     From the magnitude (nT) or the place that was given, or else from the log's own place and date.
 
-    >>> reference_for(Samples(field=[[0, 0, 1.0]]), magnitude=50_000.0)[0].values
+    >>> choose_reference(Samples(field=[[0, 0, 1.0]]), magnitude=50_000.0)[0].values
     array([50000.])
     """
     if magnitude is not None:

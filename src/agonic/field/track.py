@@ -20,7 +20,7 @@ SHORTEST = 5
 """Nodes without which a cubic spline is not worth its name."""
 
 
-def along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
+def evaluate_along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
     """A smooth vector (3, n) along a track, evaluated exactly at few rows and splined between them.
 
     Nodes are recorded rows, so no position is interpolated. The spline is compared with the exact
@@ -34,7 +34,7 @@ def along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
     vectors = np.empty((3, len(time)))
     left = []
     for rows in np.split(np.arange(len(time)), gaps):
-        splined = _splined(time, rows, exact)
+        splined = _spline(time, rows, exact)
         if splined is None:
             left.append(rows)
         else:
@@ -45,7 +45,7 @@ def along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
     return vectors
 
 
-def _splined(time: Array, rows: Index, exact: Callable[[Index], Array]) -> Array | None:
+def _spline(time: Array, rows: Index, exact: Callable[[Index], Array]) -> Array | None:
     """The vector at rows without a gap, or `None` where a spline is not worth it or not good."""
     if len(rows) < MANY_ROWS:
         return None

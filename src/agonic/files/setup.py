@@ -46,7 +46,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup, Tilt
-from agonic.calibration.setup import mistakes as out_of_range
+from agonic.calibration.setup import find_mistakes as out_of_range
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, save
 from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection

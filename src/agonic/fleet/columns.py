@@ -12,9 +12,9 @@ from agonic.coverage import Coverage
 from agonic.ellipsoid.calibration import accuracy, unscaled
 from agonic.ellipsoid.many_sensors import Fits
 from agonic.ellipsoid.solve import in_words
-from agonic.health import Finding, misscaled, undetermined, verdict_of
+from agonic.health import Finding, check_coverage, check_scale, verdict_of
 from agonic.health.finding import sentences
-from agonic.health.readings import left_out
+from agonic.health.readings import check_rejected
 from agonic.logs.large.grouped_moments import Grouped
 from agonic.population.population import AXES, COLUMNS, ENTRIES, get_dtype
 
@@ -90,7 +90,7 @@ def _find(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
     if not fits.heading_sd_deg[k] < _HEADING_LEAST_DEG:
         nothing = np.zeros(80)
         found.append(
-            undetermined(
+            check_coverage(
                 Coverage(
                     cells=nothing.astype(np.int64),
                     filled=0.0,
@@ -101,10 +101,10 @@ def _find(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
                 )
             )
         )
-    found.append(misscaled(float(np.trace(fits.matrix[k])) / 3, unit))
+    found.append(check_scale(float(np.trace(fits.matrix[k])) / 3, unit))
     if grouped.left_out[k]:
         lost, total = int(grouped.left_out[k]), int(grouped.count[k] + grouped.left_out[k])
-        found += left_out({"NaN or infinite field": lost}, total)
+        found += check_rejected({"NaN or infinite field": lost}, total)
     return [finding for finding in found if finding is not None]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Index, Mask
 from agonic.ellipsoid.many_sensors import fit_many
 from agonic.errors import LogError, check_choice
-from agonic.field.place import reference_for
+from agonic.field.place import choose_reference
 from agonic.fleet.by_rows import Task, calibrate_by_rows
 from agonic.fleet.columns import Columns, make_blank_columns, make_columns
 from agonic.fleet.doubts import find_doubts
@@ -265,7 +265,7 @@ def _find_reference(
         epoch = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=float(np.median(dated)))
     date = settings.date or (None if epoch else settings.undated)
     nowhere = Samples(field=np.ones((1, 3)), epoch=epoch)
-    return reference_for(nowhere, settings.at, date, settings.field_nT)
+    return choose_reference(nowhere, settings.at, date, settings.field_nT)
 
 
 def _needs_rows(dataset: Dataset, settings: FleetSettings) -> bool:

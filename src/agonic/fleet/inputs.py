@@ -14,7 +14,7 @@ from agonic.fleet.settings import FleetSettings
 from agonic.logs.large.dataset import Dataset, find_dataset
 from agonic.logs.read import accepts
 from agonic.population import Row
-from agonic.provenance import as_text
+from agonic.provenance import escape_text
 
 LOG_SUFFIXES = frozenset(
     (".csv", ".tsv", ".ulg", ".bin", ".tlog", ".parquet", ".mat", ".npz", ".cdf", ".nc")
@@ -160,7 +160,7 @@ def name_sensors(path: str, rows: Sequence[Row], pattern: str | None) -> list[Ro
     >>> [one.sensor for one in name_sensors("a/7.csv", [row, row], r"(\\w+)/")]
     ['a mag', 'a mag']
     """
-    path = as_text(path)
+    path = escape_text(path)
     named = None if pattern is None else _get_group(re.search(pattern, path))
     ids = [row.device_id for row in rows]
 

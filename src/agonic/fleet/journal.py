@@ -17,7 +17,7 @@ from agonic.errors import AgonicError
 from agonic.fleet.settings import digest
 from agonic.population import Population, Row
 from agonic.population.table import from_bytes, to_bytes
-from agonic.provenance import as_text
+from agonic.provenance import escape_text
 
 COMMIT_S = 1.0
 """How much work a cut may cost."""
@@ -113,7 +113,7 @@ class Journal:
     def content(self, path: str, state: State | None = None) -> str | None:
         """The digest of a file's content as it was last read, where `state` is still the same."""
         found = self._db.execute(
-            "select size, mtime_ns, sha256 from contents where path = ?", (as_text(path),)
+            "select size, mtime_ns, sha256 from contents where path = ?", (escape_text(path),)
         ).fetchone()
         return found[2] if found and (state is None or state == found[:2]) else None
 
@@ -124,7 +124,8 @@ class Journal:
     def note(self, path: str, state: State, sha256: str) -> None:
         """Keep the digest of a file's content."""
         self._db.execute(
-            "insert or replace into contents values (?, ?, ?, ?)", (as_text(path), *state, sha256)
+            "insert or replace into contents values (?, ?, ?, ?)",
+            (escape_text(path), *state, sha256),
         )
 
     def rows(self, sha256: str) -> tuple[Row, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from agonic.atomic import make_folder
 from agonic.errors import AgonicError, LogError, MissingExtraError
-from agonic.field.place import reference_for
+from agonic.field.place import choose_reference
 from agonic.files.calibration import save
 from agonic.fleet.inputs import SINGLE
 from agonic.fleet.rows import make_refused_row, make_row
@@ -21,7 +21,7 @@ from agonic.logs.large.mission import is_long, open_mission
 from agonic.logs.log import Log
 from agonic.logs.read import open_log
 from agonic.population import Row
-from agonic.provenance import as_text, sha256_of
+from agonic.provenance import escape_text, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate, calibrate_recording
 from agonic.recording.report.folder import file_stem, write_folder
 from agonic.samples import Samples
@@ -114,8 +114,8 @@ def describe_log(
 ) -> dict[str, Any]:
     """What a row of a log says beside its figures; the caller may know the sensor better."""
     return {
-        "sensor": as_text(Path(path).stem),
-        "source": as_text(path),
+        "sensor": escape_text(Path(path).stem),
+        "source": escape_text(path),
         "sha256": sha256,
         "key": digest(sha256, channel, settings.asked),
         "settings": settings.asked,
@@ -141,7 +141,7 @@ def report_unread(path: str, reason: str, settings: FleetSettings, *, final: boo
     content = ""
     with suppress(OSError):
         if Path(path).is_file():  # a pipe would be waited for
-            content = sha256_of(Path(path))
+            content = hash_file(Path(path))
     row = make_refused_row(reason, **describe_log(path, content, settings), channel="")
     return Done(content, (row,), final and bool(content))
 
@@ -155,7 +155,7 @@ def try_calibrate(
     """
     date = settings.date or (None if samples.epoch else settings.undated)
     try:
-        reference, of_place = reference_for(samples, settings.at, date, settings.field_nT)
+        reference, of_place = choose_reference(samples, settings.at, date, settings.field_nT)
         if run is not None:
             return run(reference, **of_place)
         return calibrate(samples, reference, kind=settings.method, **of_place)  # type: ignore[arg-type]

@@ -32,7 +32,7 @@ from agonic.population import (
     compare,
     write_population,
 )
-from agonic.provenance import sha256_of
+from agonic.provenance import hash_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +317,7 @@ class _Work:
 
 def _hash_file(path: str) -> str | None:
     try:
-        return sha256_of(Path(path))
+        return hash_file(Path(path))
     except OSError:
         return None
 

@@ -10,7 +10,7 @@ from hashlib import sha256
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
 from agonic.reference import Reference
-from agonic.units import canonical
+from agonic.units import find_unit
 from agonic.version import __version__
 
 METHODS = ("auto", "ellipsoid", "levelled", "vector")
@@ -52,7 +52,7 @@ class FleetSettings:
     def __post_init__(self) -> None:
         check_choice("method", self.method, METHODS)
         if self.unit is not None:
-            canonical(self.unit)
+            find_unit(self.unit)
         if self.date is not None:
             decimal_year(self.date)
         if self.field_nT is not None:

@@ -83,7 +83,7 @@ def attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitu
     if source == "log":
         roll, pitch = _needed(samples, "roll_deg", source), _needed(samples, "pitch_deg", source)
         sd = np.full(1, _stated(setup))
-        tilt = kernel.of_angles(roll, pitch)
+        tilt = kernel.tilt_from_angles(roll, pitch)
         return Attitude(
             tilt=tilt,
             roll_deg=roll,
@@ -104,7 +104,7 @@ def attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitu
             why = (*why, f"turns are reckoned at {figure(speed.taken)} m/s: {_whence(samples)}")
         return _felt(followed, setup, source, speed, why)
     speed, sds = _shaken(samples, setup, force, turn)
-    return _felt(Followed(kernel.down_of_force(force), *sds), setup, source, speed, why)
+    return _felt(Followed(kernel.down_from_force(force), *sds), setup, source, speed, why)
 
 
 def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
@@ -119,7 +119,7 @@ def _felt(
 
     One that feels a share more or less than gravity at rest is off by as much across.
     """
-    tilt = kernel.of_down(found.down)
+    tilt = kernel.tilt_from_down(found.down)
     scale = speed.gravity / STANDARD_GRAVITY_M_S2 - 1.0
     own = _stated(setup) ** 2 + scale**2
     # about the level axis ahead, roll turns by 1/cos pitch as much
@@ -183,7 +183,7 @@ def _level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
             )
             said = f"the vehicle is taken to be level; by the log it was off by {told}, rms"
         notes = (said,)
-    level = kernel.of_angles(zero, zero)
+    level = kernel.tilt_from_angles(zero, zero)
     return Attitude(
         tilt=level,
         roll_deg=zero,
@@ -203,7 +203,7 @@ def _recorded(samples: Samples, turn: Array) -> tuple[Array, Array] | None:
     if samples.acceleration is None:
         return None
     roll, pitch = kernel.roll_pitch_deg(
-        kernel.of_down(kernel.down_of_force(samples.acceleration @ turn.T))
+        kernel.tilt_from_down(kernel.down_from_force(samples.acceleration @ turn.T))
     )
     known = np.isfinite(roll)
     return (roll[known], pitch[known]) if known.any() else None

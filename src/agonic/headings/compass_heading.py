@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.base import beside
+from agonic.calibration.base import select_columns
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass
 from agonic.errors import FrameError, LogError, UnitError
@@ -57,7 +57,7 @@ def readings_at(samples: Samples, compass: Compass, time: Array | None) -> Readi
     `LONGEST_BRIDGE` periods apart, and outside them, there is none.
     """
     _check(samples, compass)
-    columns = beside(compass.calibration, samples)
+    columns = select_columns(compass.calibration, samples)
     if time is samples.time and compass.latency_s == 0.0:
         return Readings(samples.field, columns)
     if samples.time is None or time is None:
@@ -144,7 +144,7 @@ def _piece(
     if attitude.source == LEVEL and around.vertical is not None:
         field[2] = part_of(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
-        turned = kernel.turned(field.T, tilt, attitude.order)
+        turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
         lasting, random = variances(steps, values, columns, turned.by_field)
         lasting += _by_tilt(turned, attitude, around, rows)
     if readings.averaged is not None:
@@ -161,7 +161,9 @@ def _piece(
     )
 
 
-def _by_tilt(turned: kernel.Turned, attitude: Attitude, around: Surroundings, rows: slice) -> Array:
+def _by_tilt(
+    turned: kernel.HeadingDerivatives, attitude: Attitude, around: Surroundings, rows: slice
+) -> Array:
     """Variance that errors of tilt make, rad², (n,).
 
     A tilt that is far off shows the field at a dip that is not its own, with derivatives to match;
@@ -181,7 +183,7 @@ def _deviated(
     """Magnetic heading, d(magnetic)/d(compass), and the variance of the deviation, degrees²."""
     heel = np.zeros(4) if card.heel is None else card.heel
     gain = 1 + slope(np.append(card.coefficients, heel), heading_deg, roll_deg, pitch_deg)
-    magnetic = kernel.turn_deg(heading_deg + card.at(heading_deg, roll_deg, pitch_deg))
+    magnetic = kernel.wrap_turn_deg(heading_deg + card.at(heading_deg, roll_deg, pitch_deg))
     if card.covariance is None:
         return magnetic, gain, np.zeros(1)
     return magnetic, gain, card.sd_at(heading_deg, roll_deg, pitch_deg) ** 2

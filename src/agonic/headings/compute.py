@@ -136,7 +136,7 @@ def _assembled(
         time=first.time,
         compass_deg=found.compass_deg,
         magnetic_deg=magnetic,
-        true_deg=kernel.turn_deg(magnetic + around.declination_deg),
+        true_deg=kernel.wrap_turn_deg(magnetic + around.declination_deg),
         sd_deg=sd,
         random_sd_deg=random_sd,
         disagreement_deg=disagreement_deg([one.indicated.magnetic_deg for one in taken]),

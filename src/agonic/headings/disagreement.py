@@ -15,7 +15,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.headings.attitude import LEVEL
 from agonic.headings.compass_heading import Indicated
 from agonic.headings.expected_field import Surroundings
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.units import RAW
 
 
@@ -103,7 +103,7 @@ def disagreeing(
     rows = np.zeros(len(seen[0].magnetic_deg), dtype=bool)
     for i, one in enumerate(seen):
         for k, other in enumerate(seen[:i]):
-            apart = np.abs(wrapped_deg(one.magnetic_deg - other.magnetic_deg))
+            apart = np.abs(wrap_deg(one.magnetic_deg - other.magnetic_deg))
             sd = np.sqrt(one.random + one.lasting + other.random + other.lasting)
             believed = np.ones_like(rows)
             for distance in (distances[i], distances[k]):
@@ -124,5 +124,5 @@ def disagreement_deg(magnetic_deg: list[Array]) -> Array | None:
     largest = np.full(len(magnetic_deg[0]), np.nan)
     for i, one in enumerate(magnetic_deg):
         for other in magnetic_deg[:i]:
-            largest = np.fmax(largest, np.abs(wrapped_deg(one - other)))
+            largest = np.fmax(largest, np.abs(wrap_deg(one - other)))
     return largest

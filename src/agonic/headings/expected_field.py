@@ -11,7 +11,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError, ValidityError
 from agonic.field.decimal_year import decimal_year
-from agonic.field.place import model_for
+from agonic.field.place import choose_model
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
 
@@ -91,7 +91,7 @@ def along(samples: Samples) -> World | None:
     ends = decimal_year([epoch + timedelta(seconds=float(s)) for s in time[rows[[0, -1]]]])
     share = (time[rows] - time[0]) / max(time[-1] - time[0], 1e-9)
     years = ends[0] + share * (ends[1] - ends[0])
-    there = model_for(float(years[len(years) // 2])).at(
+    there = choose_model(float(years[len(years) // 2])).at(
         latitude[rows], longitude[rows], altitude[rows], years
     )
     where = np.arange(n) if samples.time is None else time

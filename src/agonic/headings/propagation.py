@@ -17,11 +17,11 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
-from agonic.calibration.interference import Interference, stacked
+from agonic.calibration.interference import Interference, stack_sources
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.maths.equation import model, polynomial
-from agonic.maths.equation.affine import model_basis, with_covariates
+from agonic.maths.equation.affine import expand_covariates, model_basis
 
 
 class Step(NamedTuple):
@@ -58,7 +58,7 @@ def _root(step: Affine | Thermal | Alignment) -> Array | None:
     if isinstance(step, Alignment):
         return np.asarray(root)
     if isinstance(step, Thermal):
-        onto = model.layout(step.degree, step.gauge, step.rate is not None)
+        onto = model.build_layout(step.degree, step.gauge, step.rate is not None)
         return np.asarray(onto @ root)
     local = model_basis("full", step.gauge)
     spread = np.zeros((len(local) + len(root) - local.shape[1], len(root)))
@@ -128,15 +128,15 @@ def _thermal_row(
     step: Thermal, given: Array, columns: Mapping[str, Array], gradient: Array, before: Array
 ) -> Array:
     """(−Wᵀg, g ⊗ (raw − bias)) ⊗ φ, φ the powers of the temperature and its rate, (12 q, n)."""
-    x = polynomial.scaled(columns["temperature"], step.centre_C, step.half_range_C)
+    x = polynomial.scale(columns["temperature"], step.centre_C, step.half_range_C)
     bias, rate = step.bias_at(columns["temperature"]), None
     if step.rate is not None:
         rate = columns["temperature_rate"]
         bias = bias + rate[:, None] * step.rate
     reach = (given - bias).T
     local = np.concatenate([-before, (gradient[:, None] * reach[None]).reshape(9, -1)])
-    phi = model.covariates(x, 0.0, step.degree, rate)
-    return np.asarray(with_covariates(local.T, phi).T)
+    phi = model.build_covariates(x, 0.0, step.degree, rate)
+    return np.asarray(expand_covariates(local.T, phi).T)
 
 
 def _turn_row(made: Array, gradient: Array) -> Array:
@@ -151,7 +151,7 @@ def _affine_row(
     reach = given.T - step.bias[:, None]
     blocks = [-before]
     if isinstance(step, Interference):
-        x = stacked(step.sources, columns).T
+        x = stack_sources(step.sources, columns).T
         reach = reach - step.coefficients @ x
     blocks.append((gradient[:, None] * reach[None]).reshape(9, -1))
     if isinstance(step, Interference):

@@ -2,11 +2,11 @@
 
 from agonic.health.evidence import (
     Evidence,
+    check_bias_drift,
+    check_coverage,
+    check_outliers,
     examine,
-    examine_taught,
-    strayed,
-    undetermined,
-    wandered,
+    examine_attitude_aided,
 )
 from agonic.health.finding import (
     Finding,
@@ -14,13 +14,20 @@ from agonic.health.finding import (
     Severity,
     Verdict,
     figure,
-    gravest_first,
     sentences,
+    sort_findings,
     verdict_of,
 )
-from agonic.health.mounting import misnamed, mounted
-from agonic.health.readings import FEWEST, describe, inspect, left_out, step, usable_rows
-from agonic.health.scale import misscaled
+from agonic.health.mounting import check_axes, check_mounting
+from agonic.health.readings import (
+    FEWEST,
+    check_rejected,
+    describe,
+    find_quantisation,
+    find_usable_rows,
+    inspect,
+)
+from agonic.health.scale import check_scale
 
 __all__ = [
     "FEWEST",
@@ -29,21 +36,21 @@ __all__ = [
     "Judged",
     "Severity",
     "Verdict",
+    "check_axes",
+    "check_bias_drift",
+    "check_coverage",
+    "check_mounting",
+    "check_outliers",
+    "check_rejected",
+    "check_scale",
     "describe",
     "examine",
-    "examine_taught",
+    "examine_attitude_aided",
     "figure",
-    "gravest_first",
+    "find_quantisation",
+    "find_usable_rows",
     "inspect",
-    "left_out",
-    "misnamed",
-    "misscaled",
-    "mounted",
     "sentences",
-    "step",
-    "strayed",
-    "undetermined",
-    "usable_rows",
+    "sort_findings",
     "verdict_of",
-    "wandered",
 ]

@@ -9,14 +9,14 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.coverage import Coverage
 from agonic.health.finding import Finding, figure
-from agonic.maths.equation.coverage import nearest_axis, thickness
-from agonic.maths.estimation.bias_change import find_change, settled
-from agonic.maths.estimation.least_median import Pair, two_spheres
+from agonic.maths.equation.coverage import find_nearest_axis, measure_thickness
+from agonic.maths.estimation.bias_change import find_bias_change, refit_residuals
+from agonic.maths.estimation.least_median import Pair, fit_two_spheres
 
 HEADING_REFUSED_DEG = 10.0
 HEADING_DOUBTFUL_DEG = 2.0
 NOISE_DOUBTFUL = 0.04  # of the field's magnitude
-STRAYS_DOUBTFUL = 0.1
+OUTLIERS_DOUBTFUL = 0.1
 SHIFT_REFUSED = 0.04  # of the field's magnitude
 SHIFT_DOUBTFUL = 0.01
 SHIFT_OVER_NOISE = 3.0  # less than this does not stand out of the readings
@@ -52,21 +52,21 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     shape = _static(evidence) or _flat(evidence)
     if shape is not None:
         return (shape,)
-    changed = _second_population(evidence) or _changed(evidence) or _crowded_strays(evidence)
+    changed = _second_population(evidence) or _changed(evidence) or _crowded_outliers(evidence)
     if changed is not None and changed.severity == "refuse":
         return (changed,)
-    others = (_noisy(evidence), _strays(evidence)) if changed is None else (changed,)
-    found = (undetermined(evidence.coverage), *others)
+    others = (_noisy(evidence), _outliers(evidence)) if changed is None else (changed,)
+    found = (check_coverage(evidence.coverage), *others)
     return tuple(finding for finding in found if finding is not None)
 
 
-def examine_taught(evidence: Evidence) -> tuple[Finding, ...]:
+def examine_attitude_aided(evidence: Evidence) -> tuple[Finding, ...]:
     """The findings of a fit that the attitude taught: readings in a plane are no fault there."""
-    changed = _changed(evidence) or _crowded_strays(evidence)
+    changed = _changed(evidence) or _crowded_outliers(evidence)
     if changed is not None and changed.severity == "refuse":
         return (changed,)
-    others = (_noisy(evidence), _strays(evidence)) if changed is None else (changed,)
-    found = (undetermined(evidence.coverage), *others)
+    others = (_noisy(evidence), _outliers(evidence)) if changed is None else (changed,)
+    found = (check_coverage(evidence.coverage), *others)
     return tuple(finding for finding in found if finding is not None)
 
 
@@ -109,10 +109,10 @@ def _gaussian(readings: Array) -> bool:
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
     believed = e.readings[(e.weights > 0) | (e.weights == 0).all()]
-    thick, normal = thickness(believed[_some(len(believed))])
+    thick, normal = measure_thickness(believed[_some(len(believed))])
     if thick > 0.1:
         return None
-    axis = nearest_axis(normal)
+    axis = find_nearest_axis(normal)
     noise_thickness = 2.4 * e.noise / e.radius
     in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
     if in_one_plane:
@@ -131,7 +131,7 @@ def _flat(e: Evidence) -> Finding | None:
 def _changed(e: Evidence) -> Finding | None:
     """A bias that was another for a while, by more than the noise can hide."""
     rows = _some(len(e.readings))
-    found = find_change(*_on_the_surface(e, rows))
+    found = find_bias_change(*_on_the_surface(e, rows))
     if found is None or found.significance < 30:
         return None
     if found.shift < max(SHIFT_DOUBTFUL * e.radius, SHIFT_OVER_NOISE * found.noise):
@@ -147,10 +147,10 @@ def _on_the_surface(e: Evidence, rows: Index) -> tuple[Array, Array, Array]:
     return residuals, normals, (feet - e.bias) / e.radius
 
 
-def _crowded_strays(e: Evidence) -> Finding | None:
+def _crowded_outliers(e: Evidence) -> Finding | None:
     """Strays that come in one stretch: the fit holds for the rest of the log only."""
     stray = e.weights == 0.0
-    if not STRAYS_DOUBTFUL < stray.mean() < 1.0:
+    if not OUTLIERS_DOUBTFUL < stray.mean() < 1.0:
         return None
     edges, crowding = _stretch(stray)
     if crowding < 0.5:
@@ -191,10 +191,10 @@ def _pair(e: Evidence, rows: Index) -> Pair | None:
     if holds and (e.weights == 0.0).mean() < 0.12:
         return None
     readings = (e.readings[rows] - e.bias) / e.radius
-    pair = two_spheres(readings @ e.shape.T if holds else readings)
+    pair = fit_two_spheres(readings @ e.shape.T if holds else readings)
     if pair is None:
         return None
-    left = np.abs(settled(*_on_the_surface(e, rows))) / e.radius
+    left = np.abs(refit_residuals(*_on_the_surface(e, rows))) / e.radius
     believed = np.minimum(pair.distance, 0.2).mean() < 0.65 * np.minimum(left, 0.2).mean()
     return pair if believed else None
 
@@ -227,7 +227,7 @@ def _change_finding(e: Evidence, edges: Index, shift: float) -> Finding:
     )
 
 
-def undetermined(c: Coverage) -> Finding | None:
+def check_coverage(c: Coverage) -> Finding | None:
     """A heading that the directions visited leave uncertain."""
     if c.heading_sd_deg < HEADING_DOUBTFUL_DEG:
         return None
@@ -253,20 +253,20 @@ def _noisy(e: Evidence) -> Finding | None:
     )
 
 
-def _strays(e: Evidence) -> Finding | None:
-    return strayed(int(np.count_nonzero(e.weights == 0.0)), len(e.weights))
+def _outliers(e: Evidence) -> Finding | None:
+    return check_outliers(int(np.count_nonzero(e.weights == 0.0)), len(e.weights))
 
 
-def strayed(count: int, total: int) -> Finding | None:
+def check_outliers(count: int, total: int) -> Finding | None:
     """Readings that the loss left out, so many of all.
 
-    >>> strayed(3, 1000).sentence
+    >>> check_outliers(3, 1000).sentence
     '3 readings (0.3 %) do not fit and were left out'
     """
     if not count:
         return None
     share = count / total
-    doubtful = share > STRAYS_DOUBTFUL
+    doubtful = share > OUTLIERS_DOUBTFUL
     return Finding(
         "outliers",
         "check" if doubtful else "note",
@@ -275,12 +275,12 @@ def strayed(count: int, total: int) -> Finding | None:
     )
 
 
-def wandered(shift: float, radius: float, when: str, unit: str) -> Finding:
+def check_bias_drift(shift: float, radius: float, when: str, unit: str) -> Finding:
     """A bias that is not the same throughout, by less than a change that spoils the fit.
 
     Parameters: `shift` of the bias from the part before `when` to the part after.
 
-    >>> wandered(12.0, 50_000.0, "t = 3600 s", "nT").severity
+    >>> check_bias_drift(12.0, 50_000.0, "t = 3600 s", "nT").severity
     'note'
     """
     doubtful = shift >= SHIFT_DOUBTFUL * radius

@@ -48,11 +48,11 @@ class Finding:
         return f"{self.what}; {self.move}" if self.move else self.what
 
 
-def gravest_first(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
+def sort_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
     """Findings with refusals first and notes last, each kind in its order; None is left out.
 
     >>> found = (Finding("gap", "note", ""), None, Finding("drift", "check", ""))
-    >>> [finding.name for finding in gravest_first(found)]
+    >>> [finding.name for finding in sort_findings(found)]
     ['drift', 'gap']
     """
     found = (finding for finding in findings if finding is not None)

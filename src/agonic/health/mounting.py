@@ -6,8 +6,13 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health.finding import Finding, figure
-from agonic.maths.rotations.mounting import in_words, renamed, right_angles, vertical_misfit
-from agonic.maths.rotations.tilt import down_of_force
+from agonic.maths.rotations.mounting import (
+    describe_mounting,
+    describe_renaming,
+    right_angles,
+    vertical_misfit,
+)
+from agonic.maths.rotations.tilt import down_from_force
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 FAR_BETTER = 0.4
@@ -25,7 +30,7 @@ FEWEST_TILTS = 8
 _MOST = 20_000  # readings that are enough to tell axes apart
 
 
-def mounted(readings: Array, down: Array) -> Finding | None:
+def check_mounting(readings: Array, down: Array) -> Finding | None:
     """The finding that the sensor sits in the vehicle by another right angle than its axes say.
 
     Parameters: readings (n, 3) and the direction of down in body axes (n, 3).
@@ -39,12 +44,12 @@ def mounted(readings: Array, down: Array) -> Finding | None:
         "mounting",
         "refuse",
         "the readings do not follow roll and pitch along the axes they are named for; they would "
-        f"with the sensor mounted so that {in_words(turns[best])}",
+        f"with the sensor mounted so that {describe_mounting(turns[best])}",
         "turn the readings into body axes, or correct the orientation set for this sensor",
     )
 
 
-def misnamed(
+def check_axes(
     field: Array, acceleration: Array, magnitude: float, upwards: bool | None = None
 ) -> Finding | None:
     """The finding that the axes of the readings are not those of the accelerometer beside them.
@@ -65,7 +70,7 @@ def misnamed(
         return None
     off = felt / gravity - 1
     calm = np.abs(off) < NEAR_GRAVITY
-    down = down_of_force(acceleration[calm])
+    down = down_from_force(acceleration[calm])
     if _tilts(down) < FEWEST_TILTS:
         return None
     turns, weights = right_angles(), 1 / (UPRIGHT_SD**2 + off[calm] ** 2)
@@ -78,8 +83,8 @@ def misnamed(
     return Finding(
         "axes",
         "check",
-        f"the axes are not those of the accelerometer beside it: {renamed(turn)} (the vertical "
-        f"field is then constant to {figure(100 * misfit[best])} %, as named to "
+        f"the axes are not those of the accelerometer beside it: {describe_renaming(turn)} (the "
+        f"vertical field is then constant to {figure(100 * misfit[best])} %, as named to "
         f"{figure(100 * misfit[0])} %)",
         "name the axes of the magnetometer or of the accelerometer rightly and calibrate again: "
         "the calibration holds for the axes as named, a heading from both would be wrong",

@@ -21,12 +21,12 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     >>> [finding.name for finding in inspect(flat)]
     ['frozen axis']
     """
-    stuck = [stuck_rows(samples.field, axis) for axis in range(3)]
+    stuck = [find_stuck_rows(samples.field, axis) for axis in range(3)]
     found = [
-        *left_out(samples.rejected, len(samples) + sum(samples.rejected.values())),
+        *check_rejected(samples.rejected, len(samples) + sum(samples.rejected.values())),
         _few(samples),
         *(_frozen(rows, axis) for axis, rows in enumerate(stuck)),
-        _clipped(clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
+        _clipped(find_clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
         _stale(samples.field),
         _gaps(samples),
         _corrected(samples),
@@ -34,14 +34,14 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     return tuple(finding for finding in found if finding is not None)
 
 
-def usable_rows(field: Array) -> Mask:
+def find_usable_rows(field: Array) -> Mask:
     """Rows (n,) whose three axes all read what the field was: neither clipped nor stuck.
 
     An axis that hardly ever moves leaves all rows in, for the fit to be refused on them.
     """
-    spoilt = clipped_rows(field)
+    spoilt = find_clipped_rows(field)
     for axis in range(3):
-        stuck = stuck_rows(field, axis)
+        stuck = find_stuck_rows(field, axis)
         if not _throughout(stuck):
             spoilt |= stuck
     return ~spoilt
@@ -49,7 +49,7 @@ def usable_rows(field: Array) -> Mask:
 
 def describe(samples: Samples) -> tuple[Finding, ...]:
     """What `inspect` finds and what is merely worth knowing: steps, a correction in the log."""
-    size = step(samples.field)
+    size = find_quantisation(samples.field)
     more = []
     if size is not None:
         more.append(
@@ -61,10 +61,10 @@ def describe(samples: Samples) -> tuple[Finding, ...]:
     return (*inspect(samples), *more)
 
 
-def step(field: Array) -> float | None:
+def find_quantisation(field: Array) -> float | None:
     """The step of quantised readings, in their unit; None where they are finer than noise.
 
-    >>> step(np.round(np.random.default_rng(0).normal(size=(500, 3)) * 10) * 100.0)
+    >>> find_quantisation(np.round(np.random.default_rng(0).normal(size=(500, 3)) * 10) * 100.0)
     100.0
     """
     sizes = []
@@ -79,10 +79,10 @@ def step(field: Array) -> float | None:
     return max(sizes) if sizes else None
 
 
-def left_out(rejected: Mapping[str, int], total: int) -> list[Finding]:
+def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
     """Rows of so many that hold no number or no time of their own, by the reason.
 
-    >>> left_out({"time does not increase": 3}, 1000)[0].what
+    >>> check_rejected({"time does not increase": 3}, 1000)[0].what
     '3 of 1000 rows were left out (time does not increase)'
     """
     return [
@@ -108,7 +108,7 @@ def _few(samples: Samples) -> Finding | None:
     )
 
 
-def stuck_rows(field: Array, axis: int) -> Mask:
+def find_stuck_rows(field: Array, axis: int) -> Mask:
     """Rows (n,) of long stretches in which an axis stands still while the others move.
 
     An axis in coarse steps, that mostly repeats anyway, is not taken for stuck, nor one that comes
@@ -159,7 +159,7 @@ def _frozen(stuck: Mask, axis: int) -> Finding | None:
     )
 
 
-def clipped_rows(field: Array) -> Mask:
+def find_clipped_rows(field: Array) -> Mask:
     """Rows (n,) in which an axis sits at the end of its range.
 
     A clipped axis piles up at one value while the other axes still move. At an honest extreme the

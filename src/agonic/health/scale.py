@@ -8,10 +8,10 @@ GAIN = (0.5, 2.0)
 """A gain outside is no error of a sensor."""
 
 
-def misscaled(gain: float, unit: str) -> Finding | None:
+def check_scale(gain: float, unit: str) -> Finding | None:
     """A gain far from one where both sides are in nT: a wrong unit or a wrong reference.
 
-    >>> misscaled(100.0, "nT").what
+    >>> check_scale(100.0, "nT").what
     'readings had to be multiplied by 100 to reach the stated field'
     """
     if unit != "nT" or GAIN[0] < gain < GAIN[1]:

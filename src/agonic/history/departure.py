@@ -12,9 +12,9 @@ from agonic.health import Finding
 from agonic.health.finding import figure
 from agonic.history.fit import Drift
 from agonic.history.parameters import NAMES, extract_parameters
-from agonic.maths.estimation.false_discovery import discoveries
-from agonic.maths.estimation.robust_spread import robust_spread
-from agonic.maths.estimation.tails import Tail, tail_of
+from agonic.maths.estimation.false_discovery import find_discoveries
+from agonic.maths.estimation.robust_spread import estimate_robust_spread
+from agonic.maths.estimation.tails import Tail, fit_tail
 from agonic.population import Population, find_outliers
 from agonic.population.outlier import choose_rate
 from agonic.population.store import History
@@ -139,16 +139,16 @@ def _test_moves(now: Population, then: Population, rate: float) -> list[Departur
     sd = np.hypot(after.sd, before.sd)
     tested = []
     for kind, part in _KINDS.items():
-        usual = robust_spread(away[:, part], sd[:, part])
+        usual = estimate_robust_spread(away[:, part], sd[:, part])
         scale = np.hypot(usual.spread, sd[:, part])
         known = np.isfinite(away[:, part]).all(axis=1) & (scale > 0).all(axis=1)
         if known.sum() < LEAST:
             continue
         off = away[known, part] - usual.centre
         distance = np.linalg.norm(off / scale[known], axis=1)
-        tested.append((kind, np.flatnonzero(known), off, distance, tail_of(distance, 3)))
+        tested.append((kind, np.flatnonzero(known), off, distance, fit_tail(distance, 3)))
     p_values = [tail.beyond(distance) for *_, distance, tail in tested]
-    holds = discoveries(np.concatenate(p_values or [np.zeros(0)]), rate)
+    holds = find_discoveries(np.concatenate(p_values or [np.zeros(0)]), rate)
     found, at = [], 0
     for (kind, rows, off, distance, tail), p_value in zip(tested, p_values, strict=True):
         for k in np.flatnonzero(holds[at : at + len(rows)]):

@@ -12,7 +12,7 @@ from scipy.special import stdtr
 from agonic.arrays import Array, Index, Mask
 from agonic.history.fit import DRIFTING, FEWEST
 from agonic.history.parameters import NAMES
-from agonic.maths.estimation.drift_model import Series, believed
+from agonic.maths.estimation.drift_model import Series, compute_posterior
 from agonic.population.store import History
 
 _COLUMNS = (
@@ -122,6 +122,6 @@ def _test_drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
             continue
         sd = np.nan_to_num(columns[f"bias_{axis}_sd"][rows[moves]])
         value = value[moves] - value[moves].mean(axis=1, keepdims=True)
-        p_value = believed(Series(scaled[moves], value, sd**2, line[moves])).p_value(1)
+        p_value = compute_posterior(Series(scaled[moves], value, sd**2, line[moves])).p_value(1)
         found[moves] |= p_value * len(NAMES) < DRIFTING
     return found

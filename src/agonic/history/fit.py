@@ -13,8 +13,13 @@ from agonic.health import Finding
 from agonic.health.finding import Judged, figure
 from agonic.history.parameters import NAMES, Parameters, extract_parameters, find_comparable
 from agonic.history.trend import Trend, make_series, make_trend
-from agonic.maths.estimation.change_points import Shift, joined, shifts, size_of
-from agonic.maths.estimation.drift_model import Series, believed
+from agonic.maths.estimation.change_points import (
+    ChangePoint,
+    estimate_size,
+    find_change_points,
+    join_design,
+)
+from agonic.maths.estimation.drift_model import Series, compute_posterior
 from agonic.population import Population
 from agonic.population.store_schema import UNDATED
 
@@ -142,13 +147,15 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
         if np.isfinite(of.values[:, k]).all() and np.ptp(of.values[:, k]) > 0
     ]
     many = [make_series(time, of.values[:, k], of.sd[:, k]) for k in known]
-    found = shifts(many, CHANCE)
+    found = find_change_points(many, CHANCE)
     trends = []
     for number, k in enumerate(known):
-        held = joined(many[number], found, number)
+        held = join_design(many[number], found, number)
         own = tuple(s for s in found if s.stray or number in s.where)
         value, sd = of.values[:, k], of.sd[:, k]
-        trends.append(make_trend(NAMES[k], of.units[k], time, value, sd, held, believed(held), own))
+        trends.append(
+            make_trend(NAMES[k], of.units[k], time, value, sd, held, compute_posterior(held), own)
+        )
     units = [of.units[k] for k in known]
     names = [NAMES[k] for k in known]
     events = [_make_event(time, many, found, shift, names, units) for shift in found]
@@ -158,15 +165,15 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
 def _make_event(
     time: Array,
     many: list[Series],
-    found: list[Shift],
-    shift: Shift,
+    found: list[ChangePoint],
+    shift: ChangePoint,
     names: list[str],
     units: list[str],
 ) -> Event:
     others = [s for s in found if s is not shift]
     moved = []
     for k in shift.where:
-        belief = size_of(joined(many[k], others, k), shift)
+        belief = estimate_size(join_design(many[k], others, k), shift)
         last = belief.beta.shape[-1] - 1
         moved.append(
             ParameterChange(names[k], units[k], float(belief.mean(last)), float(belief.sd(last)))

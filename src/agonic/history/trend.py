@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.change_points import Shift
-from agonic.maths.estimation.drift_model import Belief, Series, followed, spread_of
+from agonic.maths.estimation.change_points import ChangePoint
+from agonic.maths.estimation.drift_model import Posterior, Series, mix_normals, predict
 
 YEAR_S = 365.25 * 86_400.0
 
@@ -46,8 +46,8 @@ class Trend:
     scatter: float
     walk: float
     series: Series
-    belief: Belief
-    shifts: tuple[Shift, ...]
+    belief: Posterior
+    shifts: tuple[ChangePoint, ...]
 
     def at(self, time: Array) -> Band:
         """The parameter at moments (k,), seconds since 1970 and not before the first calibration.
@@ -55,15 +55,15 @@ class Trend:
         Between two calibrations that a step lies between, the level before it still holds.
         """
         order = np.argsort(time, kind="stable")
-        mean, variance = followed(
+        mean, variance = predict(
             self.series, self.belief, self._scaled(time)[order], self._design(time)[:, order]
         )
         usual = float(np.median(self.series.variance))
         more = variance + self.belief.scatter[:, None] ** 2 + usual
         weight = self.belief.weight
         back = np.argsort(order, kind="stable")
-        centre, sd = spread_of(weight, mean.T, variance.T)
-        _, wide = spread_of(weight, mean.T, more.T)
+        centre, sd = mix_normals(weight, mean.T, variance.T)
+        _, wide = mix_normals(weight, mean.T, more.T)
         return Band((centre + self.offset)[back], sd[back], wide[back])
 
     @property
@@ -92,8 +92,8 @@ def make_trend(
     value: Array,
     sd: Array,
     held: Series,
-    belief: Belief,
-    shifts: tuple[Shift, ...],
+    belief: Posterior,
+    shifts: tuple[ChangePoint, ...],
 ) -> Trend:
     """The trend of a series, with what is believed of it and the shifts in its design."""
     years = float(time[-1] - time[0]) / YEAR_S

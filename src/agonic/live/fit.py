@@ -184,7 +184,7 @@ class LiveFit:
         )
         assert made.magnitude is not None
         assert made.covariance is not None
-        where = cells.cells_of(made.correct(boxes.middles))
+        where = cells.find_cells(made.correct(boxes.middles))
         counts = np.bincount(where, weights=boxes.counts, minlength=80).astype(np.int64)
         return made, cover(
             counts,

@@ -52,7 +52,7 @@ def compute_deviations(judge: Found | None, blocks: Array) -> Array:
     if judge is None:
         return np.zeros(len(blocks))
     points = (blocks[:, :, 1:].reshape(-1, 3) - judge.centre) / judge.size
-    off, sd = moment_fit.deviations(points, judge.bias, judge.matrix, judge.covariance)
+    off, sd = moment_fit.compute_deviations(points, judge.bias, judge.matrix, judge.covariance)
     noise = judge.noise * float(np.trace(judge.matrix)) / 3
     room = np.median(np.hypot(UNSURE * sd, SURE * noise).reshape(blocks.shape[:2]), axis=1)
     middle = np.median(off.reshape(blocks.shape[:2]), axis=1)

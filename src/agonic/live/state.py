@@ -11,7 +11,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.live.maths.voxels import Voxels
 from agonic.reference import Reference
-from agonic.units import canonical
+from agonic.units import find_unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +47,7 @@ class LiveParams:
     device_id: int | None = None
 
     def __post_init__(self) -> None:
-        canonical(self.unit)
+        find_unit(self.unit)
         for name in ("target_deg", "soft_iron_sd", "every"):
             if not getattr(self, name) > 0:
                 raise AgonicError(f"{name} is {getattr(self, name)}; it must be above zero")

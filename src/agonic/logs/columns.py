@@ -26,7 +26,7 @@ from agonic.logs.quantities import (
     Quantity,
     canonical_header,
 )
-from agonic.units import canonical
+from agonic.units import find_unit
 
 CANONICAL, ALIAS, FALLBACK = range(3)
 
@@ -132,7 +132,7 @@ def _unit(quantity: Quantity, suffix: str | None, bracket: str) -> tuple[bool, s
         return True, None
     if quantity.column == "field":
         with suppress(UnitError):
-            return True, canonical(written)
+            return True, find_unit(written)
     elif written.lower() in quantity.units:
         return True, written.lower()
     return quantity.column in ("field", "time") and not suffix, None

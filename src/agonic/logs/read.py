@@ -9,9 +9,9 @@ from pathlib import Path
 from agonic.errors import AgonicError, LogError
 from agonic.logs.formats import HEAD_BYTES, Format, format_of
 from agonic.logs.log import Log
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
-from agonic.units import canonical
+from agonic.units import find_unit
 
 
 def open_log(path: Path | str, *, unit: str | None = None) -> Log:
@@ -34,10 +34,10 @@ def open_log(path: Path | str, *, unit: str | None = None) -> Log:
     """
     file = Path(path)
     if unit is not None:
-        canonical(unit)
+        find_unit(unit)
     try:
         head = _head(file)
-        source = Input(name=file.name, sha256=sha256_of(file), count=0)
+        source = Input(name=file.name, sha256=hash_file(file), count=0)
         return _read(format_of(head), file, source, unit)
     except LogError as error:
         if error.path is not None:

@@ -19,7 +19,7 @@ from agonic.logs.log import Log, Stream
 from agonic.logs.resample import misplaced, rate_Hz
 from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples
-from agonic.units import RAW, canonical, nanotesla_per
+from agonic.units import RAW, find_unit, nanotesla_per
 
 COMPANIONS = tuple(name for name in COLUMNS if name not in ("time", "field"))
 YAW = "a heading called yaw was taken for the estimate of a filter, which follows its magnetometer"
@@ -156,7 +156,7 @@ def _field_unit(axes: Mapping[str, Column], given: str | None) -> tuple[str, tup
         if given is None:
             return RAW, (*notes, "the table names no unit: the field is left in raw units")
         return given, notes
-    if given is not None and canonical(given) != named:
+    if given is not None and find_unit(given) != named:
         return named, (f"the headers say {named}: the given unit {given} is not used",)
     return named, ()
 

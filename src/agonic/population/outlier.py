@@ -10,8 +10,8 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.health.finding import figure
-from agonic.maths.estimation.false_discovery import discoveries
-from agonic.maths.estimation.tails import Tail, tail_of
+from agonic.maths.estimation.false_discovery import find_discoveries
+from agonic.maths.estimation.tails import Tail, fit_tail
 from agonic.population.axis_swaps import compute_likelihoods, swap_axes
 from agonic.population.peers import LEAST, Peers, Quantity, find_peers
 from agonic.population.population import AXES, Population
@@ -100,7 +100,7 @@ def find_outliers(population: Population, *, rate: float | None = None) -> tuple
         rate = choose_rate(sum(map(len, groups)))
     tested = [test for group in groups for test in _make_tests(group)]
     p_values = np.concatenate([test.p_values for test in tested] or [np.zeros(0)])
-    holds = discoveries(p_values, rate)
+    holds = find_discoveries(p_values, rate)
     found: list[Outlier] = []
     for test, part in zip(tested, _split(holds, tested), strict=True):
         chosen = np.flatnonzero(part & test.quantity.matters[test.members])
@@ -133,7 +133,7 @@ def _make_tests(group: Peers) -> Iterator[_Test]:
             members = np.flatnonzero(known & side)
             if known.sum() >= LEAST and 2 * len(members) >= LEAST // len(sides):
                 far = distance[members]
-                tail = tail_of(far, quantity.values.shape[1])
+                tail = fit_tail(far, quantity.values.shape[1])
                 yield _Test(group, name, quantity, members, far, tail, tail.beyond(far))
 
 
@@ -187,7 +187,7 @@ def _find_swapped_axes(group: Peers, tested: Sequence[_Test], rate: float) -> It
     members = np.unique(np.concatenate([*odd, np.zeros(0, dtype=np.intp)]))
     likelihoods = compute_likelihoods(values[members], sd[members], centre, spread)
     evidence = likelihoods.evidence()
-    for k in np.flatnonzero(discoveries(1.0 / evidence, rate, len(group))).tolist():
+    for k in np.flatnonzero(find_discoveries(1.0 / evidence, rate, len(group))).tolist():
         log, member = likelihoods.log[k], int(members[k])
         best = int(np.argmax(log))
         turn = likelihoods.turns[best]

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.maths.estimation.robust_spread import robust_spread
+from agonic.maths.estimation.robust_spread import estimate_robust_spread
 from agonic.population.population import Population
 from agonic.units import RAW
 
@@ -181,5 +181,5 @@ def _fill_errors(sd: Array) -> Array:
 
 
 def _make_quantity(values: Array, sd: Array, least: float) -> Quantity:
-    centre, spread = robust_spread(values, np.broadcast_to(sd, values.shape))
+    centre, spread = estimate_robust_spread(values, np.broadcast_to(sd, values.shape))
     return Quantity(values, sd, centre, spread, least)

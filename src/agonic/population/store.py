@@ -18,7 +18,7 @@ from agonic.errors import LogError
 from agonic.population import store_schema as schema
 from agonic.population.population import COLUMNS, Population, get_dtype
 from agonic.population.row import Row
-from agonic.provenance import as_text
+from agonic.provenance import escape_text
 
 WAIT_S = 60.0
 """How long to wait while another process writes."""
@@ -162,7 +162,7 @@ class History:
         """
         rows = self._read(
             f"SELECT {', '.join(COLUMNS)} {_CURRENT} AND sensor = ? ORDER BY time, id",
-            (as_text(sensor),),
+            (escape_text(sensor),),
         )
         if not rows:
             raise LogError(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from agonic.health import Finding
 from agonic.population.population import COLUMNS, Population, get_dtype
 from agonic.population.row import Row
-from agonic.provenance import as_text
+from agonic.provenance import escape_text
 
 APPLICATION = 0x61676E63
 """Written into the file's head, so that other SQLite files are told apart: "agnc"."""
@@ -115,9 +115,9 @@ def _read_column(name: str, values: Sequence[Any]) -> NDArray[Any]:
 
 
 def _digest(*parts: str) -> bytes:
-    return blake2b(as_text("\0".join(parts)).encode(), digest_size=16).digest()
+    return blake2b(escape_text("\0".join(parts)).encode(), digest_size=16).digest()
 
 
 def _make_value(value: Any) -> Any:
     """A value as the file can hold it: names of files may have bytes that are no text."""
-    return as_text(value) if isinstance(value, str) and not value.isascii() else value
+    return escape_text(value) if isinstance(value, str) and not value.isascii() else value

@@ -12,8 +12,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration, apply, beside
-from agonic.calibration.interference import Interference, stacked
+from agonic.calibration.base import Calibration, apply, select_columns
+from agonic.calibration.interference import Interference, stack_sources
 from agonic.ellipsoid import Recording, ellipsoid_alone, evaluate, fit_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
@@ -50,7 +50,7 @@ class Calibrated:
     def cleaned(self) -> Array:
         """The readings (n, 3) without what known sources on board add to them."""
         calibration = self.fit.calibration
-        return calibration.cleaned(self.samples.field, **beside(calibration, self.samples))
+        return calibration.cleaned(self.samples.field, **select_columns(calibration, self.samples))
 
     @property
     def corrected(self) -> Array:
@@ -173,8 +173,8 @@ def _evidence(
     """What the samples say of a calibration; sources on board are taken at their mean."""
     if not isinstance(calibration, Interference):
         return evaluate(calibration, samples, reference, **settings)
-    mean = stacked(calibration.sources, beside(calibration, samples)).mean(axis=0)
-    held = calibration.cleaned(samples.field, **beside(calibration, samples))
+    mean = stack_sources(calibration.sources, select_columns(calibration, samples)).mean(axis=0)
+    held = calibration.cleaned(samples.field, **select_columns(calibration, samples))
     steady = samples.with_columns(field=held + calibration.coefficients @ mean)
     fit = evaluate(calibration.at(mean), steady, reference, **settings)
     return replace(fit, calibration=calibration)

@@ -17,7 +17,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
-from agonic.field.place import model_for
+from agonic.field.place import choose_model
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 from agonic.simulation.draws import random_calibration, wander
@@ -245,7 +245,7 @@ def _field_n(given: ArrayLike | None, on_the_way: Samples) -> Array:
             raise AgonicError(f"field_n has shape {vector.shape}; it needs north, east and down")
         return np.tile(vector, (len(on_the_way), 1))
     assert on_the_way.epoch is not None, "_common sets it"
-    model = model_for(float(decimal_year(on_the_way.epoch)))
+    model = choose_model(float(decimal_year(on_the_way.epoch)))
     return np.array(model.along(on_the_way).values)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.common_mode import common_part
+from agonic.maths.estimation.common_mode import estimate_common_mode
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.maths.binned_sums import Cells
 from agonic.units import RAW
@@ -103,7 +103,7 @@ def find_chamber_field(
     series = np.array(
         [_centre(windows.mean[at], station) for windows, at in zip(made, rows, strict=True)]
     )
-    found = common_part(series)
+    found = estimate_common_mode(series)
     noise = [windows.variance[at].mean() for windows, at in zip(made, rows, strict=True)]
     start = np.array([begun[int(number)] for number in station]) - min(begun.values())
     return ChamberField(

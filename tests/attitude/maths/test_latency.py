@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.attitude.maths import latency
-from agonic.maths.rotations.attitude import integrated, rot_nb
+from agonic.maths.rotations.attitude import integrate_rates, rot_nb
 from agonic.simulation import simulate
 
 HAND = simulate("hand", n=1500, rate_Hz=50, noise=100.0, seed=3).samples
@@ -37,7 +37,7 @@ def test_drifts_of_a_gyro_are_what_a_bias_adds_to_the_path(axis: int) -> None:
 
 
 def test_a_gyro_is_integrated_as_the_sensor_turned() -> None:
-    found = integrated(HAND.rotation_rate, HAND.time).as_matrix()
+    found = integrate_rates(HAND.rotation_rate, HAND.time).as_matrix()
     turned = np.swapaxes(ROT_NB[:1], 1, 2) @ ROT_NB
     assert np.abs(found - turned).max() < 2e-4  # 50 Hz, 30 s, up to 300°/s
 

@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from agonic.maths.earth.earth_rotation import (
-    in_shadow,
+    is_in_shadow,
     rot_ei,
+    rotate_about_third,
     sidereal_rad,
     sun_i,
     tai_utc_s,
-    turned,
 )
 from agonic.maths.earth.geodesy import directions, earth_fixed
 from agonic.maths.earth.starlight import (
     Air,
-    aberrated,
+    apply_aberration,
+    apply_refraction,
     observer_velocity_i,
-    refracted,
     refraction_rad,
 )
 from agonic.maths.rotations.angles import angle_deg
@@ -58,12 +58,16 @@ def test_inertial_becomes_earth_fixed_as_published() -> None:
     teme = np.array([[5094.18016210], [6127.64465950], [6380.34453270]])
     ut1 = unix(2004, 4, 6, 7, 51, 28) + 0.386009 - 0.4399619
     expected = [-1033.47503130, 7901.30558560, 6380.34453270]
-    np.testing.assert_allclose(turned(teme, sidereal_rad([ut1])).ravel(), expected, atol=1e-4)
+    np.testing.assert_allclose(
+        rotate_about_third(teme, sidereal_rad([ut1])).ravel(), expected, atol=1e-4
+    )
 
 
 def test_turning_back_gives_the_vector() -> None:
     vectors, angle = np.random.default_rng(1).normal(size=(3, 50)), np.linspace(-7, 7, 50)
-    np.testing.assert_allclose(turned(turned(vectors, angle), -angle), vectors, atol=1e-14)
+    np.testing.assert_allclose(
+        rotate_about_third(rotate_about_third(vectors, angle), -angle), vectors, atol=1e-14
+    )
 
 
 def test_the_sun_of_the_textbook() -> None:
@@ -78,9 +82,9 @@ def test_the_share_of_a_low_orbit_in_shadow() -> None:
     """A circle in the plane of the Sun is dark for 2 arcsin(R/r) of a turn."""
     turn = np.linspace(0, 2 * np.pi, 100_000)
     circle = 7e6 * np.stack([np.cos(turn), np.sin(turn), 0 * turn])
-    dark = in_shadow(circle, np.array([[1.0], [0.0], [0.0]]), 6.378e6)
+    dark = is_in_shadow(circle, np.array([[1.0], [0.0], [0.0]]), 6.378e6)
     assert dark.mean() == pytest.approx(np.arcsin(6.378 / 7) / np.pi, abs=1e-4)
-    edge_on = in_shadow(circle, np.array([[0.0], [0.0], [1.0]]), 6.378e6)
+    edge_on = is_in_shadow(circle, np.array([[0.0], [0.0], [1.0]]), 6.378e6)
     assert not edge_on.any()
 
 
@@ -204,7 +208,7 @@ def test_refraction_of_the_textbook() -> None:
     np.testing.assert_allclose(made, 58.294 * seen - 0.0668 * seen**3, rtol=0.01)
     up = np.array([[0.0, 0.0, 1.0]])
     star = np.array([[np.sin(1.0), 0.0, np.cos(1.0)]])
-    seen = refracted(star, up, Air())
+    seen = apply_refraction(star, up, Air())
     lifted = np.arccos(star[0, 2]) - np.arccos(seen[0, 2])
     assert lifted == pytest.approx(refraction_rad(np.array([1.0]), Air())[0], rel=1e-9)
 
@@ -220,7 +224,7 @@ def test_aberration_is_the_speed_of_the_earth() -> None:
     spun = observer_velocity_i(year[:1], east, 60.0) - observer_velocity_i(year[:1], 0 * east, 60.0)
     assert np.linalg.norm(spun) / MAS / 1000 == pytest.approx(0.5 * 0.3200, abs=0.001)
     pole = np.array([[0.0, 0.0, 1.0]])
-    apart = angle_deg(aberrated(pole, still[:1]), pole)[0] * 3600
+    apart = angle_deg(apply_aberration(pole, still[:1]), pole)[0] * 3600
     across = np.linalg.norm(np.cross(pole, still[:1])) / MAS / 1000
     assert apart == pytest.approx(across, abs=0.002)
 

@@ -4,7 +4,7 @@ import erfa
 import numpy as np
 import pytest
 
-from agonic.maths.earth.eclipse import shadowed
+from agonic.maths.earth.eclipse import find_eclipsed
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic
 
 EQUINOX = 1_742_461_260.0  # 2025-03-20 09:01 UTC
@@ -34,14 +34,14 @@ def test_the_edge_of_the_shadow_is_where_the_sun_of_erfa_puts_it() -> None:
     for inside, margin in ((True, 0.1), (False, -0.1)):
         angle = edge + np.radians(margin)
         position = radius * (np.cos(angle) * sun + np.sin(angle) * side)
-        assert (shadowed(*geodetic(position.T), MOMENTS) == inside).all()
+        assert (find_eclipsed(*geodetic(position.T), MOMENTS) == inside).all()
 
 
 @pytest.mark.parametrize("height", [4e5, 2e6, 3.6e7])
 def test_an_orbit_in_the_ecliptic_is_dark_for_the_share_that_geometry_says(height: float) -> None:
     """arcsin(R/r)/π of a circle round the equator at equinox."""
     longitude = np.linspace(-180.0, 180.0, 20_001)[:-1]
-    dark = shadowed(0.0, longitude, height, EQUINOX).mean()
+    dark = find_eclipsed(0.0, longitude, height, EQUINOX).mean()
     radius = SEMI_MAJOR_M + height
     assert dark == pytest.approx(np.arcsin(SEMI_MAJOR_M / radius) / np.pi, abs=2e-4)
 
@@ -49,9 +49,9 @@ def test_an_orbit_in_the_ecliptic_is_dark_for_the_share_that_geometry_says(heigh
 def test_night_is_shadow_on_the_ground_too() -> None:
     noon, midnight = 1_750_507_200.0, 1_750_550_400.0  # 2025-06-21 12:00, 2025-06-22 00:00 UTC
     place = ([51.5], [0.0], [100.0])
-    assert not shadowed(*place, [noon])[0]
-    assert shadowed(*place, [midnight])[0]
-    assert not shadowed([80.0], [0.0], [100.0], [midnight])[0]  # the midnight sun
+    assert not find_eclipsed(*place, [noon])[0]
+    assert find_eclipsed(*place, [midnight])[0]
+    assert not find_eclipsed([80.0], [0.0], [100.0], [midnight])[0]  # the midnight sun
 
 
 def test_many_rows_are_what_few_are() -> None:
@@ -59,6 +59,6 @@ def test_many_rows_are_what_few_are() -> None:
     n = (1 << 17) + 1000
     latitude, longitude = rng.uniform(-90, 90, n), rng.uniform(-180, 180, n)
     time = EQUINOX + rng.uniform(0, 1e8, n)
-    whole = shadowed(latitude, longitude, 5e5, time)
+    whole = find_eclipsed(latitude, longitude, 5e5, time)
     last = slice(n - 2000, n)
-    assert (whole[last] == shadowed(latitude[last], longitude[last], 5e5, time[last])).all()
+    assert (whole[last] == find_eclipsed(latitude[last], longitude[last], 5e5, time[last])).all()

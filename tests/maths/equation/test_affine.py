@@ -129,7 +129,7 @@ def test_covariates_spread_each_parameter_over_the_basis(derivative) -> None:
     local_jacobian = affine.magnitude_residual(raw, bias, matrix, FIELD)[1]
     sizes = np.repeat(SIZES, 3)
     expected = derivative(residual, coefficients.ravel(), sizes)
-    jacobian = affine.with_covariates(local_jacobian, covariates)
+    jacobian = affine.expand_covariates(local_jacobian, covariates)
     assert np.abs((jacobian - expected) * sizes).max() < 1e-4
 
 

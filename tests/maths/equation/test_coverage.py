@@ -35,11 +35,11 @@ def test_eighty_cells_tile_the_sphere() -> None:
     assert np.linalg.norm(triangles, axis=2) == pytest.approx(np.ones((80, 3)))
     assert areas.sum() == pytest.approx(4 * np.pi)
     assert areas.max() / areas.min() < 1.3
-    assert np.array_equal(coverage.cells_of(centres), np.arange(80))
+    assert np.array_equal(coverage.find_cells(centres), np.arange(80))
 
 
 def test_even_directions_fill_all_cells_alike() -> None:
-    counts = coverage.visits(random_units(200_000))
+    counts = coverage.count_visits(random_units(200_000))
     assert counts.sum() == 200_000
     assert counts == pytest.approx(np.full(80, 2500), rel=0.08)
 
@@ -47,11 +47,11 @@ def test_even_directions_fill_all_cells_alike() -> None:
 @given(SEEDS, st.floats(1e-20, 1e60))
 def test_lengths_do_not_matter(seed: int, length: float) -> None:
     units = random_units(20, seed)
-    assert np.array_equal(coverage.cells_of(length * units), coverage.cells_of(units))
+    assert np.array_equal(coverage.find_cells(length * units), coverage.find_cells(units))
 
 
 def test_no_directions_are_no_visits() -> None:
-    assert coverage.visits(np.empty((0, 3))).sum() == 0
+    assert coverage.count_visits(np.empty((0, 3))).sum() == 0
 
 
 @pytest.mark.parametrize("gauge", ["symmetric", "triangular"])
@@ -103,26 +103,26 @@ def test_heading_sd_is_that_of_many_calibrations() -> None:
 def test_thickness_is_zero_for_a_plane_and_names_its_normal(seed: int) -> None:
     turn = Rotation.random(random_state=seed)
     ring = random_units(500) * [1, 1, 0]
-    thick, normal = coverage.thickness(turn.apply(ring) + 7.0)
+    thick, normal = coverage.measure_thickness(turn.apply(ring) + 7.0)
     assert thick < 1e-12
     assert abs(normal @ turn.apply([0, 0, 1])) == pytest.approx(1.0)
 
 
 def test_thickness_of_a_sphere_and_of_a_tilted_circle() -> None:
-    assert coverage.thickness(random_units(5000))[0] == pytest.approx(1.0, abs=0.02)
+    assert coverage.measure_thickness(random_units(5000))[0] == pytest.approx(1.0, abs=0.02)
     belt = random_units(50_000)
     belt = belt[np.abs(belt[:, 2]) < np.sin(np.radians(10))]
-    assert coverage.thickness(belt)[0] == pytest.approx(np.sin(np.radians(10)), rel=0.03)
+    assert coverage.measure_thickness(belt)[0] == pytest.approx(np.sin(np.radians(10)), rel=0.03)
 
 
 def test_missing_axes_are_those_never_seen_near() -> None:
     units = random_units(5000)
-    assert coverage.missing_axes(coverage.visits(units)) == []
-    assert coverage.missing_axes(coverage.visits(units[units[:, 2] > 0])) == ["−z"]
+    assert coverage.find_missing_axes(coverage.count_visits(units)) == []
+    assert coverage.find_missing_axes(coverage.count_visits(units[units[:, 2] > 0])) == ["−z"]
     level = units[np.abs(units[:, 2]) < 0.3]
-    assert coverage.missing_axes(coverage.visits(level)) == ["+z", "−z"]
-    assert len(coverage.missing_axes(np.zeros(80, dtype=np.int64))) == 6
+    assert coverage.find_missing_axes(coverage.count_visits(level)) == ["+z", "−z"]
+    assert len(coverage.find_missing_axes(np.zeros(80, dtype=np.int64))) == 6
 
 
 def test_nearest_axis() -> None:
-    assert coverage.nearest_axis(np.array([0.1, -0.9, 0.2])) == "y"
+    assert coverage.find_nearest_axis(np.array([0.1, -0.9, 0.2])) == "y"

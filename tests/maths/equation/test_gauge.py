@@ -34,23 +34,23 @@ def test_entries_are_listed_diagonal_first() -> None:
 
 
 def test_models_spread_to_nine_parameters() -> None:
-    sphere = gauge.spread_model("sphere", np.diag([1.0, 4, 9, 16]))
+    sphere = gauge.expand_model_covariance("sphere", np.diag([1.0, 4, 9, 16]))
     assert np.array_equal(np.diag(sphere), [1, 4, 9, 16, 16, 16, 0, 0, 0])
     assert sphere[3, 4] == 16  # one gain moves all three
-    diagonal = gauge.spread_model("diagonal", np.diag([1.0, 4, 9, 16, 25, 36]))
+    diagonal = gauge.expand_model_covariance("diagonal", np.diag([1.0, 4, 9, 16, 25, 36]))
     assert np.array_equal(diagonal, np.diag([1.0, 4, 9, 16, 25, 36, 0, 0, 0]))
     full = random_covariance()
-    assert gauge.spread_model("full", full) is full
+    assert gauge.expand_model_covariance("full", full) is full
 
 
 def test_scaled_changes_the_units() -> None:
-    found = gauge.scaled(np.eye(9), 3.0, 0.5)
+    found = gauge.scale_covariance(np.eye(9), 3.0, 0.5)
     assert np.diag(found) == pytest.approx([9.0] * 3 + [0.25] * 6)
 
 
 def test_mean_gain_one(derivative) -> None:
     covariance = random_covariance(1)
-    matrix, spread, gain = gauge.mean_gain_one(2 * W, covariance)
+    matrix, spread, gain = gauge.normalise_mean_gain(2 * W, covariance)
     assert gain == pytest.approx(2.0)
     assert np.trace(matrix) == pytest.approx(3.0)
     change = np.eye(9)
@@ -59,15 +59,15 @@ def test_mean_gain_one(derivative) -> None:
 
 
 def test_mean_gain_one_leaves_a_sphere_no_error_of_gain() -> None:
-    covariance = gauge.spread_model("sphere", np.diag([1.0, 1, 1, 1e-4]))
-    matrix, spread, _ = gauge.mean_gain_one(1.7 * np.eye(3), covariance)
+    covariance = gauge.expand_model_covariance("sphere", np.diag([1.0, 1, 1, 1e-4]))
+    matrix, spread, _ = gauge.normalise_mean_gain(1.7 * np.eye(3), covariance)
     assert matrix == pytest.approx(np.eye(3))
     assert not spread[3:, 3:].any()
 
 
 def test_triangular_gauge_only_turns_the_field(derivative) -> None:
     covariance = random_covariance(2)
-    upper, spread = gauge.triangular(W, covariance)
+    upper, spread = gauge.make_triangular(W, covariance)
     assert not np.tril(upper, -1).any()
     assert (np.diag(upper) > 0).all()
     turn = upper @ np.linalg.inv(W)
@@ -88,7 +88,7 @@ def test_tests_reject_a_true_model_as_often_as_they_say(smaller: str, freedom: i
     truth = np.eye(3) if smaller == "sphere" else np.diag([0.9, 1.0, 1.1])
     chances, statistics = [], []
     for error in rng.multivariate_normal(np.zeros(9), covariance, 1000):
-        tests = gauge.soft_iron_tests(truth + symmetric(error[3:]), covariance)
+        tests = gauge.compare_soft_iron_models(truth + symmetric(error[3:]), covariance)
         found = {name: (statistic, p) for name, _, statistic, p in tests}
         statistics.append(found[smaller][0])
         chances.append(found[smaller][1])
@@ -98,11 +98,11 @@ def test_tests_reject_a_true_model_as_often_as_they_say(smaller: str, freedom: i
 
 def test_tests_see_what_is_there() -> None:
     covariance = np.eye(9) * 1e-6
-    (_, _, _, sphere), (_, _, _, diagonal) = gauge.soft_iron_tests(
+    (_, _, _, sphere), (_, _, _, diagonal) = gauge.compare_soft_iron_models(
         np.diag([1, 1, 1.02]), covariance
     )
     assert sphere < 1e-6
     assert diagonal == pytest.approx(1.0)
     turned = Rotation.from_euler("x", 45, degrees=True).as_matrix()
     cross = turned @ np.diag([1, 1, 1.02]) @ turned.T
-    assert gauge.soft_iron_tests(cross, covariance)[1][3] < 1e-6
+    assert gauge.compare_soft_iron_models(cross, covariance)[1][3] < 1e-6

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from agonic.maths.equation import likelihood
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import like_gaussian, noise_of
+from agonic.maths.estimation.noise import estimate_noise, is_like_gaussian
 from agonic.simulation.draws import directions
 
 W = np.array([[1.1, 0.05, -0.1], [0.05, 0.9, 0.08], [-0.1, 0.08, 1.0]])
@@ -84,14 +84,14 @@ def test_distances_are_those_to_the_ellipsoid_along_its_normals() -> None:
 
 def test_noise_brings_in_tukey_only_where_a_reading_stands_out() -> None:
     residuals = 0.01 * np.random.default_rng(1).normal(size=2000)
-    quiet = noise_of(residuals, robust=True, parameters=9)
+    quiet = estimate_noise(residuals, robust=True, parameters=9)
     assert quiet.sd == pytest.approx(0.01, rel=0.05)
     assert quiet.loss.weight(np.array([100.0])) == 1.0
     residuals[7] = 1.0
-    alarmed = noise_of(residuals, robust=True, parameters=9)
+    alarmed = estimate_noise(residuals, robust=True, parameters=9)
     assert alarmed.sd == pytest.approx(0.01, rel=0.05)
     assert alarmed.loss.weight(np.array([100.0])) == 0.0
-    assert noise_of(residuals, robust=False, parameters=9).sd > 0.02
+    assert estimate_noise(residuals, robust=False, parameters=9).sd > 0.02
 
 
 def test_gaussian_noise_is_told_from_what_hides_a_second_surface() -> None:
@@ -106,7 +106,7 @@ def test_gaussian_noise_is_told_from_what_hides_a_second_surface() -> None:
     passed = {}
     for name, rows in shapes.items():
         rows -= rows.mean(axis=1, keepdims=True)
-        passed[name] = np.mean([like_gaussian(r, float(r.std()), 1) for r in rows])
+        passed[name] = np.mean([is_like_gaussian(r, float(r.std()), 1) for r in rows])
     assert passed["noise"] > 0.97
     assert max(passed[name] for name in shapes if name != "noise") < 0.02
 

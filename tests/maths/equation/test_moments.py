@@ -46,18 +46,18 @@ def test_the_gram_matrix_is_made_of_them() -> None:
     d = np.stack([x * x, y * y, z * z, y * z, x * z, x * y, x, y, z, np.ones(30)])
     sums = moments.accumulate(points, np.zeros(3), 1.0)
     assert sums[moments.GRAM_INDEX] == pytest.approx(d @ d.T)
-    assert moments.denoised_gram(sums)[0] == pytest.approx(d @ d.T)
+    assert moments.compute_denoised_gram(sums)[0] == pytest.approx(d @ d.T)
 
 
 def test_denoised_moments_expect_what_there_is_without_noise() -> None:
     rng = np.random.default_rng(2)
     sd, draws = 0.4, 400
     true = rng.normal(size=(1000, 3))
-    wanted = moments.denoised_gram(moments.accumulate(true, np.zeros(3), 1.0))[0]
+    wanted = moments.compute_denoised_gram(moments.accumulate(true, np.zeros(3), 1.0))[0]
     found, noisy = [], []
     for _ in range(draws):
         sums = moments.accumulate(true + sd * rng.normal(size=true.shape), np.zeros(3), 1.0)
-        first, second, third = moments.denoised_gram(sums)
+        first, second, third = moments.compute_denoised_gram(sums)
         found.append(first - sd**2 * second + sd**4 * third)
         noisy.append(first)
     error = (np.mean(found, axis=0) - wanted)[:9, :]

@@ -48,7 +48,7 @@ def test_the_sums_are_those_of_the_rows_of_the_jacobian(shape, seed, weighted):
     rows = network.jacobian(u, v, x).reshape(-1, shape.size)
     error = (network.forward(u, v, x) - target).ravel()
     w = np.repeat(row_weight, shape.outputs) if weighted else np.ones(len(error))
-    sums = network.sums(u, v, x, target, row_weight if weighted else None)
+    sums = network.sum_normal_equations(u, v, x, target, row_weight if weighted else None)
     np.testing.assert_allclose(sums.square, error @ (w * error), rtol=1e-12)
     np.testing.assert_allclose(sums.gradient, rows.T @ (w * error), atol=1e-10)
     np.testing.assert_allclose(sums.information, rows.T @ (rows * w[:, None]), atol=1e-10)
@@ -58,9 +58,9 @@ def test_the_sums_of_many_blocks_are_those_of_one():
     shape = Shape(3, 4, 3)
     weights, x, target, row_weight = drawn(1, shape, 10_000)
     u, v = network.split(weights, shape)
-    whole = network.sums(u, v, x, target, row_weight)
+    whole = network.sum_normal_equations(u, v, x, target, row_weight)
     halves = [
-        network.sums(u, v, x[s], target[s], row_weight[s])
+        network.sum_normal_equations(u, v, x[s], target[s], row_weight[s])
         for s in (slice(0, 5000), slice(5000, None))
     ]
     np.testing.assert_allclose(
@@ -91,7 +91,7 @@ def made(seed=0, *, n=400, noise=0.02, hidden=3):
     """A problem whose truth is a network of so many nodes."""
     rng = np.random.default_rng(seed)
     shape = Shape(3, hidden, 3)
-    truth = network.random_weights(rng, shape)
+    truth = network.draw_weights(rng, shape)
     x = rng.uniform(-1, 1, (n, 3))
     target = network.forward(*network.split(truth, shape), x)
     return marquardt.Problem(x, target + noise * rng.normal(size=target.shape), hidden), target
@@ -100,7 +100,7 @@ def made(seed=0, *, n=400, noise=0.02, hidden=3):
 def test_a_step_is_that_of_the_paper():
     """Δω = −(JᵀJ + μI)⁻¹Jᵀe, Eq. 14 of Wang et al. (2020); μ falls tenfold after it helped."""
     problem, _ = made()
-    drawn = network.random_weights(np.random.default_rng(9), problem.shape)
+    drawn = network.draw_weights(np.random.default_rng(9), problem.shape)
     start = marquardt.train(problem, drawn, stopping="plain", most_epochs=6).weights
     rows = network.jacobian(*network.split(start, problem.shape), problem.x)
     rows = rows.reshape(-1, len(start))
@@ -115,7 +115,7 @@ def test_a_step_is_that_of_the_paper():
 @pytest.mark.parametrize("seed", range(4))
 def test_the_minimum_is_no_worse_than_that_of_scipy(seed):
     problem, _ = made(seed, noise=0.05)
-    start = network.random_weights(np.random.default_rng(seed + 10), problem.shape)
+    start = network.draw_weights(np.random.default_rng(seed + 10), problem.shape)
 
     def error(weights):
         u, v = network.split(weights, problem.shape)
@@ -132,7 +132,7 @@ def test_the_minimum_is_no_worse_than_that_of_scipy(seed):
 
 def test_without_noise_the_truth_is_found():
     problem, target = made(2, noise=0.0)
-    start = marquardt.starts(problem, seed=0, restarts=8)
+    start = marquardt.choose_start(problem, seed=0, restarts=8)
     found = marquardt.train(problem, start, stopping="plain", most_epochs=500)
     outputs = network.forward(*network.split(found.weights, problem.shape), problem.x)
     assert np.abs(outputs - target).max() < 1e-4
@@ -141,7 +141,7 @@ def test_without_noise_the_truth_is_found():
 def test_a_row_of_weight_zero_is_as_if_it_were_not_there():
     problem, _ = made()
     keep = np.arange(400) % 3 > 0
-    start = network.random_weights(np.random.default_rng(9), problem.shape)
+    start = network.draw_weights(np.random.default_rng(9), problem.shape)
     few = marquardt.train(problem.subset(keep), start, stopping="plain", most_epochs=20)
     weighted = marquardt.train(
         problem._replace(weight=keep.astype(float)), start, stopping="plain", most_epochs=20
@@ -165,7 +165,7 @@ def test_overfitting_is_met(stopping):
     for seed in range(10):
         problem, grid, truth = wave(seed)
         held = np.arange(80) % 4 == 1
-        start = network.random_weights(np.random.default_rng(seed), problem.shape)
+        start = network.draw_weights(np.random.default_rng(seed), problem.shape)
         errors = {}
         for name in ("plain", stopping):
             found = marquardt.train(
@@ -181,7 +181,7 @@ def test_early_stopping_returns_the_weights_of_the_least_error_held_out():
     problem, _, _ = wave(1)
     held = np.arange(80) % 4 == 1
     unseen = problem.subset(held)
-    start = network.random_weights(np.random.default_rng(1), problem.shape)
+    start = network.draw_weights(np.random.default_rng(1), problem.shape)
     found = marquardt.train(problem.subset(~held), start, stopping="early", held_out=unseen)
     assert found.converged
     outputs = network.forward(*network.split(found.weights, problem.shape), unseen.x)
@@ -191,10 +191,10 @@ def test_early_stopping_returns_the_weights_of_the_least_error_held_out():
 
 def test_the_evidence_finds_the_noise_and_leaves_no_weight_to_noise_alone():
     problem, _ = made(5, n=2000, noise=0.05)
-    found = marquardt.train(problem, marquardt.starts(problem, seed=5, restarts=4))
+    found = marquardt.train(problem, marquardt.choose_start(problem, seed=5, restarts=4))
     assert 1 / np.sqrt(found.precision) == pytest.approx(0.05, rel=0.05)
     nothing = problem._replace(target=np.random.default_rng(1).normal(size=(2000, 3)))
-    idle = marquardt.train(nothing, marquardt.starts(nothing, seed=5, restarts=4))
+    idle = marquardt.train(nothing, marquardt.choose_start(nothing, seed=5, restarts=4))
     outputs = network.forward(*network.split(idle.weights, problem.shape), problem.x)
     assert np.sqrt(np.mean(outputs**2)) < 0.1
     assert idle.effective < 15
@@ -202,7 +202,7 @@ def test_the_evidence_finds_the_noise_and_leaves_no_weight_to_noise_alone():
 
 def test_correlated_rows_make_weights_less_sure():
     problem, _ = made(6, n=1000)
-    start = marquardt.starts(problem, seed=6, restarts=2)
+    start = marquardt.choose_start(problem, seed=6, restarts=2)
     alone = marquardt.train(problem, start)
     alike = marquardt.train(problem._replace(correlation=4.0), start)
     ratio = np.median(np.sqrt(np.diag(alike.covariance) / np.diag(alone.covariance)))
@@ -211,7 +211,7 @@ def test_correlated_rows_make_weights_less_sure():
 
 def test_a_warm_start_needs_few_epochs():
     problem, _ = made(7)
-    first = marquardt.train(problem, marquardt.starts(problem, seed=7, restarts=4))
+    first = marquardt.train(problem, marquardt.choose_start(problem, seed=7, restarts=4))
     again = marquardt.train(problem, first.weights, ridge=first.ridge)
     assert len(again.epochs) <= len(first.epochs)
     assert len(again.epochs) <= 2 * marquardt.PATIENCE
@@ -224,7 +224,7 @@ def test_every_point_is_within_reach_of_a_centre(seed, dimensions, most):
     centres, reach = domain.cover(points, most)
     assert len(centres) <= most
     distance = np.linalg.norm(points[:, None] - centres, axis=2).min(axis=1)
-    np.testing.assert_allclose(domain.distances(points, centres), distance, atol=1e-6)
+    np.testing.assert_allclose(domain.compute_distances(points, centres), distance, atol=1e-6)
     assert distance.max() == pytest.approx(reach)
 
 
@@ -237,7 +237,7 @@ def test_the_cover_is_no_more_than_twice_the_best():
 
 def test_inside_falls_smoothly_from_one_to_zero():
     distance = np.linspace(0, 3, 3001)
-    share = domain.inside(distance, 1.0)
+    share = domain.taper(distance, 1.0)
     slope = np.diff(share) / np.diff(distance)
     assert (share[distance <= 1] == 1).all()
     assert (share[distance >= 2] == 0).all()
@@ -249,7 +249,7 @@ def test_what_a_model_missed_is_told_from_noise():
     rng = np.random.default_rng(0)
     x = rng.uniform(-1, 1, (2000, 2))
     missed = 0.5 * np.sin(3 * x[:, :1])
-    found, error = domain.shared(missed + rng.normal(size=missed.shape), x)
+    found, error = domain.estimate_neighbour_covariance(missed + rng.normal(size=missed.shape), x)
     assert found == pytest.approx(float(np.mean(missed**2)), abs=4 * error)
-    nothing, error = domain.shared(rng.normal(size=missed.shape), x)
+    nothing, error = domain.estimate_neighbour_covariance(rng.normal(size=missed.shape), x)
     assert abs(nothing) < 4 * error

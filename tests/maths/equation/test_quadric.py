@@ -32,7 +32,7 @@ def points(
 
 
 def psi(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return moments.denoised_gram(moments.accumulate(readings, np.zeros(3), 1.0))
+    return moments.compute_denoised_gram(moments.accumulate(readings, np.zeros(3), 1.0))
 
 
 def turned(*gains: float) -> np.ndarray:
@@ -44,10 +44,10 @@ def turned(*gains: float) -> np.ndarray:
 @pytest.mark.parametrize("model", MODELS)
 def test_all_methods_find_an_exact_ellipsoid(model: str) -> None:
     sums = psi(points(MODELS[model]))
-    adjusted, variance = quadric.adjusted(sums, model)
+    adjusted, variance = quadric.fit_adjusted(sums, model)
     assert variance < 1e-12
-    found = [adjusted, quadric.smallest(sums[0], model)]
-    found += [quadric.li_griffiths(sums[0])] if model == "full" else []
+    found = [adjusted, quadric.fit_algebraic(sums[0], model)]
+    found += [quadric.fit_li_griffiths(sums[0])] if model == "full" else []
     for v in found:
         bias, matrix = quadric.to_affine(v)
         assert bias == pytest.approx(BIAS, abs=1e-6)
@@ -57,7 +57,7 @@ def test_all_methods_find_an_exact_ellipsoid(model: str) -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_quadric_vanishes_on_its_ellipsoid(model: str) -> None:
     readings = points(MODELS[model])
-    m, n, d = quadric.parts(quadric.smallest(psi(readings)[0], model))
+    m, n, d = quadric.split_quadric(quadric.fit_algebraic(psi(readings)[0], model))
     values = np.einsum("ni,ij,nj->n", readings, m, readings) + 2 * readings @ n + d
     assert np.abs(values).max() < 1e-9
 
@@ -78,7 +78,7 @@ def test_li_griffiths_solves_the_published_equations() -> None:
     a, b, c, f, g, h = whole[:6]
     i, j = a + b + c, a * b + b * c + a * c - f**2 - g**2 - h**2
     assert whole @ constraint @ whole == pytest.approx(k * j - i**2)
-    reduced = quadric._constrained(psi(readings)[0], k)
+    reduced = quadric._fit_constrained(psi(readings)[0], k)
     assert reduced is not None
     for published, ours in zip(quadric.to_affine(whole), quadric.to_affine(reduced), strict=True):
         assert ours == pytest.approx(published, abs=1e-9)
@@ -91,7 +91,7 @@ def test_li_griffiths_solves_the_published_equations() -> None:
 )
 def test_li_griffiths_fits_long_ellipsoids(gains: tuple[float, float, float]) -> None:
     matrix = turned(*gains)
-    bias, found = quadric.to_affine(quadric.li_griffiths(psi(points(matrix, noise=1e-3))[0]))
+    bias, found = quadric.to_affine(quadric.fit_li_griffiths(psi(points(matrix, noise=1e-3))[0]))
     assert bias == pytest.approx(BIAS, abs=0.02)
     assert found == pytest.approx(matrix, abs=0.01)
 
@@ -99,7 +99,7 @@ def test_li_griffiths_fits_long_ellipsoids(gains: tuple[float, float, float]) ->
 def test_the_search_over_k_is_needed_for_a_flat_disc() -> None:
     """For semi-axes 4 : 4 : 1, 4J − I² < 0: with k = 4 the true ellipsoid is shut out."""
     scatter = psi(points(turned(0.25, 0.25, 1), noise=1e-3))[0]
-    at_four = quadric._constrained(scatter, 4.0)
+    at_four = quadric._fit_constrained(scatter, 4.0)
     assert at_four is not None
     gains = np.linalg.eigvalsh(quadric.to_affine(at_four)[1])
     assert gains[-1] / gains[0] < 3.0
@@ -113,8 +113,12 @@ def test_turned_points_give_the_turned_ellipsoid(seed: int, method: str) -> None
     def fit(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sums = psi(rows)
         if method == "adjusted":
-            return quadric.to_affine(quadric.adjusted(sums)[0])
-        v = quadric.li_griffiths(sums[0]) if method == "li-griffiths" else quadric.smallest(sums[0])
+            return quadric.to_affine(quadric.fit_adjusted(sums)[0])
+        v = (
+            quadric.fit_li_griffiths(sums[0])
+            if method == "li-griffiths"
+            else quadric.fit_algebraic(sums[0])
+        )
         return quadric.to_affine(v)
 
     (bias, matrix), (turned_bias, turned_matrix) = fit(readings), fit(readings @ turn.T)
@@ -126,7 +130,7 @@ def test_turned_points_give_the_turned_ellipsoid(seed: int, method: str) -> None
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("sd", [0.001, 0.01, 0.05])
 def test_adjusted_finds_the_noise(model: str, sd: float) -> None:
-    variance = quadric.adjusted(psi(points(MODELS[model], 20_000, noise=sd)), model)[1]
+    variance = quadric.fit_adjusted(psi(points(MODELS[model], 20_000, noise=sd)), model)[1]
     assert np.sqrt(variance) == pytest.approx(sd, rel=0.03)
 
 
@@ -138,12 +142,12 @@ def test_adjusted_stays_right_where_li_griffiths_does_not() -> None:
     def error(v: np.ndarray) -> float:
         return float(np.abs(quadric.to_affine(v)[1] - MODELS["full"]).max())
 
-    adjusted = quadric.adjusted(sums)[0]
-    known = quadric.adjusted(sums, noise_variance=0.02**2)[0]
+    adjusted = quadric.fit_adjusted(sums)[0]
+    known = quadric.fit_adjusted(sums, noise_variance=0.02**2)[0]
     assert error(adjusted) < 0.004
     assert error(known) < 0.004
-    assert error(quadric.li_griffiths(sums[0])) > 5 * error(adjusted)
-    assert error(quadric.smallest(sums[0])) > 5 * error(adjusted)
+    assert error(quadric.fit_li_griffiths(sums[0])) > 5 * error(adjusted)
+    assert error(quadric.fit_algebraic(sums[0])) > 5 * error(adjusted)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -152,7 +156,7 @@ def test_algebraic_covariance_is_that_of_many_draws(model: str) -> None:
     errors, claimed = [], []
     for seed in range(300):
         sums = psi(points(MODELS[model], 400, noise=sd, seed=seed))
-        v, variance = quadric.adjusted(sums, model)
+        v, variance = quadric.fit_adjusted(sums, model)
         bias, matrix = quadric.to_affine(v)
         cleaned = sums[0] - variance * sums[1] + variance**2 * sums[2]
         covariance, condition = quadric.algebraic_covariance(cleaned, bias, matrix, basis, variance)
@@ -168,7 +172,7 @@ def test_algebraic_covariance_is_that_of_many_draws(model: str) -> None:
 @given(SEEDS)
 def test_to_affine_puts_the_ellipsoid_at_the_magnitude(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    v = quadric.smallest(psi(points(MODELS["full"]))[0]) * rng.choice([-3.0, 0.1, 7.0])
+    v = quadric.fit_algebraic(psi(points(MODELS["full"]))[0]) * rng.choice([-3.0, 0.1, 7.0])
     bias, matrix = quadric.to_affine(v, 50_000.0)
     calibrated = (points(MODELS["full"]) - bias) @ matrix.T
     assert np.linalg.norm(calibrated, axis=1) == pytest.approx(np.full(300, 50_000.0))
@@ -196,20 +200,20 @@ def test_readings_on_a_plane_hold_no_ellipsoid_for_li_griffiths(seed: int) -> No
     flat = rng.normal(size=(50, 3)) * [1.0, 1.0, 0.0]
     assume(np.ptp(flat[:, 0]) > 1)
     with pytest.raises((ValueError, np.linalg.LinAlgError)):
-        quadric.li_griffiths(psi(flat)[0])
+        quadric.fit_li_griffiths(psi(flat)[0])
 
 
 def test_many_at_once_are_what_each_is_alone() -> None:
     sums = [psi(points(MODELS["full"] * gain, noise=sd)) for gain, sd in ((1, 0.0), (1.3, 0.02))]
     together = tuple(np.stack(part) for part in zip(*sums, strict=True))
-    v, variance = quadric.adjusted(together)
+    v, variance = quadric.fit_adjusted(together)
     bias, matrix = quadric.to_affine(v)
     cleaned = together[0] - variance[:, None, None] * together[1]
     covariance, condition = quadric.algebraic_covariance(
         cleaned, bias, matrix, model_basis("full"), variance
     )
     for k, alone in enumerate(sums):
-        one, noise = quadric.adjusted(alone)
+        one, noise = quadric.fit_adjusted(alone)
         assert noise == pytest.approx(variance[k], rel=1e-9, abs=1e-15)
         for mine, theirs in zip(quadric.to_affine(one), (bias[k], matrix[k]), strict=True):
             np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.bias_change import find_change
+from agonic.maths.estimation.bias_change import find_bias_change
 from agonic.simulation.draws import directions
 
 SHIFT = np.array([0.02, -0.01, 0.03])  # of the radius
@@ -23,7 +23,7 @@ def residuals(
 @pytest.mark.parametrize("n", [200, 3000])
 @pytest.mark.parametrize(("start", "stop"), [(0.5, 1.0), (0.8, 1.0), (0.3, 0.6), (0.1, 0.25)])
 def test_the_stretch_is_found(n: int, start: float, stop: float) -> None:
-    found = find_change(*residuals(n, slice(int(start * n), int(stop * n))))
+    found = find_bias_change(*residuals(n, slice(int(start * n), int(stop * n))))
     assert found is not None
     assert found.start / n == pytest.approx(start, abs=0.04)
     assert found.stop / n == pytest.approx(stop, abs=0.04)
@@ -33,14 +33,14 @@ def test_the_stretch_is_found(n: int, start: float, stop: float) -> None:
 
 
 def test_a_stretch_at_the_start_is_the_rest_at_the_end() -> None:
-    found = find_change(*residuals(2000, slice(0, 800)))
+    found = find_bias_change(*residuals(2000, slice(0, 800)))
     assert found is not None
     assert found.start == pytest.approx(800, abs=70)
     assert found.stop == 2000
 
 
 def test_white_noise_holds_no_change() -> None:
-    found = [find_change(*residuals(1000, slice(0), seed=seed)) for seed in range(100)]
+    found = [find_bias_change(*residuals(1000, slice(0), seed=seed)) for seed in range(100)]
     significance = np.array([change.significance for change in found if change])
     assert len(significance) == 100
     assert significance.max() < 30
@@ -53,7 +53,7 @@ def test_strays_neither_make_nor_hide_a_change() -> None:
         off, normals, places = residuals(3000, stretch)
         strays = rng.choice(3000, 150, replace=False)
         off[strays] += rng.uniform(-1, 1, 150)
-        found = find_change(off, normals, places)
+        found = find_bias_change(off, normals, places)
         assert found is not None
         assert (found.significance > 30) == changed
         if changed:
@@ -67,11 +67,11 @@ def test_a_wrong_shape_is_no_change() -> None:
     order = np.argsort(normals[:, 2])  # a slow swing through all heights
     strain = np.diag([0.05, -0.02, -0.03])
     off = off + np.einsum("ni,ij,nj->n", normals, strain, normals)
-    found = find_change(off[order], normals[order], places[order])
+    found = find_bias_change(off[order], normals[order], places[order])
     assert found is not None
     assert found.significance < 30
 
 
 def test_too_few_rows_and_perfect_ones_tell_nothing() -> None:
-    assert find_change(*residuals(40, slice(20, 40))) is None
-    assert find_change(*residuals(500, slice(0), noise=0.0)) is None
+    assert find_bias_change(*residuals(40, slice(20, 40))) is None
+    assert find_bias_change(*residuals(500, slice(0), noise=0.0)) is None

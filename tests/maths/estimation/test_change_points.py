@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.change_points import FEWEST, Shift, shifts
+from agonic.maths.estimation.change_points import FEWEST, ChangePoint, find_change_points
 from agonic.maths.estimation.drift_model import Series
 
 CHANCE = 0.004
@@ -33,7 +33,7 @@ def stepping(n: int, place: int, size: float) -> np.ndarray:
 
 @pytest.mark.parametrize("made", MADE_OF.values(), ids=MADE_OF)
 def test_of_many_sensors_without_a_step_hardly_any_has_one(made) -> None:
-    named = sum(bool(shifts(sensor(10, made, seed), CHANCE)) for seed in range(40))
+    named = sum(bool(find_change_points(sensor(10, made, seed), CHANCE)) for seed in range(40))
     assert named <= 2  # 0.2 expected; three or more have a chance of 0.1 %
 
 
@@ -43,7 +43,7 @@ def test_a_step_of_five_sd_in_the_bias_is_found_where_it_is(made) -> None:
     # of a walk, the sd of the way from one value to the next, and a step as clear as by scatter
     size = 7 * made[2] / np.sqrt(n - 1) if made[2] else 5 * np.hypot(made[0], made[1])
     moved = stepping(n, place, size)
-    found = [shifts(sensor(n, made, seed, moved), CHANCE) for seed in range(6)]
+    found = [find_change_points(sensor(n, made, seed, moved), CHANCE) for seed in range(6)]
     there = [any(not s.stray and abs(s.place - place) <= 1 for s in each) for each in found]
     assert sum(there) >= 5
 
@@ -51,17 +51,20 @@ def test_a_step_of_five_sd_in_the_bias_is_found_where_it_is(made) -> None:
 def test_a_step_a_stray_and_a_drift_are_told_apart() -> None:
     n = 24
     moved = stepping(n, 9, 30.0) + 25.0 * (np.arange(n) == 17)
-    found = {(s.place, s.stray): s for s in shifts(sensor(n, MADE_OF["scatter"], 1, moved), CHANCE)}
+    found = {
+        (s.place, s.stray): s
+        for s in find_change_points(sensor(n, MADE_OF["scatter"], 1, moved), CHANCE)
+    }
     assert set(found) == {(9, False), (17, True)}
     assert found[9, False].where == (0, 1, 2)
     steep = [one._replace(value=one.value + 200 * one.time) for one in sensor(n, (0.1, 1, 0), 2)]
-    assert shifts(steep, CHANCE) == []
+    assert find_change_points(steep, CHANCE) == []
 
 
 def test_the_last_value_is_given_as_one_that_is_off() -> None:
     n = 12
     moved = 40.0 * (np.arange(n) == n - 1) * np.ones((3, 1))
-    [found] = shifts(sensor(n, MADE_OF["scatter"], 5, moved), CHANCE)
+    [found] = find_change_points(sensor(n, MADE_OF["scatter"], 5, moved), CHANCE)
     assert (found.place, found.stray) == (n - 1, True)
     assert found.p_value < CHANCE
 
@@ -69,12 +72,14 @@ def test_the_last_value_is_given_as_one_that_is_off() -> None:
 def test_a_long_series_is_looked_through_in_windows() -> None:
     n = 230
     moved = stepping(n, 60, 20.0) - stepping(n, 171, 20.0)
-    found = shifts(sensor(n, MADE_OF["scatter"], 3, moved)[:3], CHANCE)
+    found = find_change_points(sensor(n, MADE_OF["scatter"], 3, moved)[:3], CHANCE)
     assert {(s.place, s.stray) for s in found} == {(60, False), (171, False)}
 
 
 def test_too_few_values_have_no_shifts() -> None:
     n = FEWEST - 1
-    assert shifts(sensor(n, MADE_OF["scatter"], 0, stepping(n, 3, 1000.0)), CHANCE) == []
-    assert shifts([], CHANCE) == []
-    assert Shift(2, False, 1.0, ()).column(4).tolist() == [0.0, 0.0, 1.0, 1.0]
+    assert (
+        find_change_points(sensor(n, MADE_OF["scatter"], 0, stepping(n, 3, 1000.0)), CHANCE) == []
+    )
+    assert find_change_points([], CHANCE) == []
+    assert ChangePoint(2, False, 1.0, ()).column(4).tolist() == [0.0, 0.0, 1.0, 1.0]

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from agonic.maths.estimation.correlated_errors import Lasting, Sums, lasting, scatter
+from agonic.maths.estimation.correlated_errors import (
+    CorrelatedError,
+    Sums,
+    compute_scatter,
+    find_correlated_errors,
+)
 
 
 def wandering(rng: np.random.Generator, n: int, time: float, columns: int) -> np.ndarray:
@@ -33,11 +38,11 @@ def test_the_scatter_is_the_double_sum() -> None:
     rng = np.random.default_rng(0)
     n, jacobian, d = 50, rng.normal(size=(50, 4)), turning(50)
     sums = summed(np.zeros(n), jacobian, np.ones((n, 1)), d)
-    errors = [Lasting(2.0, 7.0, 1), Lasting(0.5, 20.0, 0)]
+    errors = [CorrelatedError(2.0, 7.0, 1), CorrelatedError(0.5, 20.0, 0)]
     apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) * 3.0
     covariance = 2.0 * np.exp(-apart / 7.0) * (d @ d.T) + 0.5 * np.exp(-apart / 20.0)
     np.testing.assert_allclose(
-        scatter(sums, errors, 3.0), jacobian.T @ covariance @ jacobian, rtol=1e-10
+        compute_scatter(sums, errors, 3.0), jacobian.T @ covariance @ jacobian, rtol=1e-10
     )
 
 
@@ -51,10 +56,10 @@ def test_what_lasts_is_found_with_its_size_and_time(per: int) -> None:
         slow = 0.5 * wandering(rng, n, 400.0, 3)
         r = rng.normal(size=n) + (slow * d).sum(axis=1)
         sums = summed(r, d, ones, d, per=per)
-        errors = lasting(sums, r.var(), float(per))
+        errors = find_correlated_errors(sums, r.var(), float(per))
         sizes.append(sum(e.variance for e in errors))
         times.append(sum(e.variance * e.time_s for e in errors) / sizes[-1])
-        ratios.append(np.trace(scatter(sums, errors, float(per))))
+        ratios.append(np.trace(compute_scatter(sums, errors, float(per))))
     kept = np.exp(-np.abs(np.subtract.outer(np.arange(0, n, 10), np.arange(0, n, 10))) / 400.0)
     few = d[::10]
     truth = 100 * 0.25 * np.trace(few.T @ (kept * (few @ few.T)) @ few)
@@ -66,9 +71,11 @@ def test_what_lasts_is_found_with_its_size_and_time(per: int) -> None:
 def test_white_noise_is_left_alone() -> None:
     n, d = 5000, turning(5000)
     found = [
-        lasting(summed(np.random.default_rng(k).normal(size=n), d, np.ones((n, 1)), d), 1.0, 1.0)
+        find_correlated_errors(
+            summed(np.random.default_rng(k).normal(size=n), d, np.ones((n, 1)), d), 1.0, 1.0
+        )
         for k in range(40)
     ]
     assert sum(len(errors) > 0 for errors in found) <= 2
     short = summed(np.ones(50), d[:50], np.ones((50, 1)))
-    assert lasting(short, 1.0, 1.0) == ()
+    assert find_correlated_errors(short, 1.0, 1.0) == ()

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from agonic.maths.estimation.drift_model import Belief, Series, believed, followed, spread_of, sums
+from agonic.maths.estimation.drift_model import (
+    Posterior,
+    Series,
+    compute_posterior,
+    compute_products,
+    mix_normals,
+    predict,
+)
 
 # formal error, scatter, walk across the span: what a sensor may be made of
 MADE_OF = {
@@ -41,7 +48,7 @@ def test_filter_gives_what_the_dense_equations_give() -> None:
     scatter, walk = np.array([0.7]), np.array([2.0])
     covariance = np.diag(one.variance + 0.49) + 4.0 * np.minimum.outer(one.time, one.time)
     columns = np.vstack([one.value, one.design])
-    seen = sums(one, scatter, walk)
+    seen = compute_products(one, scatter, walk)
     np.testing.assert_allclose(
         seen.base[0], columns @ np.linalg.solve(covariance, columns.T), rtol=1e-9, atol=1e-9
     )
@@ -63,17 +70,17 @@ def test_prediction_is_that_of_the_gaussian_process() -> None:
     own = 4.0 * at - np.einsum("ij,ij->i", pull, across)
     variance = own + np.einsum("ij,jk,ik->i", lean, np.linalg.inv(normal), lean)
 
-    node = Belief(
+    node = Posterior(
         np.array([0.7]), np.array([2.0]), np.ones(1), beta[None], np.linalg.inv(normal)[None]
     )
-    got = followed(one, node, at, line)
+    got = predict(one, node, at, line)
     np.testing.assert_allclose(got[0][0], mean, rtol=1e-7)
     np.testing.assert_allclose(got[1][0], variance, rtol=1e-6)
 
 
 def test_slope_of_large_scatter_has_students_t() -> None:
     series, _ = drawn(40, 12, (1e-3, 1.0, 0.0), slope=0.0)
-    level = believed(series)
+    level = compute_posterior(series)
     line = [stats.linregress(t, y).pvalue for t, y in zip(series.time, series.value, strict=True)]
     got = level.p_value(1)
     # what may be a walk makes a slope less sure than scatter alone would, and never surer
@@ -86,9 +93,9 @@ def test_slope_is_as_sure_as_it_says_over_all_that_a_sensor_may_be_made_of(n: in
     errors, chances = [], []
     for seed, made in enumerate(MADE_OF.values()):
         series, _ = drawn(150, n, made, seed=seed)
-        belief = believed(series)
+        belief = compute_posterior(series)
         errors.append((belief.mean(1) - 2.0) / belief.sd(1))
-        flat = believed(series._replace(value=series.value - 2.0 * series.time))
+        flat = compute_posterior(series._replace(value=series.value - 2.0 * series.time))
         chances.append(flat.p_value(1))
     errors = np.array(errors)
     assert abs(errors.mean()) < 0.12
@@ -104,13 +111,13 @@ def test_level_is_as_sure_as_it_says(n: int) -> None:
     errors = []
     for seed, made in enumerate(MADE_OF.values()):
         series, level = drawn(80, n, made, seed=10 + seed)
-        beliefs = believed(series)
+        beliefs = compute_posterior(series)
         of_kind = []
         for k in range(80):
-            one, belief = one_of(series, k), Belief(*(values[k] for values in beliefs))
+            one, belief = one_of(series, k), Posterior(*(values[k] for values in beliefs))
             at = np.array([n // 2, n - 1])
-            mean, variance = followed(one, belief, one.time[at], one.design[:, at])
-            centre, sd = spread_of(belief.weight, mean.T, variance.T)
+            mean, variance = predict(one, belief, one.time[at], one.design[:, at])
+            centre, sd = mix_normals(belief.weight, mean.T, variance.T)
             of_kind.append((centre - level[k, at]) / sd)
         errors.append(of_kind)
     errors = np.array(errors)

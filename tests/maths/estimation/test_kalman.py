@@ -21,9 +21,9 @@ def rows_of(n: int, *, seed: int = 0, noise: float = 100.0, cone: float = 0.0) -
     return np.column_stack([np.arange(1.0, n + 1), raw, np.full(n, 40_000.0), np.ones(n)])
 
 
-def prior(m: int = 10, bias_sd: float = 500.0, external: float = 20.0) -> kalman.Belief:
+def prior(m: int = 10, bias_sd: float = 500.0, external: float = 20.0) -> kalman.FilterState:
     covariance = np.diag([external**2, *[bias_sd**2] * 3, *[0.02**2] * 6])[:m, :m]
-    return kalman.believe(np.array([0, *STATE[1:4] + 300.0, *MATRIX]), covariance, 0.0)
+    return kalman.start_filter(np.array([0, *STATE[1:4] + 300.0, *MATRIX]), covariance, 0.0)
 
 
 def test_the_jacobian_is_that_of_the_distance_residual() -> None:
@@ -89,14 +89,14 @@ def test_without_numba_the_plain_source_runs(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_belief_gives_its_covariance_back() -> None:
     root = np.random.default_rng(0).standard_normal((10, 10))
-    assert kalman.believe(STATE, root @ root.T, 0.0).covariance == pytest.approx(root @ root.T)
+    assert kalman.start_filter(STATE, root @ root.T, 0.0).covariance == pytest.approx(root @ root.T)
     singular = np.outer(root[0], root[0])
-    assert kalman.believe(STATE, singular, 0.0).covariance == pytest.approx(singular, abs=1e-9)
+    assert kalman.start_filter(STATE, singular, 0.0).covariance == pytest.approx(singular, abs=1e-9)
 
 
 def test_a_possible_jump_widens_the_bias_and_nothing_else() -> None:
     before = prior()
-    after = kalman.widened(before, 2000.0)
+    after = kalman.widen_for_jump(before, 2000.0)
     added = np.diag([0, *[2000.0**2] * 3, *[0] * 6])
     assert after.covariance == pytest.approx(before.covariance + added, rel=1e-12)
 
@@ -141,5 +141,5 @@ def test_the_onset_of_a_step_is_found() -> None:
     innovation = rng.standard_normal(100)
     innovation[60:] += toward[60:] @ [9.0, -6.0, 3.0]
     nothing = np.zeros(100)
-    found = kalman.onset(kalman.Seen(nothing, nothing, nothing > 0, toward, innovation))
+    found = kalman.find_onset(kalman.Seen(nothing, nothing, nothing > 0, toward, innovation))
     assert abs(found - 60) <= 2

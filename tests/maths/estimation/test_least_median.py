@@ -20,7 +20,7 @@ def spoilt(n: int, share: float, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.4])
 def test_the_sphere_is_found_among_strays(share: float) -> None:
-    centre, gain = least_median.least_median_sphere(spoilt(1000, share), np.ones(1))
+    centre, gain = least_median.fit_least_median_sphere(spoilt(1000, share), np.ones(1))
     assert centre == pytest.approx(CENTRE, abs=0.06)
     assert gain == pytest.approx(1.0, abs=0.05)
 
@@ -30,7 +30,7 @@ def test_a_magnitude_that_changes_is_followed() -> None:
     magnitude = rng.uniform(0.5, 1.5, 1000)
     points = CENTRE + magnitude[:, None] * directions(rng, 1000) / 2.0
     points[:200] += rng.normal(size=(200, 3))
-    centre, gain = least_median.least_median_sphere(points, magnitude)
+    centre, gain = least_median.fit_least_median_sphere(points, magnitude)
     assert centre == pytest.approx(CENTRE, abs=0.02)
     assert gain == pytest.approx(2.0, abs=0.02)
 
@@ -39,11 +39,11 @@ def test_a_magnitude_that_changes_is_followed() -> None:
 def test_one_ellipsoid_is_one_population(gains: tuple[float, float, float]) -> None:
     rng = np.random.default_rng(2)
     points = directions(rng, 2000) * gains + 0.01 * rng.normal(size=(2000, 3))
-    assert least_median.two_spheres(points) is None
+    assert least_median.fit_two_spheres(points) is None
 
 
 def test_strays_are_no_population() -> None:
-    assert least_median.two_spheres(spoilt(2000, 0.3)) is None
+    assert least_median.fit_two_spheres(spoilt(2000, 0.3)) is None
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
@@ -53,7 +53,7 @@ def test_two_populations_are_told_apart(share: float, apart: float) -> None:
     of_second = rng.uniform(size=3000) < share
     points = directions(rng, 3000) + 0.01 * rng.normal(size=(3000, 3))
     points += of_second[:, None] * [0, apart, 0]
-    found = least_median.two_spheres(points)
+    found = least_median.fit_two_spheres(points)
     assert found is not None
     told = found.side != 0
     assert told.mean() > 0.5
@@ -67,7 +67,10 @@ def test_order_of_the_rows_does_not_matter() -> None:
     rng = np.random.default_rng(4)
     points = directions(rng, 1000) + (rng.uniform(size=1000) < 0.4)[:, None] * [1.0, 0, 0]
     order = rng.permutation(1000)
-    straight, shuffled = least_median.two_spheres(points), least_median.two_spheres(points[order])
+    straight, shuffled = (
+        least_median.fit_two_spheres(points),
+        least_median.fit_two_spheres(points[order]),
+    )
     assert straight is not None
     assert shuffled is not None
     agree = (straight.side[order] * shuffled.side).sum() / np.count_nonzero(straight.side)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.maths.rotations.angles import angle_deg, wrapped_deg
+from agonic.maths.rotations.angles import angle_deg, wrap_deg
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -38,7 +38,7 @@ def test_small_angles_keep_all_their_digits(radians: float) -> None:
 
 @given(st.floats(-1e4, 1e4))
 def test_wrapped_angles_are_the_same_direction(angle: float) -> None:
-    wrapped = float(wrapped_deg(angle))
+    wrapped = float(wrap_deg(angle))
     assert -180.0 <= wrapped < 180.0 or wrapped == pytest.approx(180.0)
     assert np.cos(np.radians(wrapped)) == pytest.approx(np.cos(np.radians(angle)), abs=1e-9)
     assert np.sin(np.radians(wrapped)) == pytest.approx(np.sin(np.radians(angle)), abs=1e-9)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.model_averaging import averaged
+from agonic.maths.estimation.model_averaging import average_over_term
 from agonic.thermal.maths import gaussian_process
 
 STATIONS, EACH = 5, 40
@@ -106,14 +106,14 @@ def test_size_and_length_are_found_with_the_parameters_freedom_taken_off() -> No
 
 def test_averaged_is_one_model_or_the_other_where_that_is_clear() -> None:
     covariance = np.array([[2.0, 1.0], [1.0, 1.0]])
-    clear = averaged(np.array([7.0, 9.0]), covariance, slice(1, 2), 0.1)
+    clear = average_over_term(np.array([7.0, 9.0]), covariance, slice(1, 2), 0.1)
     assert clear.probability == pytest.approx(1.0, abs=1e-9)
     assert clear.params[0] == pytest.approx(7.0, abs=0.15)
     assert clear.covariance[0, 0] == pytest.approx(2.0, abs=0.05)
-    none = averaged(np.array([7.0, 0.3]), covariance, slice(1, 2), 0.1)
+    none = average_over_term(np.array([7.0, 0.3]), covariance, slice(1, 2), 0.1)
     assert none.params.tolist() == pytest.approx([6.7, 0.0])
     assert none.covariance[0, 0] == pytest.approx(1.0)
-    between = averaged(np.array([7.0, 3.0]), covariance, slice(1, 2), 0.1)
+    between = average_over_term(np.array([7.0, 3.0]), covariance, slice(1, 2), 0.1)
     assert 0.2 < between.probability < 0.9
     assert between.covariance[0, 0] > 2.0  # wider than either: which of the two is open
 
@@ -129,6 +129,8 @@ def test_averaged_errors_are_nearly_honest_whatever_the_term(size: float) -> Non
     for _ in range(3000):
         direction = rng.standard_normal(3)
         truth = np.concatenate([[0.0], size * direction / np.linalg.norm(direction)])
-        found = averaged(truth + root @ rng.standard_normal(4), covariance, slice(1, 4), 0.1)
+        found = average_over_term(
+            truth + root @ rng.standard_normal(4), covariance, slice(1, 4), 0.1
+        )
         z.append(found.params[0] / np.sqrt(found.covariance[0, 0]))
     assert 0.93 < np.sqrt(np.mean(np.square(z))) < 1.35

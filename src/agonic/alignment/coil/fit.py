@@ -15,7 +15,7 @@ from agonic.alignment.session import published_earth_rotation
 from agonic.alignment.session.coil import CoilSession
 from agonic.alignment.session.session import unix_of
 from agonic.arrays import Array
-from agonic.calibration.base import beside
+from agonic.calibration.base import select_columns
 from agonic.errors import CoverageError, ValidityError
 from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import angle_deg
@@ -83,7 +83,7 @@ def _stretches(session: CoilSession) -> Stretch:
     samples, reference = session.magnetometer, session.reference
     field = samples.field
     if session.calibration is not None:
-        field = session.calibration.correct(field, **beside(session.calibration, samples))
+        field = session.calibration.correct(field, **select_columns(session.calibration, samples))
     assert samples.time is not None, "checked with the session"
     assert samples.current_A is not None, "checked with the session"
     alongside = None

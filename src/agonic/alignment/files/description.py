@@ -22,7 +22,7 @@ from agonic.errors import LogError
 from agonic.files.calibration import load
 from agonic.files.toml_sections import read_toml, section
 from agonic.logs.read import open_log
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 
 AXES = {
@@ -94,7 +94,7 @@ class Description:
 
     def add_source(self, name: str, count: int) -> None:
         """Note a table as read."""
-        self.sources.append(Input(name=name, sha256=sha256_of(self.home / name), count=count))
+        self.sources.append(Input(name=name, sha256=hash_file(self.home / name), count=count))
 
 
 def read_description(

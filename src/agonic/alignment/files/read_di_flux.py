@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from agonic.alignment.session.di_flux import DiSheet
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 
 MARK = "# MagPy Absolutes"
 UNITS_DEG = {"gon": 0.9, "deg": 1.0}
@@ -85,7 +85,7 @@ def read_di_flux(path: Path | str) -> DiSheet:
         theodolite=head.get("Theodolite", ""),
         sensor=head.get("FGSensor", ""),
         name=file.stem,
-        sources=(Input(name=file.name, sha256=sha256_of(file), count=len(table)),),
+        sources=(Input(name=file.name, sha256=hash_file(file), count=len(table)),),
         notes=note,
     )
 

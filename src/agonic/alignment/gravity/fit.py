@@ -11,11 +11,11 @@ from agonic.alignment.maths import gravity as kernel
 from agonic.alignment.maths.gravity import Estimate
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.base import Calibration, beside
+from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
 from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
-from agonic.maths.rotations.tilt import down_of_force
+from agonic.maths.rotations.tilt import down_from_force
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
 
@@ -111,7 +111,7 @@ def fit_gravity(
         raise LogError(f"{samples.name} was logged without acceleration; record the accelerometer")
     field = samples.field
     if calibration is not None:
-        field = calibration.correct(field, **beside(calibration, samples))
+        field = calibration.correct(field, **select_columns(calibration, samples))
     down, means, gravity = _orientations(samples, samples.acceleration, field)
     need = FEWEST + (3 if bias else 0)
     if len(down) < need:
@@ -144,7 +144,7 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
     forces = np.array([force[own].mean(axis=0) for own in rows])
     return (
-        down_of_force(forces),
+        down_from_force(forces),
         np.array([field[own].mean(axis=0) for own in rows]),
         np.linalg.norm(forces, axis=1),
     )

@@ -12,7 +12,7 @@ from agonic.alignment.maths.north import Pointing, pointing
 from agonic.alignment.north.theodolite import LEVEL_SIN, estimated
 from agonic.alignment.session.di_flux import DiSheet
 from agonic.health import Finding, Judged, figure
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
 METHOD = ("brunke-matzka-2018",)
@@ -71,7 +71,7 @@ class DiFluxFit(Judged):
         if self.sheet.mark_azimuth_deg is None:
             return None
         turned = self.sheet.mark_azimuth_deg - self.mark.reading_deg
-        return float(wrapped_deg(2 * (self.meridian_deg + turned)) / 2)
+        return float(wrap_deg(2 * (self.meridian_deg + turned)) / 2)
 
     @property
     def declination_sd_arcsec(self) -> float:
@@ -160,10 +160,10 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
 def _mark(sheet: DiSheet) -> Pointing:
     """The mark's direction; readings taken one after the other in one face count once."""
     marks = sheet.mark_deg
-    faces = np.abs(wrapped_deg(marks - marks[0])) > 90.0
+    faces = np.abs(wrap_deg(marks - marks[0])) > 90.0
     runs = np.concatenate([[0], np.cumsum(np.diff(faces.astype(int)) != 0)])
     each = [marks[runs == run] for run in range(int(runs[-1]) + 1)]
-    read = pointing(np.array([a[0] + wrapped_deg(a - a[0]).mean() for a in each]))
+    read = pointing(np.array([a[0] + wrap_deg(a - a[0]).mean() for a in each]))
     return read if read.sd_deg > COPIED_DEG else read._replace(sd_deg=float("nan"))
 
 
@@ -191,7 +191,7 @@ def _findings(fit: DiFluxFit, at: Settings) -> tuple[Finding, ...]:
         )
     sides = at.horizontal[~at.from_meridian & (np.abs(np.sin(at.zenith)) <= LEVEL_SIN)]
     if len(sides):
-        off = np.abs(wrapped_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2).max()
+        off = np.abs(wrap_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2).max()
         if off > OFF_MERIDIAN_DEG:
             said.append(
                 Finding(

@@ -15,7 +15,7 @@ from agonic.alignment.session.north import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, figure
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.provenance import Input, Provenance
 
 METHOD = ("harbin-2018",)
@@ -200,7 +200,7 @@ def _disagreement(fit: NorthFit) -> list[Finding]:
     best = fit.by[fit.method]
     said = []
     for name, other in fit.by.items():
-        apart = abs(float(wrapped_deg(other.reading_deg - best.reading_deg)))
+        apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
         if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
             said.append(
                 Finding(

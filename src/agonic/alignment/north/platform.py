@@ -12,7 +12,7 @@ from scipy.special import chdtrc
 from agonic.alignment.session.north import NorthSession, Platform
 from agonic.alignment.session.session import unix_of
 from agonic.arrays import Array, Index
-from agonic.calibration.base import beside
+from agonic.calibration.base import select_columns
 from agonic.errors import AgonicError
 from agonic.maths.equation import alignment as kernel
 from agonic.maths.equation.alignment import SIZE, Given, Unknowns
@@ -167,7 +167,7 @@ def _given(session: NorthSession, platform: Platform, heading_deg: Array) -> Giv
     rows = _rows(magnetometer, platform)
     raw = magnetometer.field
     if session.calibration is not None:
-        raw = session.calibration.correct(raw, **beside(session.calibration, magnetometer))
+        raw = session.calibration.correct(raw, **select_columns(session.calibration, magnetometer))
     now, then = unix_of(magnetometer), unix_of(reference)
     alongside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
     counts = np.array([len(own) for own in rows])

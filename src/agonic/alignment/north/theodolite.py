@@ -9,7 +9,7 @@ from agonic.alignment.maths.di_flux import Estimate, Settings
 from agonic.alignment.session.di_flux import DiSheet
 from agonic.arrays import Mask
 from agonic.errors import CoverageError
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 
 USUAL_FIELD = 50_000.0
 LEVEL_SIN = 0.99999  # the telescope is level to 0.26°: a setting for the declination
@@ -69,8 +69,8 @@ def _ends(sheet: DiSheet) -> list[float]:
 
 def _nominal(sheet: DiSheet, meridian: float) -> Mask:
     """Settings whose horizontal reading is 0 or half a turn by name only, from the meridian."""
-    off = wrapped_deg(2 * (sheet.horizontal_deg - np.degrees(meridian))) / 2
-    round_number = np.abs(wrapped_deg(2 * sheet.horizontal_deg) / 2) < NOMINAL_DEG
+    off = wrap_deg(2 * (sheet.horizontal_deg - np.degrees(meridian))) / 2
+    round_number = np.abs(wrap_deg(2 * sheet.horizontal_deg) / 2) < NOMINAL_DEG
     return ~level(sheet) & round_number & (np.abs(off) > NEAR_MERIDIAN_DEG)
 
 

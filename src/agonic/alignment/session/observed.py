@@ -16,7 +16,7 @@ from agonic.alignment.session.earth import EarthRotation, published_earth_rotati
 from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, unix_of
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
-from agonic.maths.earth.starlight import aberrated, observer_velocity_i, refracted
+from agonic.maths.earth.starlight import apply_aberration, apply_refraction, observer_velocity_i
 from agonic.maths.rotations.frames import rot_en
 from agonic.maths.rotations.vectors import find_smallest_rotation
 
@@ -120,9 +120,9 @@ def seen_turn(site: Site, star: StarReadings, rotation_ei: Array) -> Array:
     seen = star.boresight_i
     if star.aberration == PRESENT:
         east = rotation_in[:, :, 1]
-        seen = aberrated(seen, observer_velocity_i(star.time, east, site.latitude_deg))
+        seen = apply_aberration(seen, observer_velocity_i(star.time, east, site.latitude_deg))
     if star.refraction == PRESENT:
-        seen = refracted(seen, -rotation_in[:, :, 2], site.air)
+        seen = apply_refraction(seen, -rotation_in[:, :, 2], site.air)
     return find_smallest_rotation(star.boresight_i, seen)
 
 

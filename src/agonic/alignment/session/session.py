@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.calibration.base import Calibration, beside
+from agonic.calibration.base import Calibration, select_columns
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.earth.starlight import Air
 from agonic.maths.rotations.frames import from_323_deg
@@ -157,7 +157,7 @@ class Session:
         raw = self.magnetometer.field
         if self.calibration is None:
             return raw
-        return self.calibration.correct(raw, **beside(self.calibration, self.magnetometer))
+        return self.calibration.correct(raw, **select_columns(self.calibration, self.magnetometer))
 
 
 def unix_of(samples: Samples) -> Array:

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from agonic.arrays import Array, Index
 from agonic.maths.estimation.leastsq import MAD_TO_SD, tukey
-from agonic.maths.rotations.attitude import integrated
+from agonic.maths.rotations.attitude import integrate_rates
 
 _SUPPORTED = 1e-6  # part of a stretch's largest mean square that a regressor has to have
 _MEDIAN_NORM = 1.5382  # median length of three Gaussian numbers, √(median of χ²₃)
@@ -85,7 +85,7 @@ def attitude_path(time: Array, rot_nb: Array) -> Path:
 
 def gyro_path(time: Array, rotation_rate: Array) -> Path:
     """The path that a gyro (n, 3) rad/s integrates to, and what a bias on each axis adds to it."""
-    rot_nb = integrated(rotation_rate, time).as_matrix()
+    rot_nb = integrate_rates(rotation_rate, time).as_matrix()
     turned = CubicSpline(time, rot_nb).antiderivative()(time)  # ∫R dt: columns turn n per bias
     drifts = np.einsum("nkj,kab,nbc->jnac", turned, _SKEW, rot_nb).reshape(3, -1, 9)
     entries = CubicSpline(time, rot_nb.reshape(-1, 9))

@@ -16,7 +16,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.model import Model
-from agonic.field.place import model_for
+from agonic.field.place import choose_model
 
 STEPS_DEG = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25)
 LARGEST = 20_000
@@ -116,7 +116,7 @@ def declination_grid(
     ((3, 4), True)
     """
     south, west, height, width = _box(latitude_deg, longitude_deg)
-    world = model or model_for(float(decimal_year(date)))
+    world = model or choose_model(float(decimal_year(date)))
     source = f"{world.name} on {date} at {altitude_m:g} m"
     worst, largest = (south, west), np.inf
     for step in STEPS_DEG:

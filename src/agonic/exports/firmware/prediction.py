@@ -64,7 +64,7 @@ def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Predicti
     tilt, status = tilt_of(plan, inputs, len(field))
     if plan.warm:
         status |= np.where(_followed(plan, which, inputs)[1], 0, TEMPERATURE)
-    level = kernel.turned(field, tilt, plan.order)
+    level = kernel.heading_with_derivatives(field, tilt, plan.order)
     heading = level.heading_deg
     magnitude = np.linalg.norm(field, axis=1)
     inclination = np.degrees(np.arctan2(level.vertical, level.horizontal))
@@ -114,14 +114,14 @@ def tilt_of(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kernel.Til
     """The tilt of each row from what the controller is given, and where it is not to be trusted."""
     status = np.zeros(n, dtype=np.int64)
     if plan.tilt == "level":
-        return kernel.of_angles(np.zeros(n), np.zeros(n)), status
+        return kernel.tilt_from_angles(np.zeros(n), np.zeros(n)), status
     if plan.tilt == "acceleration":
         force = inputs["acceleration"]
         share = np.linalg.norm(force, axis=1) / STANDARD_GRAVITY_M_S2 - 1
-        tilt = kernel.of_down(kernel.down_of_force(force))
+        tilt = kernel.tilt_from_down(kernel.down_from_force(force))
         status |= np.where(np.abs(share) <= GRAVITY_SHARE, 0, ACCELERATED)
     else:
-        tilt = kernel.of_angles(inputs["roll_deg"], inputs["pitch_deg"])
+        tilt = kernel.tilt_from_angles(inputs["roll_deg"], inputs["pitch_deg"])
     upright = tilt.cos_roll * tilt.cos_pitch  # cosine between down and the body's own down
     return tilt, status | np.where(upright >= plan.steepest, 0, STEEP)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.fleet.report.figures import draw_scatter, make_axis
-from agonic.maths.estimation.robust_line import Line, robust_line
+from agonic.maths.estimation.robust_line import Line, fit_robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES
@@ -53,7 +53,7 @@ def find_relation(population: Population, group: Peers, rows: Index, x: Array) -
         bias, along = population.bias[rows], x[rows]
     if len(rows) < LEAST or np.ptp(along) == 0:
         return None
-    lines = tuple(robust_line(along, b, taken) for b in bias.T)
+    lines = tuple(fit_robust_line(along, b, taken) for b in bias.T)
     return Relation(rows, along, bias, lines, taken)
 
 

@@ -230,11 +230,11 @@ def _against(found: Heading, samples: Samples, rows: Any) -> dict[str, float] | 
     """Mean and rms of true − logged heading over trusted rows, where the log has a heading."""
     import numpy as np
 
-    from agonic.maths.rotations.angles import wrapped_deg
+    from agonic.maths.rotations.angles import wrap_deg
 
     if samples.heading_deg is None or not rows.any():
         return None
-    difference = wrapped_deg(found.true_deg - samples.heading_deg)[rows]
+    difference = wrap_deg(found.true_deg - samples.heading_deg)[rows]
     return {
         "mean_deg": float(np.mean(difference)),
         "rms_deg": float(np.sqrt(np.mean(difference**2))),

@@ -39,7 +39,7 @@ def swing(
     as_json: Json = False,
 ) -> int:
     """The headings of a compass swing, in order, and how well they will tell the deviation."""
-    from agonic.calibration.deviation import PARAMETERS, heading_name
+    from agonic.calibration.deviation import PARAMETERS, name_heading
     from agonic.console.output import print_json, say
     from agonic.headings.deviation import plan_swing
     from agonic.headings.files.swing import write_form
@@ -65,7 +65,7 @@ def swing(
     say(f"Steer in this order, hold each until the compass is at rest ({noise_deg:g}° a reading):")
     for k, (compass, roll) in enumerate(zip(plan.compass_deg, plan.roll_deg, strict=True), start=1):
         side = "" if tilts is None else f"   roll {roll:+g}°"
-        say(f"  {k:3d}  {heading_name(float(compass))}{side}")
+        say(f"  {k:3d}  {name_heading(float(compass))}{side}")
     say("Standard errors to expect:")
     for name, error in sd.items():
         unit = "° per °" if "_" in name else "°"

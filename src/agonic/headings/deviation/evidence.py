@@ -8,9 +8,9 @@ import numpy as np
 from scipy.special import chdtrc, stdtr
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.deviation import Deviation, heading_name
+from agonic.calibration.deviation import Deviation, name_heading
 from agonic.headings.maths import swing_plan
-from agonic.health import Finding, figure, gravest_first
+from agonic.health import Finding, figure, sort_findings
 from agonic.maths.estimation.leastsq import correlation_length
 from agonic.maths.rotations import deviation as kernel
 
@@ -41,7 +41,7 @@ class Evidence:
 
     compass_deg: Array
     rows: Array
-    solved: kernel.Solved
+    solved: kernel.DeviationSolution
     card: Deviation
     level: Mask
     chosen: Mask
@@ -60,7 +60,7 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     if stray is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
     others = (_folded(evidence), shape, stray, *spread, _third(evidence), _left_out(evidence))
-    return gravest_first(others)
+    return sort_findings(others)
 
 
 def listed(headings_deg: Array) -> str:
@@ -69,7 +69,7 @@ def listed(headings_deg: Array) -> str:
     >>> listed(np.array([45.0, 135.0, 180.0]))
     '045° NE, 135° SE and 180° S'
     """
-    names = [heading_name(float(h)) for h in headings_deg]
+    names = [name_heading(float(h)) for h in headings_deg]
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
@@ -169,7 +169,7 @@ def _stray(evidence: Evidence) -> Finding | None:
     return Finding(
         "stray headings",
         "refuse" if off >= STRAY_REFUSED_DEG else "check",
-        f"the reading at compass {heading_name(float(evidence.compass_deg[worst]))} is "
+        f"the reading at compass {name_heading(float(evidence.compass_deg[worst]))} is "
         f"{figure(off)}° from the curve of the others",
         "look for a slip (east for west, a wrong figure) and steer that heading again",
     )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.deviation import PARAMETERS, Deviation, east_west, heading_name
+from agonic.calibration.deviation import PARAMETERS, Deviation, format_east_west, name_heading
 from agonic.errors import AgonicError
 from agonic.fit import Estimated
 from agonic.headings.deviation.evidence import Evidence, examine
@@ -19,7 +19,7 @@ from agonic.headings.deviation.readings import Readings, complete
 from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure
 from agonic.maths.rotations import deviation as kernel
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.provenance import Input, Provenance
 
 CITATIONS = ("nga-2004", "huber-1981", "beaton-tukey-1974")
@@ -153,7 +153,7 @@ def _finished(evidence: Evidence, classical: Mapping[str, float] | None) -> Devi
         calibration=card,
         classical=classical,
         compass_deg=evidence.compass_deg,
-        deviation_deg=wrapped_deg(solved.residuals + evidence.rows @ solved.params),
+        deviation_deg=wrap_deg(solved.residuals + evidence.rows @ solved.params),
         residuals_deg=solved.residuals,
         weights=solved.weights,
         noise_deg=np.nan if card.noise_deg is None else card.noise_deg,
@@ -176,7 +176,7 @@ def level_terms(terms: str) -> Mask:
 
 def _solved(
     rows: Array, difference: Array, robust: bool, noise_deg: float | None
-) -> tuple[kernel.Solved, bool]:
+) -> tuple[kernel.DeviationSolution, bool]:
     """The solution, and whether the stated noise holds: it does not where residuals exceed it.
 
     Where as many terms as readings leave no residuals, a noise of 1° is taken for unknown.
@@ -195,13 +195,13 @@ def _solved(
     return kernel.solve(rows, difference, robust=robust), False
 
 
-def _noise(solved: kernel.Solved, stated: float | None) -> float | None:
+def _noise(solved: kernel.DeviationSolution, stated: float | None) -> float | None:
     """The noise of one reading; `None` where nothing is left to see it by."""
     left = len(solved.residuals) > len(solved.params)
     return solved.noise if stated is None and left else stated
 
 
-def _spread(solved: kernel.Solved, chosen: Mask) -> dict[str, Any]:
+def _spread(solved: kernel.DeviationSolution, chosen: Mask) -> dict[str, Any]:
     """The solution in the order of `PARAMETERS`, zero where a term was not fitted."""
     params, covariance = np.zeros(len(PARAMETERS)), np.zeros((len(PARAMETERS),) * 2)
     params[chosen] = solved.params
@@ -210,7 +210,7 @@ def _spread(solved: kernel.Solved, chosen: Mask) -> dict[str, Any]:
     return {"coefficients": params[:5], "heel": heel, "covariance": covariance}
 
 
-def _freedom(solved: kernel.Solved) -> float:
+def _freedom(solved: kernel.DeviationSolution) -> float:
     """Degrees of freedom of the noise: readings that count, less terms."""
     counted = float((solved.weights > 0).sum()) / solved.correlation
     return max(counted - len(solved.params), 1.0)
@@ -224,10 +224,10 @@ def _largest(tilt: Array) -> tuple[float, float] | None:
 
 
 def _classical(readings: Readings) -> dict[str, float] | None:
-    at = kernel.on_rose(readings.compass, wrapped_deg(readings.difference))
+    at = kernel.average_on_rose(readings.compass, wrap_deg(readings.difference))
     if at is None:
         return None
-    return dict(zip(kernel.LEVEL, kernel.classical(at).tolist(), strict=True))
+    return dict(zip(kernel.LEVEL, kernel.solve_eight_headings(at).tolist(), strict=True))
 
 
 def _remarks(card: Deviation) -> tuple[str, ...]:
@@ -236,8 +236,8 @@ def _remarks(card: Deviation) -> tuple[str, ...]:
     curve, sd = card.at(circle), float(card.sd_at(circle).max())
     worst = int(np.abs(curve).argmax())
     return (
-        f"the deviation is largest, {east_west(float(curve[worst]))}, at compass "
-        f"{heading_name(float(circle[worst]))}",
+        f"the deviation is largest, {format_east_west(float(curve[worst]))}, at compass "
+        f"{name_heading(float(circle[worst]))}",
         f"a level heading corrected with this card is known to {figure(sd)}° (standard error of "
         "the curve at the worst heading)",
     )

@@ -82,5 +82,5 @@ def plan_swing(
         terms=terms,
         noise_deg=noise_deg,
         sd=np.sqrt(np.diag(covariance)),
-        heading_sd_deg=float(kernel.band(at, covariance).max()),
+        heading_sd_deg=float(kernel.compute_band(at, covariance).max()),
     )

@@ -28,7 +28,7 @@ from agonic.atomic import write_atomically
 from agonic.calibration.deviation import POINTS
 from agonic.errors import LogError
 from agonic.logs.contents import read_text
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 
 ALIASES = {
     "compass": "compass compassheading headingcompass compassreading magcompass psi",
@@ -263,5 +263,5 @@ def _swing(values: Mapping[str, Array], path: Path, remarks: Mapping[str, str]) 
         pitch_deg=noted.get("pitch"),
         blank=int((~filled).sum()),
         remarks=remarks,
-        source=Input(name=path.name, sha256=sha256_of(path), count=int(filled.sum())),
+        source=Input(name=path.name, sha256=hash_file(path), count=int(filled.sum())),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.deviation import ROSE_DEG, basis
 
 CELL_DEG = 5.0
@@ -77,4 +77,4 @@ def missing_deg(headings_deg: Array, chosen: Mask, enough: float) -> Array:
 
 
 def _apart_deg(heading_deg: float, others_deg: Array) -> float:
-    return float(np.abs(wrapped_deg(others_deg - heading_deg)).min())
+    return float(np.abs(wrap_deg(others_deg - heading_deg)).min())

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agonic.calibration.deviation import Deviation, east_west, heading_name
+from agonic.calibration.deviation import Deviation, format_east_west, name_heading
 from agonic.errors import AgonicError
 from agonic.headings.deviation import DeviationFit
 from agonic.report.digits import NO_BREAK, grouped, with_sd
@@ -77,8 +77,8 @@ def judgement(card: Deviation) -> str:
     limit, name = passed[0] if passed else LIMITS[-1]
     against = f"{'within' if passed else 'beyond'} {limit:g}°, the limit {MEANT[name]}"
     said = (
-        f"Before: at most {east_west(float(curve[worst]))}, at compass "
-        f"{heading_name(float(heading[worst]))}; {against}."
+        f"Before: at most {format_east_west(float(curve[worst]))}, at compass "
+        f"{name_heading(float(heading[worst]))}; {against}."
     )
     if card.covariance is None:
         return said
@@ -152,8 +152,8 @@ def _table(card: Deviation, step_deg: float) -> list[str]:
     for row in rows(card, step_deg):
         band = "" if row.band is None else f"{row.band:.1f}"
         lines.append(
-            f"{heading_name(row.heading):<10}{east_west(row.deviation):>12}{band:>8}"
-            f"{degrees3(row.magnetic):>11}  |  {heading_name(row.heading):<16}"
+            f"{name_heading(row.heading):<10}{format_east_west(row.deviation):>12}{band:>8}"
+            f"{degrees3(row.magnetic):>11}  |  {name_heading(row.heading):<16}"
             f"{degrees3(row.steer):>10}"
         )
     return lines

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.deviation import POINTS, Deviation, heading_name
+from agonic.calibration.deviation import POINTS, Deviation, name_heading
 from agonic.headings.deviation import DeviationFit
 from agonic.headings.report.card import LIMITS, judgement
 from agonic.report.documents import static
@@ -262,7 +262,7 @@ def _points(panel: Panel, heading: Array, values: Array) -> Markup:
     )
     name = "dots few" if len(places) <= 72 else "dots"
     said = ", ".join(
-        f"{heading_name(float(h))} {v:+.1f}°" for h, v in zip(heading, values, strict=True)
+        f"{name_heading(float(h))} {v:+.1f}°" for h, v in zip(heading, values, strict=True)
     )
     return element(
         "path",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from string import Template
 from typing import Literal, get_args
 
-from agonic.calibration.deviation import Deviation, east_west, heading_name
+from agonic.calibration.deviation import Deviation, format_east_west, name_heading
 from agonic.errors import check_choice
 from agonic.headings.deviation import DeviationFit
 from agonic.headings.report.card import (
@@ -98,8 +98,8 @@ def _tables(card: Deviation, step_deg: float) -> Markup:
         ["Compass reads", "Deviation", "± 95 %", "Magnetic"],
         [
             [
-                heading_name(r.heading),
-                east_west(r.deviation),
+                name_heading(r.heading),
+                format_east_west(r.deviation),
                 "" if r.band is None else f"{r.band:.1f}°",
                 degrees3(r.magnetic),
             ]
@@ -108,7 +108,7 @@ def _tables(card: Deviation, step_deg: float) -> Markup:
     )
     steer = table(
         ["To make good (magnetic)", "steer (compass)"],
-        [[heading_name(r.heading), degrees3(r.steer)] for r in made],
+        [[name_heading(r.heading), degrees3(r.steer)] for r in made],
     )
     return element(
         "div",

@@ -148,7 +148,7 @@ def _reference(
 ) -> Reference:
     """The magnitude of the field at each reading."""
     from agonic.console.place import expected, scalar_reference
-    from agonic.field.place import lacking
+    from agonic.field.place import describe_missing
 
     taught = None if field is not None else scalar_reference(samples, scalar)
     if taught is not None:
@@ -156,7 +156,7 @@ def _reference(
     reference, _ = expected(samples, at, date, field)
     if reference is None:
         raise AgonicError(
-            f"the field at the readings is not known: {lacking(samples)}; give --at "
+            f"the field at the readings is not known: {describe_missing(samples)}; give --at "
             "LAT,LON[,ALT], --date or --field NT"
         )
     return reference

@@ -20,7 +20,7 @@ from agonic.inflight.fit.drift import Drift
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import Estimate, rotation_of
 from agonic.maths.equation.affine import FREE, model_basis, split
-from agonic.maths.rotations.polar import turned
+from agonic.maths.rotations.polar import split_rotation
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
@@ -36,7 +36,7 @@ def build_change(problem: Problem, estimate: Estimate, samples: Samples) -> Affi
     covariance = at_end @ estimate.solution.covariance @ at_end.T * np.outer(size, size)
     bias, matrix = split(model_basis("full", gauge) @ (at_end @ estimate.solution.params))
     if gauge == FREE:
-        _, rest = turned(matrix, covariance, FREE)
+        _, rest = split_rotation(matrix, covariance, FREE)
         matrix, covariance = rest.rotation.T @ matrix, rest.covariance[:9, :9]
     ground = problem.ground
     frame = samples.frame if ground is None else ground.frame_out
@@ -66,7 +66,7 @@ def build_alignment(problem: Problem, estimate: Estimate, change: Affine) -> Ali
     at_end = _at_end(estimate)
     _, matrix = split(model_basis("full", FREE) @ (at_end @ estimate.solution.params))
     covariance = at_end @ estimate.solution.covariance @ at_end.T
-    _, rest = turned(matrix, covariance, estimate.layout.gauge)
+    _, rest = split_rotation(matrix, covariance, estimate.layout.gauge)
     return Alignment(
         rotation=Rotation.from_matrix(problem.rotation @ rest.rotation),
         covariance=problem.rotation @ rest.covariance[9:, 9:] @ problem.rotation.T,

@@ -10,7 +10,13 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.correlated_errors import STRETCHES, Lasting, Sums, lasting, scatter
+from agonic.maths.estimation.correlated_errors import (
+    STRETCHES,
+    CorrelatedError,
+    Sums,
+    compute_scatter,
+    find_correlated_errors,
+)
 from agonic.maths.estimation.noise import Noise
 
 
@@ -19,7 +25,7 @@ class RobustCovariance(NamedTuple):
 
     covariance: Array
     correlation: dict[str, float]
-    errors: dict[str, tuple[Lasting, ...]]
+    errors: dict[str, tuple[CorrelatedError, ...]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +81,8 @@ def compute_covariance(
         freedom = normal.total / max(normal.total - len(params), 1)
         bread += normal.information * curved / mean_correlation
         white[kind] = freedom * squares / of.sd**4
-        errors[kind] = lasting(sums, of.sd**2, clock.step_s)
-        extra[kind] = scatter(sums, errors[kind], clock.step_s) / of.sd**4
+        errors[kind] = find_correlated_errors(sums, of.sd**2, clock.step_s)
+        extra[kind] = compute_scatter(sums, errors[kind], clock.step_s) / of.sd**4
     inverse = leastsq.inverse(bread)
     plain = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in white.items()}
     added = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in extra.items()}

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agonic.health import Finding, figure, gravest_first, inspect, misscaled
+from agonic.health import Finding, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
 from agonic.inflight.fit.result import InflightFit
-from agonic.maths.equation.coverage import nearest_axis
+from agonic.maths.equation.coverage import find_nearest_axis
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def examine(fit: InflightFit, problem: Problem, samples: Samples) -> InflightFit
         *_outliers(fit),
         *_attitude(fit),
     ]
-    fit = replace(fit, findings=gravest_first(found))
+    fit = replace(fit, findings=sort_findings(found))
     return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, problem))
 
 
@@ -70,7 +70,7 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> list[Fin
 
 def _scale(fit: InflightFit) -> list[Finding]:
     """A wrong unit."""
-    scale = misscaled(float(np.trace(fit.after.matrix)) / 3, fit.after.unit_in)
+    scale = check_scale(float(np.trace(fit.after.matrix)) / 3, fit.after.unit_in)
     return [] if scale is None else [scale]
 
 
@@ -95,7 +95,7 @@ def _undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
     worst = float(np.sqrt(max(variances[-1], 0.0)))
     if worst < UNDETERMINED * magnitude:
         return []
-    axis = nearest_axis(axes[:, -1])
+    axis = find_nearest_axis(axes[:, -1])
     return [
         Finding(
             "bias undetermined",

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
-from agonic.field.place import field_along, lacking
+from agonic.field.place import describe_missing, field_along
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.pointing import expect_direction, find_direction_e
 from agonic.inflight.fit.problem import (
@@ -133,8 +133,8 @@ def _pose_problem(
         expected = field_along(samples)
         if expected is None:
             raise AgonicError(
-                f"the field on the way is not known: {lacking(samples)}; give a reference, "
-                "positions (they can come from two-line elements), or --date"
+                f"the field on the way is not known: {describe_missing(samples)}; give a "
+                "reference, positions (they can come from two-line elements), or --date"
             )
         along = expected.reference
     assert along is not None

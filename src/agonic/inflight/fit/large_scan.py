@@ -11,7 +11,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
-from agonic.field.place import lacking, model_for
+from agonic.field.place import choose_model, describe_missing
 from agonic.inflight.fit.pointing import find_direction_e
 from agonic.inflight.fit.problem import Settings, require_enough, select_rows
 from agonic.samples import COLUMNS, Samples
@@ -109,8 +109,8 @@ class _Model:
     def __call__(self, samples: Samples) -> Known:
         if samples.latitude_deg is None or samples.longitude_deg is None or samples.epoch is None:
             raise AgonicError(
-                f"the field on the way is not known: {lacking(samples)}; give --date, or a scalar "
-                "instrument"
+                f"the field on the way is not known: {describe_missing(samples)}; give --date, "
+                "or a scalar instrument"
             )
         if samples.altitude_m is None:
             samples = samples.with_columns(altitude_m=np.zeros(len(samples)))
@@ -118,7 +118,7 @@ class _Model:
             assert samples.time is not None
             assert samples.epoch is not None
             begun = samples.epoch + timedelta(seconds=float(samples.time[0]))
-            self._model = model_for(float(decimal_year(begun)))
+            self._model = choose_model(float(decimal_year(begun)))
         reference = self._model.along(samples)
         return Known(reference.magnitudes(len(samples)), find_direction_e(samples, reference))
 

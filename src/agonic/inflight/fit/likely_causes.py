@@ -14,7 +14,7 @@ from agonic.health import figure
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
 from agonic.maths.estimation.leastsq import robust_scale
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def _shift_time(seconds: float) -> Callable[[Samples], Samples]:
             for name in ("latitude_deg", "longitude_deg", "altitude_m")
             if (values := getattr(samples, name)) is not None
         }
-        moved["longitude_deg"] = wrapped_deg(moved["longitude_deg"])
+        moved["longitude_deg"] = wrap_deg(moved["longitude_deg"])
         return samples.with_columns(**moved).select(within)
 
     return change

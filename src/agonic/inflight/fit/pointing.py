@@ -9,8 +9,8 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, LogError
 from agonic.inflight.fit.problem import Attitude, ExpectedDirection
-from agonic.maths.earth.earth_rotation import sidereal_rad, turned
-from agonic.maths.earth.eclipse import shadowed
+from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad
+from agonic.maths.earth.eclipse import find_eclipsed
 from agonic.maths.earth.geodesy import (
     directions,
     earth_fixed,
@@ -89,7 +89,7 @@ def local_vertical_nb(samples: Samples) -> Array:
     assert samples.longitude_deg is not None
     where = directions(samples.latitude_deg, samples.longitude_deg)
     axes = [np.cross(right, down, axis=0), right, down]
-    columns = [north_east_down(turned(axis, sidereal), where) for axis in axes]
+    columns = [north_east_down(rotate_about_third(axis, sidereal), where) for axis in axes]
     return np.moveaxis(np.stack(columns, axis=1), -1, 0)
 
 
@@ -109,7 +109,7 @@ def find_eclipse(samples: Samples) -> Mask | None:
     track = _track(samples)
     if track is None or np.median(track[2]) < LOWEST_ORBIT_M:
         return None
-    return shadowed(*track, _unix(samples))
+    return find_eclipsed(*track, _unix(samples))
 
 
 def _position_i(samples: Samples) -> tuple[Array, Array] | None:
@@ -120,7 +120,7 @@ def _position_i(samples: Samples) -> tuple[Array, Array] | None:
     latitude, longitude, altitude = track
     position_e = earth_fixed_position(directions(latitude, longitude), altitude)
     sidereal = sidereal_rad(_unix(samples))
-    return turned(position_e, -sidereal), sidereal
+    return rotate_about_third(position_e, -sidereal), sidereal
 
 
 def _track(samples: Samples) -> tuple[Array, Array, Array] | None:

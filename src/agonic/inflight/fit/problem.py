@@ -8,7 +8,7 @@ from typing import Literal
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, CoverageError
-from agonic.health import FEWEST, usable_rows
+from agonic.health import FEWEST, find_usable_rows
 from agonic.inflight.fit.terms import Terms, build_terms
 from agonic.inflight.maths.residuals import Rows
 from agonic.samples import Samples
@@ -95,7 +95,7 @@ def select_rows(
     samples: Samples, exclude: Mask | None, latitude_deg: tuple[float, float] | None
 ) -> Mask:
     """The rows that take part: usable, not flagged, not excluded, within the latitudes."""
-    rows = usable_rows(samples.field)
+    rows = find_usable_rows(samples.field)
     if samples.flagged is not None:
         rows &= samples.flagged == 0
     if exclude is not None:

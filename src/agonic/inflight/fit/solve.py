@@ -29,9 +29,9 @@ from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.correlated_errors import Lasting
+from agonic.maths.estimation.correlated_errors import CorrelatedError
 from agonic.maths.estimation.leastsq import robust_scale
-from agonic.maths.estimation.noise import Noise, noise_of
+from agonic.maths.estimation.noise import Noise, estimate_noise
 from agonic.maths.rotations.vectors import find_best_rotation
 
 BLOCKS = 10
@@ -55,7 +55,7 @@ class Estimate(NamedTuple):
     noise: dict[str, Noise]
     sds: dict[str, float]
     residuals: dict[str, Array]
-    errors: dict[str, tuple[Lasting, ...]]
+    errors: dict[str, tuple[CorrelatedError, ...]]
     held_out: dict[int, float]
 
     @property
@@ -175,7 +175,7 @@ def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: A
     seen = {kind: compute_residuals(rows, kind, params, layout)[0] for kind in kinds}
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
-        noise = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
+        noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         before, sds = sds, attitude_spreads(noise, sds)
         noise = {kind: rescale_noise(of, kind, before, sds) for kind, of in noise.items()}
         lasts = mean_correlation(noise)
@@ -193,7 +193,7 @@ def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: A
         params = solution.params
         parts = np.split(solution.residuals, len(noise))
         seen = dict(zip(noise, parts, strict=True))
-        again = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
+        again = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         if all(again[kind].settled(noise[kind]) for kind in noise) and len(kinds) == 1:
             break
         if all(

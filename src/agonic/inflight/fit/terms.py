@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.interference import signals, stacked
+from agonic.calibration.interference import signals, stack_sources
 from agonic.errors import CoverageError, LogError
 from agonic.inflight.fit.drift import evaluate_spline, place_knots
 from agonic.maths.equation import polynomial
@@ -64,7 +64,7 @@ class Terms:
             self._powers(samples, self.degree),
         ]
         if self.sources:
-            parts.append(stacked(self.sources, samples.columns()) / self.spread)
+            parts.append(stack_sources(self.sources, samples.columns()) / self.spread)
         return np.concatenate(parts, axis=1)
 
     def of_matrix(self, samples: Samples) -> Array:
@@ -78,7 +78,7 @@ class Terms:
     def _powers(self, samples: Samples, degree: int) -> Array:
         if not degree:
             return np.zeros((len(samples), 0))
-        x = polynomial.scaled(samples.temperature, self.centre_C, self.half_range_C)  # type: ignore[arg-type]
+        x = polynomial.scale(samples.temperature, self.centre_C, self.half_range_C)  # type: ignore[arg-type]
         return polynomial.powers(x, degree)[:, 1:]
 
 
@@ -130,7 +130,7 @@ def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
             "recorded beside the readings"
         )
-    values = stacked(sources, samples.columns())
+    values = stack_sources(sources, samples.columns())
     spread = np.asarray(values.std(axis=0))
     still = [
         name

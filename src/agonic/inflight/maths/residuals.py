@@ -24,10 +24,10 @@ from agonic.arrays import Array, Mask
 from agonic.maths.equation.affine import (
     FREE,
     SYMMETRIC,
+    expand_covariates,
     magnitude_residual,
     model_basis,
     split,
-    with_covariates,
 )
 from agonic.maths.estimation import leastsq
 
@@ -166,9 +166,9 @@ def compute_residuals(
         r, by_local = _row_by_row(raw - bias, each, rows.wanted, sd)
     parts = [by_local @ basis]
     if layout.bias_terms:
-        parts.append(with_covariates(by_local[:, :3], rows.bias_terms))
+        parts.append(expand_covariates(by_local[:, :3], rows.bias_terms))
     if layout.matrix_terms:
-        parts.append(with_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms))
+        parts.append(expand_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms))
     return r, np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
 
 

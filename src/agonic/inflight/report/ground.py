@@ -11,7 +11,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.tracking import Tracker
-from agonic.maths.rotations.polar import turned
+from agonic.maths.rotations.polar import split_rotation
 from agonic.report.digits import grouped
 
 HELD = 1e-7
@@ -92,7 +92,7 @@ def compared(before: Affine | None, after: Affine, note: str = "") -> tuple[Numb
 
 def _nine(calibration: Affine) -> tuple[Array, Array | None]:
     """Bias and the six entries of the symmetric matrix, and their standard errors."""
-    six, rest = turned(calibration.matrix, _plain(calibration), calibration.gauge)
+    six, rest = split_rotation(calibration.matrix, _plain(calibration), calibration.gauge)
     values = np.concatenate([calibration.bias, six])
     if calibration.covariance is None:
         return values, None

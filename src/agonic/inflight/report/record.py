@@ -16,7 +16,7 @@ from agonic.inflight.fit import InflightFit
 from agonic.inflight.fit.pointing import find_eclipse
 from agonic.inflight.report.ground import Numbers, of_fit, of_tracker
 from agonic.inflight.tracking import Coefficients, Tracker
-from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, lasting
+from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, find_correlated_errors
 from agonic.maths.estimation.leastsq import correlation_length
 from agonic.samples import Samples
 
@@ -192,7 +192,7 @@ def lasting_of(time: Array, residuals: Array, used: Mask) -> tuple[float, float]
     sums = Sums.empty(k, 1, [1])
     sums.add(np.arange(n) * k // n, weights, residuals, ones, [ones])
     white = float(np.average(residuals**2, weights=weights)) if used.any() else 0.0
-    errors = lasting(sums, white, float(time[-1] - time[0]) / k)
+    errors = find_correlated_errors(sums, white, float(time[-1] - time[0]) / k)
     variance = sum(error.variance for error in errors)
     if not variance:
         return 0.0, 0.0

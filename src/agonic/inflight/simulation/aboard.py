@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Mask
 from agonic.inflight.simulation.kepler import Orbit, state_i
-from agonic.maths.earth.earth_rotation import in_shadow, sidereal_rad, sun_i, turned
+from agonic.maths.earth.earth_rotation import is_in_shadow, rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
 from agonic.maths.earth.geodesy import directions as place
 from agonic.simulation.draws import directions, knot_times, wander
@@ -52,13 +52,13 @@ def way_of(orbit: Orbit, time: Array, epoch: datetime) -> Way:
     unix = start.timestamp() + time
     position, velocity = state_i(orbit, time)
     sidereal = sidereal_rad(unix)
-    places = geodetic(turned(position, sidereal))
+    places = geodetic(rotate_about_third(position, sidereal))
     names = ("latitude_deg", "longitude_deg", "altitude_m")
     return Way(
         position=position,
         velocity=velocity,
         sidereal=sidereal,
-        eclipse=in_shadow(position, sun_i(unix), SEMI_MAJOR_M),
+        eclipse=is_in_shadow(position, sun_i(unix), SEMI_MAJOR_M),
         columns=dict(zip(names, places, strict=True)),
     )
 
@@ -88,7 +88,7 @@ def attitude_nb(
 
 def _in_n(rot_ib: Array, way: Way) -> Rotation:
     """Attitudes against inertial axes, matrices (3, 3, n), as attitudes against n axes."""
-    axes_n = [way.in_n(turned(rot_ib[:, k], way.sidereal)) for k in range(3)]
+    axes_n = [way.in_n(rotate_about_third(rot_ib[:, k], way.sidereal)) for k in range(3)]
     return Rotation.from_matrix(np.moveaxis(np.stack(axes_n, axis=1), -1, 0))
 
 

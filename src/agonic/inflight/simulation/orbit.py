@@ -17,7 +17,7 @@ from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
-from agonic.field.place import model_for
+from agonic.field.place import choose_model
 from agonic.inflight.simulation.aboard import (
     Pointing,
     Way,
@@ -262,7 +262,7 @@ def _readings(truth: Thermal, field_m: Array, temperature: Array) -> Array:
 def _main_field(way: Way, time: Array, epoch: datetime) -> Array:
     """The world model along the way (n, 3), north-east-down, nT."""
     track = Samples(field=np.zeros((len(time), 3)), time=time, epoch=epoch)
-    model = model_for(float(decimal_year(epoch)))
+    model = choose_model(float(decimal_year(epoch)))
     return np.array(model.along(track.with_columns(**way.columns)).values)
 
 

@@ -20,8 +20,8 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import read_bytes
-from agonic.maths.estimation.kalman import Belief
-from agonic.maths.rotations.polar import turned
+from agonic.maths.estimation.kalman import FilterState
+from agonic.maths.rotations.polar import split_rotation
 from agonic.provenance import Provenance
 
 Row = tuple[float, ...]
@@ -126,7 +126,7 @@ class TrackFile(Struct, frozen=True):
 _RECORDS: dict[type, type[Struct]] = {
     Affine: BaseRecord,
     Thermal: ThermalRecord,
-    Belief: BeliefRecord,
+    FilterState: BeliefRecord,
     Opening: OpeningRecord,
     Recent: RecentRecord,
     Jump: JumpRecord,
@@ -192,7 +192,7 @@ def _restore_state(record: StateRecord) -> TrackerState:
     return TrackerState(
         base=base,
         ground=_restore_ground(record.ground, base),
-        turned=turned(base.matrix, base.covariance, base.gauge)[1],
+        turned=split_rotation(base.matrix, base.covariance, base.gauge)[1],
         belief=_restore_belief(record.belief),
         noise=record.noise,
         noise_known=record.noise_known,
@@ -238,8 +238,8 @@ def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | Non
     return Thermal(**values, **named, validity=validity)
 
 
-def _restore_belief(record: BeliefRecord) -> Belief:
-    belief = Belief(*(np.array(part) for part in msgspec.structs.astuple(record)))
+def _restore_belief(record: BeliefRecord) -> FilterState:
+    belief = FilterState(*(np.array(part) for part in msgspec.structs.astuple(record)))
     m = len(belief.diagonal)
     shapes = [part.shape for part in belief]
     if shapes != [(10,), (m, m), (m,), (11,)]:

@@ -17,7 +17,7 @@ from agonic.errors import AgonicError, UnitError
 from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
 from agonic.maths.estimation import kalman
-from agonic.maths.rotations.polar import turned
+from agonic.maths.rotations.polar import split_rotation
 
 _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
 
@@ -91,14 +91,14 @@ def start(
             f"a tracker follows an Affine or a Thermal, not a {type(calibration).__name__}; apply "
             "that to the readings first and follow what remains"
         )
-    six, rest = turned(base.matrix, base.covariance, base.gauge)
+    six, rest = split_rotation(base.matrix, base.covariance, base.gauge)
     noise = params.noise or base.noise
     watch = np.zeros(11)
     watch[-1] = -np.inf
     return TrackerState(
         base=base,
         turned=rest,
-        belief=kalman.Belief(
+        belief=kalman.FilterState(
             np.concatenate([[0.0], base.bias, six]), np.eye(1), np.zeros(1), watch
         ),
         noise=noise or 0.0,
@@ -151,7 +151,7 @@ def update(
     before, done = state, 0
     seen: list[kalman.Seen] = []
     history: list[Array] = []
-    fast = kalman.worth_compiling(len(rows)) if compiled is None else compiled
+    fast = kalman.is_worth_compiling(len(rows)) if compiled is None else compiled
     while done < len(rows):
         piece = rows[done : done + _length(state, params, rows[done:, 0])]
         last = state.time
@@ -160,7 +160,7 @@ def update(
         state, predicted = _step(state, params, piece, fast)
         seen.append(predicted)
         done += len(predicted.residual)
-    whole = seen[0] if len(seen) == 1 else kalman.joined(seen)
+    whole = seen[0] if len(seen) == 1 else kalman.join_seen(seen)
     return state, Coefficients(
         state=state,
         residual=whole.residual,
@@ -203,7 +203,7 @@ def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
     covariance += np.diag(spread) + np.diag(least)
     noise = state.noise if state.noise_known else 0.01 * size
-    prior = kalman.believe(state.belief.state, covariance[:m, :m], float(row[0]))
+    prior = kalman.start_filter(state.belief.state, covariance[:m, :m], float(row[0]))
     opened = Opening(prior=prior, rows=np.empty((0, 6)))
     recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
     ready = state.noise_known and openings.is_nearly_linear(prior, float(row[4]), noise)

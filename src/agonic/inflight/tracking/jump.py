@@ -14,7 +14,7 @@ from agonic.maths.estimation import kalman
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 
 
-def keep_recent(recent: Recent, belief: kalman.Belief) -> Recent:
+def keep_recent(recent: Recent, belief: kalman.FilterState) -> Recent:
     """The recent readings, the first half of them forgotten once there are two strides of them."""
     if len(recent.rows) == STRIDE:
         return replace(recent, middle=belief)
@@ -71,7 +71,7 @@ def _find_onset(
     """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
     assert state.recent is not None, "only a settled state has recent readings"
     rows = state.recent.rows
-    guesses = [kalman.onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
+    guesses = [kalman.find_onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
     tried: dict[int, float] = {}
     while guesses and len(tried) < _DATINGS:
         guess = guesses.pop(0)
@@ -94,7 +94,7 @@ def _open(
     _, seen, _ = kalman.advance(belief, model, since)
     gain = float(np.mean(belief.state[4:7]))
     size = 2 * float(np.median(np.abs(seen.residual))) / gain
-    prior = kalman.widened(belief, max(params.jump_sd, size))
+    prior = kalman.widen_for_jump(belief, max(params.jump_sd, size))
     return replace(
         state,
         belief=kalman.advance(prior, model, since)[0],

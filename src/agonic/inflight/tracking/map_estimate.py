@@ -10,13 +10,13 @@ from agonic.arrays import Array
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis, split
 from agonic.maths.estimation import kalman, leastsq
-from agonic.maths.estimation.least_median import least_median_sphere
+from agonic.maths.estimation.least_median import fit_least_median_sphere
 
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 
 
 def find_most_probable(
-    state: TrackerState, prior: kalman.Belief, rows: Array, params: TrackerParams
+    state: TrackerState, prior: kalman.FilterState, rows: Array, params: TrackerParams
 ) -> tuple[Array, float, Array]:
     """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
     it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
@@ -73,7 +73,7 @@ def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array
     return max(leastsq.robust_scale(residuals_at(rows, about), min(m, len(rows) - 1)), 1e-9)
 
 
-def _starts(state: TrackerState, prior: kalman.Belief, rows: Array) -> Iterator[Array]:
+def _starts(state: TrackerState, prior: kalman.FilterState, rows: Array) -> Iterator[Array]:
     """Where to begin: what is believed, and, where little is known, the sphere that most lie on."""
     yield state.belief.state
     magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
@@ -81,7 +81,7 @@ def _starts(state: TrackerState, prior: kalman.Belief, rows: Array) -> Iterator[
     if np.sqrt(np.diag(prior.covariance)[1:4].max()) < _CERTAIN * size:
         return
     centre = rows[:, 1:4].mean(axis=0)
-    bias, scale = least_median_sphere((rows[:, 1:4] - centre) / size, magnitude / (gain * size))
+    bias, scale = fit_least_median_sphere((rows[:, 1:4] - centre) / size, magnitude / (gain * size))
     if np.isfinite(bias).all() and 0.5 < scale < 2.0:
         yield np.concatenate([[0.0], centre + size * bias, prior.state[4:]])
 
@@ -89,7 +89,7 @@ def _starts(state: TrackerState, prior: kalman.Belief, rows: Array) -> Iterator[
 class GaussianPrior:
     """The prior on bias and matrix as residuals: D^(−1/2) U⁻¹ (x − x₀), without the field's g."""
 
-    def __init__(self, prior: kalman.Belief) -> None:
+    def __init__(self, prior: kalman.FilterState) -> None:
         upper = prior.columns.T[1:, 1:]
         self.whiten = np.linalg.inv(upper) / np.sqrt(prior.diagonal[1:])[:, None]
         self.centre = prior.state[1 : len(prior.diagonal)]

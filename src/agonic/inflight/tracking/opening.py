@@ -66,7 +66,7 @@ def count_since_jump(
     return len(new) if far or leastsq.robust_scale(new) > 2 * then else 0
 
 
-def compute_nonlinearity(belief: kalman.Belief, magnitude: float) -> float:
+def compute_nonlinearity(belief: kalman.FilterState, magnitude: float) -> float:
     """How far residuals are from linear within the belief, δ²/2F, in the unit of the readings.
 
     δ² = tr P over bias and matrix, the matrix times the field.
@@ -78,14 +78,18 @@ def compute_nonlinearity(belief: kalman.Belief, magnitude: float) -> float:
     return float(spread / (2 * field))
 
 
-def is_nearly_linear(belief: kalman.Belief, magnitude: float, noise: float) -> bool:
+def is_nearly_linear(belief: kalman.FilterState, magnitude: float, noise: float) -> bool:
     """Whether the filter may run on its own."""
     return compute_nonlinearity(belief, magnitude) < _CURVED * noise
 
 
 def widen_for_nonlinearity(
-    belief: kalman.Belief, prior: kalman.Belief, apart: Array, magnitude: float, noise: float
-) -> kalman.Belief:
+    belief: kalman.FilterState,
+    prior: kalman.FilterState,
+    apart: Array,
+    magnitude: float,
+    noise: float,
+) -> kalman.FilterState:
     """A belief whose residuals may not be linear within it, with standard errors that say so.
 
     Linear standard errors hold about one solution; while δ²/2F is above the noise σ there are
@@ -101,13 +105,13 @@ def widen_for_nonlinearity(
     information = share * leastsq.inverse(covariance[block])
     information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
     covariance[block] = leastsq.inverse(information)
-    wide = kalman.believe(belief.state, covariance, 0.0)._replace(watch=belief.watch)
-    return kalman.spread(wide, np.hypot(compute_nonlinearity(wide, magnitude), apart))
+    wide = kalman.start_filter(belief.state, covariance, 0.0)._replace(watch=belief.watch)
+    return kalman.add_variance(wide, np.hypot(compute_nonlinearity(wide, magnitude), apart))
 
 
 def predict(
-    belief: kalman.Belief, model: kalman.Model, rows: Array, learns: bool, compiled: bool
-) -> tuple[kalman.Belief, kalman.Seen]:
+    belief: kalman.FilterState, model: kalman.Model, rows: Array, learns: bool, compiled: bool
+) -> tuple[kalman.FilterState, kalman.Seen]:
     """The belief after rows that come before the next solution, and what it predicted of them.
 
     A wide belief learns nothing from them: linearised at one reading after the other it would take
@@ -188,20 +192,20 @@ def date_jump(
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
 
 
-def _keep_recent(before: kalman.Belief, now: kalman.Belief, rows: Array) -> Recent:
+def _keep_recent(before: kalman.FilterState, now: kalman.FilterState, rows: Array) -> Recent:
     """What to go back to after an opening: a jump may hide in its last readings."""
     if len(rows) < STRIDE:
         return Recent(before=now, middle=now, rows=np.empty((0, 6)))
     return Recent(before=before, middle=now, rows=rows)
 
 
-def _has_walked(belief: kalman.Belief, rows: Array, params: TrackerParams) -> bool:
+def _has_walked(belief: kalman.FilterState, rows: Array, params: TrackerParams) -> bool:
     """Whether the bias walked further during these rows than it is unknown."""
     variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
     return bool(variance > np.trace(belief.covariance[1:4, 1:4]))
 
 
-def _measure_jump(state: TrackerState, before: kalman.Belief | None) -> tuple[Jump, ...]:
+def _measure_jump(state: TrackerState, before: kalman.FilterState | None) -> tuple[Jump, ...]:
     """The jumps so far, the last one measured by what its opening made of the bias."""
     if before is None:
         return state.jumps

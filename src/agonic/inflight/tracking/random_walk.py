@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import beside
+from agonic.calibration.base import select_columns
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.errors import AgonicError
@@ -77,7 +77,7 @@ def choose_walk(
     settings = params or TrackerParams()
     magnitude = reference.magnitudes(len(samples))
     begun = start(calibration, settings, epoch=samples.epoch)
-    columns = {} if begun.ground is None else beside(begun.ground, samples)
+    columns = {} if begun.ground is None else select_columns(begun.ground, samples)
     raw = begun.at_middle(samples.field, **columns)
     tried = np.asarray(
         _usual_walks(samples, magnitude, begun) if candidates is None else candidates,

@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import beside
+from agonic.calibration.base import select_columns
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, UnitError
@@ -105,7 +105,7 @@ class Tracker(Judged):
     def _readings(self, samples: Samples) -> Array:
         """The readings, where the ground calibration knows of temperature as at its middle."""
         ground = self.state.ground
-        columns = {} if ground is None else beside(ground, samples)
+        columns = {} if ground is None else select_columns(ground, samples)
         return self.state.at_middle(samples.field, **columns)
 
     def seconds(self, samples: Samples) -> Array:

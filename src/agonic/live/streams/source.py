@@ -15,7 +15,7 @@ from agonic.live.streams.device import Device
 from agonic.live.streams.events import Event
 from agonic.live.streams.links import Link, SerialLink, TcpLink, UdpLink
 from agonic.live.streams.replay import make_simulated, replay_log
-from agonic.units import RAW, canonical
+from agonic.units import RAW, find_unit
 
 BAUD = 115_200
 FORMS = (
@@ -57,7 +57,7 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
     >>> open_source("udp://:14550").name, open_source("sim", speed=0).name
     ('UDP port 14550', 'the simulation')
     """
-    canonical(unit or RAW)
+    find_unit(unit or RAW)
     if not 0 <= speed < math.inf:
         raise AgonicError(f"a speed of {speed:g} is none: 1 is its own, 0 as fast as possible")
     scheme, _, rest = text.partition(":")

@@ -17,7 +17,7 @@ from agonic.live.web.plan import Plan
 from agonic.live.web.resume import SavedFits
 from agonic.live.web.view import RecentReadings
 from agonic.live.web.watch import WatchedSensor, find_calibration_before
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate
 from agonic.recording.report.folder import Written, file_stem, write_folder
 from agonic.samples import Samples
@@ -196,7 +196,7 @@ class Session:
         results, failures = [], []
         for name, readings in samples.items():
             path = write_csv(readings, self.plan.folder / f"{file_stem(name)}-readings.csv")
-            told = Input(name=path.name, sha256=sha256_of(path), count=len(readings))
+            told = Input(name=path.name, sha256=hash_file(path), count=len(readings))
             try:
                 results.append(
                     calibrate(

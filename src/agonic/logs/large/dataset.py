@@ -14,8 +14,8 @@ from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.columns import Column, Identified, identified, understood
-from agonic.provenance import sha256_of
-from agonic.units import RAW, canonical, nanotesla_per
+from agonic.provenance import hash_file
+from agonic.units import RAW, find_unit, nanotesla_per
 
 SENSOR_COLUMNS = (
     "sensor",
@@ -56,7 +56,7 @@ class Channel:
     @property
     def unit_in(self) -> str:
         """The unit of the result."""
-        return RAW if canonical(self.unit) == RAW else "nT"
+        return RAW if find_unit(self.unit) == RAW else "nT"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,8 +114,8 @@ class Dataset:
     def sha256(self) -> str:
         """The digest of the content: of the file, or of all files' digests and names."""
         if Path(self.files[0]) == self.path and len(self.files) == 1:
-            return sha256_of(self.path)
-        lines = (f"{sha256_of(Path(f))}  {os.path.relpath(f, self.path)}\n" for f in self.files)
+            return hash_file(self.path)
+        lines = (f"{hash_file(Path(f))}  {os.path.relpath(f, self.path)}\n" for f in self.files)
         return hashlib.sha256("".join(lines).encode()).hexdigest()
 
     def _kept(self, header: str) -> bool:

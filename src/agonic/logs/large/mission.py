@@ -17,7 +17,7 @@ from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, kept, layout, swept
 from agonic.logs.read import open_log
 from agonic.logs.table import log_of_table
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 from agonic.samples import COLUMNS, Samples
 
 ROWS = 262_144
@@ -181,7 +181,7 @@ def open_mission(
         raise LogError("there is no such file", path=missing[0])
     counts = [_rows(file) for file in files]
     inputs = tuple(
-        Input(name=file.name, sha256=sha256_of(file), count=count)
+        Input(name=file.name, sha256=hash_file(file), count=count)
         for file, count in zip(files, counts, strict=True)
     )
     epoch = None if date is None else _moment(date)

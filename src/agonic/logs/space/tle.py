@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.errors import AgonicWarning, LogError, MissingExtraError
 from agonic.logs.contents import read_bytes
-from agonic.maths.earth.earth_rotation import sidereal_rad, turned
+from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad
 from agonic.maths.earth.geodesy import geodetic
 
 LINE = 69
@@ -90,7 +90,7 @@ def positions_from_tle(
     for k, elements in enumerate(sets):
         rows = nearest == k
         position_i[:, rows] = _propagated(elements, unix[rows])
-    places = geodetic(turned(position_i, sidereal_rad(unix)))
+    places = geodetic(rotate_about_third(position_i, sidereal_rad(unix)))
     return dict(zip(("latitude_deg", "longitude_deg", "altitude_m"), places, strict=True))
 
 

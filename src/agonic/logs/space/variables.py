@@ -17,7 +17,7 @@ from agonic.logs.space.products import is_spacecraft, log_of_spacecraft
 from agonic.logs.stacked import table_of_arrays
 from agonic.logs.table import log_of_table
 from agonic.provenance import Input
-from agonic.units import RAW, canonical, nanotesla_per
+from agonic.units import RAW, find_unit, nanotesla_per
 
 Variables = Mapping[str, NDArray[Any]]
 
@@ -97,7 +97,7 @@ def _in_our_unit(name: str, values: NDArray[Any], unit: str) -> NDArray[Any]:
     if name == "Radius":
         return values * _LENGTHS_M.get(unit, 1.0)
     with suppress(UnitError):
-        if values.dtype.kind == "f" and canonical(unit) != RAW:
+        if values.dtype.kind == "f" and find_unit(unit) != RAW:
             return values * nanotesla_per(unit)
     return values
 

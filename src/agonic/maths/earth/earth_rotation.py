@@ -58,14 +58,14 @@ def rot_ei(
     """
     utc = np.atleast_1d(np.asarray(unix_s, dtype=np.float64))
     tai = utc + tai_utc_s(utc)
-    x, y, s = splined(tai + TT_TAI_S, _intermediate_pole).T
+    x, y, s = spline_series(tai + TT_TAI_S, _intermediate_pole).T
     angle = erfa.era00(UNIX_JD, (tai + np.asarray(ut1_tai_s)) / _DAY_S)
     sp = erfa.sp00(UNIX_JD, (tai + TT_TAI_S) / _DAY_S)
     wobble = erfa.pom00(np.broadcast_to(pole_x_rad, utc.shape), pole_y_rad, sp)
     return np.asarray(erfa.c2tcio(erfa.c2ixys(x, y, s), angle, wobble))
 
 
-def splined(tt_s: Array, series: Callable[[Array], Array]) -> Array:
+def spline_series(tt_s: Array, series: Callable[[Array], Array]) -> Array:
     """A slow series (n, k) at seconds of TT since 1970, splined over 6 h where that is less work.
 
     `series` takes days of TT since 1970 and is called for the moments themselves where there are
@@ -99,13 +99,13 @@ def sidereal_rad(unix_s: ArrayLike) -> Array:
     return np.asarray(2.0 * np.pi * ((days % 1.0 + slow / _DAY_S) % 1.0))
 
 
-def turned(vectors: Array, angle_rad: ArrayLike) -> Array:
+def rotate_about_third(vectors: Array, angle_rad: ArrayLike) -> Array:
     """Vectors (3, n) in axes that are turned about the third by an angle (n,).
 
     Inertial vectors of date become Earth-fixed with the sidereal time (of TEME and the mean
     equinox alike, to arcseconds), Earth-fixed ones inertial with its negative.
 
-    >>> turned(np.array([[1.0], [0.0], [5.0]]), [np.pi / 2]).round(9).ravel().tolist()
+    >>> rotate_about_third(np.array([[1.0], [0.0], [5.0]]), [np.pi / 2]).round(9).ravel().tolist()
     [0.0, -1.0, 5.0]
     """
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
@@ -131,11 +131,11 @@ def sun_i(unix_s: ArrayLike) -> Array:
     return np.stack([np.cos(longitude), np.cos(obliquity) * east, np.sin(obliquity) * east])
 
 
-def in_shadow(position_i: Array, sun_i: Array, radius_m: float) -> Mask:
+def is_in_shadow(position_i: Array, sun_i: Array, radius_m: float) -> Mask:
     """Whether positions (3, n), m, lie in the cylinder of shadow behind a globe of that radius.
 
     >>> behind = np.array([[-7e6, -7e6, 7e6], [0.0, 6.5e6, 0.0], [0.0, 0.0, 0.0]])
-    >>> in_shadow(behind, np.array([[1.0], [0.0], [0.0]]), 6.4e6).tolist()
+    >>> is_in_shadow(behind, np.array([[1.0], [0.0], [0.0]]), 6.4e6).tolist()
     [True, False, False]
     """
     along = (position_i * sun_i).sum(axis=0)

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Mask
-from agonic.maths.earth.earth_rotation import in_shadow, sidereal_rad, sun_i, turned
+from agonic.maths.earth.earth_rotation import is_in_shadow, rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, directions, earth_fixed_position
 
 _BLOCK = 1 << 17  # rows at a time, so that ten million take no more memory than these
 
 
-def shadowed(
+def find_eclipsed(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude_m: ArrayLike, unix_s: ArrayLike
 ) -> Mask:
     """Whether positions (n,) lie in the Earth's shadow at UTC moments, seconds since 1970.
@@ -21,7 +21,7 @@ def shadowed(
     its edges are good to about ten seconds.
 
     >>> noon = 946_728_000.0  # 2000-01-01 12:00, the Sun above Greenwich
-    >>> shadowed([0.0, 0.0], [0.0, 180.0], [4e5, 4e5], [noon, noon]).tolist()
+    >>> find_eclipsed([0.0, 0.0], [0.0, 180.0], [4e5, 4e5], [noon, noon]).tolist()
     [False, True]
     """
     latitude, longitude, altitude, unix = np.broadcast_arrays(
@@ -36,6 +36,6 @@ def shadowed(
         position_e = earth_fixed_position(
             directions(latitude[rows], longitude[rows]), altitude[rows]
         )
-        sun_e = turned(sun_i(unix[rows]), sidereal_rad(unix[rows]))
-        dark[rows] = in_shadow(position_e, sun_e, SEMI_MAJOR_M)
+        sun_e = rotate_about_third(sun_i(unix[rows]), sidereal_rad(unix[rows]))
+        dark[rows] = is_in_shadow(position_e, sun_e, SEMI_MAJOR_M)
     return dark

@@ -13,7 +13,7 @@ import erfa
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, splined, tai_utc_s
+from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, spline_series, tai_utc_s
 
 _AU_PER_DAY_IN_C = 1 / 173.1446326846693
 _EQUATOR_IN_C = 7.292115e-5 * 6_378_137.0 / 299_792_458.0
@@ -42,7 +42,7 @@ def observer_velocity_i(unix_s: Array, east_i: Array, latitude_deg: float) -> Ar
     >>> round(float(np.linalg.norm(at)) * 206_264.8, 1)  # arcseconds, at most
     20.8
     """
-    orbiting = splined(unix_s + tai_utc_s(unix_s) + TT_TAI_S, _barycentric)
+    orbiting = spline_series(unix_s + tai_utc_s(unix_s) + TT_TAI_S, _barycentric)
     turning = _EQUATOR_IN_C * np.cos(np.radians(latitude_deg)) * east_i
     return np.asarray(orbiting * _AU_PER_DAY_IN_C + turning)
 
@@ -52,7 +52,7 @@ def _barycentric(tt_days: Array) -> Array:
     return np.asarray(erfa.epv00(UNIX_JD, tt_days)[1]["v"])
 
 
-def aberrated(directions_i: Array, velocity_i: Array) -> Array:
+def apply_aberration(directions_i: Array, velocity_i: Array) -> Array:
     """Unit directions (n, 3) as a moving observer sees them, shifted towards the motion.
 
     Source: ERFA's `ab`, special relativity; the part that the Sun's gravity adds is left out.
@@ -81,7 +81,7 @@ def refraction_rad(zenith_rad: Array, air: Air) -> Array:
     return np.asarray(true - seen)
 
 
-def refracted(directions: Array, up: Array, air: Air) -> Array:
+def apply_refraction(directions: Array, up: Array, air: Air) -> Array:
     """Unit directions (n, 3) raised towards the unit vectors `up` (n, 3) by refraction."""
     height = (directions * up).sum(axis=-1)
     level = directions - height[:, None] * up

@@ -2,7 +2,8 @@
 
 A calibration has twelve local numbers: bias (3), then matrix row by row (9). Every residual
 returns its Jacobian with respect to those twelve; a linear map (`model_basis`) reduces them to
-the parameters of a model and gauge, and `with_covariates` spreads them over a basis of covariates.
+the parameters of a model and gauge, and `expand_covariates` spreads them over a basis of
+covariates.
 """
 
 from __future__ import annotations
@@ -198,7 +199,7 @@ def _square(a: Array) -> Array:
     return _dot(a, a)
 
 
-def with_covariates(jacobian: Array, covariates: Array) -> Array:
+def expand_covariates(jacobian: Array, covariates: Array) -> Array:
     """The Jacobian by coefficients when each parameter is linear in covariates φ.
 
     parameter_j(i) = Σ_k φ_k(i) c_jk, so ∂r_i/∂c_jk = ∂r_i/∂parameter_j · φ_k(i).

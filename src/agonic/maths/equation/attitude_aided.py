@@ -21,14 +21,14 @@ from agonic.maths.equation.affine import (
     FREE,
     azimuth_residual,
     dip_residual,
+    expand_covariates,
     magnitude_residual,
     model_basis,
     split,
-    with_covariates,
 )
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.least_median import least_median_sphere
-from agonic.maths.estimation.noise import Noise, like_gaussian, noise_of
+from agonic.maths.estimation.least_median import fit_least_median_sphere
+from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussian
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 _ENOUGH = 3000  # readings for the search; the refinement uses all
@@ -93,7 +93,7 @@ def pieces(problem: Problem, kind: str, noise_sd: float = 0.0) -> leastsq.Pieces
             part = problem.subset(slice(start, start + _ROWS))
             raw = part.points - part.terms @ coefficients.T
             r, jacobian = _residual(part, kind, raw, bias, matrix, noise_sd)
-            added = with_covariates(jacobian[:, :3], part.terms)
+            added = expand_covariates(jacobian[:, :3], part.terms)
             yield r, np.concatenate([jacobian @ basis, added], axis=1)
 
     return blocks
@@ -216,7 +216,7 @@ def _agreed(found: Estimate) -> bool:
     return bool(
         found.weight.min() == 1.0
         and sd < _LITTLE
-        and like_gaussian(found.residuals["magnitude"], sd, m)
+        and is_like_gaussian(found.residuals["magnitude"], sd, m)
     )
 
 
@@ -229,7 +229,7 @@ def _starts(few: Problem, seed: int) -> Iterator[Array]:
         middle = middle - few.down.mean(axis=0) * float(np.mean(few.vertical)) * turning / level
     yield _start(few, middle, level / max(turning, 1e-9))
     f = np.hypot(few.horizontal, few.vertical)
-    yield _start(few, *least_median_sphere(few.points, f, seed=seed))
+    yield _start(few, *fit_least_median_sphere(few.points, f, seed=seed))
 
 
 def _start(few: Problem, bias: Array, gain: float) -> Array:
@@ -267,7 +267,7 @@ def refined(
     prior = prior or prior_of(problem, problem.soft_iron_sd)
     seen = {kind: residuals(problem, kind, params) for kind in problem.kinds}
     for _ in range(12):
-        noise = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
+        noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         sd = noise["magnitude"].sd
         channels = [
             leastsq.Channel(pieces(problem, kind, sd), *_channel(of)) for kind, of in noise.items()
@@ -276,7 +276,7 @@ def refined(
         params = solution.params
         parts = np.split(solution.residuals, len(noise))
         seen = dict(zip(noise, parts, strict=True))
-        found = {kind: noise_of(r, robust, len(params)) for kind, r in seen.items()}
+        found = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         if all(found[kind].settled(noise[kind]) for kind in noise):
             break
     weights = {k: noise[k].loss.weight((r / noise[k].sd) ** 2) for k, r in seen.items()}

@@ -39,7 +39,7 @@ def _unit(v: Array) -> Array:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
-def cells_of(directions: Array) -> Index:
+def find_cells(directions: Array) -> Index:
     """The cell, 0…79, whose centre is nearest to each direction (n, 3); lengths do not matter."""
     centres = icosphere()[0].astype(np.float32).T
     size = float(np.abs(directions).max(initial=1.0))  # so that no length is too much for float32
@@ -50,9 +50,9 @@ def cells_of(directions: Array) -> Index:
     return cells
 
 
-def visits(directions: Array) -> NDArray[np.int64]:
+def count_visits(directions: Array) -> NDArray[np.int64]:
     """How many directions (n, 3) fall into each of the 80 cells, (80,)."""
-    return np.bincount(cells_of(directions), minlength=80)
+    return np.bincount(find_cells(directions), minlength=80)
 
 
 def field_covariance(
@@ -101,7 +101,7 @@ def heading_sd_deg(
     return np.degrees(np.sqrt(variance) / (size * np.cos(np.radians(inclination_deg))))[()]
 
 
-def thickness(points: Array) -> tuple[float, Array]:
+def measure_thickness(points: Array) -> tuple[float, Array]:
     """Half the range across the flattest direction over that along the widest, and the former.
 
     0 for a plane, 1 for a full sphere; ranges between the 1st and 99th percentile so that a few
@@ -115,7 +115,7 @@ def thickness(points: Array) -> tuple[float, Array]:
     return float(spans[flattest] / max(spans.max(), np.finfo(float).tiny)), axes[:, flattest]
 
 
-def missing_axes(counts: NDArray[np.int64], reach_deg: float = 40.0) -> list[str]:
+def find_missing_axes(counts: NDArray[np.int64], reach_deg: float = 40.0) -> list[str]:
     """The axes, "+x" … "−z", near which the field was never seen."""
     centres = icosphere()[0]
     visited = centres[counts > 0]
@@ -128,6 +128,6 @@ def missing_axes(counts: NDArray[np.int64], reach_deg: float = 40.0) -> list[str
     return missing
 
 
-def nearest_axis(direction: Array) -> str:
+def find_nearest_axis(direction: Array) -> str:
     """The letter of the axis that a direction is closest to."""
     return "xyz"[int(np.argmax(np.abs(direction)))]

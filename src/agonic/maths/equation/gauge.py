@@ -21,7 +21,7 @@ def mean_gain(matrix: Array) -> Any:
     return np.trace(matrix, axis1=-2, axis2=-1) / 3
 
 
-def spread_model(model: str, covariance: Array) -> Array:
+def expand_model_covariance(model: str, covariance: Array) -> Array:
     """Covariance (9, 9) from that of a model's own parameters (4, 6 or 9)."""
     if model == "full":
         return covariance
@@ -31,14 +31,16 @@ def spread_model(model: str, covariance: Array) -> Array:
     return np.asarray(spread @ covariance @ spread.T)
 
 
-def scaled(covariance: Array, bias_scale: Array | float, matrix_scale: Array | float) -> Array:
+def scale_covariance(
+    covariance: Array, bias_scale: Array | float, matrix_scale: Array | float
+) -> Array:
     """Covariance after bias and matrix were multiplied by their scales, (…)."""
     scales = np.broadcast_arrays(bias_scale, matrix_scale)
     size = np.stack(scales, axis=-1)[..., [0] * 3 + [1] * 6]
     return np.asarray(covariance * (size[..., :, None] * size[..., None, :]))
 
 
-def mean_gain_one(matrix: Array, covariance: Array) -> tuple[Array, Array, Any]:
+def normalise_mean_gain(matrix: Array, covariance: Array) -> tuple[Array, Array, Any]:
     """Matrix over k = tr W/3, its covariance, and k: for readings without a known magnitude."""
     gain = mean_gain(matrix)
     k = np.asarray(gain)[..., None, None]
@@ -66,7 +68,7 @@ class Units(NamedTuple):
     sd: float = 0.0
 
 
-def in_units(
+def convert_to_units(
     bias: Array, matrix: Array, covariance: Array, units: Units, gauge: str
 ) -> tuple[Array, Array, Array, Any]:
     """Bias, matrix and covariance of readings from those of normalised points, and the magnitude.
@@ -76,22 +78,22 @@ def in_units(
     """
     size = np.asarray(units.size)
     if units.magnitude is None:
-        matrix, covariance, gain = mean_gain_one(matrix, covariance)
+        matrix, covariance, gain = normalise_mean_gain(matrix, covariance)
         factor, magnitude = np.ones(size.shape), units.size / gain
     else:
         factor, magnitude = units.magnitude / size, units.magnitude
     matrix = matrix * factor[..., None, None]
-    covariance = scaled(covariance, size, factor)
+    covariance = scale_covariance(covariance, size, factor)
     if units.magnitude is not None:
         stretch = np.zeros(covariance.shape[:-1])
         stretch[..., 3:] = pack_symmetric(matrix) * units.sd / magnitude
         covariance = covariance + stretch[..., :, None] * stretch[..., None, :]
     if gauge == "triangular":
-        matrix, covariance = triangular(matrix, covariance)
+        matrix, covariance = make_triangular(matrix, covariance)
     return units.centre + size[..., None] * bias, matrix, covariance, magnitude
 
 
-def triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:
+def make_triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:
     """The upper-triangular matrix with the same WᵀW (z axis kept), and the covariance of it.
 
     U = chol(WᵀW)ᵀ turns the calibrated field rigidly so that its z component depends on the
@@ -113,7 +115,7 @@ def triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:
     return upper(flat), change @ covariance @ np.swapaxes(change, -1, -2)
 
 
-def soft_iron_tests(matrix: Array, covariance: Array) -> list[tuple[str, str, Any, Any]]:
+def compare_soft_iron_models(matrix: Array, covariance: Array) -> list[tuple[str, str, Any, Any]]:
     """Wald tests of smaller models within the full one: (smaller, larger, χ², p), smallest first.
 
     χ² and p are (…), numbers for a single matrix.

@@ -14,12 +14,12 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
-from agonic.maths.equation.coverage import cells_of
+from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.gauge import mean_gain
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.least_median import least_median_sphere
-from agonic.maths.estimation.noise import Noise, like_gaussian, noise_of
+from agonic.maths.estimation.least_median import fit_least_median_sphere
+from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussian
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 _CROWD = 0.2  # of the readings
@@ -158,7 +158,7 @@ def corroborated(problem: Problem, solution: leastsq.Solution, weights: Array, s
     if not stray.any() or stray.all():
         return np.ones(len(weights), dtype=bool)
     bias, matrix = split(model_basis(problem.model) @ solution.params)
-    cells = cells_of((problem.points - bias) @ matrix.T)
+    cells = find_cells((problem.points - bias) @ matrix.T)
     leverage = np.concatenate(
         [
             np.einsum("ij,jk,ik->i", jacobian, solution.covariance / sd**2, jacobian)
@@ -179,7 +179,7 @@ def _residuals(problem: Problem, params: Array) -> Array:
 def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     """The minimum on all believed readings, with noise level and correlation taken from them."""
     prior = soft_iron_prior(problem.model, problem.soft_iron_sd)
-    noise = noise_of(_residuals(problem, params), robust, len(params))
+    noise = estimate_noise(_residuals(problem, params), robust, len(params))
     believed = np.ones(len(problem.points), dtype=bool)
     for _ in range(8):
         part = problem if believed.all() else problem.subset(np.flatnonzero(believed))
@@ -195,7 +195,7 @@ def _refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         params, assumed = solution.params, noise
         residuals = solution.residuals if part is problem else _residuals(problem, params)
         weights = assumed.loss.weight((residuals / assumed.sd) ** 2)
-        noise = noise_of(solution.residuals, robust, len(params))
+        noise = estimate_noise(solution.residuals, robust, len(params))
         fewer = believed & corroborated(problem, solution, weights, assumed.sd)
         used, believed = believed, fewer if fewer.any() else believed
         if noise.settled(assumed) and np.array_equal(used, believed):
@@ -223,13 +223,13 @@ def _agreed(found: Estimate) -> bool:
     return bool(
         found.weights.min() == 1.0
         and found.noise.sd < _LITTLE
-        and like_gaussian(found.residuals, found.noise.sd, len(found.solution.params))
+        and is_like_gaussian(found.residuals, found.noise.sd, len(found.solution.params))
         and np.diag(found.solution.covariance).max() < _DETERMINED**2
     )
 
 
 def _sphere(few: Problem, seed: int) -> tuple[Array, Array]:
-    bias, gain = least_median_sphere(few.points, few.magnitude, seed=seed)
+    bias, gain = fit_least_median_sphere(few.points, few.magnitude, seed=seed)
     return bias, gain * np.eye(3)
 
 
@@ -237,8 +237,8 @@ def _quadrics(few: Problem) -> list[Start]:
     """The adjusted fit as a start, where the magnitude is constant and it is an ellipsoid."""
     if len(few.magnitude) > 1:
         return []
-    psi = moments.denoised_gram(moments.accumulate(few.points, np.zeros(3), 1.0))
-    v, _ = quadric.adjusted(psi, few.model)
+    psi = moments.compute_denoised_gram(moments.accumulate(few.points, np.zeros(3), 1.0))
+    v, _ = quadric.fit_adjusted(psi, few.model)
     if not quadric.is_ellipsoid(v):
         return []
     bias, matrix = quadric.to_affine(v, float(few.magnitude[0]))

@@ -13,19 +13,21 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.equation import polynomial
-from agonic.maths.equation.affine import SYMMETRIC, model_basis, split, with_covariates
+from agonic.maths.equation.affine import SYMMETRIC, expand_covariates, model_basis, split
 
 
-def covariates(x: Array, variance: Array | float, degree: int, rate: Array | None = None) -> Array:
+def build_covariates(
+    x: Array, variance: Array | float, degree: int, rate: Array | None = None
+) -> Array:
     """φ of readings or of means over temperatures that scatter by `variance` about x, (n, q)."""
     rows = polynomial.mean_powers(x, np.broadcast_to(variance, np.shape(x)), degree)
     return rows if rate is None else np.concatenate([rows, np.asarray(rate)[..., None]], axis=-1)
 
 
-def layout(degree: int, gauge: str = SYMMETRIC, rate: bool = False) -> Array:
+def build_layout(degree: int, gauge: str = SYMMETRIC, rate: bool = False) -> Array:
     """The map from coefficients to the twelve local numbers times φ, (12·q, a).
 
-    >>> layout(3).shape, layout(1, rate=True).shape, layout(1, "free").shape
+    >>> build_layout(3).shape, build_layout(1, rate=True).shape, build_layout(1, "free").shape
     ((48, 36), (36, 21), (24, 24))
     """
     q, p = degree + 1 + rate, degree + 1
@@ -36,17 +38,17 @@ def layout(degree: int, gauge: str = SYMMETRIC, rate: bool = False) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def local(coefficients: Array, onto: Array, phi: Array) -> tuple[Array, Array]:
+def evaluate_local(coefficients: Array, onto: Array, phi: Array) -> tuple[Array, Array]:
     """Bias (n, 3) and matrix (n, 3, 3) of each row of φ (n, q)."""
     c = (onto @ coefficients).reshape(12, -1)
     return split(phi @ c.T)
 
 
-def by_coefficients(jacobian: Array, onto: Array, phi: Array) -> Array:
+def chain_to_coefficients(jacobian: Array, onto: Array, phi: Array) -> Array:
     """A Jacobian (…, n, 12) with respect to the local numbers, by the coefficients (…, n, a)."""
     rows = jacobian.reshape(-1, 12)
     repeated = np.broadcast_to(phi, (len(rows) // len(phi), *phi.shape)).reshape(len(rows), -1)
-    spread = with_covariates(rows, repeated) @ onto
+    spread = expand_covariates(rows, repeated) @ onto
     return np.asarray(spread.reshape(*jacobian.shape[:-1], -1))
 
 
@@ -93,14 +95,14 @@ def field_jacobian(raw: Array, bias: Array, matrix: Array) -> Array:
     return jacobian
 
 
-def belief(gauge: str, degree: int, sd: float) -> Array:
+def weak_prior(gauge: str, degree: int, sd: float) -> Array:
     """Weak beliefs that keep what the stations leave open near a multiple of the identity.
 
     The gains less their mean, every other entry of the matrix, and every change of an entry with
     temperature are zero to `sd`; biases and the mean gain are free. Rows (r, a) in units of their
     standard deviation, for coefficients without those of the rate.
 
-    >>> rows = belief(SYMMETRIC, 0, 0.1)
+    >>> rows = weak_prior(SYMMETRIC, 0, 0.1)
     >>> same = rows @ np.array([5.0, 6.0, 7.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0])
     >>> bool(np.allclose(same, 0.0))
     True

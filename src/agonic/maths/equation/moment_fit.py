@@ -23,7 +23,7 @@ from agonic.maths.estimation import leastsq
 PLENTY = 25.0
 """Readings after which a box weighs no more: they were not made independently."""
 
-STRAY = 4.0
+OUTLIER = 4.0
 """Boxes whose mean residual is so many times the usual one do not count."""
 
 ROUNDS = 4
@@ -41,7 +41,7 @@ _BASIS = unpack_symmetric(np.eye(6))
 """The matrices of xx yy zz xy xz yz."""
 
 
-class Summed(NamedTuple):
+class MomentEstimate(NamedTuple):
     """Bias (3,), symmetric matrix (3, 3) to magnitude one, their covariance (9, 9), the noise, the
     mean residual of each box `residuals` (k,) over the radius, and the weights (k,) they had."""
 
@@ -58,7 +58,7 @@ class Summed(NamedTuple):
 
 def estimate(
     sums: Array, soft_iron_sd: float | None = 0.1, start: tuple[Array, Array] | None = None
-) -> Summed | None:
+) -> MomentEstimate | None:
     """The fit to boxes with moments `sums` (k, 35) of points about centred, of size about one.
 
     `start` is a bias and matrix to begin from, the best sphere if there is none. Minimises
@@ -75,12 +75,14 @@ def estimate(
         rows = _pieces(weights @ sums, sd / params[3:6].mean())
         solution = leastsq.solve(rows, params, scale=sd, prior=prior, max_iterations=MOST_STEPS)
         params = solution.params
-        residuals, sd = _left(sums, weights, params)
-        used, weights = weights, share * _believed(residuals, sd)
-    return _assembled(sums, used, residuals, sd, solution, prior)
+        residuals, sd = _compute_residuals(sums, weights, params)
+        used, weights = weights, share * _find_inliers(residuals, sd)
+    return _assemble(sums, used, residuals, sd, solution, prior)
 
 
-def deviations(points: Array, bias: Array, matrix: Array, covariance: Array) -> tuple[Array, Array]:
+def compute_deviations(
+    points: Array, bias: Array, matrix: Array, covariance: Array
+) -> tuple[Array, Array]:
     """|A(y − b)| − 1 of points (n, 3), and the standard deviation √(jᵀCj) that the fit gives it."""
     field = correct(points, bias, matrix)
     size = np.linalg.norm(field, axis=1)
@@ -92,7 +94,7 @@ def deviations(points: Array, bias: Array, matrix: Array, covariance: Array) -> 
 
 def _pieces(total: Array, noise: float) -> leastsq.Pieces:
     """Ten rows whose squares add up to qᵀΨq, Ψ from the moments `total` less the noise's part."""
-    psi = moments.denoised_gram(total)
+    psi = moments.compute_denoised_gram(total)
     values, vectors = np.linalg.eigh(psi[0] - noise**2 * psi[1] + noise**4 * psi[2])
     root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
 
@@ -105,9 +107,9 @@ def _pieces(total: Array, noise: float) -> leastsq.Pieces:
 
 def _sphere(sums: Array) -> Array | None:
     """Bias and gains of the best sphere, with every box counted alike."""
-    psi = moments.denoised_gram((np.minimum(1.0, PLENTY / sums[:, 0])) @ sums)
+    psi = moments.compute_denoised_gram((np.minimum(1.0, PLENTY / sums[:, 0])) @ sums)
     try:
-        bias, matrix = quadric.to_affine(quadric.smallest(psi[0], "sphere"))
+        bias, matrix = quadric.to_affine(quadric.fit_algebraic(psi[0], "sphere"))
     except ValueError:
         return None
     return parameters(bias, matrix, "full")
@@ -138,7 +140,7 @@ def _quadratic(form: Array) -> Array:
     return np.stack([form[..., i, j] * (1 if i == j else 2) for i, j in pairs], axis=-1)
 
 
-def _left(sums: Array, weights: Array, params: Array) -> tuple[Array, float]:
+def _compute_residuals(sums: Array, weights: Array, params: Array) -> tuple[Array, float]:
     """The mean residual of each box (k,), and the standard deviation of one reading's residual."""
     q, _ = polynomial(params)
     placed = np.zeros(35)
@@ -149,20 +151,20 @@ def _left(sums: Array, weights: Array, params: Array) -> tuple[Array, float]:
     return sums @ placed / sums[:, 0], float(np.sqrt(max(square / freedom, FINEST**2)))
 
 
-def _believed(residuals: Array, sd: float) -> Array:
+def _find_inliers(residuals: Array, sd: float) -> Array:
     """1 for boxes that fit, 0 for those far out: metal came near while they were filled."""
     usual = max(leastsq.robust_scale(residuals), sd / 2)
-    return np.asarray((np.abs(residuals) < STRAY * usual).astype(np.float64))
+    return np.asarray((np.abs(residuals) < OUTLIER * usual).astype(np.float64))
 
 
-def _assembled(
+def _assemble(
     sums: Array,
     weights: Array,
     residuals: Array,
     sd: float,
     solution: leastsq.Solution,
     prior: leastsq.Prior | None,
-) -> Summed:
+) -> MomentEstimate:
     """The result; boxes that scatter more than their readings do widen the covariance."""
     held = weights * sums[:, 0]
     freedom = int((weights > 0).sum()) - 9
@@ -171,7 +173,7 @@ def _assembled(
     if prior is not None:
         jacobian = prior(solution.params)[1]
         information = information + jacobian.T @ jacobian
-    return Summed(
+    return MomentEstimate(
         solution.params[:3],
         _matrix(solution.params),
         leastsq.inverse(information) * max(scatter, 1.0),

@@ -91,7 +91,7 @@ def rebase(moments: Array, centre: Array, scale: float, to_centre: Array, to_sca
     return np.asarray(matrix @ moments)
 
 
-def denoised_gram(moments: Array) -> tuple[Array, Array, Array]:
+def compute_denoised_gram(moments: Array) -> tuple[Array, Array, Array]:
     """Ψ₀, Ψ₁, Ψ₂ (…, 10, 10) of Ψ(σ²) = Ψ₀ − σ² Ψ₁ + σ⁴ Ψ₂, the scatter with noise taken out.
 
     Each power is replaced by the polynomial whose expectation under N(0, σ²) noise is the power of

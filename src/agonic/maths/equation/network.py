@@ -92,7 +92,7 @@ def jacobian(hidden: Array, output: Array, x: Array) -> Array:
     return rows
 
 
-def sums(
+def sum_normal_equations(
     hidden: Array, output: Array, x: Array, target: Array, weight: Array | None = None
 ) -> Sums:
     """Square error, gradient and JᵀJ of e = y − target, without ever forming J.
@@ -158,7 +158,7 @@ def _information(gram: Array, outer: Array, shape: Shape) -> Array:
     return whole
 
 
-def random_weights(rng: np.random.Generator, shape: Shape, *, output_sd: float = 0.5) -> Array:
+def draw_weights(rng: np.random.Generator, shape: Shape, *, output_sd: float = 0.5) -> Array:
     """Weights to start from, after Nguyen and Widrow (1990): each node bends somewhere in −1…1.
 
     Rows of U have the length 0.7 h^(1/i) in random directions, constants spread evenly.

@@ -24,7 +24,7 @@ CHANCE = 1e-3
 """… and chance would make it fall so in fewer cases than this."""
 
 
-def scaled(temperature: ArrayLike, centre: float, half_range: float) -> Array:
+def scale(temperature: ArrayLike, centre: float, half_range: float) -> Array:
     """x = (T − centre)/half_range."""
     return (np.asarray(temperature, dtype=np.float64) - centre) / half_range
 
@@ -77,14 +77,14 @@ class Polynomial(NamedTuple):
         return np.asarray(np.sqrt(np.einsum("...i,ij,...j->...", rows, self.covariance, rows)))
 
 
-def fitted(x: Array, values: Array, sd: Array, degree: int) -> Polynomial:
+def fit_polynomial(x: Array, values: Array, sd: Array, degree: int) -> Polynomial:
     """The weighted polynomial through values (n,) with standard errors sd (n,).
 
     The covariance is that of the stated errors. `variance` is Σ (residual/sd)² / (n − p), one where
     the polynomial and the errors hold, NaN where nothing is left to judge by.
 
     >>> x = np.linspace(-1, 1, 9)
-    >>> fitted(x, 3 + x - 2 * x**2, np.full(9, 0.1), 2).coefficients.round(9).tolist()
+    >>> fit_polynomial(x, 3 + x - 2 * x**2, np.full(9, 0.1), 2).coefficients.round(9).tolist()
     [3.0, 1.0, -2.0]
     """
     rows = powers(x, degree) / sd[:, None]
@@ -97,7 +97,7 @@ def fitted(x: Array, values: Array, sd: Array, degree: int) -> Polynomial:
     )
 
 
-def variances(x: Array, values: Array, sd: Array, largest: int) -> Array:
+def compute_variances(x: Array, values: Array, sd: Array, largest: int) -> Array:
     """The variance of the scaled residuals of each order 0…largest, (c, largest + 1).
 
     Parameters: values and sd (n, c), a column a coefficient. Orders that leave nothing to judge by
@@ -105,23 +105,23 @@ def variances(x: Array, values: Array, sd: Array, largest: int) -> Array:
     """
     return np.array(
         [
-            [fitted(x, v, s, order).variance for order in range(largest + 1)]
+            [fit_polynomial(x, v, s, order).variance for order in range(largest + 1)]
             for v, s in zip(values.T, sd.T, strict=True)
         ]
     )
 
 
-def order_of(curves: Array, n: int) -> int:
+def choose_order(curves: Array, n: int) -> int:
     """The smallest order after which no variance falls markedly any more.
 
-    Parameters: curves (c, k) as `variances` gives them for n values each. An order is too small
-    where a higher one lowers the variance of a coefficient by more than `MARKED` and an F test
-    (with the number of coefficients taken into account) says that it is not chance.
+    Parameters: curves (c, k) as `compute_variances` gives them for n values each. An order is too
+    small where a higher one lowers the variance of a coefficient by more than `MARKED` and an F
+    test (with the number of coefficients taken into account) says that it is not chance.
 
     >>> x = np.linspace(-1, 1, 60)
     >>> noise = np.random.default_rng(0).normal(size=60)
     >>> values = (20 * x**3 + noise)[:, None]
-    >>> order_of(variances(x, values, np.ones((60, 1)), 5), 60)
+    >>> choose_order(compute_variances(x, values, np.ones((60, 1)), 5), 60)
     3
     """
     orders = int(curves.shape[1])

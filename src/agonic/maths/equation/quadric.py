@@ -26,7 +26,7 @@ def model_monomials(model: str) -> Array:
     return np.hstack([quadratic, np.eye(10)[:, 6:]])
 
 
-def smallest(gram: Array, model: str = "full") -> Array:
+def fit_algebraic(gram: Array, model: str = "full") -> Array:
     """The v that minimises the algebraic residual |Dᵀv| with |v| = 1: "linear", the textbook way.
 
     gram (…, 10, 10) is the scatter of the ten monomials; centre and scale the data first.
@@ -36,7 +36,7 @@ def smallest(gram: Array, model: str = "full") -> Array:
     return np.asarray(coefficients @ basis.T / MULTIPLICITY)
 
 
-def li_griffiths(gram: Array) -> Array:
+def fit_li_griffiths(gram: Array) -> Array:
     """The quadric of least algebraic residual under kJ − I² = 1, an ellipsoid for k = 4.
 
     With I = a+b+c, J = ab+bc+ac−f²−g²−h², the condition 4J − I² > 0 guarantees an ellipsoid but
@@ -45,14 +45,14 @@ def li_griffiths(gram: Array) -> Array:
     (Li & Griffiths, "Least squares ellipsoid specific fitting", GMP 2004.)
     """
     ks = (4.0, *np.geomspace(4.5, 256.0, 24))
-    found = [v for k in ks if (v := _constrained(gram, k)) is not None and is_ellipsoid(v)]
+    found = [v for k in ks if (v := _fit_constrained(gram, k)) is not None and is_ellipsoid(v)]
     if not found:
         raise ValueError("no ellipsoid fits these readings")
     scatter = gram * np.outer(MULTIPLICITY, MULTIPLICITY)
     return min(found, key=lambda v: _tangential_residual(scatter, v))
 
 
-def _constrained(gram: Array, k: float) -> Array | None:
+def _fit_constrained(gram: Array, k: float) -> Array | None:
     """The minimiser for one k: C₁⁻¹(S₁₁ − S₁₂S₂₂⁻¹S₁₂ᵀ)v₁ = λv₁, the one positive eigenvalue.
 
     It is told by v₁ᵀC₁v₁ > 0, for exact readings have λ = 0 up to rounding.
@@ -73,11 +73,11 @@ def _constrained(gram: Array, k: float) -> Array | None:
 
 def _tangential_residual(scatter: Array, v: Array) -> float:
     """Algebraic residual in units that do not depend on the scaling of v: over |nᵀM⁻¹n − d|."""
-    m, n, d = parts(v)
+    m, n, d = split_quadric(v)
     return float(v @ scatter @ v / (n @ np.linalg.solve(m, n) - d) ** 2)
 
 
-def adjusted(
+def fit_adjusted(
     psi: tuple[Array, Array, Array],
     model: str = "full",
     noise_variance: float | Array | None = None,
@@ -129,22 +129,22 @@ def _smallest_root(psi: tuple[Array, Array, Array]) -> Array:
     return variance.reshape(shape)
 
 
-def parts(v: Array) -> tuple[Array, Array, Array]:
+def split_quadric(v: Array) -> tuple[Array, Array, Array]:
     """M (…, 3, 3), n (…, 3) and d (…) of the quadric xᵀMx + 2nᵀx + d = 0."""
     return v[..., [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], v[..., 6:9], v[..., 9]
 
 
 def is_ellipsoid(v: Array) -> Mask:
     """Whether all semi-axes are real and finite, (…)."""
-    m, n, d = parts(v)
+    m, n, d = split_quadric(v)
     values = np.linalg.eigvalsh(m)
     definite = np.asarray((values > 0).all(axis=-1) | (values < 0).all(axis=-1))
     safe = np.where(definite[..., None, None], m, np.eye(3))
-    size = np.einsum("...i,...i->...", n, _solved(safe, n)) - d
+    size = np.einsum("...i,...i->...", n, _solve(safe, n)) - d
     return np.asarray(definite & (size * values[..., 0] > 0))
 
 
-def _solved(m: Array, n: Array) -> Array:
+def _solve(m: Array, n: Array) -> Array:
     return np.asarray(np.linalg.solve(m, n[..., None])[..., 0])
 
 
@@ -155,8 +155,8 @@ def to_affine(v: Array, magnitude: float = 1.0) -> tuple[Array, Array]:
     """
     if not is_ellipsoid(v).all():
         raise ValueError("the quadric is not an ellipsoid")
-    m, n, d = parts(v)
-    bias = -_solved(m, n)
+    m, n, d = split_quadric(v)
+    bias = -_solve(m, n)
     size = -np.einsum("...i,...i->...", n, bias) - d
     values, vectors = np.linalg.eigh(m / size[..., None, None])
     root = (vectors * np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)

@@ -31,7 +31,7 @@ class Scatter(NamedTuple):
     correlation: float
 
 
-def scatter(scores: Array, white: Array, *, steady: bool = False) -> Scatter:
+def compute_scatter(scores: Array, white: Array, *, steady: bool = False) -> Scatter:
     """The scatter of Σ_k g_k by the batches that are just long enough; V where nothing lasts.
 
     Parameters: scores (k, m) g_k in order of time; white (m, m) V; `steady` takes differences from
@@ -42,9 +42,9 @@ def scatter(scores: Array, white: Array, *, steady: bool = False) -> Scatter:
 
     >>> rng = np.random.default_rng(0)
     >>> alone, slow = rng.normal(size=(2000, 2)), np.repeat(rng.normal(size=(200, 2)), 10, axis=0)
-    >>> scatter(alone, 2000 * np.eye(2)).correlation
+    >>> compute_scatter(alone, 2000 * np.eye(2)).correlation
     1.0
-    >>> 7 < scatter(slow, 2000 * np.eye(2)).correlation < 13
+    >>> 7 < compute_scatter(slow, 2000 * np.eye(2)).correlation < 13
     True
     """
     count, m = scores.shape
@@ -66,7 +66,7 @@ def scatter(scores: Array, white: Array, *, steady: bool = False) -> Scatter:
     return best
 
 
-class Break(NamedTuple):
+class ChangePoint(NamedTuple):
     """The stretch from which on parameters are others, by how much (m,), and χ² against chance."""
 
     stretch: int
@@ -74,7 +74,7 @@ class Break(NamedTuple):
     significance: float
 
 
-def find_break(scores: Array, information: Array, white: Array) -> Break | None:
+def find_change_point(scores: Array, information: Array, white: Array) -> ChangePoint | None:
     """The likeliest moment at which parameters changed, by the running sum of scores.
 
     At the minimum of the whole the scores add up to zero; with parameters that change they first
@@ -86,7 +86,7 @@ def find_break(scores: Array, information: Array, white: Array) -> Break | None:
 
     >>> rng = np.random.default_rng(0)
     >>> moved = rng.normal(size=(1000, 1)) + np.where(np.arange(1000) < 300, 0.7, -0.3)[:, None]
-    >>> found = find_break(moved, 1000 * np.eye(1), 1000 * np.eye(1))
+    >>> found = find_change_point(moved, 1000 * np.eye(1), 1000 * np.eye(1))
     >>> abs(found.stretch - 300) < 20, found.significance > 30
     (True, True)
     """
@@ -99,4 +99,4 @@ def find_break(scores: Array, information: Array, white: Array) -> Break | None:
     statistic = np.einsum("ki,ij,kj->k", runs, inverse(white), runs) / (share * (1 - share))
     at = int(np.argmax(statistic))
     shift = inverse(information) @ runs[at] / (share[at] * (1 - share[at]))
-    return Break(at + edge, np.asarray(shift), float(statistic[at]))
+    return ChangePoint(at + edge, np.asarray(shift), float(statistic[at]))

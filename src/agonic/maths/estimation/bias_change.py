@@ -15,7 +15,7 @@ _SHORTEST = 2  # blocks, of the stretch and of what is left
 _OUTLYING = 4.0  # median distances beyond which a residual counts no more than this
 
 
-class Change(NamedTuple):
+class BiasChange(NamedTuple):
     """Rows start…stop have their bias elsewhere; stop is n when it never came back.
 
     `shift` how far, as seen from the directions there: √3 times the rms of the residuals that it
@@ -30,7 +30,7 @@ class Change(NamedTuple):
     significance: float
 
 
-def find_change(residuals: Array, normals: Array, places: Array) -> Change | None:
+def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasChange | None:
     """The best stretch [start, stop) with a bias of its own, all else of the ellipsoid refitted.
 
     r = J δ + 1[start ≤ i < stop] n·shift, J the nine ways in which an ellipsoid can move (n, and
@@ -56,13 +56,14 @@ def find_change(residuals: Array, normals: Array, places: Array) -> Change | Non
     independent = float(scatter @ scatter) / n * correlation_length(scatter, np.ones(n))
     if start == 0:  # before and after are the same thing
         start, stop = stop, n
-    return Change(start, stop, shift, noise, gain / max(independent, np.finfo(float).tiny))
+    return BiasChange(start, stop, shift, noise, gain / max(independent, np.finfo(float).tiny))
 
 
-def settled(residuals: Array, normals: Array, places: Array) -> Array:
+def refit_residuals(residuals: Array, normals: Array, places: Array) -> Array:
     """What is left of residuals (n,) when the ellipsoid moves and bends to make them least.
 
-    Parameters as in `find_change`: a fit of a smaller model does not tell what a full one leaves.
+    Parameters as in `find_bias_change`: a fit of a smaller model does not tell what a full one
+    leaves.
     """
     return _refit(residuals, _moves(normals, places), slice(0))[1]
 

@@ -14,7 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.drift_model import Belief, Series, believed, suspects
+from agonic.maths.estimation.drift_model import (
+    Posterior,
+    Series,
+    compute_posterior,
+    compute_tail_probabilities,
+)
 
 FEWEST = 8
 """With fewer values a shift cannot be told from scatter of unknown size."""
@@ -26,7 +31,7 @@ _SHARES = (0.9, 0.05, 0.05)  # of the chance, for shifts that none, one or two o
 _JUMP = 8.0  # median steps: a step or stray that is hidden by another is larger
 
 
-class Shift(NamedTuple):
+class ChangePoint(NamedTuple):
     """From value number `place` on the level is another; or, `stray`, that value alone is astray.
 
     `p_value` is how often chance makes one like it anywhere; `where` which series it was seen in.
@@ -43,7 +48,7 @@ class Shift(NamedTuple):
         return np.asarray(rows == self.place if self.stray else rows >= self.place, dtype=float)
 
 
-def shifts(many: Sequence[Series], chance: float) -> list[Shift]:
+def find_change_points(many: Sequence[Series], chance: float) -> list[ChangePoint]:
     """The shifts in series of the same times, in the order in which they were found.
 
     Parameters: many, each with a line for its design; chance, how often any is found where there is
@@ -54,11 +59,11 @@ def shifts(many: Sequence[Series], chance: float) -> list[Shift]:
     >>> t = np.linspace(0.0, 1.0, 30)
     >>> y = rng.normal(0, 1, (2, 30)) + np.outer([0, 9], t > 0.5)
     >>> line = np.stack([np.ones(30), t])
-    >>> found = shifts([Series(t, v, np.ones(30), line) for v in y], 0.01)
+    >>> found = find_change_points([Series(t, v, np.ones(30), line) for v in y], 0.01)
     >>> [(s.place, s.stray, s.where) for s in found]
     [(15, False, (1,))]
     """
-    found: list[Shift] = []
+    found: list[ChangePoint] = []
     while len(found) < _MOST:
         new = _next(many, found, chance)
         if new is None:
@@ -67,7 +72,9 @@ def shifts(many: Sequence[Series], chance: float) -> list[Shift]:
     return found
 
 
-def _next(many: Sequence[Series], found: Sequence[Shift], chance: float) -> Shift | None:
+def _next(
+    many: Sequence[Series], found: Sequence[ChangePoint], chance: float
+) -> ChangePoint | None:
     """The next shift that chance would hardly make.
 
     Two shifts can hide each other. Where none stands out though something jumps, the most suspect
@@ -75,24 +82,24 @@ def _next(many: Sequence[Series], found: Sequence[Shift], chance: float) -> Shif
     both counted.
     """
     n = len(many[0].time) if many else 0
-    last, held_back, ways = Shift(n - 1, True, 1.0, ()), [*found], len(many)
+    last, held_back, ways = ChangePoint(n - 1, True, 1.0, ()), [*found], len(many)
     for share in _SHARES:
         if n - len(held_back) < LAST or (share != _SHARES[0] and not any(map(_jumps, many))):
             break
-        held = [joined(series, held_back, k) for k, series in enumerate(many)]
+        held = [join_design(series, held_back, k) for k, series in enumerate(many)]
         allowed = 0.5 * share * chance
         if last.place not in [shift.place for shift in held_back]:
-            new = _judged(held, last, ways, allowed)
+            new = _test(held, last, ways, allowed)
             if new:
                 return new
         if n - len(held_back) < FEWEST:
             break
-        candidates = [s for s in _candidates(n) if not _taken(s, held_back)]
-        suspect = _suspect(held, candidates)
+        candidates = [s for s in _candidates(n) if not _is_taken(s, held_back)]
+        suspect = _find_suspect(held, candidates)
         if suspect is None:
             break
         ways *= len(candidates)
-        new = _judged(held, suspect, ways, allowed)
+        new = _test(held, suspect, ways, allowed)
         if new:
             return new
         held_back.append(suspect._replace(where=tuple(range(len(many)))))
@@ -106,26 +113,26 @@ def _jumps(series: Series) -> bool:
     return bool(away.max() > _JUMP * np.median(away))
 
 
-def joined(series: Series, found: Sequence[Shift], k: int) -> Series:
+def join_design(series: Series, found: Sequence[ChangePoint], k: int) -> Series:
     """A series, the k-th, with the shifts that were seen in it in its design; strays in all."""
     n = len(series.time)
     columns = [s.column(n) for s in found if s.stray or k in s.where]
     return series._replace(design=np.concatenate([series.design, np.reshape(columns, (-1, n))]))
 
 
-def size_of(series: Series, shift: Shift) -> Belief:
+def estimate_size(series: Series, shift: ChangePoint) -> Posterior:
     """What is believed of a series when a shift joins its design, last."""
     column = shift.column(len(series.time))
-    return believed(series._replace(design=np.concatenate([series.design, column[None]])))
+    return compute_posterior(series._replace(design=np.concatenate([series.design, column[None]])))
 
 
-def _candidates(n: int) -> list[Shift]:
+def _candidates(n: int) -> list[ChangePoint]:
     """A step before every value but the first and the last, a stray at each but the ends."""
-    steps = [Shift(k, False, 1.0, ()) for k in range(1, n - 1)]
-    return steps + [Shift(k, True, 1.0, ()) for k in range(1, n - 1)]
+    steps = [ChangePoint(k, False, 1.0, ()) for k in range(1, n - 1)]
+    return steps + [ChangePoint(k, True, 1.0, ()) for k in range(1, n - 1)]
 
 
-def _taken(shift: Shift, found: Sequence[Shift]) -> bool:
+def _is_taken(shift: ChangePoint, found: Sequence[ChangePoint]) -> bool:
     """Whether it is found already, or no other than one that is: next to a stray a step is none."""
     return any(
         (shift.place, shift.stray) == (s.place, s.stray) or (s.stray and shift.place == s.place)
@@ -133,24 +140,26 @@ def _taken(shift: Shift, found: Sequence[Shift]) -> bool:
     )
 
 
-def _suspect(held: Sequence[Series], candidates: Sequence[Shift]) -> Shift | None:
+def _find_suspect(held: Sequence[Series], candidates: Sequence[ChangePoint]) -> ChangePoint | None:
     """The candidate with the least tail in any series, on a coarse grid of the sizes."""
     n = len(held[0].time)
-    best: tuple[float, Shift | None] = (np.inf, None)
+    best: tuple[float, ChangePoint | None] = (np.inf, None)
     for rows in _windows(n):
         inside = [s for s in candidates if rows.start < s.place < rows.stop - 1]
         if not inside:
             continue
         columns = np.stack([s.column(n)[rows] for s in inside])
-        for _, part in _stacked([_part(series, rows) for series in held]):
-            tails = suspects(part, columns).min(axis=0)
+        for _, part in _stack([_part(series, rows) for series in held]):
+            tails = compute_tail_probabilities(part, columns).min(axis=0)
             k = int(np.argmin(tails))
             if tails[k] < best[0]:
                 best = (float(tails[k]), inside[k])
     return best[1]
 
 
-def _judged(held: Sequence[Series], shift: Shift, looks: int, chance: float) -> Shift | None:
+def _test(
+    held: Sequence[Series], shift: ChangePoint, looks: int, chance: float
+) -> ChangePoint | None:
     """The shift with its tail and the series it shows in; None where chance would do."""
     tails = _tails(held, shift)
     p_value = float(tails.min()) * looks
@@ -160,18 +169,18 @@ def _judged(held: Sequence[Series], shift: Shift, looks: int, chance: float) -> 
     return shift._replace(p_value=p_value, where=where)
 
 
-def _tails(held: Sequence[Series], shift: Shift) -> Array:
+def _tails(held: Sequence[Series], shift: ChangePoint) -> Array:
     """How often chance makes a shift as large in each series, with the values around it."""
     rows = [r for r in _windows(len(held[0].time)) if r.start + _WINDOW // 4 <= shift.place]
     window = rows[-1] if rows else next(_windows(len(held[0].time)))
     column = shift.column(len(held[0].time))[window]
     tails = np.ones(len(held))
-    for which, part in _stacked([_part(series, window) for series in held]):
+    for which, part in _stack([_part(series, window) for series in held]):
         wide = np.broadcast_to(column, (*part.value.shape[:-1], 1, len(column)))
         joint = part._replace(design=np.concatenate([part.design, wide], axis=-2))
         size = joint.design.shape[-2]
         if np.linalg.matrix_rank(joint.design[0]) == size:
-            tails[which] = believed(joint).p_value(size - 1)
+            tails[which] = compute_posterior(joint).p_value(size - 1)
     return tails
 
 
@@ -190,7 +199,7 @@ def _part(series: Series, rows: slice) -> Series:
     return Series(time - time[0], value, variance, design[moving])
 
 
-def _stacked(parts: Sequence[Series]) -> Iterator[tuple[Index, Series]]:
+def _stack(parts: Sequence[Series]) -> Iterator[tuple[Index, Series]]:
     """Series with as many columns each, put together, and which they are."""
     width = np.array([len(part.design) for part in parts])
     for columns in np.unique(width):

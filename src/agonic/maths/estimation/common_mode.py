@@ -13,7 +13,7 @@ import numpy as np
 from agonic.arrays import Array
 
 
-class CommonPart(NamedTuple):
+class CommonMode(NamedTuple):
     """The `common` series (w, c), its standard deviation, and of each series its `own` (s,)."""
 
     common: Array
@@ -21,7 +21,7 @@ class CommonPart(NamedTuple):
     own_sd: Array
 
 
-def common_part(series: Array) -> CommonPart:
+def estimate_common_mode(series: Array) -> CommonMode:
     """The part that series (s, w, c) share, and the standard deviation of each one's own.
 
     With values y_i = common + own_i, own_i of variance q_i and all independent:
@@ -37,7 +37,7 @@ def common_part(series: Array) -> CommonPart:
     >>> rng = np.random.default_rng(0)
     >>> common = rng.normal(0.0, 5.0, (4000, 3))
     >>> own = np.array([1.0, 2.0, 3.0])[:, None, None] * rng.normal(size=(3, 4000, 3))
-    >>> found = common_part(common + own)
+    >>> found = estimate_common_mode(common + own)
     >>> round(found.common_sd, 1), found.own_sd.round(1).tolist()
     (5.0, [1.0, 2.0, 3.0])
     """
@@ -49,7 +49,7 @@ def common_part(series: Array) -> CommonPart:
     least = max(float(np.max(own)) * 1e-3, np.finfo(float).tiny)
     weight = 1 / np.maximum(own, least)
     common = np.tensordot(weight / weight.sum(), series, axes=1)
-    return CommonPart(common, float(np.sqrt(max(between, 0.0))), np.sqrt(np.maximum(own, 0.0)))
+    return CommonMode(common, float(np.sqrt(max(between, 0.0))), np.sqrt(np.maximum(own, 0.0)))
 
 
 def _own(product: Array, between: float) -> Array:

@@ -77,7 +77,7 @@ class Sums(NamedTuple):
             into[here] += np.add.reduceat(values, starts, axis=0)
 
 
-class Lasting(NamedTuple):
+class CorrelatedError(NamedTuple):
     """One error that lasts: its variance, seconds, and the number of its geometry."""
 
     variance: float
@@ -85,7 +85,7 @@ class Lasting(NamedTuple):
     geometry: int
 
 
-def lasting(sums: Sums, white: float, step_s: float) -> tuple[Lasting, ...]:
+def find_correlated_errors(sums: Sums, white: float, step_s: float) -> tuple[CorrelatedError, ...]:
     """The lasting errors that the products of residuals show; none where chance would do.
 
     Parameters: `white`, variance of one residual; `step_s`, seconds of a stretch.
@@ -94,7 +94,7 @@ def lasting(sums: Sums, white: float, step_s: float) -> tuple[Lasting, ...]:
     >>> quiet = Sums.empty(5000, 1, [1])
     >>> quiet.add(np.arange(5000), np.ones(5000), rng.normal(size=5000), np.ones((5000, 1)),
     ...           [np.ones((5000, 1))])
-    >>> lasting(quiet, 1.0, 1.0)
+    >>> find_correlated_errors(quiet, 1.0, 1.0)
     ()
     """
     k = len(sums.weight)
@@ -116,7 +116,7 @@ def lasting(sums: Sums, white: float, step_s: float) -> tuple[Lasting, ...]:
         for directions in sums.directions
     ]
     columns = [
-        (Lasting(1.0, float(tau) * step_s, g), grouped(shape * np.exp(-lags / tau)))
+        (CorrelatedError(1.0, float(tau) * step_s, g), grouped(shape * np.exp(-lags / tau)))
         for g, shape in enumerate(shapes)
         for tau in taus
     ]
@@ -132,12 +132,12 @@ def lasting(sums: Sums, white: float, step_s: float) -> tuple[Lasting, ...]:
     )
 
 
-def scatter(sums: Sums, errors: Sequence[Lasting], step_s: float) -> Array:
+def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float) -> Array:
     """What they add to the scatter of Σ w r J, (m, m).
 
     >>> one = Sums.empty(3, 1, [1])
     >>> one.add(np.arange(3), np.ones(3), np.zeros(3), np.ones((3, 1)), [np.ones((3, 1))])
-    >>> scatter(one, [Lasting(1.0, 1e12, 0)], 1.0).round(6).tolist()
+    >>> compute_scatter(one, [CorrelatedError(1.0, 1e12, 0)], 1.0).round(6).tolist()
     [[9.0]]
     """
     m = sums.jacobian.shape[1]

@@ -27,7 +27,7 @@ class Sums(NamedTuple):
     age: Index
 
 
-def fresh(channels: int) -> Sums:
+def start_sums(channels: int) -> Sums:
     """Sums before the first reading."""
     return Sums(np.zeros((2, channels)), np.zeros((2, channels), dtype=np.intp))
 
@@ -53,7 +53,7 @@ def advance(
     Parameters: `drift` k, `alarm` h, `correlation` L. An alarm of 0 is never raised.
 
     >>> quiet, shifted = np.zeros((20, 1)), np.full((20, 1), 3.0)
-    >>> seen = advance(fresh(1), np.concatenate([quiet, shifted]), drift=1.0, alarm=10.0)
+    >>> seen = advance(start_sums(1), np.concatenate([quiet, shifted]), drift=1.0, alarm=10.0)
     >>> seen.alarmed, seen.rows, seen.age  # 2 a row from row 20 on; the sixth is above 10
     (True, 26, 6)
     """

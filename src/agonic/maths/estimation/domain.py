@@ -33,7 +33,7 @@ def cover(points: Array, most: int) -> tuple[Array, float]:
     return points[chosen], float(np.sqrt(square.max()))
 
 
-def distances(points: Array, centres: Array) -> Array:
+def compute_distances(points: Array, centres: Array) -> Array:
     """Distance (…) of points (…, i) to the nearest of the centres (k, i)."""
     rows = points.reshape(-1, points.shape[-1])
     own = (centres**2).sum(axis=1)
@@ -45,17 +45,19 @@ def distances(points: Array, centres: Array) -> Array:
     return nearest.reshape(points.shape[:-1])
 
 
-def inside(distance: Array, reach: float) -> Array:
+def taper(distance: Array, reach: float) -> Array:
     """1 up to `reach`, 0 from twice that, smooth between: 1 − s²(3 − 2s), s = distance/reach − 1.
 
-    >>> inside(np.array([0.5, 1.5, 2.5]), 1.0).tolist()
+    >>> taper(np.array([0.5, 1.5, 2.5]), 1.0).tolist()
     [1.0, 0.5, 0.0]
     """
     s = np.clip(distance / reach - 1.0, 0.0, 1.0)
     return np.asarray(1.0 - s**2 * (3.0 - 2.0 * s))
 
 
-def shared(values: Array, points: Array, neighbours: int = 12) -> tuple[float, float]:
+def estimate_neighbour_covariance(
+    values: Array, points: Array, neighbours: int = 12
+) -> tuple[float, float]:
     """Mean product of values (n, o) with those of the nearest other points (n, i), and its error.
 
     Noise differs from a point to the next and leaves nothing; what a model missed does not, and
@@ -63,7 +65,7 @@ def shared(values: Array, points: Array, neighbours: int = 12) -> tuple[float, f
 
     >>> x = np.linspace(0.0, 1.0, 500)[:, None]
     >>> noise = np.random.default_rng(0).normal(size=(500, 1))
-    >>> found, error = shared(np.sin(6.28 * x) + noise, x)
+    >>> found, error = estimate_neighbour_covariance(np.sin(6.28 * x) + noise, x)
     >>> 0.35 < found < 0.65, found > 5 * error
     (True, True)
     """

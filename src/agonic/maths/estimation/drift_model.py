@@ -43,7 +43,7 @@ class Series(NamedTuple):
     design: Array
 
 
-class Belief(NamedTuple):
+class Posterior(NamedTuple):
     """Nodes of (σ, q), their weights (…, m), and β (…, m, p) with its covariance (…, m, p, p)."""
 
     scatter: Array
@@ -58,7 +58,7 @@ class Belief(NamedTuple):
 
     def sd(self, k: int) -> Array:
         """Its standard deviation (…,), with what is not known of the sizes."""
-        return spread_of(self.weight, self.beta[..., k], self.covariance[..., k, k])[1]
+        return mix_normals(self.weight, self.beta[..., k], self.covariance[..., k, k])[1]
 
     def p_value(self, k: int) -> Array:
         """Twice the probability (…,) that β_k has the other sign."""
@@ -71,10 +71,10 @@ class Belief(NamedTuple):
         return np.asarray(np.sqrt(np.sum(self.weight * getattr(self, of) ** 2, axis=-1)))
 
 
-def spread_of(weight: Array, mean: Array, variance: Array) -> tuple[Array, Array]:
+def mix_normals(weight: Array, mean: Array, variance: Array) -> tuple[Array, Array]:
     """Mean and standard deviation (…,) of a mixture of normals (…, m).
 
-    >>> spread_of(np.array([0.5, 0.5]), np.array([-3.0, 3.0]), np.array([16.0, 16.0]))
+    >>> mix_normals(np.array([0.5, 0.5]), np.array([-3.0, 3.0]), np.array([16.0, 16.0]))
     (np.float64(0.0), np.float64(5.0))
     """
     centre = np.sum(weight * mean, axis=-1)
@@ -82,14 +82,14 @@ def spread_of(weight: Array, mean: Array, variance: Array) -> tuple[Array, Array
     return centre, np.sqrt(apart)
 
 
-def believed(of: Series) -> Belief:
+def compute_posterior(of: Series) -> Posterior:
     """What a series says of β and of the sizes.
 
     >>> rng = np.random.default_rng(1)
     >>> t = np.linspace(0.0, 1.0, 40)
     >>> line = np.stack([np.ones(40), t])
     >>> seen = Series(t, 5 + 3 * t + rng.normal(0, 0.2, 40), np.full(40, 0.01), line)
-    >>> belief = believed(seen)
+    >>> belief = compute_posterior(seen)
     >>> abs(belief.mean(1) - 3) < 2 * belief.sd(1) < 0.5, bool(0.1 < belief.size("scatter") < 0.3)
     (np.True_, True)
     """
@@ -97,16 +97,16 @@ def believed(of: Series) -> Belief:
     for zoom in range(_ZOOMS + 1):
         nodes = _grid(low, high)
         scatter, walk = _sizes(of, nodes)
-        log, beta, covariance = _fits(sums(of, scatter, walk))
+        log, beta, covariance = _fits(compute_products(of, scatter, walk))
         log = log - log.max(axis=-1, keepdims=True)
         if zoom < _ZOOMS:
             low, high = _box(nodes, log, low, high)
     weight = np.exp(log)
     weight /= weight.sum(axis=-1, keepdims=True)
-    return Belief(scatter, walk, weight, beta, covariance)
+    return Posterior(scatter, walk, weight, beta, covariance)
 
 
-def errors_of(of: Series) -> Array:
+def typical_error(of: Series) -> Array:
     """The usual formal error (…,); where there is none, a small part of the spread."""
     usual = np.sqrt(np.median(of.variance, axis=-1))
     return np.asarray(np.maximum(usual, 1e-4 * _spread(of)))
@@ -118,7 +118,7 @@ def _spread(of: Series) -> Array:
 
 def _whole(of: Series) -> tuple[Array, Array]:
     """The corners (…, 2) of all that is looked at: ln σ, and ln of the walk over the white part."""
-    errors = errors_of(of)
+    errors = typical_error(of)
     most = _MOST + np.log(np.maximum(_spread(of), errors))
     return (
         np.stack([_LEAST + np.log(errors), np.full_like(errors, _CALM)], axis=-1),
@@ -136,7 +136,7 @@ def _grid(low: Array, high: Array) -> Array:
 def _sizes(of: Series, nodes: Array) -> tuple[Array, Array]:
     """σ, and q across the span, each (…, m)."""
     scatter = np.exp(nodes[..., 0])
-    return scatter, np.exp(nodes[..., 1]) * np.hypot(scatter, errors_of(of)[..., None])
+    return scatter, np.exp(nodes[..., 1]) * np.hypot(scatter, typical_error(of)[..., None])
 
 
 def _box(nodes: Array, log: Array, low: Array, high: Array) -> tuple[Array, Array]:
@@ -148,7 +148,7 @@ def _box(nodes: Array, log: Array, low: Array, high: Array) -> tuple[Array, Arra
     return np.maximum(least, low), np.minimum(most, high)
 
 
-class Sums(NamedTuple):
+class Products(NamedTuple):
     """Products of whitened rows: `logs` Σ ln F (…, m), `base` (…, m, 1+p, 1+p) of value and design;
     of candidates `cross` (…, m, c, 1+p) with these and `own` (…, m, c) with themselves.
     """
@@ -159,7 +159,9 @@ class Sums(NamedTuple):
     own: Array
 
 
-def sums(of: Series, scatter: Array, walk: Array, candidates: Array | None = None) -> Sums:
+def compute_products(
+    of: Series, scatter: Array, walk: Array, candidates: Array | None = None
+) -> Products:
     """Products under each node (…, m) of the value, the design, and candidates (c, n)."""
     n, many = of.time.shape[-1], 1 + of.design.shape[-2]
     columns = np.concatenate([of.value[..., None, :], of.design], axis=-2)
@@ -187,10 +189,10 @@ def sums(of: Series, scatter: Array, walk: Array, candidates: Array | None = Non
         if candidates is not None:
             own += white[..., many:] ** 2
             cross += white[..., many:, None] * known[..., None, :]
-    return Sums(logs, base, cross, own)
+    return Products(logs, base, cross, own)
 
 
-def _fits(seen: Sums) -> tuple[Array, Array, Array]:
+def _fits(seen: Products) -> tuple[Array, Array, Array]:
     """The restricted log likelihood (…, m), β (…, m, p) and its covariance (…, m, p, p)."""
     design, towards = seen.base[..., 1:, 1:], seen.base[..., 1:, 0]
     covariance, logs = _inverse(design)
@@ -208,7 +210,7 @@ def _inverse(design: Array) -> tuple[Array, Array]:
     return np.linalg.inv(scaled) / (scale[..., :, None] * scale[..., None, :]), logs
 
 
-def suspects(of: Series, candidates: Array) -> Array:
+def compute_tail_probabilities(of: Series, candidates: Array) -> Array:
     """How often chance makes a candidate's coefficient as large (…, c), on a grid of all sizes.
 
     Parameters: candidates (c, n), columns that could join the design, each alone. A column that the
@@ -216,7 +218,7 @@ def suspects(of: Series, candidates: Array) -> Array:
     """
     nodes = _grid(*_whole(of))
     scatter, walk = _sizes(of, nodes)
-    seen = sums(of, scatter, walk, candidates)
+    seen = compute_products(of, scatter, walk, candidates)
     log, beta, covariance = _fits(seen)
     towards = seen.cross[..., 1:] @ covariance
     own = seen.own - np.sum(towards * seen.cross[..., 1:], axis=-1)
@@ -230,7 +232,7 @@ def suspects(of: Series, candidates: Array) -> Array:
     return np.where(free.all(axis=-2), tail, 1.0)
 
 
-def followed(of: Series, belief: Belief, at: Array, design: Array) -> tuple[Array, Array]:
+def predict(of: Series, belief: Posterior, at: Array, design: Array) -> tuple[Array, Array]:
     """Mean and variance (m, k) of X β + w at times `at` (k,), by node, for one series.
 
     Parameters: at, in order, not before the first value; design (p, k) there.
@@ -241,7 +243,7 @@ def followed(of: Series, belief: Belief, at: Array, design: Array) -> tuple[Arra
     variance = np.concatenate([of.variance, np.full(k, np.inf)])[order]
     rows = np.concatenate([of.value[None], of.design])
     columns = np.concatenate([rows, np.zeros((len(rows), k))], axis=1)[:, order]
-    walked, sd2 = _smoothed(time, variance, columns, belief)
+    walked, sd2 = _smooth(time, variance, columns, belief)
     place = np.argsort(order, kind="stable")[n:]
     left, spread = walked[place], sd2[place]  # (k, m, 1+p), (k, m)
     lean = design.T[:, None, :] - left[..., 1:]
@@ -250,7 +252,7 @@ def followed(of: Series, belief: Belief, at: Array, design: Array) -> tuple[Arra
     return mean.T, var.T
 
 
-def _smoothed(time: Array, variance: Array, columns: Array, belief: Belief) -> tuple[Array, Array]:
+def _smooth(time: Array, variance: Array, columns: Array, belief: Posterior) -> tuple[Array, Array]:
     """The walk (n, m, c) behind each column (c, n), and its variance (n, m), after all rows."""
     n, m = len(time), len(belief.walk)
     mean, var = np.zeros((n, m, len(columns))), np.zeros((n, m))

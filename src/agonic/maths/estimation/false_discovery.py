@@ -7,7 +7,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 
 
-def discoveries(p_values: Array, rate: float, tests: int | None = None) -> Mask:
+def find_discoveries(p_values: Array, rate: float, tests: int | None = None) -> Mask:
     """Tests that hold with a false discovery rate of at most `rate` (Benjamini & Hochberg 1995).
 
     Of m p-values in order the first k hold, for the largest k with p₍k₎ ≤ rate·k/m; where there
@@ -16,7 +16,7 @@ def discoveries(p_values: Array, rate: float, tests: int | None = None) -> Mask:
 
     Parameters: p_values (m,), rate, and tests: m, where only the smallest p-values are given.
 
-    >>> discoveries(np.array([0.001, 0.5, 0.02, 0.9]), 0.05).tolist()
+    >>> find_discoveries(np.array([0.001, 0.5, 0.02, 0.9]), 0.05).tolist()
     [True, False, True, False]
     """
     m = len(p_values) if tests is None else tests

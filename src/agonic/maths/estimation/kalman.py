@@ -55,7 +55,7 @@ class Model(NamedTuple):
     jump_sd: float = 2000.0
 
 
-class Belief(NamedTuple):
+class FilterState(NamedTuple):
     """What the filter holds: `state` (10,), U D Uᵀ of its first m numbers, `watch` (11,).
 
     `columns` (m, m) has the columns of U as its rows, `diagonal` (m,) is D; `watch` the sums of
@@ -88,10 +88,10 @@ class Seen(NamedTuple):
     innovation: Array
 
 
-def believe(state: Array, covariance: Array, time: float) -> Belief:
+def start_filter(state: Array, covariance: Array, time: float) -> FilterState:
     """A belief from a covariance (m, m); `time` is that of the reading before the first.
 
-    >>> b = believe(np.zeros(10), np.diag([1.0, 4, 4, 4]), 0.0)
+    >>> b = start_filter(np.zeros(10), np.diag([1.0, 4, 4, 4]), 0.0)
     >>> b.diagonal.tolist(), np.allclose(b.covariance, np.diag([1.0, 4, 4, 4]))
     ([1.0, 4.0, 4.0, 4.0], True)
     """
@@ -104,31 +104,31 @@ def believe(state: Array, covariance: Array, time: float) -> Belief:
             rest[:j, :j] -= diagonal[j] * np.outer(columns[j, :j], columns[j, :j])
     watch = np.zeros(ud_filter.WATCHED)
     watch[ud_filter.SCALE], watch[ud_filter.TIME] = 1.0, time
-    return Belief(np.array(state, dtype=np.float64), columns, diagonal, watch)
+    return FilterState(np.array(state, dtype=np.float64), columns, diagonal, watch)
 
 
-def spread(belief: Belief, sd: ArrayLike) -> Belief:
+def add_variance(belief: FilterState, sd: ArrayLike) -> FilterState:
     """The belief with standard deviations, one or (3,), added to those of the bias."""
     _, columns, diagonal, _ = _lists(belief)
     for i, variance in enumerate(np.broadcast_to(np.square(sd), 3).tolist(), start=1):
-        ud_filter.spread(i, variance, columns, diagonal, [0.0] * 10)
+        ud_filter.add_variance(i, variance, columns, diagonal, [0.0] * 10)
     return belief._replace(columns=np.array(columns), diagonal=np.array(diagonal))
 
 
-def widened(belief: Belief, jump_sd: float) -> Belief:
+def widen_for_jump(belief: FilterState, jump_sd: float) -> FilterState:
     """The belief after a possible jump: `jump_sd` added to each bias, the test restarted."""
     watch = np.array([*[0.0] * ud_filter.SCALE, *belief.watch[ud_filter.SCALE :]])
-    return spread(belief, jump_sd)._replace(watch=watch)
+    return add_variance(belief, jump_sd)._replace(watch=watch)
 
 
 def advance(
-    belief: Belief,
+    belief: FilterState,
     model: Model,
     rows: Array,
     *,
     linearised: Array | None = None,
     compiled: bool | None = None,
-) -> tuple[Belief, Seen, bool]:
+) -> tuple[FilterState, Seen, bool]:
     """The belief after some readings, what was predicted of each, and whether a jump was seen.
 
     Stops after the reading at which a jump shows, so `Seen` may be shorter than the rows.
@@ -139,7 +139,7 @@ def advance(
     from there; compiled asks for numba (`None`: for many rows), used where it is installed.
     """
     n = len(rows)
-    wanted = worth_compiling(n) if compiled is None else compiled
+    wanted = is_worth_compiling(n) if compiled is None else compiled
     run = ud_filter.compiled() if wanted else None
     held = linearised is not None
     about = belief.state if linearised is None else linearised
@@ -149,9 +149,9 @@ def advance(
         room: Any = [[0.0] * 10 for _ in range(3)]
         about = about.tolist()
         done, jump = ud_filter.run(rows.tolist(), *parts, tuple(model), about, held, seen, room)
-        after = Belief(*(np.array(part) for part in parts))
+        after = FilterState(*(np.array(part) for part in parts))
     else:
-        after = Belief(*(np.array(part) for part in belief))
+        after = FilterState(*(np.array(part) for part in belief))
         seen, room = np.zeros((n, 7)), np.zeros((3, 10))
         done, jump = run(np.ascontiguousarray(rows), *after, tuple(model), about, held, seen, room)
     table = np.array(seen[:done]).reshape(-1, 7)
@@ -162,17 +162,17 @@ def advance(
     )
 
 
-def worth_compiling(rows: int) -> bool:
+def is_worth_compiling(rows: int) -> bool:
     """Whether numba is to be used for so many rows: for many, and for few once it is loaded."""
     return rows >= COMPILE_FROM or ud_filter.compiled.cache_info().currsize > 0
 
 
-def joined(parts: Sequence[Seen]) -> Seen:
+def join_seen(parts: Sequence[Seen]) -> Seen:
     """What was seen of consecutive pieces."""
     return Seen(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def onset(seen: Seen) -> int:
+def find_onset(seen: Seen) -> int:
     """The row at which a jump began: where the test over all rows after it is largest.
 
     Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
@@ -184,7 +184,7 @@ def onset(seen: Seen) -> int:
     return len(z) - 1 - int(np.argmax(statistic))
 
 
-def _lists(belief: Belief) -> tuple[Any, Any, Any, Any]:
+def _lists(belief: FilterState) -> tuple[Any, Any, Any, Any]:
     return (
         belief.state.tolist(),
         belief.columns.tolist(),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 
 
-def least_median_sphere(
+def fit_least_median_sphere(
     points: Array,
     magnitude: Array,
     *,
@@ -69,21 +69,21 @@ class Pair(NamedTuple):
     shift: float
 
 
-def two_spheres(points: Array, *, seed: int = 0) -> Pair | None:
+def fit_two_spheres(points: Array, *, seed: int = 0) -> Pair | None:
     """Two spheres of similar size through points (n, 3), or None.
 
     They are believed when, after the first sphere took all within 8 % of its radius, one eighth of
     the points at least is left and half of those lie within 6 % of the second.
     """
     one = np.ones(1)
-    first, gain = least_median_sphere(points, one, quantile=0.3, subsets=600, seed=seed)
+    first, gain = fit_least_median_sphere(points, one, quantile=0.3, subsets=600, seed=seed)
     radius = 1 / gain
     away = np.abs(np.linalg.norm(points - first, axis=1) - radius)
     rest = away > 0.08 * radius
     if rest.mean() < 0.125 or rest.sum() < 30:
         return None
     middle = points[rest].mean(axis=0)
-    second, other_gain = least_median_sphere(points[rest] - middle, one, seed=seed)
+    second, other_gain = fit_least_median_sphere(points[rest] - middle, one, seed=seed)
     second = second + middle
     other = np.abs(np.linalg.norm(points - second, axis=1) - 1 / other_gain)
     shift = float(np.linalg.norm(second - first))

@@ -70,7 +70,7 @@ class Epoch(NamedTuple):
     effective: float
 
 
-class Trained(NamedTuple):
+class Training(NamedTuple):
     """The weights, their posterior covariance, and how training went.
 
     `precision` is β, the reciprocal variance of a scaled residual, and `ridge` λ.
@@ -105,7 +105,7 @@ def train(
     ridge: float | None = None,
     most_epochs: int = 300,
     progress: Callable[[Epoch], None] | None = None,
-) -> Trained:
+) -> Training:
     """The weights that fit best from a start, (m,).
 
     Parameters: `stopping` how overfitting is met: "bayesian" by λ from the evidence, "early" by the
@@ -120,7 +120,7 @@ def train(
     slow, converged = 0, False
     while len(epochs) < most_epochs and not converged:
         if evidence and (ridge is not None or len(epochs) >= _SETTLING):
-            state = _reweighed(problem, state)
+            state = _update_ridge(problem, state)
         stepped = _step(problem, state)
         if stepped is None:
             converged = True
@@ -135,10 +135,12 @@ def train(
         enough = max(SLOW, FLAT * _count(problem, state.sums) / 2)
         slow = slow + 1 if gain < enough and ready else 0
         converged = slow >= PATIENCE or state.worse >= PATIENCE
-    return _finished(problem, state, tuple(epochs), converged, watched is not None)
+    return _finish(problem, state, tuple(epochs), converged, watched is not None)
 
 
-def starts(problem: Problem, *, seed: int, restarts: int, held_out: Problem | None = None) -> Array:
+def choose_start(
+    problem: Problem, *, seed: int, restarts: int, held_out: Problem | None = None
+) -> Array:
     """The most promising of several random starts, tried on some of the rows.
 
     After a few epochs the better half goes on for twice as many, until one is left, which is
@@ -150,7 +152,7 @@ def starts(problem: Problem, *, seed: int, restarts: int, held_out: Problem | No
     if len(problem.x) > _FEW:
         rows = np.sort(rng.choice(len(problem.x), _FEW, replace=False))
         few = problem.subset(rows)
-    left, epochs = [network.random_weights(rng, problem.shape) for _ in range(restarts)], _TRIAL
+    left, epochs = [network.draw_weights(rng, problem.shape) for _ in range(restarts)], _TRIAL
     if held_out is not None:
         stopped = [train(problem, w, stopping="early", held_out=held_out) for w in left]
         return min(stopped, key=lambda trained: trained.least_held_out).weights
@@ -193,7 +195,7 @@ def _begin(problem: Problem, start: Array, ridge: float, stopping: Stopping) -> 
 
 def _sums(problem: Problem, weights: Array) -> network.Sums:
     hidden, output = network.split(weights, problem.shape)
-    return network.sums(hidden, output, problem.x, problem.target, problem.weight)
+    return network.sum_normal_equations(hidden, output, problem.x, problem.target, problem.weight)
 
 
 def _square(problem: Problem, weights: Array) -> float:
@@ -245,7 +247,7 @@ def _precision(problem: Problem, sums: network.Sums, effective: float) -> float:
     return freedom / max(sums.square, 1e-300)
 
 
-def _reweighed(problem: Problem, state: _State) -> _State:
+def _update_ridge(problem: Problem, state: _State) -> _State:
     """γ, and λ by the evidence."""
     values = np.maximum(np.linalg.eigvalsh(state.sums.information), 0.0)
     effective = float((values / (values + state.ridge)).sum()) if state.ridge else len(values)
@@ -255,16 +257,16 @@ def _reweighed(problem: Problem, state: _State) -> _State:
     return state._replace(ridge=float(ridge), effective=float(effective))
 
 
-def _finished(
+def _finish(
     problem: Problem, state: _State, epochs: tuple[Epoch, ...], converged: bool, early: bool
-) -> Trained:
+) -> Training:
     if early:
         state = state._replace(weights=state.best, sums=_sums(problem, state.best))
     precision = _precision(problem, state.sums, min(state.effective, len(state.weights)))
     information = state.sums.information.copy()
     least = 1e-9 * float(np.trace(information)) / len(information)
     information[np.diag_indices_from(information)] += max(state.ridge, least)
-    return Trained(
+    return Training(
         weights=state.weights,
         covariance=inverse(information * precision),
         precision=precision * problem.correlation,

@@ -14,7 +14,7 @@ from agonic.arrays import Array
 from agonic.maths.estimation.leastsq import inverse
 
 
-class Averaged(NamedTuple):
+class ModelAverage(NamedTuple):
     """All parameters with their covariance, and the probability of the term."""
 
     params: Array
@@ -22,7 +22,7 @@ class Averaged(NamedTuple):
     probability: float
 
 
-def averaged(params: Array, covariance: Array, term: slice, prior: float) -> Averaged:
+def average_over_term(params: Array, covariance: Array, term: slice, prior: float) -> ModelAverage:
     """Parameters (p,) averaged over models with the term and without (Hoeting et al. 1999).
 
     With k numbers d in the term, their covariance V and q = dᵀV⁻¹d, a term of a size about which
@@ -32,7 +32,8 @@ def averaged(params: Array, covariance: Array, term: slice, prior: float) -> Ave
 
     and d is then d (1 − k/q). The others follow d along C_od V⁻¹.
 
-    >>> found = averaged(np.array([1.0, 0.5]), np.array([[2.0, 1.0], [1.0, 1.0]]), slice(1, 2), 0.1)
+    >>> spread = np.array([[2.0, 1.0], [1.0, 1.0]])
+    >>> found = average_over_term(np.array([1.0, 0.5]), spread, slice(1, 2), 0.1)
     >>> found.params.tolist(), found.covariance.tolist()  # half a standard error is nothing
     ([0.5, 0.0], [[1.0, 0.0], [0.0, 0.0]])
     """
@@ -45,7 +46,7 @@ def averaged(params: Array, covariance: Array, term: slice, prior: float) -> Ave
     there, left = odds / (1 + odds), max(1 - k / max(q, 1e-300), 0.0)
     by = covariance[:, term] @ inverse(spread)  # of the term itself, one
     known = there * left * spread + there * (1 - there) * left**2 * np.outer(d, d)
-    return Averaged(
+    return ModelAverage(
         params - by @ d * (1 - there * left),
         covariance + by @ (known - spread) @ by.T,
         there,

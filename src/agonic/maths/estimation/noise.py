@@ -23,7 +23,7 @@ class Noise(NamedTuple):
         return abs(self.sd / assumed.sd - 1) < 0.01 and abs(lengths - 1) < 0.05
 
 
-def noise_of(residuals: Array, robust: bool, parameters: int) -> Noise:
+def estimate_noise(residuals: Array, robust: bool, parameters: int) -> Noise:
     """The noise of residuals in time order.
 
     Least squares unless a reading stands out: the largest of n Gaussian readings is expected below
@@ -38,7 +38,7 @@ def noise_of(residuals: Array, robust: bool, parameters: int) -> Noise:
     return Noise(loss, sd, leastsq.correlation_length(residuals, weights))
 
 
-def like_gaussian(residuals: Array, sd: float, parameters: int) -> bool:
+def is_like_gaussian(residuals: Array, sd: float, parameters: int) -> bool:
     """Whether residuals of so many fitted parameters and of this rms look like Gaussian noise.
 
     None stands out, and their median size (sampling error 0.93/√n) and kurtosis (4.9/√n) are what

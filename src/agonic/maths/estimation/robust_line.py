@@ -30,14 +30,14 @@ class Line(NamedTuple):
         return abs(self.slope) > _FAR * self.slope_sd
 
 
-def robust_line(x: Array, y: Array, taken: int = 0) -> Line:
+def fit_robust_line(x: Array, y: Array, taken: int = 0) -> Line:
     """The line by Tukey's biweight, from the median slope of pairs half the points apart.
 
     The standard error is Huber's, √(Σψ²(x − x̄)²) / Σψ'(x − x̄)², and allows for `taken` numbers
     that were estimated from the same points beforehand.
 
     >>> x = np.arange(20.0)
-    >>> line = robust_line(x, 3.0 * x + np.where(x == 4.0, 1e6, 0.0))
+    >>> line = fit_robust_line(x, 3.0 * x + np.where(x == 4.0, 1e6, 0.0))
     >>> round(line.slope, 9)
     3.0
     """

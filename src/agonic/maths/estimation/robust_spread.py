@@ -20,7 +20,7 @@ class RobustSpread(NamedTuple):
     spread: Array
 
 
-def robust_spread(values: Array, sd: Array) -> RobustSpread:
+def estimate_robust_spread(values: Array, sd: Array) -> RobustSpread:
     """Centre and spread of each column, with the errors of measurement taken out of the spread.
 
     Members are y = centre + spread·t + sd·e. The spread solves
@@ -32,9 +32,9 @@ def robust_spread(values: Array, sd: Array) -> RobustSpread:
     may be anywhere. Parameters: values and sd (n, k), NaN where missing.
 
     >>> near = np.array([[1.0], [2.0], [3.0], [4.0], [1e9]])
-    >>> robust_spread(near, np.zeros((5, 1))).spread.round(1).tolist()
+    >>> estimate_robust_spread(near, np.zeros((5, 1))).spread.round(1).tolist()
     [2.2]
-    >>> robust_spread(near, np.full((5, 1), 9.0)).spread.tolist()
+    >>> estimate_robust_spread(near, np.full((5, 1), 9.0)).spread.tolist()
     [0.0]
     """
     columns = zip(values.T, sd.T, np.isfinite(values).T, strict=True)

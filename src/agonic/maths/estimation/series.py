@@ -21,12 +21,12 @@ _TURN = 0.1  # of the range: what temperature must go back by to have turned
 _TURN_C = 1.5
 
 
-def running_mean(values: Array, block: int = BLOCK) -> Array:
+def compute_running_mean(values: Array, block: int = BLOCK) -> Array:
     """The running mean of each column of values (n, c), (n, c)."""
-    return _drawn(values, block, np.mean)[0]
+    return _draw_lines(values, block, np.mean)[0]
 
 
-def _drawn(values: Array, block: int, middle: Callable[..., Array]) -> tuple[Array, Array]:
+def _draw_lines(values: Array, block: int, middle: Callable[..., Array]) -> tuple[Array, Array]:
     """What `middle` makes of each block, joined by straight lines through the blocks' middles.
 
     The lines go on to the first and the last row, at the slope of the nearest two blocks. Returns
@@ -53,7 +53,7 @@ def _drawn(values: Array, block: int, middle: Callable[..., Array]) -> tuple[Arr
     return knots[left] + steps[left] * share, moving[left]
 
 
-def anomalous(field: Array, block: int = BLOCK) -> Mask:
+def find_anomalies(field: Array, block: int = BLOCK) -> Mask:
     """Rows (n,) of field (n, 3) that stand out of the running median on some axis.
 
     The scale is the median absolute residual; for readings in coarse steps at least half a step.
@@ -64,7 +64,7 @@ def anomalous(field: Array, block: int = BLOCK) -> Mask:
     block = min(block, max(n // _BLOCKS, _LEAST))
     if n < 2 * block:
         return np.zeros(n, dtype=bool)
-    middle, moving = _drawn(field, block, np.median)
+    middle, moving = _draw_lines(field, block, np.median)
     left = np.abs(field - middle)
     limit = max(ANOMALOUS, float(np.sqrt(2 * np.log(6 * n))) + 1)
     return np.asarray((left > limit * _scale(left, field) + moving).any(axis=1))
@@ -78,16 +78,18 @@ def _scale(left: Array, field: Array) -> Array:
     return np.maximum(_MAD_TO_SD * np.median(left, axis=0), least)
 
 
-def heating(temperature: Array, block: int = BLOCK) -> Mask:
+def find_heating(temperature: Array, block: int = BLOCK) -> Mask:
     """Rows (n,) recorded while the temperature rose, or held where it had risen to.
 
     It has turned once it goes back by a tenth of the range; the turn is at the extreme before.
 
     >>> t = np.concatenate([np.linspace(50, -10, 400), np.linspace(-10, 50, 400)])
-    >>> int(np.argmax(heating(t))), bool(heating(t)[-1])
+    >>> int(np.argmax(find_heating(t))), bool(find_heating(t)[-1])
     (399, True)
     """
-    smooth = running_mean(temperature[:, None], min(block, max(len(temperature) // 20, 1)))[:, 0]
+    smooth = compute_running_mean(temperature[:, None], min(block, max(len(temperature) // 20, 1)))[
+        :, 0
+    ]
     turn = max(_TURN * float(np.ptp(smooth)), _TURN_C)
     rising = np.zeros(len(smooth), dtype=bool)
     start = 0
@@ -118,11 +120,11 @@ def _legs(smooth: Array, turn: float) -> list[tuple[int, bool]]:
     return [*legs, (len(smooth), bool(up))]
 
 
-def rates(time: Array, temperature: Array, span_s: float = _SPAN_S) -> Array:
+def compute_rates(time: Array, temperature: Array, span_s: float = _SPAN_S) -> Array:
     """dT/dt (n,), °C/s, taken over about `span_s`, longer where that holds few rows.
 
     >>> t = np.arange(0.0, 1000.0)
-    >>> rates(t, 20 - 0.01 * t).round(6)[[0, 500, -1]].tolist()
+    >>> compute_rates(t, 20 - 0.01 * t).round(6)[[0, 500, -1]].tolist()
     [-0.01, -0.01, -0.01]
     """
     n = len(time)

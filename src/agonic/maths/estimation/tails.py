@@ -36,7 +36,7 @@ class Tail(NamedTuple):
         return np.asarray(fdtrc(self.dimensions, self.dof, ratio))
 
 
-def tail_of(distance: Array, dimensions: int) -> Tail:
+def fit_tail(distance: Array, dimensions: int) -> Tail:
     """The heaviest tail that the members allow, with up to a fifth of them outliers.
 
     Distances r of a k-variate Student t have (r/c)²/k ~ F(k, ν); outliers are taken as uniform in
@@ -46,14 +46,14 @@ def tail_of(distance: Array, dimensions: int) -> Tail:
     their own; 1/n is added to 1/ν for the scale that was learned from n of them.
 
     >>> r = np.abs(np.random.default_rng(0).normal(size=100_000))
-    >>> many, few = tail_of(r, 1), tail_of(r[:20], 1)
+    >>> many, few = fit_tail(r, 1), fit_tail(r[:20], 1)
     >>> many.dof > 40, few.dof < 4, bool(few.beyond(6.0) > 100 * many.beyond(6.0))
     (True, True, True)
     """
     k, n = dimensions, len(distance)
     typical = float(np.median(distance)) / np.sqrt(k * fdtri(k, 30.0, 0.5))
     scales = max(typical, 0.05) * _SCALES
-    counts, within, outside = _binned(distance, k, scales)
+    counts, within, outside = _bin(distance, k, scales)
     mixed = (1 - _SHARES[:, None]) * within[:, :, None] + _SHARES[:, None] * outside
     likelihood = np.log(np.maximum(mixed, 1e-300)) @ counts  # (ν, c, share)
     profile = likelihood.max(axis=(1, 2))
@@ -65,7 +65,7 @@ def tail_of(distance: Array, dimensions: int) -> Tail:
     return Tail(float(scales[c]), dof, k, float(_SHARES[share]))
 
 
-def _binned(distance: Array, k: int, scales: Array) -> tuple[Array, Array, Array]:
+def _bin(distance: Array, k: int, scales: Array) -> tuple[Array, Array, Array]:
     """Counts (b,) in the bins of log r that are filled, and the shares of regular members (ν, c, b)
     and of others (b,) there.
     """

@@ -50,7 +50,7 @@ def run(
         if held:
             for i in range(m):
                 r += h[i] * (x[i] - about[i])
-        variance = _predicted(h, noise, columns, diagonal, f)
+        variance = _predict(h, noise, columns, diagonal, f)
         sd = sqrt(variance)
         z = -r / sd
         used = row[5] > 0.0 and z * z <= gate * gate * max(1.0, watch[SCALE])
@@ -63,7 +63,7 @@ def run(
                 x[i] -= gain[i] * r
         if level > 0.0 and row[5] > 0.0:
             watch[SCALE] += (clipped * clipped - watch[SCALE]) / _SCALE_ROWS
-            if _watched(out, watch, jump_sd) > level * max(1.0, watch[SCALE]):
+            if _watch_for_jump(out, watch, jump_sd) > level * max(1.0, watch[SCALE]):
                 return done + 1, True
     return len(rows), False
 
@@ -126,13 +126,13 @@ def pass_time(elapsed: float, model: Any, x: Any, columns: Any, diagonal: Any, r
         diagonal[0] = decay * diagonal[0] + (1.0 - decay) * external * external
     if walk > 0.0:
         for i in range(1, 4):
-            spread(i, walk * walk * elapsed, columns, diagonal, room)
+            add_variance(i, walk * walk * elapsed, columns, diagonal, room)
     if matrix_walk > 0.0:
         for i in range(4, m):
-            spread(i, matrix_walk * matrix_walk * elapsed, columns, diagonal, room)
+            add_variance(i, matrix_walk * matrix_walk * elapsed, columns, diagonal, room)
 
 
-def spread(i: int, variance: float, columns: Any, diagonal: Any, a: Any) -> None:
+def add_variance(i: int, variance: float, columns: Any, diagonal: Any, a: Any) -> None:
     """A variance added to number i of the state (Agee and Turner 1972); `a` is room for ten."""
     for j in range(i):
         a[j] = 0.0
@@ -150,7 +150,7 @@ def spread(i: int, variance: float, columns: Any, diagonal: Any, a: Any) -> None
             variance *= known / total
 
 
-def _predicted(h: Any, noise: float, columns: Any, diagonal: Any, f: Any) -> float:
+def _predict(h: Any, noise: float, columns: Any, diagonal: Any, f: Any) -> float:
     """The variance of a residual, h P hᵀ + noise², and f = Uᵀ h."""
     variance = noise * noise
     for j in range(len(diagonal)):
@@ -182,7 +182,7 @@ def _absorb(noise: float, columns: Any, diagonal: Any, f: Any, gain: Any) -> Non
         gain[j] /= variance
 
 
-def _watched(seen: Any, watch: Any, jump_sd: float) -> float:
+def _watch_for_jump(seen: Any, watch: Any, jump_sd: float) -> float:
     """The jump statistic with one more reading: χ² of the bias step that recent innovations show.
 
     Sums C = Σ w wᵀ and y = Σ w z, forgotten over `MEMORY_ROWS` readings, of the normalised Jacobian
@@ -216,7 +216,7 @@ def compiled() -> Callable[..., tuple[int, bool]] | None:
         extending = importlib.import_module("numba.extending")
     except ImportError:
         return None
-    for part in (pass_time, spread, _residual, _predicted, _absorb, _watched):
+    for part in (pass_time, add_variance, _residual, _predict, _absorb, _watch_for_jump):
         extending.register_jitable(part)
     kernel: Callable[..., tuple[int, bool]]
     try:

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 
 
-def wrapped_deg(angle_deg: ArrayLike) -> Array:
+def wrap_deg(angle_deg: ArrayLike) -> Array:
     """Angles brought to −180…180, 180 itself left out.
 
-    >>> wrapped_deg([350.0, -190.0, 10.0]).tolist()
+    >>> wrap_deg([350.0, -190.0, 10.0]).tolist()
     [-10.0, 170.0, 10.0]
     """
     return np.asarray((np.asarray(angle_deg, dtype=np.float64) + 180.0) % 360.0 - 180.0)

@@ -71,14 +71,15 @@ def yaw_pitch_roll(heading_deg: ArrayLike, pitch_deg: ArrayLike, roll_deg: Array
     return Rotation.from_quat(np.stack([x, y, z, w], axis=-1))
 
 
-def integrated(rotation_rate: Array, time: Array) -> Rotation:
+def integrate_rates(rotation_rate: Array, time: Array) -> Rotation:
     """The attitudes (n) that rates (n, 3), rad/s in body axes, turn through, the first one unity.
 
     Between two rows R₂ = R₁ exp(∫ω dt + Δt²/12 ω₁ × ω₂), the integral over a cubic spline: Magnus
     expansion to fourth order (Blanes, Casas, Oteo & Ros 2009). The products are formed by doubling
     (Hillis & Steele 1986).
 
-    >>> quarter = integrated(np.full((11, 3), [0.0, 0.0, np.pi / 2]), np.linspace(0, 1, 11))[-1]
+    >>> rates = np.full((11, 3), [0.0, 0.0, np.pi / 2])
+    >>> quarter = integrate_rates(rates, np.linspace(0, 1, 11))[-1]
     >>> (quarter.as_rotvec(degrees=True) + 0).round(9).tolist()
     [0.0, 0.0, 90.0]
     """

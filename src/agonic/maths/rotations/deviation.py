@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise, noise_of
-from agonic.maths.rotations.angles import wrapped_deg
+from agonic.maths.estimation.noise import Noise, estimate_noise
+from agonic.maths.rotations.angles import wrap_deg
 
 LEVEL = ("A", "B", "C", "D", "E")
 HEEL = ("roll_cos", "roll_sin", "pitch_cos", "pitch_sin")
@@ -25,10 +25,10 @@ ROSE_DEG = 45.0 * np.arange(8)
 TURN_DEG = 360.0
 
 
-def circled_deg(angle_deg: ArrayLike) -> Array:
+def wrap_360_deg(angle_deg: ArrayLike) -> Array:
     """An angle from 0 to 360, 360 left out even after rounding.
 
-    >>> circled_deg([-1e-16, 725.0]).tolist()
+    >>> wrap_360_deg([-1e-16, 725.0]).tolist()
     [0.0, 5.0]
     """
     turned = np.asarray(angle_deg, dtype=np.float64) % 360.0
@@ -61,7 +61,7 @@ def slope(
     return np.asarray(np.radians(turned + 2 * (d * np.cos(2 * psi) - e * np.sin(2 * psi))))
 
 
-def band(rows: Array, covariance: Array) -> Array:
+def compute_band(rows: Array, covariance: Array) -> Array:
     """Standard error of the curve at rows of `basis`, √(xᵀ C x)."""
     variance = np.einsum("...i,ij,...j->...", rows, covariance, rows)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
@@ -92,27 +92,29 @@ def steer(
         gain = 1 + slope(coefficients, psi, roll, pitch)
         newton = psi - excess / np.where(np.abs(gain) > 1e-3, gain, 1.0)
         psi = np.where((low < newton) & (newton < high), newton, (low + high) / 2)
-    return circled_deg(psi)
+    return wrap_360_deg(psi)
 
 
-def on_rose(compass_deg: Array, deviation_deg: Array, within_deg: float = 2.5) -> Array | None:
+def average_on_rose(
+    compass_deg: Array, deviation_deg: Array, within_deg: float = 2.5
+) -> Array | None:
     """Mean deviation at each of the eight headings, (8,); `None` where one was not steered."""
-    near = np.abs(wrapped_deg(compass_deg[:, None] - ROSE_DEG)) <= within_deg
+    near = np.abs(wrap_deg(compass_deg[:, None] - ROSE_DEG)) <= within_deg
     if not near.any(axis=0).all():
         return None
     first = deviation_deg[0]  # differences from one of them cannot wrap where the mean would
-    mean = (near * wrapped_deg(deviation_deg - first)[:, None]).sum(axis=0) / near.sum(axis=0)
-    return wrapped_deg(first + mean)
+    mean = (near * wrap_deg(deviation_deg - first)[:, None]).sum(axis=0) / near.sum(axis=0)
+    return wrap_deg(first + mean)
 
 
-def classical(deviation_deg: Array) -> Array:
+def solve_eight_headings(deviation_deg: Array) -> Array:
     """A, B, C, D, E by the eight-heading formulas, from deviations at `ROSE_DEG`, (8,).
 
     A is the mean; B, C half the difference of opposite headings on the axes; D, E a quarter of
     the difference of opposite pairs (Handbook of Magnetic Compass Adjustment, chapter V).
 
     >>> at = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])  # its figure 501
-    >>> classical(at).round(6).tolist()
+    >>> solve_eight_headings(at).round(6).tolist()
     [1.0, 12.0, 8.0, 5.0, 1.5]
     """
     n, ne, e, se, s, sw, w, nw = deviation_deg
@@ -127,7 +129,7 @@ def classical(deviation_deg: Array) -> Array:
     )
 
 
-class Solved(NamedTuple):
+class DeviationSolution(NamedTuple):
     """Coefficients of the chosen columns with what the solver saw.
 
     `covariance` (k, k) deg²; `residuals` (n,) measured less modelled, deg; `weights` (n,) 0…1;
@@ -145,7 +147,7 @@ class Solved(NamedTuple):
 
 def solve(
     rows: Array, difference_deg: Array, *, robust: bool, noise_deg: float | None = None
-) -> Solved:
+) -> DeviationSolution:
     """Least squares on wrapped differences reference − compass, in the order they were taken.
 
     `rows` (n, k) are the chosen columns of `basis`, the first of them ones. `robust` brings in
@@ -155,13 +157,13 @@ def solve(
     """
 
     def pieces(params: Array) -> list[tuple[Array, Array]]:
-        return [(wrapped_deg(rows @ params - difference_deg), rows)]
+        return [(wrap_deg(rows @ params - difference_deg), rows)]
 
     def prior(params: Array) -> tuple[Array, Array]:
         return params / TURN_DEG, np.eye(len(params)) / TURN_DEG
 
     params = np.zeros(rows.shape[1])
-    params[0] = middle_deg(difference_deg)
+    params[0] = circular_mean_deg(difference_deg)
     if robust:
         for _ in range(5):  # towards where gross errors do not reach
             scale = max(leastsq.robust_scale(pieces(params)[0][0], len(params)), 1e-6)
@@ -170,7 +172,7 @@ def solve(
             ).params
     else:
         params = leastsq.solve(pieces, params, scale=1.0, prior=prior, tolerance=1e-9).params
-    noise = noise_of(pieces(params)[0][0], robust, len(params))
+    noise = estimate_noise(pieces(params)[0][0], robust, len(params))
     for _ in range(8):
         assumed = noise
         solution = leastsq.solve(
@@ -183,13 +185,15 @@ def solve(
             tolerance=1e-6,
         )
         params = solution.params
-        noise = noise_of(solution.residuals, robust, len(params))
+        noise = estimate_noise(solution.residuals, robust, len(params))
         if noise.settled(assumed):
             break
-    return _stated(solution, assumed, noise_deg)
+    return _restate_noise(solution, assumed, noise_deg)
 
 
-def _stated(solution: leastsq.Solution, noise: Noise, noise_deg: float | None) -> Solved:
+def _restate_noise(
+    solution: leastsq.Solution, noise: Noise, noise_deg: float | None
+) -> DeviationSolution:
     """The solution with the covariance that the residuals or the stated noise give it."""
     covariance = solution.covariance
     if noise_deg is not None:
@@ -197,7 +201,7 @@ def _stated(solution: leastsq.Solution, noise: Noise, noise_deg: float | None) -
         covariance = leastsq.inverse(solution.information * (noise.sd / noise_deg) ** 2 + held)
     weights = noise.loss.weight((solution.residuals / noise.sd) ** 2)
     covariance = covariance * _slow(len(weights), len(solution.params), noise.correlation)
-    return Solved(
+    return DeviationSolution(
         solution.params,
         covariance,
         -solution.residuals,
@@ -218,10 +222,10 @@ def _slow(n: int, k: int, correlation: float) -> float:
     return float((m / max(m - k, 1.0) * max(n - k, 1) / n) ** 2) if correlation > 1.0 else 1.0
 
 
-def middle_deg(angle_deg: Array) -> float:
+def circular_mean_deg(angle_deg: Array) -> float:
     """The circular mean of angles.
 
-    >>> round(middle_deg(np.array([350.0, 20.0])), 6)
+    >>> round(circular_mean_deg(np.array([350.0, 20.0])), 6)
     5.0
     """
     turns = np.exp(1j * np.radians(angle_deg))

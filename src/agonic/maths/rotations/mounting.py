@@ -61,10 +61,10 @@ def vertical_misfit(
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
-def in_words(turn: Array) -> str:
+def describe_mounting(turn: Array) -> str:
     """What the axes of the sensor are in the vehicle.
 
-    >>> in_words(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
+    >>> describe_mounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
     'x points right, y backward, z down'
     """
     names = (("backward", "forward"), ("left", "right"), ("up", "down"))
@@ -72,29 +72,29 @@ def in_words(turn: Array) -> str:
     return f"x points {along[0]}, y {along[1]}, z {along[2]}"
 
 
-def renamed(turn: Array) -> str:
+def describe_renaming(turn: Array) -> str:
     """What is wrong with the names of axes that a turn, proper or not, puts right.
 
-    >>> renamed(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]))
+    >>> describe_renaming(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]))
     'x and y are exchanged'
-    >>> renamed(np.diag([1.0, -1, 1]))
+    >>> describe_renaming(np.diag([1.0, -1, 1]))
     'y is reversed'
-    >>> renamed(np.array([[0.0, 0, 1], [-1, 0, 0], [0, 1, 0]]))
+    >>> describe_renaming(np.array([[0.0, 0, 1], [-1, 0, 0], [0, 1, 0]]))
     'what is called x, y, z lies along −y, z, x'
     """
     along = np.argmax(np.abs(turn), axis=0)
     reversed_ = [int(i) for i in np.flatnonzero(turn.sum(axis=0) < 0)]
     moved = [int(i) for i in np.flatnonzero(along != np.arange(3))]
     if not moved and reversed_:
-        return f"{_listed(reversed_)} {'is' if len(reversed_) == 1 else 'are'} reversed"
+        return f"{_list_axes(reversed_)} {'is' if len(reversed_) == 1 else 'are'} reversed"
     if len(moved) == 2 and not reversed_:
-        return f"{_listed(moved)} are exchanged"
+        return f"{_list_axes(moved)} are exchanged"
     signs = ("−" if i in reversed_ else "" for i in range(3))
     truly = ", ".join(sign + "xyz"[i] for sign, i in zip(signs, along, strict=True))
     return f"what is called x, y, z lies along {truly}"
 
 
-def _listed(axes: list[int]) -> str:
+def _list_axes(axes: list[int]) -> str:
     """Axes by name: "x", "x and y", "x, y and z"."""
     *first, last = ("xyz"[i] for i in axes)
     return f"{', '.join(first)} and {last}" if first else last

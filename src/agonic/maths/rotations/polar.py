@@ -16,7 +16,7 @@ from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.rotations.vectors import skew
 
 
-class Turned(NamedTuple):
+class RotationPart(NamedTuple):
     """What magnitudes do not tell of W = rotation @ symmetric, and what was known at the start.
 
     `covariance` (12, 12) is of the bias, the symmetric matrix's xx yy zz xy xz yz, and the
@@ -38,10 +38,12 @@ class Turned(NamedTuple):
         return self.rotation @ symmetric, change @ whole @ change.T
 
 
-def turned(matrix: Array, covariance: Array | None, gauge: str) -> tuple[Array, Turned]:
+def split_rotation(
+    matrix: Array, covariance: Array | None, gauge: str
+) -> tuple[Array, RotationPart]:
     """S (six entries) of a matrix, and the rest; the covariance is that of the gauge's parameters.
 
-    >>> six, rest = turned(2 * np.eye(3), None, "symmetric")
+    >>> six, rest = split_rotation(2 * np.eye(3), None, "symmetric")
     >>> six.tolist(), np.allclose(rest.rotation, np.eye(3))
     ([2.0, 2.0, 2.0, 0.0, 0.0, 0.0], True)
     """
@@ -50,7 +52,7 @@ def turned(matrix: Array, covariance: Array | None, gauge: str) -> tuple[Array, 
     if covariance is not None:
         spread = np.linalg.inv(_change(rotation, symmetric)) @ _to_free(gauge)
         whole = spread @ covariance @ spread.T
-    return pack_symmetric(symmetric), Turned(rotation, whole)
+    return pack_symmetric(symmetric), RotationPart(rotation, whole)
 
 
 def _to_free(gauge: str) -> Array:

@@ -33,7 +33,7 @@ class Tilt(NamedTuple):
     cos_pitch: Array
 
 
-class Turned(NamedTuple):
+class HeadingDerivatives(NamedTuple):
     """A heading (…,) in degrees, and what it hangs on.
 
     `horizontal` and `vertical` are the intensities that were measured; `by_field` (3, …) is
@@ -58,35 +58,35 @@ def two_axis_deg(x: ArrayLike, y: ArrayLike) -> Array:
     [0.0, 90.0, 180.0, 270.0]
     """
     q = np.arctan2(-np.asarray(y, dtype=np.float64), np.asarray(x, dtype=np.float64))
-    return turn_deg(np.degrees(q))
+    return wrap_turn_deg(np.degrees(q))
 
 
-def turn_deg(angle_deg: Array) -> Array:
+def wrap_turn_deg(angle_deg: Array) -> Array:
     """Angles of −360…720 brought to 0…360, 360 itself left out.
 
-    >>> turn_deg(np.array([-90.0, 10.0, -1e-30, 360.0])).tolist()
+    >>> wrap_turn_deg(np.array([-90.0, 10.0, -1e-30, 360.0])).tolist()
     [270.0, 10.0, 0.0, 0.0]
     """
     turned = angle_deg + 360.0 * (angle_deg < 0)
     return np.asarray(turned - 360.0 * (turned >= 360.0))
 
 
-def of_angles(roll_deg: ArrayLike, pitch_deg: ArrayLike) -> Tilt:
+def tilt_from_angles(roll_deg: ArrayLike, pitch_deg: ArrayLike) -> Tilt:
     """The tilt of roll and pitch, degrees.
 
-    >>> of_angles(90.0, 0.0).sin_roll.item()
+    >>> tilt_from_angles(90.0, 0.0).sin_roll.item()
     1.0
     """
     roll, pitch = np.radians(roll_deg), np.radians(pitch_deg)
     return Tilt(*map(np.asarray, (np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch))))
 
 
-def of_down(down: Array) -> Tilt:
+def tilt_from_down(down: Array) -> Tilt:
     """The tilt in which a vector (…, 3) in body axes points down, of any length, without an angle.
 
     It is that of the order "roll-pitch"; with the nose on end roll is taken to be 0.
 
-    >>> [float(part) for part in of_down(np.array([-3.0, 0.0, 4.0]))]
+    >>> [float(part) for part in tilt_from_down(np.array([-3.0, 0.0, 4.0]))]
     [0.0, 1.0, 0.6, 0.8]
     """
     x, y, z = np.moveaxis(down, -1, 0)
@@ -98,10 +98,10 @@ def of_down(down: Array) -> Tilt:
     return Tilt(np.where(on_end, 0.0, y / divisor), cos_roll, -x / size, across / size)
 
 
-def down_of_force(specific_force: Array) -> Array:
+def down_from_force(specific_force: Array) -> Array:
     """The direction of down (…, 3), from the specific force at rest, which points up.
 
-    >>> down_of_force(np.array([0.0, 0.0, -9.8])).tolist()
+    >>> down_from_force(np.array([0.0, 0.0, -9.8])).tolist()
     [-0.0, -0.0, 1.0]
     """
     size = np.sqrt((specific_force**2).sum(axis=-1, keepdims=True))
@@ -111,14 +111,14 @@ def down_of_force(specific_force: Array) -> Array:
 def roll_pitch_deg(tilt: Tilt) -> tuple[Array, Array]:
     """Roll and pitch, degrees.
 
-    >>> [round(float(a), 9) for a in roll_pitch_deg(of_angles(-120.0, 40.0))]
+    >>> [round(float(a), 9) for a in roll_pitch_deg(tilt_from_angles(-120.0, 40.0))]
     [-120.0, 40.0]
     """
     roll = np.degrees(np.arctan2(tilt.sin_roll, tilt.cos_roll))
     return roll, np.degrees(np.arctan2(tilt.sin_pitch, tilt.cos_pitch))
 
 
-def levelled(field: Array, tilt: Tilt, order: Order = "roll-pitch") -> Array:
+def level_field(field: Array, tilt: Tilt, order: Order = "roll-pitch") -> Array:
     """The field (…, 3) in level axes: Ry(pitch) Rx(roll) b, or Rx(roll) Ry(pitch) b.
 
     In the order "pitch-roll", with pitch ρ and roll γ:
@@ -127,13 +127,13 @@ def levelled(field: Array, tilt: Tilt, order: Order = "roll-pitch") -> Array:
         y₂ = x sin γ sin ρ + y cos γ − z sin γ cos ρ
         z₂ = −x cos γ sin ρ + y sin γ + z cos γ cos ρ
 
-    >>> levelled(np.array([0.0, 1.0, 0.0]), of_angles(90.0, 0.0)).round(9).tolist()
+    >>> level_field(np.array([0.0, 1.0, 0.0]), tilt_from_angles(90.0, 0.0)).round(9).tolist()
     [0.0, 0.0, 1.0]
     """
-    return np.stack(_levelled(field, tilt, order)[:3], axis=-1)
+    return np.stack(_level(field, tilt, order)[:3], axis=-1)
 
 
-def _levelled(field: Array, tilt: Tilt, order: Order) -> tuple[Array, Array, Array, Array]:
+def _level(field: Array, tilt: Tilt, order: Order) -> tuple[Array, Array, Array, Array]:
     """The three level components, and the third component between the two turns."""
     x, y, z = np.moveaxis(field, -1, 0)
     sr, cr, sp, cp = tilt
@@ -147,10 +147,10 @@ def _levelled(field: Array, tilt: Tilt, order: Order) -> tuple[Array, Array, Arr
 def heading_deg(field: Array, tilt: Tilt, order: Order = "roll-pitch") -> Array:
     """The heading 0…360 from magnetic north, of the field (…, 3) in body axes under a tilt.
 
-    >>> heading_deg(np.array([0.0, -20.0, 40.0]), of_angles(0.0, 0.0)).item()
+    >>> heading_deg(np.array([0.0, -20.0, 40.0]), tilt_from_angles(0.0, 0.0)).item()
     90.0
     """
-    x, y = _levelled(field, tilt, order)[:2]
+    x, y = _level(field, tilt, order)[:2]
     return two_axis_deg(x, y)
 
 
@@ -171,19 +171,21 @@ def heading_by_vectors_deg(field: Array, down: Array) -> Array:
     return two_axis_deg(north_x, -east_x)
 
 
-def turned(field: Array, tilt: Tilt, order: Order = "roll-pitch") -> Turned:
+def heading_with_derivatives(
+    field: Array, tilt: Tilt, order: Order = "roll-pitch"
+) -> HeadingDerivatives:
     """The heading of the field (…, 3) under a tilt, and its derivatives.
 
     With x₂, y₂, z₂ the level field, r₁ and r₂ the first two level axes in body axes and
     h² = x₂² + y₂²: ∂ψ/∂b = (y₂ r₁ − x₂ r₂)/h². Where the body is level, an error of roll turns the
     heading by z₂/h · cos ψ, one of pitch by −z₂/h · sin ψ: the tangent of the dip times the error.
 
-    >>> dip_60 = turned(np.array([1.0, 0.0, 3**0.5]), of_angles(0.0, 0.0))
+    >>> dip_60 = heading_with_derivatives(np.array([1.0, 0.0, 3**0.5]), tilt_from_angles(0.0, 0.0))
     >>> round(float(dip_60.by_roll), 6), float(dip_60.by_pitch)
     (1.732051, 0.0)
     """
     sr, cr, sp, cp = tilt
-    x2, y2, z2, between = _levelled(field, tilt, order)
+    x2, y2, z2, between = _level(field, tilt, order)
     square = x2 * x2 + y2 * y2
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = x2 / square, y2 / square
@@ -195,4 +197,6 @@ def turned(field: Array, tilt: Tilt, order: Order = "roll-pitch") -> Turned:
         aside = x * sr
         by_field = np.stack([y * cp - aside * sp, -x * cr, y * sp + aside * cp])
         by_roll, by_pitch = x * z2, y * between - x * x2 * sr
-    return Turned(two_axis_deg(x2, y2), np.sqrt(square), z2, by_field, by_roll, by_pitch)
+    return HeadingDerivatives(
+        two_axis_deg(x2, y2), np.sqrt(square), z2, by_field, by_roll, by_pitch
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.equation.coverage import cells_of
+from agonic.maths.equation.coverage import find_cells
 from agonic.network.fit.problem import Problem, compute_errors
 from agonic.network.fit.result import Comparison, Errors
 from agonic.network.fit.solve import correlate, train
@@ -37,7 +37,7 @@ def cross_validate(problem: Problem, used: Index) -> Comparison:
         network=Errors(values=after),
         rows=used,
         block=number,
-        cell=cells_of(problem.samples.field[used] - middle),
+        cell=find_cells(problem.samples.field[used] - middle),
         regression=correlate(np.concatenate(outputs), np.concatenate(targets)),
     )
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.health import Finding, figure, gravest_first, inspect
+from agonic.health import Finding, figure, inspect, sort_findings
 from agonic.network.fit.result import WORTH, NetworkFit
 from agonic.samples import Samples
 
@@ -23,7 +23,7 @@ def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
         *_few(fit),
         *_unfinished(fit),
     ]
-    return replace(fit, findings=gravest_first(found), remarks=_remarks(fit))
+    return replace(fit, findings=sort_findings(found), remarks=_remarks(fit))
 
 
 def _compared(fit: NetworkFit) -> list[Finding]:

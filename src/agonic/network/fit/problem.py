@@ -8,11 +8,11 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import WIDTH, stacked
+from agonic.calibration.inputs import WIDTH, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError
-from agonic.health import usable_rows
-from agonic.maths.estimation.series import rates
+from agonic.health import find_usable_rows
+from agonic.maths.estimation.series import compute_rates
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.network.fit.base import BaseFit, Ends, fit_magnitudes, fit_vectors
 from agonic.network.fit.settings import Settings
@@ -80,10 +80,10 @@ def pose_problem(samples: Samples, reference: Reference, settings: Settings) -> 
     ends = Ends(samples.name, samples.unit, samples.frame, frame_out, samples.device_id)
     if base is not None:
         _require_meeting(base, ends)
-    rows = usable_rows(samples.field)
+    rows = find_usable_rows(samples.field)
     if samples.flagged is not None:
         rows &= samples.flagged == 0
-    inputs = stacked(settings.inputs, samples.field, columns)
+    inputs = stack_inputs(settings.inputs, samples.field, columns)
     _require_enough(rows, inputs, settings)
     return Problem(
         samples=samples,
@@ -102,7 +102,7 @@ def _columns(samples: Samples, settings: Settings, needs: tuple[str, ...]) -> di
     """The columns that inputs and base take, or an error that names the missing ones."""
     there = samples.columns()
     if {"time", "temperature"} <= set(there):
-        there["temperature_rate"] = rates(there["time"], there["temperature"])
+        there["temperature_rate"] = compute_rates(there["time"], there["temperature"])
     wanted = [*(name for name in settings.inputs if name != "field"), *needs]
     missing = [name for name in wanted if name not in there]
     if missing:

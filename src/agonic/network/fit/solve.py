@@ -15,9 +15,9 @@ from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import network
 from agonic.maths.estimation import domain, marquardt
-from agonic.maths.estimation.domain import shared
+from agonic.maths.estimation.domain import estimate_neighbour_covariance
 from agonic.maths.estimation.leastsq import correlation_length, robust_scale
-from agonic.maths.estimation.noise import Noise, noise_of
+from agonic.maths.estimation.noise import Noise, estimate_noise
 from agonic.network.fit.base import BaseFit
 from agonic.network.fit.input_noise import Noiseless, Scale
 from agonic.network.fit.problem import Problem, compute_errors
@@ -40,7 +40,7 @@ class Training(NamedTuple):
     """A network trained on some of the rows, what it leaves there, and how it went."""
 
     calibration: Network
-    trained: marquardt.Trained
+    trained: marquardt.Training
     noise: Noise
     residuals: Array  # (k, o) nT, of the rows it was given
     weights: Array  # (k,)
@@ -112,7 +112,7 @@ def _scale_from(start: Network) -> Scale:
 
 def _train_until_settled(
     scaled: marquardt.Problem, problem: Problem, noiseless: Noiseless, warm: Array | None
-) -> tuple[marquardt.Trained, Noise, marquardt.Problem]:
+) -> tuple[marquardt.Training, Noise, marquardt.Problem]:
     """Train until the weights of rows, and their correlation, are what they were taken for.
 
     Rows that stand out lose their weight, and any may have it back; inputs lose their noise.
@@ -129,7 +129,7 @@ def _train_until_settled(
         shown = calm.subset(seen) if held.any() else calm
         other = calm.subset(unseen) if held.any() else None
         if start is None:
-            start = marquardt.starts(
+            start = marquardt.choose_start(
                 shown, seed=settings.seed, restarts=settings.restarts, held_out=other
             )
         found = marquardt.train(
@@ -164,7 +164,7 @@ def _estimate_noise(
     What counts as one is asked of what is left times the activity of the nodes, which is what moves
     the weights: an error that lasts for minutes says little of a sensor that turns in seconds.
     """
-    noise = noise_of(left.T.ravel(), robust, len(weights))
+    noise = estimate_noise(left.T.ravel(), robust, len(weights))
     weight = np.asarray(noise.loss.weight((left / noise.sd) ** 2).min(axis=1))
     if noise.correlation > _LASTING:
         hidden, _ = network.split(weights, scaled.shape)
@@ -185,7 +185,7 @@ def _estimate_unmodelled(
     outputs: Array,
     kept: Mask,
     noise: Noise,
-    found: marquardt.Trained,
+    found: marquardt.Training,
 ) -> float:
     """What the network leaves that is no noise, scaled: neighbours share it.
 
@@ -193,7 +193,7 @@ def _estimate_unmodelled(
     """
     left = (outputs - scaled.target)[kept]
     taken = noise.sd**2 * found.effective * noise.correlation / left.size
-    found_square, error = shared(left, scaled.x[kept])
+    found_square, error = estimate_neighbour_covariance(left, scaled.x[kept])
     square = found_square + taken
     return float(np.sqrt(square)) if square > error else 0.0
 
@@ -216,7 +216,7 @@ def _network(
     problem: Problem,
     base: Affine | Thermal | None,
     scale: Scale,
-    found: marquardt.Trained,
+    found: marquardt.Training,
     noise: Noise,
     scaled: marquardt.Problem,
     outputs: Array,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise, noise_of
+from agonic.maths.estimation.noise import Noise, estimate_noise
 
 _ROUNDS = 6
 
@@ -22,7 +22,7 @@ def solve_with_noise(
     Parameters: `scale` of the residuals at first; `robust` down-weights outliers.
     """
     solution = leastsq.solve(pieces, start, scale=scale, prior=prior)
-    noise = noise_of(solution.residuals, robust, len(start))
+    noise = estimate_noise(solution.residuals, robust, len(start))
     for _ in range(_ROUNDS):
         solution = leastsq.solve(
             pieces,
@@ -32,7 +32,7 @@ def solve_with_noise(
             prior=prior,
             correlation=noise.correlation,
         )
-        found = noise_of(solution.residuals, robust, len(start))
+        found = estimate_noise(solution.residuals, robust, len(start))
         if found.settled(noise):
             break
         noise = found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration, beside
+from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
 from agonic.calibration.network import Network
 from agonic.network.fit import NetworkChoice, NetworkFit
@@ -162,8 +162,8 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> list
     raw = samples.field
     if isinstance(calibration, Chain):
         for step in calibration.steps[: calibration.steps.index(network)]:
-            raw = step.correct(raw, **beside(step, samples))
-    share = network.inside(raw, **beside(network, samples))
+            raw = step.correct(raw, **select_columns(step, samples))
+    share = network.inside(raw, **select_columns(network, samples))
     outside = percent(float((share < 0.5).mean()))
     of = f"{outside} of {counted(len(share), 'reading')} lie so far from what the network was "
     keys = {"range": "least to largest", "mean": "mean"}

@@ -94,7 +94,7 @@ def start(running: Running | None, params: RetrainerParams) -> RetrainerState:
     return RetrainerState(
         running=running,
         window=nothing,
-        watch=cusum.fresh(channels),
+        watch=cusum.start_sums(channels),
         wait=params.fewest,
         noise=running.noise if isinstance(running, Network) else None,
         unit="nT" if running is None else running.unit_in,
@@ -157,7 +157,7 @@ def close_retraining(
             settling=settling,
             onset=None,
             early=False,
-            watch=cusum.fresh(state.window.wanted.shape[1]),
+            watch=cusum.start_sums(state.window.wanted.shape[1]),
             retrainings=(*state.retrainings, done)[-KEPT:],
             accepted=state.accepted + done.accepted,
             rejected=state.rejected + (not done.accepted),

@@ -49,7 +49,7 @@ def _described(log: Log) -> dict[str, Any]:
 def _sensor(samples: Samples) -> dict[str, Any]:
     import numpy as np
 
-    from agonic.health import describe, step
+    from agonic.health import describe, find_quantisation
 
     time = samples.time
     rate = None if time is None or len(time) < 2 else 1 / float(np.median(np.diff(time)))
@@ -62,7 +62,7 @@ def _sensor(samples: Samples) -> dict[str, Any]:
         "unit": samples.unit,
         "frame": samples.frame,
         "device_id": samples.device_id,
-        "step": step(samples.field),
+        "step": find_quantisation(samples.field),
         "range": [samples.field.min(axis=0), samples.field.max(axis=0)],
         "columns": list(samples.columns()),
         "corrected": None if samples.logged is None else samples.logged.source,

@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.maths.equation.affine import magnitude_residual
-from agonic.maths.equation.coverage import cells_of, icosphere
+from agonic.maths.equation.coverage import find_cells, icosphere
 from agonic.recording.calibrated import Calibrated
 from agonic.report.digits import grouped, quantity, signed
 from agonic.report.labels import unit_label
@@ -91,7 +91,7 @@ def _distances(result: Calibrated) -> Array:
 
 
 def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:
-    cells = cells_of(result.corrected)
+    cells = find_cells(result.corrected)
     total = np.bincount(cells, weights, minlength=80)
     sums = np.bincount(cells, weights * values, minlength=80)
     means = np.full(80, np.nan)

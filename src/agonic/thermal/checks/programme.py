@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health import Finding, figure, gravest_first
+from agonic.health import Finding, figure, sort_findings
 from agonic.thermal.campaign.description import name_stations
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
@@ -268,4 +268,4 @@ def _find_gaps(time: Array | None) -> Array:
 def list_findings(findings: Iterable[Finding]) -> str:
     """Findings one under the other, gravest first; "" where there are none."""
     signs = {"refuse": "✗", "check": "!", "note": "·"}
-    return "\n".join(f"{signs[f.severity]} {f.name}: {f.sentence}" for f in gravest_first(findings))
+    return "\n".join(f"{signs[f.severity]} {f.name}: {f.sentence}" for f in sort_findings(findings))

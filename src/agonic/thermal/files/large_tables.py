@@ -28,7 +28,7 @@ from agonic.logs.columns import identified, positions, understood
 from agonic.logs.formats import PARQUET, TEXT
 from agonic.logs.read import open_log
 from agonic.logs.table import log_of_table
-from agonic.provenance import Input, sha256_of
+from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 
 Table = dict[str, NDArray[Any]]
@@ -86,7 +86,7 @@ def read_recording(path: Path, unit: str | None = None) -> RecordedFile:
         return RecordedFile(parts=(part,), source=log.source, notes=log.notes)
     try:
         table, notes = _read_table(path, head, is_parquet)
-        source = Input(name=path.name, sha256=sha256_of(path), count=len(_take_first(table)))
+        source = Input(name=path.name, sha256=hash_file(path), count=len(_take_first(table)))
         parts = tuple(_split_table(table, path, source, unit))
     except LogError as error:
         raise error if error.path else LogError(str(error), path=path) from error

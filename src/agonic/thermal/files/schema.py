@@ -51,7 +51,7 @@ from agonic.thermal.campaign.description import Description, Station, find_repea
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.campaign.standard import list_standard_stations
-from agonic.units import canonical
+from agonic.units import find_unit
 
 FILE_NAME = "campaign.toml"
 
@@ -203,7 +203,7 @@ def _check_values(head: Any, field: Any, sensors: list[Any], mistakes: list[str]
     """Units that exist, and numbers above zero."""
     units = [("the file", head.unit if head else None), *((s.name, s.unit) for s in sensors)]
     for where, unit in units:
-        tried(lambda unit=unit: canonical(unit) if unit else "", where, mistakes)  # type: ignore[misc]
+        tried(lambda unit=unit: find_unit(unit) if unit else "", where, mistakes)  # type: ignore[misc]
     above = [("rate_Hz", head.rate_Hz if head else None)]
     above += [("magnitude_nT", field.magnitude_nT if field else None)]
     above += [(f"{sensor.name}: noise_nT", sensor.noise_nT) for sensor in sensors]

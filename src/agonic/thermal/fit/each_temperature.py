@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.equation import model, polynomial
-from agonic.maths.estimation.series import running_mean
+from agonic.maths.estimation.series import compute_running_mean
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.result import Bins, Hysteresis
 from agonic.thermal.fit.settings import LARGEST_AUTO
@@ -51,12 +51,12 @@ def _move_to_middles(
 ) -> Array:
     """The normalised means as they would be at the middle of their bins."""
     onto = problem.layout
-    bias, matrix = model.local(coefficients, onto, problem.phi)
+    bias, matrix = model.evaluate_local(coefficients, onto, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
-    phi = model.covariates(
+    phi = model.build_covariates(
         of.scale.x(to), 0.0, problem.degree, problem.phi[:, -1] if problem.rate else None
     )
-    bias_to, matrix_to = model.local(coefficients, onto, phi)
+    bias_to, matrix_to = model.evaluate_local(coefficients, onto, phi)
     there = bias_to + np.linalg.solve(matrix_to, u[:, :, None])[:, :, 0]
     return np.asarray(there)
 
@@ -95,13 +95,13 @@ def compute_variances(by: EachTemperature, of: ChamberReadings) -> Array | None:
     x, values, sd = _stack(by, of)
     if len(x) < 2 * (LARGEST_AUTO + 1):
         return None
-    return polynomial.variances(x, values, sd, LARGEST_AUTO)
+    return polynomial.compute_variances(x, values, sd, LARGEST_AUTO)
 
 
 def choose_degree(by: EachTemperature, of: ChamberReadings, otherwise: int = 3) -> int:
     """The smallest order after which no variance falls markedly."""
     found = compute_variances(by, of)
-    return otherwise if found is None else polynomial.order_of(found, len(_stack(by, of)[0]))
+    return otherwise if found is None else polynomial.choose_order(found, len(_stack(by, of)[0]))
 
 
 def _stack(by: EachTemperature, of: ChamberReadings) -> tuple[Array, Array, Array]:
@@ -151,7 +151,7 @@ def compute_hysteresis(of: Bins) -> Hysteresis | None:
     weight = 1 / variance
     total = weight.sum(axis=0)
     step = float(np.median(np.diff(of.temperature[both])))
-    smooth = running_mean(difference, max(round(_SMOOTH_C / max(step, 1e-9)), 1))
+    smooth = compute_running_mean(difference, max(round(_SMOOTH_C / max(step, 1e-9)), 1))
     return Hysteresis(
         difference=(weight * difference).sum(axis=0) / total,
         sd=1 / np.sqrt(total),

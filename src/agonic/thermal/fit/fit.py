@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.health import Finding, figure, gravest_first
+from agonic.health import Finding, figure, sort_findings
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -128,7 +128,7 @@ def fit_binned(
         *recordings.judge_recordings(sums, left_out, chosen),
         *evidence.judge_fit(fit, of, sums, result.turns),
     ]
-    fit = replace(fit, findings=gravest_first(findings))
+    fit = replace(fit, findings=sort_findings(findings))
     return fit if fit.verdict == "refused" else replace(fit, remarks=_make_remarks(fit, reference))
 
 

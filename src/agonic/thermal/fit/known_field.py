@@ -46,7 +46,7 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     scale = _Scale(samples.field, field, low, high)
     rate = None
     if settings.rate is not False and samples.time is not None:
-        rate = series.rates(samples.time, level)
+        rate = series.compute_rates(samples.time, level)
     posed, estimate, tests, curve = _estimate(
         samples.field, field, level, rate, scale, settings, samples.unit
     )
@@ -66,7 +66,7 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
         weights=estimate.weights,
         temperature=level,
         station=np.zeros(len(samples), dtype=np.intp),
-        heating=series.heating(level),
+        heating=series.find_heating(level),
         noise=estimate.noise.sd * scale.size,
         excess=0.0,
         correlation=estimate.noise.correlation,
@@ -147,7 +147,7 @@ def _estimate(
 
     def posed(degree: int, with_rate: bool) -> vector_coil.KnownFieldProblem:
         lag = rate / scale.pace if with_rate and rate is not None else None
-        phi = model.covariates(scale.x(level), 0.0, degree, lag)
+        phi = model.build_covariates(scale.x(level), 0.0, degree, lag)
         return vector_coil.KnownFieldProblem(points, fields, phi, degree, with_rate)
 
     curve: Array | None = None
@@ -253,7 +253,7 @@ def _compute_rms(
 ) -> float:
     columns = {"temperature": level}
     if calibration.rate is not None and samples.time is not None:
-        columns["temperature_rate"] = series.rates(samples.time, level)
+        columns["temperature_rate"] = series.compute_rates(samples.time, level)
     left = calibration.correct(samples.field, **columns) - field
     return float(np.sqrt(np.mean(left[kept] ** 2)))
 

@@ -129,7 +129,7 @@ def make_problem(
     """The kernel's problem, without turns."""
     cells, scale = of.cells, of.scale
     x, spread = scale.x(cells.temperature), cells.variance / scale.half_C**2
-    phi = model.covariates(x, spread, degree, cells.rate / scale.pace if rate else None)
+    phi = model.build_covariates(x, spread, degree, cells.rate / scale.pace if rate else None)
     clock = cells.time
     pace = (clock - (clock.min() + clock.max()) / 2) / max(float(np.ptp(clock)), 1e-9)
     return station_residuals.StationProblem(

@@ -38,7 +38,7 @@ def compute_spread(cells: Cells, calibration: Thermal) -> Spread:
 
 def _correct_cells(cells: Cells, calibration: Thermal) -> tuple[Array, Array]:
     """Mean (m, 3) and covariance (m, 3, 3) of the corrected readings of each cell."""
-    x = polynomial.scaled(cells.temperature, calibration.centre_C, calibration.half_range_C)
+    x = polynomial.scale(cells.temperature, calibration.centre_C, calibration.half_range_C)
     over = cells.variance / calibration.half_range_C**2
     phi = polynomial.mean_powers(x, over, calibration.degree)
     slope = polynomial.derivative(x, calibration.degree) / calibration.half_range_C

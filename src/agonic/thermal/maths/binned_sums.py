@@ -131,11 +131,13 @@ class Binned:
             for which a piece should hold a station's whole recording.
         keep_anomalies : leave readings in that stand out of the running median.
         """
-        stray = series.anomalous(field) if not keep_anomalies else np.zeros(len(field), dtype=bool)
+        stray = (
+            series.find_anomalies(field) if not keep_anomalies else np.zeros(len(field), dtype=bool)
+        )
         if heating is None:
-            heating = series.heating(temperature)
+            heating = series.find_heating(temperature)
         rising = np.broadcast_to(np.asarray(heating, dtype=bool), temperature.shape)
-        rate = np.zeros(len(field)) if time is None else series.rates(time, temperature)
+        rate = np.zeros(len(field)) if time is None else series.compute_rates(time, temperature)
         clock = np.full(len(field), np.nan) if time is None else time
         seen = StationRecord(
             int((~stray).sum()),

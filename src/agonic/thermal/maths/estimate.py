@@ -14,8 +14,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.model_averaging import averaged
-from agonic.maths.estimation.noise import noise_of
+from agonic.maths.estimation.model_averaging import average_over_term
+from agonic.maths.estimation.noise import estimate_noise
 from agonic.thermal.maths import fixture, gaussian_process
 from agonic.thermal.maths.prior import make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (
@@ -128,7 +128,7 @@ def _iterate(
         left, variance = compute_residuals(problem, state)
         freedom = _count_parameters(solution) + round(taken)
         excess = _estimate_excess(left, variance, freedom)
-        noise = noise_of(_whiten(left, variance + excess).T.ravel(), True, freedom)
+        noise = estimate_noise(_whiten(left, variance + excess).T.ravel(), True, freedom)
         same = abs(excess - before.excess) <= 1e-2 * (excess + float(np.median(variance)))
         calm = abs(np.log(noise.correlation / correlation)) < 0.05
         rested = abs(state.fixture_sd / before.fixture_sd - 1) < 0.02
@@ -255,7 +255,7 @@ def _summarise(
     found, covariance = solution.params, solution.covariance
     if drift and not problem.drifting:
         likely = LIKELY if state.slow.gain > UNREST else RARE
-        found, covariance, _ = averaged(found, covariance, slice(a, a + drift), likely)
+        found, covariance, _ = average_over_term(found, covariance, slice(a, a + drift), likely)
         state, _ = _renew_slow_changes(problem, _move(problem, state, found), (state.slow.kind,))
     left, variance = compute_residuals(problem, state)
     q = _whiten(left, variance + state.excess) ** 2

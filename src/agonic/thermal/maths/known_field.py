@@ -15,7 +15,7 @@ from agonic.arrays import Array
 from agonic.maths.equation import model
 from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise, noise_of
+from agonic.maths.estimation.noise import Noise, estimate_noise
 
 _ROWS = 4096  # a block whose temporaries stay in the cache
 
@@ -32,7 +32,7 @@ class KnownFieldProblem(NamedTuple):
     @property
     def layout(self) -> Array:
         """From the coefficients to the local numbers: all nine entries of the matrix are free."""
-        return model.layout(self.degree, FREE, self.rate)
+        return model.build_layout(self.degree, FREE, self.rate)
 
 
 class KnownFieldEstimate(NamedTuple):
@@ -52,11 +52,13 @@ def make_pieces(problem: KnownFieldProblem) -> leastsq.Pieces:
         for start in range(0, len(problem.points), _ROWS):
             rows = slice(start, start + _ROWS)
             phi = problem.phi[rows]
-            bias, matrix = model.local(params, onto, phi)
+            bias, matrix = model.evaluate_local(params, onto, phi)
             r, jacobian, _ = model.reading_residual(
                 problem.points[rows], bias, matrix, problem.field[rows]
             )
-            by = model.by_coefficients(jacobian.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
+            by = model.chain_to_coefficients(
+                jacobian.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0)
+            )
             yield r.ravel(), by
 
     return blocks
@@ -105,4 +107,4 @@ def estimate(problem: KnownFieldProblem, *, robust: bool = True) -> KnownFieldEs
 
 def _estimate_noise(residuals: Array, robust: bool, parameters: int) -> Noise:
     """The noise of residuals, three to a row: each axis in time order, one after the other."""
-    return noise_of(residuals.reshape(-1, 3).T.ravel(), robust, parameters)
+    return estimate_noise(residuals.reshape(-1, 3).T.ravel(), robust, parameters)

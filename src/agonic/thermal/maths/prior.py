@@ -24,7 +24,7 @@ def _make_common_prior(problem: StationProblem, state: State, more: int) -> leas
     with `more` others last.
     """
     width = len(state.drift)
-    rows = model.belief(problem.gauge, problem.degree, problem.soft_iron_sd)
+    rows = model.weak_prior(problem.gauge, problem.degree, problem.soft_iron_sd)
     a = problem.layout.shape[1]
     jacobian = np.zeros((len(rows) + width, a + width + more))
     jacobian[: len(rows), : rows.shape[1]] = rows

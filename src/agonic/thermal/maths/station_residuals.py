@@ -50,7 +50,7 @@ class StationProblem(NamedTuple):
     @property
     def layout(self) -> Array:
         """From the coefficients to the local numbers."""
-        return model.layout(self.degree, self.gauge, self.rate)
+        return model.build_layout(self.degree, self.gauge, self.rate)
 
     @property
     def stations(self) -> int:
@@ -85,7 +85,7 @@ class State(NamedTuple):
 
 def find_directions(problem: StationProblem, coefficients: Array) -> Array:
     """The mean direction (k, 3) of the corrected field at each station."""
-    bias, matrix = model.local(coefficients, problem.layout, problem.phi)
+    bias, matrix = model.evaluate_local(coefficients, problem.layout, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
     total = np.zeros((problem.stations, 3))
     np.add.at(total, problem.station, u)
@@ -102,7 +102,7 @@ def collect_parameters(state: State, a: int) -> Array:
 
 def compute_residuals(problem: StationProblem, state: State) -> tuple[Array, Array]:
     """Residuals as they are, (m, 1) or (m, 3), and the variance of the noise in each."""
-    bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = model.evaluate_local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
         unit, spread = _find_directions_and_variance(problem, bias, matrix)
         changed = problem.clock @ state.drift + state.followed[:, 0]
@@ -169,7 +169,7 @@ def _rotate_to_sensor(problem: StationProblem, poses: Poses) -> Array:
 def project_changes(problem: StationProblem, state: State) -> gaussian_process.StationSpaces:
     """What slow changes of the field look like in the whitened residuals of each station."""
     assert problem.course is not None
-    bias, matrix = model.local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = model.evaluate_local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
         by_field = -_weigh_magnitudes(problem, state, bias, matrix)[:, None, None]
     else:
@@ -210,17 +210,17 @@ def _make_magnitude_pieces(problem: StationProblem, state: State) -> leastsq.Pie
     """Residuals of the magnitude over their standard deviations at the state."""
     onto = problem.layout
     a = onto.shape[1]
-    bias, matrix = model.local(state.coefficients, onto, problem.phi)
+    bias, matrix = model.evaluate_local(state.coefficients, onto, problem.phi)
     unit, _ = _find_directions_and_variance(problem, bias, matrix)
     weight, clock = _weigh_magnitudes(problem, state, bias, matrix), problem.clock
     calmed = _make_whitener(problem, state)
     wanted = _expect_magnitude(problem, matrix, unit)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = model.local(params[:a], onto, problem.phi)
+        bias, matrix = model.evaluate_local(params[:a], onto, problem.phi)
         expected = wanted + clock @ params[a:]
         r, jacobian = _compute_log_residual(problem, bias, matrix, expected)
-        by = model.by_coefficients(jacobian, onto, problem.phi)
+        by = model.chain_to_coefficients(jacobian, onto, problem.phi)
         rows = np.concatenate([by, -clock / expected[:, None]], axis=1) * weight[:, None]
         yield calmed(r * weight), calmed(rows)
 
@@ -238,7 +238,7 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
     places = np.arange(m)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = model.local(params[:a], onto, problem.phi)
+        bias, matrix = model.evaluate_local(params[:a], onto, problem.phi)
         steps = params[a + width : a + width + 2 * k].reshape(k, 2)
         seen, sway = fixture.move_on_sphere(poses.directions, tangent, steps)
         field = seen[problem.station]
@@ -247,9 +247,9 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
         r, by_local, inverse = model.reading_residual(problem.points, bias, matrix, field)
         jacobian = np.zeros((m, 3, len(params)))
         phi = np.repeat(problem.phi, 3, axis=0)
-        jacobian[:, :, :a] = model.by_coefficients(by_local.reshape(-1, 12), onto, phi).reshape(
-            m, 3, a
-        )
+        jacobian[:, :, :a] = model.chain_to_coefficients(
+            by_local.reshape(-1, 12), onto, phi
+        ).reshape(m, 3, a)
         by_field = -inverse @ turning
         jacobian[:, :, a : a + width] = np.einsum("mij,md->midj", by_field, clock).reshape(
             m, 3, width
