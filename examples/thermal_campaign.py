@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import agonic as ag
-from agonic.thermal.plan.page import plan_page
+from agonic.thermal.plan.document import describe_plan
 
 PUBLISHED = {
     "MMC5883MA-1": (5.44, 24.58, 1.11, 12.42),
@@ -22,7 +22,7 @@ PUBLISHED = {
 }  # largest of twelve standard deviations before over after: x, y, z, |B|
 
 plan = ag.plan_thermal("2xMMC5883MA,3xMPU-9255", range_C=(-10, 50), rate_Hz=0.2)
-Path("plan.html").write_text(plan_page(plan), encoding="utf-8")
+Path("plan.html").write_text(describe_plan(plan).to_html(), encoding="utf-8")
 print(f"{len(plan.stations)} stations, {plan.duration_s / 3600:.0f} h")
 
 made = ag.simulate_campaign(plan, field_sd=50.0, seed=1)

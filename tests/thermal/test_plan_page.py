@@ -7,10 +7,9 @@ import pytest
 
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.thermal.campaign.standard import list_standard_stations
-from agonic.thermal.plan.drawings import FACES, draw_pose, draw_profile
-from agonic.thermal.plan.page import plan_page
+from agonic.thermal.plan.document import describe_plan
+from agonic.thermal.plan.figures import FACES, draw_pose, draw_profile
 from agonic.thermal.plan.plan import plan_thermal
-from agonic.thermal.plan.text import plan_text
 
 SENSORS = "2xMMC5883MA,3xMPU-9255"
 
@@ -61,10 +60,10 @@ def test_the_profile_is_drawn_to_scale(plan) -> None:
 
 
 def test_the_text_says_everything(plan) -> None:
-    text = plan_text(plan)
-    assert text.splitlines()[0] == "12 stations, 5 sensors, -10 to +50 °C: 53 h 20 min in all"
+    text = describe_plan(plan).to_text()
+    assert text.splitlines()[0] == "12 stations, 5 sensors, −10 to +50 °C: 53 h 20 min in all"
     for said in (
-        "cool to -10 °C in 120 min (0.5 °C/min)",
+        "cool to −10 °C in 120 min (0.5 °C/min)",
         "tip it 90° away from you",
         "8 640 000",
         "2 × MMC5883MA",
@@ -79,13 +78,13 @@ def test_stations_that_determine_nothing_are_warned_of(plan) -> None:
     from agonic.thermal.campaign.description import Station
 
     flat = [Station(number=k, rot_nb=yaw_pitch_roll(30.0 * k, 0, 0)) for k in range(1, 13)]
-    assert "do not determine" in plan_text(plan_thermal("MPU-9255", stations=flat))
-    assert "do not determine" not in plan_text(plan)
+    assert "do not determine" in describe_plan(plan_thermal("MPU-9255", stations=flat)).to_text()
+    assert "do not determine" not in describe_plan(plan).to_text()
 
 
 @pytest.mark.parametrize("width", [360, 768, 1200])
 def test_the_page_fits_every_width_and_fetches_nothing(opened, plan, width) -> None:
-    page = opened(plan_page(plan), viewport={"width": width, "height": 900})
+    page = opened(describe_plan(plan).to_html(), viewport={"width": width, "height": 900})
     assert page.evaluate("document.documentElement.scrollWidth") == width
     assert [url for url in page.requests if not url.startswith("data:")] == [page.url]
     assert page.complaints == []
@@ -93,7 +92,7 @@ def test_the_page_fits_every_width_and_fetches_nothing(opened, plan, width) -> N
 
 
 def test_it_prints_in_ink_on_a_few_sheets(opened, plan) -> None:
-    page = opened(plan_page(plan), color_scheme="dark")
+    page = opened(describe_plan(plan).to_html(), color_scheme="dark")
     printed = page.pdf(prefer_css_page_size=True)
     assert len(re.findall(rb"/Type\s*/Page\b", printed)) <= 4
     page.emulate_media(media="print")
@@ -102,6 +101,6 @@ def test_it_prints_in_ink_on_a_few_sheets(opened, plan) -> None:
 
 def test_an_evil_name_is_text(opened) -> None:
     evil = "</title><script>alert(1)</script>"
-    page = opened(plan_page(plan_thermal("MPU-9255", name=evil)))
+    page = opened(describe_plan(plan_thermal("MPU-9255", name=evil)).to_html())
     assert page.locator("h1").inner_text() == evil
     assert page.locator("script").count() == 0

@@ -14,7 +14,7 @@ from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.report.digits import MINUS, THIN
 from agonic.thermal import figures
 from agonic.thermal.all_sensors import calibrate_campaign
-from agonic.thermal.page import campaign_page, thermal_page
+from agonic.thermal.document import campaign_page, describe_calibration
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 from agonic.thermal.simulation.campaign import simulate_campaign
 
@@ -61,9 +61,9 @@ def test_other_ratios_stand_beside_under_their_own_words(result) -> None:
 
 def test_every_bin_is_a_dot_where_it_belongs(result) -> None:
     fit = result.sensors[0].fit
-    curve = figures.curves(fit.calibration)[4]
-    cooling, heating = figures.dots_of(fit.bins, 4)
-    drawn = figures.coefficient(curve, (cooling, heating))
+    curve = figures.evaluate_coefficients(fit.calibration)[4]
+    cooling, heating = figures.select_dots(fit.bins, 4)
+    drawn = figures.draw_coefficient(curve, (cooling, heating))
     (d,) = re.findall(r'<path d="([^"]*)" class="dots cooling">', drawn)
     places = np.array([[float(v) for v in at.split()] for at in re.findall(r"M([\d. ]+)h0", d)])
     assert len(places) == np.isfinite(fit.bins.cooling[:, 4]).sum()
@@ -77,8 +77,8 @@ def test_every_bin_is_a_dot_where_it_belongs(result) -> None:
 
 def test_what_the_polynomial_leaves_is_bin_less_curve(result) -> None:
     fit = result.sensors[0].fit
-    curve = figures.curves(fit.calibration)[0]
-    (left, _) = figures.dots_of(fit.bins, 0, less=curve)
+    curve = figures.evaluate_coefficients(fit.calibration)[0]
+    (left, _) = figures.select_dots(fit.bins, 0, less=curve)
     there = np.isin(fit.bins.temperature, left.temperature)
     exact = fit.bins.cooling[there, 0] - fit.calibration.bias_at(left.temperature)[:, 0]
     scale = np.ptp(curve.value)
@@ -87,7 +87,7 @@ def test_what_the_polynomial_leaves_is_bin_less_curve(result) -> None:
 
 def test_the_curve_and_band_are_the_calibrations(result) -> None:
     calibration = result.sensors[0].fit.calibration
-    for k, curve in enumerate(figures.curves(calibration)):
+    for k, curve in enumerate(figures.evaluate_coefficients(calibration)):
         nine = np.array(
             [
                 np.concatenate(
@@ -163,7 +163,7 @@ def test_a_calibration_without_covariance_or_range_is_drawn_too() -> None:
         unit_in="raw",
         gauge="free",
     )
-    page = thermal_page(bare, bare)
+    page = describe_calibration(bare, bare).to_html()
     assert page.count('class="plot small"') == 12
     assert "key band" not in page
     assert "bias x, raw units" in page

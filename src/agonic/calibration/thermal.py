@@ -106,6 +106,17 @@ class Thermal:
         """Standard deviations of `parameters`."""
         return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
 
+    @property
+    def range_C(self) -> tuple[float, float]:
+        """The temperatures that it was made from."""
+        low, high = self.centre_C - self.half_range_C, self.centre_C + self.half_range_C
+        return self.validity.temperature_C or (low, high)
+
+    @property
+    def mean_gain(self) -> float:
+        """The mean of the diagonal of the matrix at the centre of the range."""
+        return float(np.trace(self.matrix[0]) / 3)
+
     def bias_at(self, temperature: ArrayLike) -> Array:
         """The bias (…, 3) at temperatures (…), °C, that do not change."""
         return np.asarray(self._powers(temperature) @ self.bias)

@@ -93,7 +93,7 @@ def _thermal(
     from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
     from agonic.console.place import expected
-    from agonic.thermal.page import thermal_page
+    from agonic.thermal.document import describe_calibration
     from agonic.verification import verify
 
     samples, verification = None, None
@@ -103,10 +103,10 @@ def _thermal(
         known = reference if calibration.unit_out == "nT" else None
         verification = verify(calibration, samples, known)
     title = cal.name if samples is None else f"{cal.name} on {samples.name}"
-    page = thermal_page(
+    document = describe_calibration(
         calibration, thermal, title=title, samples=samples, verification=verification
     )
-    path = write_atomically(out or cal.with_suffix(".html"), page)
+    path = write_atomically(out or cal.with_suffix(".html"), document.to_html())
     good = verification is None or verification.passed
     if as_json:
         checks = [] if verification is None else [asdict(c) for c in verification.checks]

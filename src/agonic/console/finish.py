@@ -39,7 +39,7 @@ def finish(
         say(document.to_text())
         if written:
             say(f"\nWritten   {', '.join(written)}")
-        elif document.calibration is not None:
+        elif document.calibration is not None or document.sensors:
             say("\nNothing was written.")
     return 0 if document.good else 1
 

@@ -160,7 +160,7 @@ def _average_windows(
     key, where = np.unique(cells.number * WINDOWS + place, return_inverse=True)
     count = np.bincount(where, cells.n)
     sums = np.stack([np.bincount(where, cells.n * column) for column in values.T], axis=1)
-    gain = float(np.trace(calibration.matrix[0]) / 3)
+    gain = calibration.mean_gain
     return _Windows(key, sums / count[:, None], (gain * seen.fit.noise) ** 2 / count)
 
 

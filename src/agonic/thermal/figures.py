@@ -7,23 +7,41 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.thermal import Thermal
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup
-from agonic.report.strips import Axis, down, level, path, plot, points, right
+from agonic.report.markup import Markup, element
+from agonic.report.strips import (
+    BINS,
+    Axis,
+    Columns,
+    captioned,
+    down,
+    level,
+    marked,
+    path,
+    plot,
+    points,
+    right,
+    spread,
+)
 from agonic.report.time_axis import along_time
+from agonic.samples import Samples
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
-from agonic.thermal.fit.result import Bins, Spread
+from agonic.thermal.fit.result import Bins, Spread, ThermalFit
+from agonic.verification import Verification
 
+COMPONENTS = ("x", "y", "z", "|B|")
 LEVELS = 61
 """Temperatures at which a curve is drawn."""
 MOST_DOTS = 240
 _ENTRIES = {"x": 0, "y": 1, "z": 2}
+_MOST = 180
+"""Columns along the temperature."""
 _LEAST_VARIANCE = 1e-3
-_STRAY = 8.0  # median distances from the curve
+_OUTLIER = 8.0  # median distances from the curve
 
 
 class Curve(NamedTuple):
@@ -49,14 +67,15 @@ class Dots(NamedTuple):
     kind: str
 
 
-def curves(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
+def evaluate_coefficients(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
     """Every coefficient over the range that was seen, bias first.
 
     >>> flat = Thermal(bias=[[1, 2, 3]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
-    >>> [curve.name for curve in curves(flat)][:4], float(curves(flat)[1].value[0])
+    >>> curves = evaluate_coefficients(flat)
+    >>> [curve.name for curve in curves][:4], float(curves[1].value[0])
     (['bias x', 'bias y', 'bias z', 'matrix xx'], 2.0)
     """
-    at = np.linspace(*seen_range(calibration), LEVELS) if temperature is None else temperature
+    at = np.linspace(*calibration.range_C, LEVELS) if temperature is None else temperature
     names = FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS
     bias, matrix = calibration.bias_at(at), calibration.matrix_at(at)
     sd = None if calibration.covariance is None else calibration.sd_at(at)
@@ -71,14 +90,7 @@ def curves(calibration: Thermal, temperature: Array | None = None) -> list[Curve
     return made
 
 
-def seen_range(calibration: Thermal) -> tuple[float, float]:
-    """The temperatures that the calibration was made from, °C."""
-    half = calibration.half_range_C
-    around = (calibration.centre_C - half, calibration.centre_C + half)
-    return calibration.validity.temperature_C or around
-
-
-def dots_of(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[Dots, ...]:
+def select_dots(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[Dots, ...]:
     """The values of each bin while cooling and heating; `less` the curve where one is given."""
     if bins is None or k >= bins.cooling.shape[1]:
         return ()
@@ -97,66 +109,66 @@ def dots_of(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[Dots,
     return tuple(made)
 
 
-def coefficient(curve: Curve, dots: Sequence[Dots]) -> Markup:
+def draw_coefficient(curve: Curve, dots: Sequence[Dots]) -> Markup:
     """One coefficient over temperature: dots of the bins, the polynomial and its band."""
     low, high = float(curve.temperature[0]), float(curve.temperature[-1])
     margin = 0.03 * max(high - low, 1e-9)
     x = Axis("°C", low - margin, high + margin)
     reach = np.zeros(len(curve.value)) if curve.sd is None else 2 * curve.sd
     shown = [curve.value - reach, curve.value + reach]
-    shown += [_usual(curve, d) for d in dots if len(d.values)]
-    y = _around(curve.label, np.concatenate(shown))
+    shown += [_leave_out_outliers(curve, d) for d in dots if len(d.values)]
+    y = _fit_axis(curve.label, np.concatenate(shown))
     layers = []
     if curve.sd is not None:
-        layers.append(_band(x, y, curve.temperature, curve.value - reach, curve.value + reach))
-    layers += [_dotted(x, y, d) for d in dots]
+        layers.append(_draw_band(x, y, curve.temperature, curve.value - reach, curve.value + reach))
+    layers += [_draw_dots(x, y, d) for d in dots]
     layers.append(path(f"M{points(right(x, curve.temperature), down(y, curve.value))}", "curve"))
     words = f"{curve.name} from {low:.0f} to {high:.0f} °C"
     return plot(x, y, layers, words, kind="small")
 
 
-def remainder(curve: Curve, bins: Bins | None, k: int) -> Markup:
+def draw_remainder(curve: Curve, bins: Bins | None, k: int) -> Markup:
     """What the polynomial leaves of each bin, with its band about zero."""
     level_ = np.zeros_like(curve.value)
-    return coefficient(curve._replace(value=level_), dots_of(bins, k, less=curve))
+    return draw_coefficient(curve._replace(value=level_), select_dots(bins, k, less=curve))
 
 
-def _usual(curve: Curve, dots: Dots) -> Array:
-    """The dots that are not strays: those are drawn at the edge."""
+def _leave_out_outliers(curve: Curve, dots: Dots) -> Array:
+    """The dots that are no outliers: those are drawn at the edge."""
     away = np.abs(dots.values - np.interp(dots.temperature, curve.temperature, curve.value))
-    return dots.values[away <= _STRAY * float(np.median(away)) + 1e-300]
+    return dots.values[away <= _OUTLIER * float(np.median(away)) + 1e-300]
 
 
-def _around(label: str, values: Array) -> Axis:
+def _fit_axis(label: str, values: Array) -> Axis:
     """An axis that holds the values, and never shows less than they can be told apart."""
     low, high = float(values.min()), float(values.max())
     margin = max(0.06 * (high - low), 1e-7 * max(abs(low), abs(high)), 1e-9)
     return Axis(label, low - margin, high + margin)
 
 
-def _band(x: Axis, y: Axis, at: Array, low: Array, high: Array) -> Markup:
+def _draw_band(x: Axis, y: Axis, at: Array, low: Array, high: Array) -> Markup:
     there = points(right(x, at), down(y, high))
     back = points(right(x, at[::-1]), down(y, low[::-1]))
     return path(f"M{there}L{back}Z", "band")
 
 
-def _dotted(x: Axis, y: Axis, dots: Dots) -> Markup:
+def _draw_dots(x: Axis, y: Axis, dots: Dots) -> Markup:
     places = zip(right(x, dots.temperature), down(y, dots.values), strict=True)
     return path("".join(f"M{a:.0f} {b:.0f}h0" for a, b in places), f"dots {dots.kind}")
 
 
-def station_bars(spread: Spread, held_out: HeldOut | None, column: int, label: str) -> Markup:
+def _draw_station_bars(found: Spread, held_out: HeldOut | None, column: int, label: str) -> Markup:
     """The standard deviation of the readings at every station, before and after, as bars."""
-    kinds = [("before", spread.stations, spread.before), ("after", spread.stations, spread.after)]
+    kinds = [("before", found.stations, found.before), ("after", found.stations, found.after)]
     if held_out is not None:
         kinds.append(("unseen", held_out.spread.stations, held_out.spread.after))
-    numbers = np.array(spread.stations, dtype=np.float64)
+    numbers = np.array(found.stations, dtype=np.float64)
     x = Axis("station", float(numbers.min()) - 0.6, float(numbers.max()) + 0.6)
     highest = max(float(values[:, column].max(initial=0.0)) for _, _, values in kinds)
     y = Axis(label, 0.0, 1.05 * max(highest, 1e-9))
     width = 0.8 / len(kinds)
     layers = [
-        _bars(
+        _draw_bars(
             x, y, np.array(at, dtype=np.float64) - 0.4 + k * width, width, values[:, column], name
         )
         for k, (name, at, values) in enumerate(kinds)
@@ -164,13 +176,13 @@ def station_bars(spread: Spread, held_out: HeldOut | None, column: int, label: s
     return plot(x, y, layers, f"{label} at every station, before and after", kind="small")
 
 
-def _bars(x: Axis, y: Axis, at: Array, width: float, values: Array, name: str) -> Markup:
+def _draw_bars(x: Axis, y: Axis, at: Array, width: float, values: Array, name: str) -> Markup:
     left, end, top = right(x, at), right(x, at + 0.92 * width), down(y, values)
     drawn = (f"M{a:.1f} 1000V{t:.1f}H{b:.1f}V1000Z" for a, b, t in zip(left, end, top, strict=True))
     return path("".join(drawn), f"bar {name}")
 
 
-def orders(variances: Array, chosen: int) -> Markup:
+def _draw_variances(variances: Array, chosen: int) -> Markup:
     """The variance of the scaled residuals of each coefficient against the order."""
     shown = np.log10(np.maximum(variances, _LEAST_VARIANCE))
     known = np.isfinite(shown)
@@ -190,7 +202,7 @@ def orders(variances: Array, chosen: int) -> Markup:
     return plot(x, y, layers, f"Variance of the residuals against the order; {chosen} is used")
 
 
-def chamber(found: ChamberField, axis: int) -> Markup:
+def _draw_chamber_axis(found: ChamberField, axis: int) -> Markup:
     """The field of the chamber along an axis over time, and what each sensor saw."""
     x, along = along_time(found.time, 0.0, float(found.time.max()))
     x = Axis(x.label.replace("first reading", "campaign began"), x.low, 1.01 * x.high)
@@ -200,10 +212,108 @@ def chamber(found: ChamberField, axis: int) -> Markup:
     limit = 1.1 * max(reach, float(np.abs(common).max()), 1e-9)
     y = Axis(f"{found.axes[axis]}, nT", -limit, limit)
     layers = [level(y, 0.0, "zero")]
-    layers += [_dotted(x, y, Dots(along, values, "each")) for values in each]
+    layers += [_draw_dots(x, y, Dots(along, values, "each")) for values in each]
     parts = []
     for number in np.unique(found.station):
         rows = found.station == number
         parts.append(f"M{points(right(x, along[rows]), down(y, common[rows]))}")
     layers.append(path("".join(parts), "common"))
     return plot(x, y, layers, f"The chamber’s field {found.axes[axis]} over time", kind="short")
+
+
+def draw_coefficients(calibration: Thermal, bins: Bins | None = None) -> list[Markup]:
+    """Every coefficient against temperature, and what the polynomials leave of the bins."""
+    shown = evaluate_coefficients(calibration)
+    drawn = [draw_coefficient(curve, select_dots(bins, k)) for k, curve in enumerate(shown)]
+    dots = {"cooling": "one bin, cooling", "heating": "one bin, heating"}
+    keys = {} if bins is None else dots
+    keys = {**keys, "curve": "polynomial"}
+    if calibration.covariance is not None:
+        keys["band"] = "± 2 standard errors"
+    parts = [captioned("Bias and matrix over temperature", _arrange(drawn), keys)]
+    if bins is not None:
+        left = [draw_remainder(curve, bins, k) for k, curve in enumerate(shown)]
+        parts.append(
+            element(
+                "details",
+                element("summary", "The same less the polynomial"),
+                captioned("What the polynomials leave of the bins", _arrange(left), keys),
+            )
+        )
+    return parts
+
+
+def _arrange(drawn: Sequence[Markup], kind: str = "") -> Markup:
+    return element("div", *drawn, class_=f"multiples {kind}".strip())
+
+
+def draw_stations(before_and_after: Spread, held_out: HeldOut | None, unit: str) -> Markup:
+    """Bars for x, y, z and |B| at every station."""
+    drawn = [
+        _draw_station_bars(before_and_after, held_out, k, f"{name}, {unit}")
+        for k, name in enumerate(COMPONENTS)
+    ]
+    keys = {"before": "before", "after": "after"}
+    note = ""
+    if held_out is not None:
+        keys["unseen"] = "after, by a fit that has not seen the station"
+        note = f"{held_out.folds} fits, each without some of the stations, were tried on those."
+    name = "Standard deviation of the readings over temperature"
+    return captioned(name, _arrange(drawn, "two"), keys, note)
+
+
+def draw_orders(fit: ThermalFit) -> Markup:
+    """The curve of residual variance over the order, and who chose the order."""
+    order = fit.calibration.degree
+    auto = fit.calibration.provenance.settings.get("degree") == "auto"
+    said = (
+        f"Order {order}: the smallest after which no variance falls markedly."
+        if auto
+        else f"Order {order}, as it was asked for."
+    )
+    if fit.variances is None:
+        return element("p", said)
+    keys = {"of-bias": "bias", "of-matrix": "matrix", "chosen": "used"}
+    name = "Variance of what the polynomials leave of the bins, over that of their noise"
+    return captioned(name, _draw_variances(fit.variances, order), keys, said)
+
+
+def draw_chamber(found: ChamberField) -> Markup:
+    """The chamber's field along each axis over time."""
+    drawn = Markup("".join(_draw_chamber_axis(found, axis) for axis in range(len(found.axes))))
+    keys = {"common": "common to all sensors", "each": "each sensor, mean of a window"}
+    return captioned("Changes of the field at each station, less their mean", drawn, keys)
+
+
+def draw_magnitudes(
+    samples: Samples, verification: Verification, beyond: Mask, unit: str
+) -> list[Markup]:
+    """The magnitude of a log over temperature and time, before and after the correction."""
+    assert samples.temperature is not None
+    level_C, time = samples.temperature, samples.time
+    low, high = float(level_C.min()), float(level_C.max())
+    keys = {"before": "before", "after": "after the correction"}
+    if beyond.any():
+        keys["extrapolated"] = "extrapolated"
+    x = Axis("temperature, °C", low, high if high > low else low + 1.0)
+    drawn = _draw_magnitude(Columns(x, level_C, _MOST), x, verification, unit, beyond)
+    parts = [captioned("Magnitude over temperature", drawn, keys)]
+    if time is not None and len(samples) > 1:
+        x, along = along_time(time, float(time[0]), float(time[-1]))
+        drawn = _draw_magnitude(Columns(x, along, BINS), x, verification, unit, beyond)
+        parts.append(captioned("Magnitude over time", drawn, keys))
+    return parts
+
+
+def _draw_magnitude(
+    columns: Columns, x: Axis, verification: Verification, unit: str, beyond: Mask
+) -> Markup:
+    """Least to largest magnitude of each column, before and after."""
+    before, after = verification.magnitude_before, verification.magnitude_after
+    ends = np.percentile(np.concatenate([before, after]), (0.25, 99.75))
+    margin = max(0.05 * float(ends[1] - ends[0]), 1e-6 * float(ends[1]), 1e-9)
+    y = Axis(f"magnitude, {unit}", float(ends[0]) - margin, float(ends[1]) + margin)
+    layers = [spread(columns, y, before, "before"), spread(columns, y, after, "after")]
+    if beyond.any():
+        layers.append(marked(columns, beyond, "extrapolated"))
+    return plot(x, y, layers, f"Magnitude over {x.label}, before and after")

@@ -1,4 +1,4 @@
-"""Tables and lists of a calibration over temperature."""
+"""Tables of a calibration over temperature."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.calibration.affine import PARAMETERS
 from agonic.calibration.thermal import Thermal
 from agonic.report.digits import counted, grouped, minused, quantity, signed, with_sd
+from agonic.report.document import Block, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
 from agonic.report.tables import NOTHING, mark
@@ -16,43 +18,32 @@ from agonic.report.verdict import MEANINGS
 from agonic.thermal import figures
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
-from agonic.thermal.fit.result import COEFFICIENTS, Anomaly, Hysteresis, Spread, ThermalFit
+from agonic.thermal.fit.evidence import find_worst_sd
+from agonic.thermal.fit.result import Anomaly, Hysteresis, Spread, ThermalFit
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
-COMPONENTS = ("x", "y", "z", "|B|")
 _MOST_TIMES = 5
 
 
-def summary(result: CalibratedCampaign) -> Markup:
+def list_sensors(result: CalibratedCampaign) -> Markup:
     """A row for every sensor, with a link to its part of the page."""
     head = ["Sensor", "Verdict", "Readings", "Bias known to", "Spread of |B|", "Noise"]
-    rows = [_summary_row(k, sensor) for k, sensor in enumerate(result.sensors, start=1)]
+    rows = [_list_sensor(k, sensor) for k, sensor in enumerate(result.sensors, start=1)]
     return table(head, rows, class_="sensors")
 
 
-def _summary_row(number: int, sensor: CalibratedSensor) -> list[str]:
+def _list_sensor(number: int, sensor: CalibratedSensor) -> list[str]:
     link = element("a", sensor.name, href=f"#sensor-{number}")
     word = mark(sensor.verdict, MEANINGS[sensor.verdict][0])
     fit = sensor.fit
     if fit is None:
         return [link, word, *[NOTHING] * 4]
     unit = unit_label(fit.calibration.unit_in)
-    known = quantity(worst_sd(fit.calibration)[0], unit, 2)
-    return [link, word, grouped(fit.n), known, spread_words(fit), quantity(fit.noise, unit, 2)]
+    known = quantity(find_worst_sd(fit.calibration)[0], unit, 2)
+    return [link, word, grouped(fit.n), known, format_spread(fit), quantity(fit.noise, unit, 2)]
 
 
-def worst_sd(calibration: Thermal) -> tuple[float, float]:
-    """The largest standard errors over the range: of the bias, and of matrix times field."""
-    if calibration.covariance is None:
-        return np.nan, np.nan
-    levels = np.linspace(*figures.seen_range(calibration), 25)
-    sd = calibration.sd_at(levels)
-    gain = float(np.trace(calibration.matrix[0]) / 3)
-    field = (calibration.magnitude or np.nan) / gain
-    return float(sd[:, :3].max()), float(sd[:, 3:].max()) * field
-
-
-def spread_words(fit: ThermalFit) -> str:
+def format_spread(fit: ThermalFit) -> str:
     """The largest standard deviation of the magnitude at a station, before and after."""
     if fit.spread is None:
         return NOTHING
@@ -61,7 +52,7 @@ def spread_words(fit: ThermalFit) -> str:
     return f"{quantity(before, unit)} → {quantity(after, unit)}"
 
 
-def ratios(
+def list_ratios(
     sensors: Sequence[CalibratedSensor], beside: Mapping[str, Sequence[float]], words: str
 ) -> Markup:
     """The published table: the largest standard deviation of the stations before over after.
@@ -69,7 +60,7 @@ def ratios(
     Source: Nikolaev et al. 2023, table.
     """
     tested = any(sensor.held_out is not None for sensor in sensors)
-    head = ["Sensor", *COMPONENTS, *(["|B|, stations left out"] if tested else [])]
+    head = ["Sensor", *figures.COMPONENTS, *(["|B|, stations left out"] if tested else [])]
     rows: list[Markup] = []
     for sensor in sensors:
         if sensor.fit is None or sensor.fit.spread is None:
@@ -81,7 +72,7 @@ def ratios(
         rows.append(row([sensor.name, *cells]))
         if sensor.name in beside:
             other = [f"{float(ratio):.2f}" for ratio in beside[sensor.name]]
-            rows.append(_beside(words, other, len(head)))
+            rows.append(_list_beside(words, other, len(head)))
     return element(
         "table",
         element("thead", element("tr", *(element("th", h, scope="col") for h in head))),
@@ -90,7 +81,7 @@ def ratios(
     )
 
 
-def _beside(words: str, values: list[str], width: int) -> Markup:
+def _list_beside(words: str, values: list[str], width: int) -> Markup:
     cells = [*values, *[""] * (width - 1 - len(values))]
     return element(
         "tr",
@@ -100,7 +91,7 @@ def _beside(words: str, values: list[str], width: int) -> Markup:
     )
 
 
-def parts(found: ChamberField) -> Markup:
+def list_shares(found: ChamberField) -> Table:
     """What the changes at a station consist of, for every sensor."""
     head = ["Sensor", "Changes in all", "Chamber’s field", "Noise of the readings", "Its own"]
     rows = [
@@ -113,12 +104,12 @@ def parts(found: ChamberField) -> Markup:
         ]
         for share in found.shares
     ]
-    return table(head, rows, class_="parts")
+    return Table(head, rows, style="parts")
 
 
-def numbers(calibration: Thermal) -> Markup:
+def list_numbers(calibration: Thermal) -> Table:
     """Bias and matrix at both ends and in the middle of the range, with standard errors."""
-    levels = np.linspace(*figures.seen_range(calibration), 3)
+    levels = np.linspace(*calibration.range_C, 3)
     head = ["Number", *(minused(f"at {level:.1f} °C") for level in levels)]
     rows = [
         [
@@ -128,12 +119,12 @@ def numbers(calibration: Thermal) -> Markup:
                 for k, value in enumerate(curve.value)
             ),
         ]
-        for curve in figures.curves(calibration, levels)
+        for curve in figures.evaluate_coefficients(calibration, levels)
     ]
-    return table(head, rows, class_="numbers")
+    return Table(head, rows)
 
 
-def stations(spread: Spread, held_out: HeldOut | None, unit: str) -> Markup:
+def list_stations(spread: Spread, held_out: HeldOut | None, unit: str) -> Table:
     """The numbers behind the bars, for |B|, and how far its magnitude is off."""
     head = ["Station", "|B| varies before", "after", *(["left out of the fit"] if held_out else [])]
     if held_out is not None:
@@ -145,12 +136,12 @@ def stations(spread: Spread, held_out: HeldOut | None, unit: str) -> Markup:
             *(quantity(float(v[k, 3]), unit) for v in (spread.before, spread.after)),
         ]
         if held_out is not None:
-            cells += _unseen(held_out, number, unit)
+            cells += _format_held_out(held_out, number, unit)
         rows.append(cells)
-    return table(head, rows, class_="parts")
+    return Table(head, rows, style="parts")
 
 
-def _unseen(held_out: HeldOut, number: int, unit: str) -> list[str]:
+def _format_held_out(held_out: HeldOut, number: int, unit: str) -> list[str]:
     if number not in held_out.spread.stations:
         return [NOTHING] * 3
     k = held_out.spread.stations.index(number)
@@ -158,20 +149,20 @@ def _unseen(held_out: HeldOut, number: int, unit: str) -> list[str]:
     return [quantity(float(value), unit) for value in values]
 
 
-def hysteresis(found: Hysteresis, calibration: Thermal) -> Markup:
+def list_hysteresis(found: Hysteresis, calibration: Thermal) -> Table:
     """Cooling less heating of every coefficient."""
     unit = unit_label(calibration.unit_in)
     head = ["Cooling less heating", "Mean over temperature", "Largest, smoothed over 5 °C"]
     rows = []
-    for k, name in enumerate(COEFFICIENTS):
+    for k, name in enumerate(PARAMETERS):
         known = with_sd(float(found.difference[k]), float(found.sd[k]))
         label = name.replace("_", " ") + (f", {unit}" if k < 3 else "")
         largest = quantity(float(found.largest[k]), "", 2)
         rows.append([label, signed(known), largest])
-    return table(head, rows, class_="numbers")
+    return Table(head, rows)
 
 
-def lag(calibration: Thermal) -> str:
+def describe_lag(calibration: Thermal) -> str:
     """The term in dT/dt in words; "" where there is none."""
     if calibration.rate is None:
         return ""
@@ -186,22 +177,22 @@ def lag(calibration: Thermal) -> str:
     )
 
 
-def anomalies(left_out: Sequence[Anomaly]) -> Markup:
+def list_anomalies(left_out: Sequence[Anomaly]) -> list[Block]:
     """Readings that were left out, by station, and when."""
     if not left_out:
-        return element("p", "No reading stood out of the running median.")
+        return ["No reading stood out of the running median."]
     total = sum(anomaly.count for anomaly in left_out)
     begun = min((float(a.times.min()) for a in left_out if np.isfinite(a.times).all()), default=0.0)
     said = (
         f"{counted(total, 'reading')} stood out of the running median of "
         f"{'their' if total > 1 else 'its'} station and {'were' if total > 1 else 'was'} left out."
     )
-    rows = [[f"{a.station}", grouped(a.count), _times(a.times - begun)] for a in left_out]
+    rows = [[f"{a.station}", grouped(a.count), _format_times(a.times - begun)] for a in left_out]
     head = ["Station", "Left out", "Hours after the first of all"]
-    return Markup(element("p", said) + table(head, rows, class_="anomalies"))
+    return [said, Table(head, rows, style="anomalies")]
 
 
-def _times(since_s: Array) -> str:
+def _format_times(since_s: Array) -> str:
     if not np.isfinite(since_s).all():
         return NOTHING
     shown = ", ".join(f"{t / 3600:.2f}" for t in since_s[:_MOST_TIMES])

@@ -10,9 +10,9 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.health import Finding, figure
 from agonic.samples import Samples
-from agonic.thermal.campaign.description import name_stations
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.maths.response import Response, compute_misfit, find_exchange, fit_response
+from agonic.thermal.names import name_stations
 
 FEWEST = 8
 """Stations needed: 3 n readings against 9 of the response, 3 of the bias, 2 of the field."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from agonic.health import Finding
-from agonic.thermal.campaign.description import name_stations
 from agonic.thermal.campaign.recording import Campaign
+from agonic.thermal.names import name_stations
 
 _STANDARD = 12
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health import Finding, figure, sort_findings
-from agonic.thermal.campaign.description import name_stations
+from agonic.health import Finding, figure
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.checks import missing_data
 from agonic.thermal.checks.field import check_field
 from agonic.thermal.checks.thermometers import MINUTE_S, Course, find_courses
+from agonic.thermal.names import name_stations
 
 END_C = 1.5
 """How far from its set point a chamber may hold, °C; also how far a sensor lags its rise."""
@@ -263,9 +263,3 @@ def _find_gaps(time: Array | None) -> Array:
         return np.zeros(0)
     steps = np.diff(time)
     return np.asarray(steps[steps > max(20 * float(np.median(steps)), _GAP_S)])
-
-
-def list_findings(findings: Iterable[Finding]) -> str:
-    """Findings one under the other, gravest first; "" where there are none."""
-    signs = {"refuse": "✗", "check": "!", "note": "·"}
-    return "\n".join(f"{signs[f.severity]} {f.name}: {f.sentence}" for f in sort_findings(findings))

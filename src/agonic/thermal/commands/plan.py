@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -56,10 +56,10 @@ def plan_chamber(
     as_json: Json = False,
 ) -> int:
     """Stations, chamber profile, time, disk space, and the standard errors to expect."""
-    from agonic.console.output import print_json, say
+    from agonic.console.finish import finish
     from agonic.thermal.campaign.profile import Profile
+    from agonic.thermal.plan.document import describe_plan
     from agonic.thermal.plan.plan import plan_thermal
-    from agonic.thermal.plan.text import plan_text
 
     lowest, highest = _parse_range(range_)
     profile = Profile(
@@ -82,14 +82,8 @@ def plan_chamber(
         chamber_sd=field_sd,
         name=name,
     )
-    files = [*_write_plan(plan, out), *_write_template(plan, folder)]
-    if as_json:
-        print_json("agonic/plan-thermal@1", {**record(plan), "files": files})
-    else:
-        say(plan_text(plan))
-        if files:
-            say(f"\nWritten   {', '.join(files)}")
-    return 0
+    saved = [] if folder is None else [_write_template(plan, folder)]
+    return finish(describe_plan(plan), files=saved, report=out, option="-o", as_json=as_json)
 
 
 def _parse_range(text: str) -> tuple[float, float]:
@@ -102,68 +96,13 @@ def _parse_range(text: str) -> tuple[float, float]:
     return low, high
 
 
-def _write_plan(plan: ThermalPlan, out: Path | None) -> list[str]:
-    """The plan in the form that its name asks for."""
-    from agonic.console.printed_page import written_as_named
-    from agonic.thermal.plan.page import plan_page
-    from agonic.thermal.plan.text import plan_text
-
-    return written_as_named(out, "-o", page=lambda: plan_page(plan), text=lambda: plan_text(plan))
-
-
-def _write_template(plan: ThermalPlan, folder: Path | None) -> list[str]:
+def _write_template(plan: ThermalPlan, folder: Path) -> Path:
     """The folder for the recordings, with the description to go with them."""
     from agonic.atomic import make_folder
     from agonic.errors import AgonicError
     from agonic.thermal.files.schema import FILE_NAME
     from agonic.thermal.files.write import write_description
 
-    if folder is None:
-        return []
     if (folder / FILE_NAME).exists():
         raise AgonicError(f"{folder / FILE_NAME} is there already; name another folder")
-    return [str(write_description(plan.description, make_folder(folder) / FILE_NAME))]
-
-
-def record(plan: ThermalPlan) -> dict[str, Any]:
-    """The plan as one object for programs."""
-    from dataclasses import asdict
-
-    from agonic.maths.rotations.attitude import angles_deg
-
-    stations = []
-    for station, turn in zip(plan.stations, plan.turns, strict=True):
-        assert station.rot_nb is not None
-        roll, pitch, heading = (float(a) + 0.0 for a in angles_deg(station.rot_nb.as_matrix()))
-        stations.append(
-            {
-                "number": station.number,
-                "pose": station.pose,
-                "turn": turn,
-                "roll_deg": roll,
-                "pitch_deg": pitch,
-                "heading_deg": heading,
-                "matrix_nb": station.rot_nb.as_matrix(),
-            }
-        )
-    segments = [*plan.profile.before, *plan.profile.recording]
-    return {
-        "sensors": [
-            {"name": s.name, "model": s.model, "noise_nT": s.reading_sd} for s in plan.sensors
-        ],
-        "stations": stations,
-        "profile": [asdict(segment) for segment in segments],
-        "rate_Hz": plan.rate_Hz,
-        "station_s": plan.profile.recorded_s,
-        "duration_s": plan.duration_s,
-        "rows": plan.rows,
-        "bytes_csv": plan.bytes_csv,
-        "bytes_parquet": plan.bytes_parquet,
-        "expected_nT": {
-            name: {
-                kind: {"bias_rms": found.bias, "matrix_rms": found.matrix}
-                for kind, found in by.items()
-            }
-            for name, by in plan.expected.items()
-        },
-    }
+    return write_description(plan.description, make_folder(folder) / FILE_NAME)

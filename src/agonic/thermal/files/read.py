@@ -14,12 +14,13 @@ from agonic.errors import AgonicError, LogError
 from agonic.health import Finding
 from agonic.provenance import Input
 from agonic.samples import Samples
-from agonic.thermal.campaign.description import Description, name_stations
+from agonic.thermal.campaign.description import Description
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.campaign.standard import list_standard_stations
 from agonic.thermal.files.large_tables import Part, RecordedFile, read_recording
 from agonic.thermal.files.schema import FILE_NAME, read_description
+from agonic.thermal.names import name_stations
 from agonic.units import RAW, nanotesla_per
 
 Progress = Callable[[str, float], None]

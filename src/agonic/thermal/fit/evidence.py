@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.calibration.affine import PARAMETERS
+from agonic.calibration.thermal import Thermal
 from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import ChamberReadings
-from agonic.thermal.fit.recordings import named
-from agonic.thermal.fit.result import COEFFICIENTS, ThermalFit
+from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.fit.solve import Orientations
 from agonic.thermal.maths.binned_sums import Binned
+from agonic.thermal.names import name_stations
 
 UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
 REFUSED = 0.05
@@ -18,7 +20,7 @@ NARROW_C = 10.0
 ODD_DEG = 3.0
 DRIFT_DOUBTFUL = 1e-3
 EXCESS_DOUBTFUL = 5e-3
-STRAYS_DOUBTFUL = 0.05
+ANOMALIES_DOUBTFUL = 0.05
 HYSTERESIS_DOUBTFUL = 2e-3
 
 
@@ -39,24 +41,33 @@ def judge_fit(
     return [finding for finding in found if finding is not None]
 
 
-def compute_relative_sd(fit: ThermalFit) -> Array:
+def compute_relative_sd(calibration: Thermal) -> Array:
     """Standard errors of the nine at the worst temperature of the range, over the field, (9,)."""
-    calibration = fit.calibration
-    assert calibration.validity.temperature_C is not None
     assert calibration.magnitude is not None
-    gain = float(np.trace(calibration.matrix[0]) / 3)
-    sd = calibration.sd_at(np.linspace(*calibration.validity.temperature_C, 25)).max(axis=0)
-    relative = sd / gain
-    relative[:3] *= gain**2 / calibration.magnitude
+    relative = _find_largest_sd(calibration) / calibration.mean_gain
+    relative[:3] *= calibration.mean_gain**2 / calibration.magnitude
     return np.asarray(relative)
 
 
+def find_worst_sd(calibration: Thermal) -> tuple[float, float]:
+    """The largest standard errors over the range: of the bias, and of matrix times field."""
+    if calibration.covariance is None:
+        return np.nan, np.nan
+    sd = _find_largest_sd(calibration)
+    field = (calibration.magnitude or np.nan) / calibration.mean_gain
+    return float(sd[:3].max()), float(sd[3:].max()) * field
+
+
+def _find_largest_sd(calibration: Thermal) -> Array:
+    return np.asarray(calibration.sd_at(np.linspace(*calibration.range_C, 25)).max(axis=0))
+
+
 def _undetermined(fit: ThermalFit) -> Finding | None:
-    relative = compute_relative_sd(fit)
-    poor = [name for name, sd in zip(COEFFICIENTS, relative, strict=True) if sd > UNKNOWN]
+    relative = compute_relative_sd(fit.calibration)
+    poor = [name for name, sd in zip(PARAMETERS, relative, strict=True) if sd > UNKNOWN]
     if not poor:
         return None
-    held = [name for name in COEFFICIENTS if name not in poor]
+    held = [name for name in PARAMETERS if name not in poor]
     worst = float(relative.max())
     return Finding(
         "undetermined",
@@ -88,9 +99,9 @@ def _turns(turns: Orientations | None) -> Finding | None:
         return Finding(
             "swapped stations",
             "check",
-            f"{named(turns.exchange)} look exchanged in the description: with them exchanged the "
-            f"directions fit the turns to {figure(turns.exchanged_rms_deg)}°, as described only to "
-            f"{figure(turns.rms_deg)}°; only the magnitude was used",
+            f"{name_stations(turns.exchange)} look exchanged in the description: with them "
+            f"exchanged the directions fit the turns to {figure(turns.exchanged_rms_deg)}°, as "
+            f"described only to {figure(turns.rms_deg)}°; only the magnitude was used",
             "exchange them in the description and fit again",
         )
     return Finding(
@@ -112,8 +123,8 @@ def _odd(fit: ThermalFit) -> Finding | None:
     return Finding(
         "fixture",
         "check",
-        f"{named(odd)} stood up to {max(odd.values()):.1f}° from where described; that was allowed "
-        "for",
+        f"{name_stations(odd)} stood up to {max(odd.values()):.1f}° from where described; that "
+        "was allowed for",
         "seat the box against the stops of the fixture",
     )
 
@@ -146,8 +157,7 @@ def _scatter(fit: ThermalFit) -> Finding | None:
             "limits the accuracy",
             "keep vehicles and currents away; compare the sensors of the campaign",
         )
-    gain = float(np.trace(fit.calibration.matrix[0]) / 3)
-    share = fit.excess * gain / fit.calibration.magnitude
+    share = fit.excess * fit.calibration.mean_gain / fit.calibration.magnitude
     return Finding(
         "field changes",
         "check" if share > EXCESS_DOUBTFUL else "note",
@@ -162,7 +172,7 @@ def _hysteresis(fit: ThermalFit) -> Finding | None:
     magnitude = fit.calibration.magnitude
     if h is None or magnitude is None or fit.drift is not None:
         return None
-    gain = float(np.trace(fit.calibration.matrix[0]) / 3)
+    gain = fit.calibration.mean_gain
     sizes = np.concatenate([np.full(3, gain), np.full(6, magnitude / gain)])
     surely = np.abs(h.difference) > 5 * h.sd * max(fit.correlation, 1.0) ** 0.5
     size = np.where(surely, np.abs(h.difference) * sizes, 0.0)
@@ -173,7 +183,7 @@ def _hysteresis(fit: ThermalFit) -> Finding | None:
     return Finding(
         "hysteresis",
         "note" if handled or size[worst] < HYSTERESIS_DOUBTFUL * magnitude else "check",
-        f"{COEFFICIENTS[worst]} differs by {figure(float(size[worst]))} nT of field between "
+        f"{PARAMETERS[worst]} differs by {figure(float(size[worst]))} nT of field between "
         f"cooling and heating{', which the term in dT/dt describes' if handled else ''}",
         "" if handled else "cool and heat more slowly, or fit with rate=True",
     )
@@ -186,8 +196,8 @@ def _anomalies(fit: ThermalFit, sums: Binned) -> Finding | None:
     share = count / (count + len(sums))
     return Finding(
         "anomalies",
-        "check" if share > STRAYS_DOUBTFUL else "note",
+        "check" if share > ANOMALIES_DOUBTFUL else "note",
         f"{count} readings ({figure(100 * share)} %) stood out of the running median and were left "
-        f"out, at {named(anomaly.station for anomaly in fit.anomalies)}",
-        "look for disturbances at those times" if share > STRAYS_DOUBTFUL else "",
+        f"out, at {name_stations(anomaly.station for anomaly in fit.anomalies)}",
+        "look for disturbances at those times" if share > ANOMALIES_DOUBTFUL else "",
     )

@@ -224,13 +224,10 @@ def _collect_anomalies(sums: Binned) -> tuple[Anomaly, ...]:
 def _make_remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ...]:
     """How good the result is, in words."""
     calibration = fit.calibration
-    assert calibration.validity.temperature_C is not None
-    assert calibration.magnitude is not None
-    low, high = calibration.validity.temperature_C
-    sd = calibration.sd_at(np.linspace(low, high, 25))
+    low, high = calibration.range_C
+    bias, matrix = evidence.find_worst_sd(calibration)
     said = [
-        f"bias known to {figure(float(sd[:, :3].max()))} {calibration.unit_in} and the matrix to "
-        f"{figure(float(sd[:, 3:].max()) * calibration.magnitude / _mean_gain(calibration))} "
+        f"bias known to {figure(bias)} {calibration.unit_in} and the matrix to {figure(matrix)} "
         f"{calibration.unit_out} of field at every temperature from {low:.0f} to {high:.0f} °C",
     ]
     if fit.fixture is not None:
@@ -239,14 +236,10 @@ def _make_remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ..
         said.append(f"the stations stood as described {words}")
     if calibration.rate is not None:
         said += [test.sentence for test in fit.tests if test.larger == "rate"]
-    if reference is None:
+    if reference is None and calibration.magnitude is not None:
         said.append(
             "no reference magnitude was given, so the mean gain at "
             f"{calibration.centre_C:.0f} °C is set to 1 (magnitude "
             f"{figure(calibration.magnitude, 5)} {calibration.unit_in})"
         )
     return tuple(said)
-
-
-def _mean_gain(calibration: Thermal) -> float:
-    return float(np.trace(calibration.matrix[0]) / 3)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from agonic.health import Finding
 from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths.binned_sums import Binned, StationRecord
 from agonic.thermal.maths.ellipsoids import FEWEST
+from agonic.thermal.names import name_stations
 
 STANDARD = 12
 STANDING = 0.4  # of a recording: a thermometer that stands still for so long while others move
@@ -40,7 +39,7 @@ def judge_recordings(sums: Binned, left_out: set[int], settings: Settings) -> li
             Finding(
                 "stuck thermometer",
                 "check",
-                f"the thermometer stands still at {named(left_out)}, which "
+                f"the thermometer stands still at {name_stations(left_out)}, which "
                 f"{'were' if len(left_out) > 1 else 'was'} left out",
                 "check the temperature sensor, or take the temperature of a neighbour",
             )
@@ -55,8 +54,8 @@ def judge_recordings(sums: Binned, left_out: set[int], settings: Settings) -> li
             Finding(
                 "short recording",
                 "check",
-                f"{named(short)} cover{'s' if len(short) == 1 else ''} only part of the range of "
-                "temperatures",
+                f"{name_stations(short)} cover{'s' if len(short) == 1 else ''} only part of the "
+                "range of temperatures",
                 "a file may have ended in the middle: record again, or use the rest as it is",
             )
         )
@@ -66,8 +65,8 @@ def judge_recordings(sums: Binned, left_out: set[int], settings: Settings) -> li
             Finding(
                 "one direction",
                 "check",
-                f"{named(one_way)} {'was' if len(one_way) == 1 else 'were'} recorded only while "
-                f"{'cooling' if sums.stations[one_way[0]].heating == 0 else 'heating'}",
+                f"{name_stations(one_way)} {'was' if len(one_way) == 1 else 'were'} recorded "
+                f"only while {'cooling' if sums.stations[one_way[0]].heating == 0 else 'heating'}",
                 "the file may have ended in the middle: record again, or use the rest as it is",
             )
         )
@@ -93,14 +92,18 @@ def _find_missing(sums: Binned, settings: Settings, left_out: set[int]) -> list[
             Finding(
                 "turns",
                 "check",
-                f"how {named(odd)} stood is not described, so only the magnitude is used",
+                f"how {name_stations(odd)} stood is not described, so only the magnitude is used",
                 "describe every station that was recorded",
             )
         ]
     if not absent:
         return []
     count = len(used)
-    words = named(absent) if described is not None or max(used) <= STANDARD else f"{len(absent)}"
+    words = (
+        name_stations(absent)
+        if described is not None or max(used) <= STANDARD
+        else f"{len(absent)}"
+    )
     return [
         Finding(
             "missing stations",
@@ -109,22 +112,3 @@ def _find_missing(sums: Binned, settings: Settings, left_out: set[int]) -> list[
             "record them, or read on for what remains determined",
         )
     ]
-
-
-def named(numbers: Iterable[int]) -> str:
-    """Stations in words, runs drawn together.
-
-    >>> named([3]), named([1, 2, 3, 7])
-    ('station 3', 'stations 1–3, 7')
-    """
-    left = sorted(set(numbers))
-    word = "station" if len(left) == 1 else "stations"
-    parts = []
-    while left:
-        run = 1
-        while run < len(left) and left[run] == left[0] + run:
-            run += 1
-        run = run if run > 2 else 1
-        parts.append(f"{left[0]}–{left[run - 1]}" if run > 1 else f"{left[0]}")
-        left = left[run:]
-    return f"{word} {', '.join(parts)}"

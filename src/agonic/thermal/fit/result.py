@@ -13,19 +13,6 @@ from agonic.calibration.thermal import Thermal
 from agonic.fit import Estimated, ModelTest
 from agonic.health import Finding
 
-COEFFICIENTS = (
-    "bias_x",
-    "bias_y",
-    "bias_z",
-    "matrix_xx",
-    "matrix_yy",
-    "matrix_zz",
-    "matrix_xy",
-    "matrix_xz",
-    "matrix_yz",
-)
-"""The nine of a temperature, in the order of every array below."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bins:

@@ -24,7 +24,7 @@ def compute_spread(cells: Cells, calibration: Thermal) -> Spread:
     """
     gain = 1.0
     if calibration.unit_in == RAW and calibration.unit_out != RAW:
-        gain = float(np.trace(calibration.matrix[0]) / 3)
+        gain = calibration.mean_gain
     mean, within = _correct_cells(cells, calibration)
     stations = np.unique(cells.number)
     before, after = [], []

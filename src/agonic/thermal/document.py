@@ -1,0 +1,340 @@
+"""What is said and shown of calibrations over temperature: of a campaign, and of one file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from agonic.calibration.base import Calibration
+from agonic.calibration.thermal import MARGIN_C, Thermal
+from agonic.health import sort_findings
+from agonic.report import tables as blocks
+from agonic.report.digits import counted, grouped, minused, quantity, with_sd
+from agonic.report.document import Block, Document, Section
+from agonic.report.labels import unit_label
+from agonic.report.markup import element
+from agonic.report.verdict import WHEN_GOOD, moves, sentence
+from agonic.samples import Samples
+from agonic.thermal import figures, tables, values
+from agonic.thermal.common_mode import ChamberField
+from agonic.thermal.fit.evidence import find_worst_sd
+from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.names import join_numbers
+from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
+from agonic.verification import Verification
+
+STYLES = ("thermal.css",)
+
+
+def campaign_page(
+    result: CalibratedCampaign,
+    *,
+    title: str = "",
+    files: Mapping[str, Sequence[str]] | None = None,
+    beside: Mapping[str, Sequence[float]] | None = None,
+    beside_words: str = "published",
+) -> str:
+    """All sensors of a campaign in a climatic chamber as one self-contained HTML page.
+
+    Parameters
+    ----------
+    result : from `calibrate_campaign`. title : default: the name of the campaign.
+    files : what was written for each sensor, by its name.
+    beside : four ratios (x, y, z, |B|) to show under those of a sensor, by its name, and
+        `beside_words` what they are.
+
+    Returns the page: no network, dark and light, made for screens from 360 px and for A4.
+
+    Source: Nikolaev et al. 2023, figures 5 and 6 and the table.
+
+    >>> from agonic.thermal.all_sensors import calibrate_campaign
+    >>> from agonic.thermal.simulation.campaign import simulate_campaign
+    >>> made = simulate_campaign("2xMMC5883MA", rate_Hz=0.02)
+    >>> page = campaign_page(calibrate_campaign(made.campaign), title="<box>")
+    >>> page.count("&lt;box&gt;"), page.count("<article")
+    (2, 2)
+    """
+    return describe_campaign(
+        result, title=title, files=files, beside=beside, beside_words=beside_words
+    ).to_html()
+
+
+def describe_campaign(
+    result: CalibratedCampaign,
+    *,
+    title: str = "",
+    files: Mapping[str, Sequence[str]] | None = None,
+    beside: Mapping[str, Sequence[float]] | None = None,
+    beside_words: str = "published",
+) -> Document:
+    """What is said and shown of a campaign; the parameters are those of `campaign_page`."""
+    campaign, written = result.campaign, files or {}
+    about = (
+        f"{counted(len(result.sensors), 'sensor')}, stations {join_numbers(campaign.stations)}, "
+        f"{counted(campaign.rows, 'reading')}"
+    )
+    return Document(
+        schema="agonic/fit-thermal@1",
+        kind="Climatic chamber: calibration over temperature",
+        name=title or campaign.description.name or "Campaign",
+        method=about,
+        about=about,
+        verdict=result.verdict,
+        status=_summarise(result),
+        findings=result.findings,
+        move=_choose_move(result),
+        sections=[
+            Section("", [lambda: tables.list_sensors(result)]),
+            Section("Before and after", _compare(result, beside or {}, beside_words)),
+            Section("The chamber’s field", _show_chamber(result.chamber_field)),
+        ],
+        values=values.list_campaign_values(result),
+        sensors=[_describe_sensor(one, written.get(one.name, ())) for one in result.sensors],
+        styles=STYLES,
+    )
+
+
+def describe_calibration(
+    calibration: Calibration,
+    thermal: Thermal,
+    *,
+    title: str = "",
+    samples: Samples | None = None,
+    verification: Verification | None = None,
+) -> Document:
+    """A calibration over temperature: coefficients with their band, validity, origin.
+
+    Parameters
+    ----------
+    calibration : what is applied. thermal : it, or its step that depends on temperature.
+    samples, verification : readings that it was tried on, and what that showed.
+
+    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
+    ...                centre_C=20.0, half_range_C=30.0)
+    >>> describe_calibration(warm, warm).to_html().count('class="plot small"')
+    9
+    """
+    sections = [
+        Section("Validity", [_describe_validity(thermal)]),
+        Section("Coefficients over temperature", [lambda: figures.draw_coefficients(thermal)]),
+        Section("Numbers", [tables.list_numbers(thermal)]),
+    ]
+    if samples is not None and verification is not None:
+        sections.insert(0, _show_log(calibration, thermal, samples, verification))
+    return Document(
+        kind="Calibration over temperature",
+        name=title or calibration.sensor,
+        key_figures=_list_key_figures(thermal, None),
+        sections=sections,
+        calibration=calibration,
+        samples=samples,
+        styles=STYLES,
+    )
+
+
+def _summarise(result: CalibratedCampaign) -> str:
+    """The result in words: all sensors, what taught the fits, and what was found."""
+    doubted = [sensor.name for sensor in result.sensors if sensor.verdict != "good"]
+    return " ".join(
+        [
+            f"To be looked at: {', '.join(doubted)}." if doubted else "All sensors are calibrated.",
+            sentence(f"turns {result.turns}: {result.reason}"),
+            *(sentence(finding.sentence) for finding in sort_findings(result.findings)),
+        ]
+    )
+
+
+def _choose_move(result: CalibratedCampaign) -> str:
+    """The move of the gravest finding, on the campaign first."""
+    found = [*result.findings, *(f for sensor in result.sensors for f in sensor.findings)]
+    refused = [sensor.refused for sensor in result.sensors if sensor.refused]
+    return next(iter([*moves(found), *refused]), WHEN_GOOD)
+
+
+def _compare(
+    result: CalibratedCampaign, beside: Mapping[str, Sequence[float]], words: str
+) -> list[Block]:
+    said = (
+        "The largest standard deviation of the readings at a station before the correction over "
+        "the largest after it, for the components in the axes of the sensor and for the magnitude."
+    )
+    if any(sensor.held_out for sensor in result.sensors):
+        said += (
+            " The last column is the same for the magnitude where each station was corrected by a "
+            "fit that had not seen it (cross-validation)."
+        )
+    return [
+        lambda: tables.list_ratios(result.sensors, beside, words),
+        element("p", said, class_="aside"),
+    ]
+
+
+def _show_chamber(found: ChamberField | None) -> list[Block]:
+    """The common mode of the sensors, and what each has beside it."""
+    if found is None:
+        said = "It takes two sensors with clocks to tell the chamber’s field from their errors."
+        return [element("p", said, class_="aside")]
+    turned = "in the axes of the chamber" if len(found.axes) > 1 else "along itself"
+    said = (
+        f"All sensors saw the field change {turned} by {quantity(found.common_sd, 'nT', 2)} (one "
+        "standard deviation of an axis within a station). That is the chamber and not they. From "
+        "one station to the next nothing is said: there field, fixture and sensors cannot be told "
+        "apart."
+    )
+    note = (
+        "Standard deviations of the means of windows, on one axis. “Its own” is what the "
+        "polynomials leave, lag and rounding."
+    )
+    return [
+        lambda: figures.draw_chamber(found),
+        said,
+        tables.list_shares(found),
+        element("p", note, class_="aside"),
+    ]
+
+
+def _describe_sensor(result: CalibratedSensor, files: Sequence[str]) -> Document:
+    """Everything about one sensor of a campaign."""
+    fit = result.fit
+    return Document(
+        name=result.name,
+        verdict=result.verdict,
+        status=sentence(result.status),
+        findings=None if fit is None else result.findings,
+        key_figures=() if fit is None else _list_key_figures(fit.calibration, fit),
+        entries=None if fit is None else _list_entries(fit, files),
+        entries_title="",
+        sections=() if fit is None else _show_evidence(result, fit, files),
+        values=values.list_sensor_values(result, files),
+        calibration=None if fit is None else fit.calibration,
+    )
+
+
+def _show_evidence(
+    result: CalibratedSensor, fit: ThermalFit, files: Sequence[str]
+) -> list[Section]:
+    """The figures and tables of a sensor that was fitted."""
+    calibration = fit.calibration
+    sections = [
+        Section(
+            "Coefficients over temperature",
+            [lambda: figures.draw_coefficients(calibration, fit.bins)],
+        ),
+        Section("Numbers", [tables.list_numbers(calibration)]),
+        Section("Before and after at every station", _show_stations(result, fit)),
+        Section("Order of the polynomials", [lambda: figures.draw_orders(fit)]),
+        Section("Cooling and heating", _compare_passes(fit)),
+        Section("Anomalies", tables.list_anomalies(fit.anomalies)),
+        Section("Validity", [_describe_validity(calibration)]),
+    ]
+    if files:
+        sections.append(Section("Files", [element("p", element("code", ", ".join(files)))]))
+    return sections
+
+
+def _show_stations(result: CalibratedSensor, fit: ThermalFit) -> list[Block]:
+    """Bars for x, y, z and |B|, and the numbers of the last."""
+    spread, unseen = fit.spread, result.held_out
+    if spread is None:
+        return [element("p", "The readings belong to no stations.", class_="aside")]
+    unit = unit_label(fit.calibration.unit_out)
+    note = "Off the chamber’s magnitude: rms of the means of bins, their noise included."
+    return [
+        lambda: figures.draw_stations(spread, unseen, unit),
+        lambda: element(
+            "details",
+            element("summary", "The numbers for the magnitude"),
+            tables.list_stations(spread, unseen, unit).to_html(),
+            element("p", note, class_="aside") if unseen is not None else "",
+        ),
+    ]
+
+
+def _compare_passes(fit: ThermalFit) -> list[Block]:
+    """Hysteresis, and the term in dT/dt in words."""
+    shown: list[Block] = []
+    if fit.hysteresis is not None:
+        shown.append(tables.list_hysteresis(fit.hysteresis, fit.calibration))
+    lag = tables.describe_lag(fit.calibration)
+    shown += [lag] if lag else []
+    if fit.hysteresis is None:
+        shown.append(element("p", "Only one direction was recorded.", class_="aside"))
+    return shown
+
+
+def _list_key_figures(calibration: Thermal, fit: ThermalFit | None) -> list[tuple[str, str, str]]:
+    """The four numbers to look at first."""
+    unit, unit_out = unit_label(calibration.unit_in), unit_label(calibration.unit_out)
+    bias, matrix = find_worst_sd(calibration)
+    low, high = calibration.range_C
+    shown = [
+        ("Range", minused(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
+        ("Bias known to", quantity(bias, unit, 2), "standard error at the worst temperature"),
+        ("Matrix × field known to", quantity(matrix, unit_out, 2), "the same"),
+    ]
+    if fit is not None:
+        shown.append(("Spread of |B|", tables.format_spread(fit), "largest of the stations"))
+    elif calibration.noise is not None:
+        shown.append(("Noise", quantity(calibration.noise, unit, 2), "one reading on one axis"))
+    return shown
+
+
+def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
+    """The bias at both ends and in the middle of the range, and the improvement."""
+    calibration = fit.calibration
+    entries = {}
+    for level in np.linspace(*calibration.range_C, 3):
+        rows = zip("xyz", calibration.bias_at(level), calibration.sd_at(level)[:3], strict=True)
+        numbers = "   ".join(f"{axis} {with_sd(float(b), float(s))}" for axis, b, s in rows)
+        entries[minused(f"Bias at {level:.1f} °C")] = f"{numbers} {calibration.unit_in}"
+    if fit.spread is not None:
+        ratios = zip(figures.COMPONENTS, fit.spread.improvement, strict=True)
+        entries["Spread before / after"] = "   ".join(f"{name} {r:.2f}" for name, r in ratios)
+    entries["File"] = ", ".join(files)
+    return entries
+
+
+def _describe_validity(calibration: Thermal) -> dict[str, str]:
+    """Where the calibration may be used."""
+    low, high = calibration.range_C
+    entries = {
+        "Temperature": f"{low:.1f} to {high:.1f} °C; more than {MARGIN_C:g} °C beyond, corrections "
+        "are extrapolated and warned of",
+        "Needs": "the temperature of each reading"
+        + ("" if calibration.rate is None else ", and its time for how fast that changes"),
+    }
+    if calibration.validity.largest_reading is not None:
+        unit = unit_label(calibration.unit_in)
+        entries["Largest reading"] = quantity(calibration.validity.largest_reading, unit, 4)
+    if calibration.magnitude is not None:
+        entries["Field"] = quantity(calibration.magnitude, unit_label(calibration.unit_out), 5)
+    return entries
+
+
+def _show_log(
+    calibration: Calibration, thermal: Thermal, samples: Samples, verification: Verification
+) -> Section:
+    """What the calibration does to a log: checks, magnitude over temperature and over time."""
+    assert samples.temperature is not None
+    beyond = thermal.outside(samples.temperature)
+    low, high = thermal.range_C
+    coldest, warmest = float(samples.temperature.min()), float(samples.temperature.max())
+    said = (
+        f"{counted(len(samples), 'reading')} of {samples.name} at {coldest:.1f} to "
+        f"{warmest:.1f} °C."
+    )
+    if beyond.any():
+        said += (
+            f" {grouped(int(beyond.sum()))} of them lie outside {low:.1f} to {high:.1f} °C, for "
+            "which the calibration was made: there it is extrapolated (marked at the foot)."
+        )
+    unit = unit_label(calibration.unit_out)
+    return Section(
+        "On the log",
+        [
+            said,
+            lambda: blocks.checks(verification),
+            lambda: figures.draw_magnitudes(samples, verification, beyond, unit),
+        ],
+    )

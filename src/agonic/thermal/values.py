@@ -1,0 +1,75 @@
+"""The numbers of a calibrated campaign for programs: what its JSON says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
+
+
+def list_campaign_values(result: CalibratedCampaign) -> dict[str, Any]:
+    """What holds for all sensors."""
+    chamber = result.chamber_field
+    return {
+        "turns": result.turns,
+        "reason": result.reason,
+        "stations": result.campaign.stations,
+        "rows": result.campaign.rows,
+        "chamber_field": chamber
+        and {
+            "sd_nT": chamber.common_sd,
+            "axes": chamber.axes,
+            "sensors": {
+                share.name: {"noise_nT": share.noise_sd, "own_nT": share.own_sd}
+                for share in chamber.shares
+            },
+        },
+    }
+
+
+def list_sensor_values(sensor: CalibratedSensor, files: Sequence[str]) -> dict[str, Any]:
+    """One sensor; a refused one has no numbers."""
+    said = {"sensor": sensor.name, "files": files}
+    if sensor.fit is None:
+        return said
+    unseen = sensor.held_out
+    tested = unseen and {
+        "stations": unseen.spread.stations,
+        "improvement": unseen.spread.improvement,
+        "magnitude_rms_nT": unseen.magnitude_rms,
+        "seen_rms_nT": unseen.seen_rms,
+    }
+    return {**said, **_list_fit_values(sensor.fit), "held_out": tested}
+
+
+def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
+    calibration, hysteresis = fit.calibration, fit.hysteresis
+    levels = np.linspace(*calibration.range_C, 7)
+    sd = calibration.sd_at(levels)
+    return {
+        "method": "thermal",
+        "taught_by": fit.taught_by,
+        "n": fit.n,
+        "degree": calibration.degree,
+        "range_C": list(calibration.range_C),
+        "at": {
+            "temperature_C": levels,
+            "bias_nT": calibration.bias_at(levels),
+            "bias_sd_nT": sd[:, :3],
+            "matrix": calibration.matrix_at(levels),
+            "matrix_sd": sd[:, 3:9],
+        },
+        "rate_nT_per_C_s": calibration.rate,
+        "noise_nT": fit.noise,
+        "excess_nT": fit.excess,
+        "improvement": fit.spread and fit.spread.improvement,
+        "hysteresis": hysteresis and {"difference": hysteresis.difference, "sd": hysteresis.sd},
+        "fixture_deg": fit.fixture and fit.fixture.turned_deg,
+        "drift_nT": fit.drift,
+        "anomalies": {str(a.station): a.count for a in fit.anomalies},
+        "equation": calibration.equation,
+    }
