@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agonic.history import Drift, drift
-from agonic.history.report.page import history_page
+from agonic.history.document import describe_drift
 from agonic.population import Population, Row
 
 START = datetime(2024, 1, 1, tzinfo=UTC)
@@ -50,6 +50,11 @@ def rows_of(n: int, sensor: str = "board <7>") -> list[Row]:
     return made
 
 
+def page_of(rows: list[Row]) -> str:
+    found = drift(Population.of(rows), START + timedelta(days=700))
+    return describe_drift(found).to_html()
+
+
 @pytest.fixture(scope="module")
 def found() -> Drift:
     return drift(Population.of(rows_of(20)), START + timedelta(days=700))
@@ -61,7 +66,9 @@ def test_page_fits_and_shows_bands_and_steps(
     opened: Any, found: Drift, scheme: str, width: int
 ) -> None:
     page = opened(
-        history_page(found), color_scheme=scheme, viewport={"width": width, "height": 800}
+        describe_drift(found).to_html(),
+        color_scheme=scheme,
+        viewport={"width": width, "height": 800},
     )
     assert page.complaints == []
     assert len(page.requests) == 1
@@ -79,7 +86,7 @@ def test_page_fits_and_shows_bands_and_steps(
 def test_band_encloses_line_and_is_enclosed_by_that_of_calibrations(
     opened: Any, found: Drift
 ) -> None:
-    page = opened(history_page(found))
+    page = opened(describe_drift(found).to_html())
     strip = page.locator(".plot", has_text="bias x")
     boxes = [
         strip.locator(f"path.{name}").bounding_box() for name in ("level", "band", "calibrations")
@@ -90,7 +97,7 @@ def test_band_encloses_line_and_is_enclosed_by_that_of_calibrations(
 
 
 def test_page_says_what_the_drift_says(found: Drift) -> None:
-    page = history_page(found, title="Board 7")
+    page = describe_drift(found, title="Board 7").to_html()
     assert "<h1>Board 7</h1>" in page
     assert "<log>" not in page
     assert "&lt;log&gt;" in page
@@ -101,7 +108,7 @@ def test_page_says_what_the_drift_says(found: Drift) -> None:
 
 
 def test_few_calibrations_make_a_page_without_strips() -> None:
-    page = history_page(drift(Population.of(rows_of(2)), START + timedelta(days=700)))
+    page = page_of(rows_of(2))
     assert 'class="plot' not in page
     assert "few calibrations" in page
 
@@ -117,5 +124,5 @@ def test_long_histories_are_cut_short_in_the_table_only() -> None:
         )
         for k in range(230)
     ]
-    page = history_page(drift(Population.of(rows), START + timedelta(days=700)))
+    page = page_of(rows)
     assert "30 earlier ones left out." in page

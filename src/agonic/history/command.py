@@ -13,7 +13,6 @@ from agonic.console.options import Json
 
 if TYPE_CHECKING:
     from agonic.fleet.settings import FleetSettings
-    from agonic.history import Drift
     from agonic.logs.log import Log
     from agonic.population import History
     from agonic.recording.calibrated import Calibrated
@@ -68,40 +67,30 @@ def _show_all(kept: History, as_json: bool) -> int:
     from agonic.console.output import print_json, say
     from agonic.console.progress import counting
     from agonic.history import departures, find_drifting
-    from agonic.history.report.record import listed, listing
+    from agonic.history.document import describe_history
 
-    sensors = kept.sensors()
-    with counting(100) as told:
-        moving = find_drifting(kept, lambda done, of: told("Drift", 100 * done // of))
-    said = listing(sensors, moving, departures(kept))
+    with counting(100) as tell:
+        moving = find_drifting(kept, lambda done, of: tell("Drift", 100 * done // of))
+    departed = departures(kept)
+    found = describe_history(kept.sensors(), moving, departed)
     if as_json:
-        print_json("agonic/history@1", said)
+        print_json(found.schema, found.to_record())
     else:
-        say("\n".join(listed(said)))
-    return 1 if said["departures"] else 0
+        say(found.to_text())
+    return 1 if departed else 0
 
 
 def _show_sensor(
     kept: History, sensor: str, at: datetime | None, out: Path | None, as_json: bool
 ) -> int:
-    from agonic.console.output import print_json, say
-    from agonic.history import add_departures, departures, drift
-    from agonic.history.report.record import lines, record
-
-    found = add_departures(drift(kept.of(sensor), at), departures(kept))
-    files = [] if out is None else [_write_page(found, out)]
-    if as_json:
-        print_json("agonic/history@1", {**record(found), "files": files})
-    else:
-        say("\n".join([*lines(found), *(f"\nPage      {file}" for file in files)]))
-    return 0 if found.ok else 1
-
-
-def _write_page(found: Drift, out: Path) -> str:
     from agonic.atomic import write_atomically
-    from agonic.history.report.page import history_page
+    from agonic.console.finish import finish
+    from agonic.history import add_departures, departures, drift
+    from agonic.history.document import describe_drift
 
-    return str(write_atomically(out, history_page(found)))
+    found = describe_drift(add_departures(drift(kept.of(sensor), at), departures(kept)))
+    files = [] if out is None else [write_atomically(out, found.to_html())]
+    return finish(found, files=files, as_json=as_json)
 
 
 def _parse_date(date: str | None) -> datetime | None:

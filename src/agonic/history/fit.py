@@ -261,10 +261,7 @@ def _describe_event(event: Event, n: int) -> Finding:
 
 
 def _make_remarks(trends: tuple[Trend, ...], at: datetime) -> tuple[str, ...]:
-    known = []
-    for one in trends[:3]:
-        band = one.at(np.array([at.timestamp()]))
-        known.append(f"{one.name} to ± {_format(float(band.sd[0]), one.unit)}")
+    known = [f"{t.name} to ± {_format(t.predict(at)[1], t.unit)}" for t in trends[:3]]
     return (f"known on {at:%Y-%m-%d}: {', '.join(known)}",) if known else ()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,16 @@ class Trend:
         centre, sd = mix_normals(weight, mean.T, variance.T)
         _, wide = mix_normals(weight, mean.T, more.T)
         return Band((centre + self.offset)[back], sd[back], wide[back])
+
+    def predict(self, moment: datetime) -> tuple[float, float, float]:
+        """The parameter then, its sd, and that of a calibration of usual quality."""
+        band = self.at(np.array([moment.timestamp()]))
+        return float(band.mean[0]), float(band.sd[0]), float(band.calibration_sd[0])
+
+    @property
+    def kind(self) -> str:
+        """Bias, gain or cross."""
+        return self.name.split()[0]
 
     @property
     def offset(self) -> float:

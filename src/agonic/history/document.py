@@ -1,0 +1,314 @@
+"""What is said and shown of the history of a sensor, and of all sensors of a history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import Any
+
+from agonic.history.departure import Departure
+from agonic.history.figures import DAYS_A_MONTH, DAYS_A_YEAR, choose_unit, draw_trends
+from agonic.history.fit import Drift, Event
+from agonic.history.parameters import KINDS
+from agonic.history.trend import Trend
+from agonic.population import Row, SensorSummary
+from agonic.population.store_schema import UNDATED
+from agonic.report.digits import counted, grouped, quantity, rounded, signed, with_sd
+from agonic.report.document import Document, Section, Table
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup, element
+from agonic.report.tables import NOTHING, mark
+
+LINES = 60
+"""Sensors that are listed for people; programs are told all."""
+SHOWN = 12
+"""Calibrations of a sensor in the text, the last ones."""
+MOST = 200
+"""Calibrations in the table of the page, the last ones."""
+_TITLES = {"bias": "Bias", "gain": "Gain along the axes", "cross": "Between the axes"}
+_EVENTS = {"step": "Step", "stray": "Outlier", "last": "Left its band"}
+_COLUMNS = (
+    "Chance: how often scatter and walk alone make such a drift. Scatter: what calibrations "
+    "differ by beyond their standard errors. Walk: how far the parameter wanders in a year."
+)
+
+
+def describe_drift(drift: Drift, *, title: str = "") -> Document:
+    """How the calibration of one sensor moved over time.
+
+    Parameters
+    ----------
+    drift : as `agonic.drift` gives it. title : of the page; default: the sensor.
+
+    >>> from agonic.history import drift
+    >>> from agonic.population import Population
+    >>> rows = [Row(sensor="<7>", source=f"{k}.csv", verdict="good", status="", bias_x=float(k % 3),
+    ...             bias_y=0.0, bias_z=0.0, start=datetime(2026, 1, 1 + k, tzinfo=UTC))
+    ...         for k in range(6)]
+    >>> made = describe_drift(drift(Population.of(rows), datetime(2026, 2, 1, tzinfo=UTC)))
+    >>> made.to_html().count("&lt;7&gt;"), made.to_text().splitlines()[0]
+    (2, '✓ <7>: good')
+    """
+    trends = {kind: [one for one in drift.trends if one.kind == kind] for kind in KINDS}
+    sections = [
+        Section(_TITLES[kind], [lambda shown=shown: draw_trends(shown, drift)])  # type: ignore[misc]
+        for kind, shown in trends.items()
+        if shown
+    ]
+    if drift.trends:
+        note = element("p", _COLUMNS, class_="aside")
+        sections.append(Section("Drift", [_tabulate_trends(drift), note], printed=True))
+    if drift.events:
+        sections.append(Section("Steps and outliers", [_tabulate_events(drift)]))
+    sections.append(Section("Calibrations", _tabulate_calibrations(drift)))
+    return Document(
+        schema="agonic/history@1",
+        kind="History of a magnetometer",
+        name=drift.sensor,
+        title=title,
+        verdict=drift.verdict,
+        status=drift.status,
+        findings=drift.findings,
+        key_figures=_list_key_figures(drift, trends["bias"] or drift.trends),
+        entries=_list_calibrations(drift),
+        entries_title="",
+        sections=sections,
+        values=_make_values(drift),
+        styles=["thermal.css", "history.css"],
+    )
+
+
+def describe_history(
+    sensors: Sequence[SensorSummary], moving: set[str], departed: Sequence[Departure]
+) -> Document:
+    """All sensors of a history: how many calibrations, which drift, and which left the others.
+
+    >>> describe_history([], set(), []).to_text()
+    'The history is empty.'
+    """
+    rows = [
+        {
+            "sensor": one.sensor,
+            "calibrations": one.calibrations,
+            "refused": one.refused,
+            "first": one.first.isoformat(),
+            "last": one.last.isoformat(),
+            "verdict": one.verdict,
+            "drifts": one.sensor in moving,
+        }
+        for one in sensors
+    ]
+    total = counted(sum(one.calibrations for one in sensors), "calibration")
+    status = f"{counted(len(sensors), 'sensor')}, {total}" if sensors else "The history is empty."
+    return Document(
+        schema="agonic/history@1",
+        name="history",
+        status=status,
+        sections=[*_list_sensors(rows), *_list_departures(departed)],
+        values={"sensors": rows, "departures": [asdict(one) for one in departed]},
+    )
+
+
+# ---- all sensors ---------------------------------------------------------------------------------
+
+
+def _list_sensors(rows: Sequence[Mapping[str, Any]]) -> list[Section]:
+    if not rows:
+        return []
+    head = ("Sensor", "Calibrations", "First", "Last", "Verdict", "Bias")
+    table = Table(
+        head,
+        [
+            (
+                row["sensor"],
+                str(row["calibrations"]),
+                row["first"][:10],
+                row["last"][:10],
+                row["verdict"],
+                "drifts" if row["drifts"] else "",
+            )
+            for row in rows[:LINES]
+        ],
+    )
+    more = len(rows) - LINES
+    note = [f"… and {grouped(more)} more; --json lists all"] if more > 0 else []
+    return [Section("", [table, *note], printed=True)]
+
+
+def _list_departures(departed: Sequence[Departure]) -> list[Section]:
+    if not departed:
+        return []
+    title = f"{counted(len({one.sensor for one in departed}), 'sensor')} left the others"
+    said = [f"! {one.sensor}: {one.sentence}" for one in departed[:LINES]]
+    return [Section(title, said, printed=True)]
+
+
+# ---- one sensor ----------------------------------------------------------------------------------
+
+
+def _list_key_figures(drift: Drift, trends: Sequence[Trend]) -> list[tuple[str, str, str]]:
+    starts = [start for start in drift.population["start"] if start is not None]
+    refused = int((~drift.population.fitted).sum())
+    entries = [("Calibrations", str(len(drift.population)), f"{refused} refused")]
+    if starts:
+        first, last = min(starts), max(starts)
+        span = _format_span((last - first).total_seconds() / 86_400.0)
+        entries.append(("Over", span, f"{first:%Y-%m-%d} to {last:%Y-%m-%d}"))
+    if trends:
+        sd, worst = max(((one.predict(drift.at)[1], one) for one in trends), key=lambda k: k[0])
+        known = f"± {rounded(sd, sd)} {worst.unit}".rstrip()
+        entries.append(("Known to", known, f"{worst.name} on {drift.at:%Y-%m-%d}"))
+    steps = sum(event.kind == "step" for event in drift.events)
+    return [*entries, ("Steps", str(steps), "told from drift and scatter")]
+
+
+def _format_span(days: float) -> str:
+    unit = choose_unit(days)
+    return quantity(days / {"years": DAYS_A_YEAR, "months": DAYS_A_MONTH}.get(unit, 1.0), unit, 2)
+
+
+def _list_calibrations(drift: Drift) -> dict[str, str]:
+    """The last calibrations, each by its number and date."""
+    rows = list(enumerate(drift.population, start=1))[-SHOWN:]
+    return {
+        f"{number}  {_format_date(row)}": f"{row.verdict}, {_format_bias(row)}{row.source}"
+        for number, row in rows
+    }
+
+
+def _format_date(row: Row) -> str:
+    """The day of a calibration, with a star where it is that of adding."""
+    if row.start is None:
+        return ""
+    return f"{row.start.astimezone(UTC):%Y-%m-%d}{'*' if UNDATED.name in row.findings else ''}"
+
+
+def _list_bias(row: Row) -> list[str | None]:
+    """Bias x y z to the digits that are known, None where there is none."""
+    bias = ((getattr(row, f"bias_{axis}"), getattr(row, f"bias_{axis}_sd")) for axis in "xyz")
+    return [None if value is None else rounded(value, sd) for value, sd in bias]
+
+
+def _format_bias(row: Row) -> str:
+    parts = [f"{axis} {b}" for axis, b in zip("xyz", _list_bias(row), strict=True) if b is not None]
+    return f"bias {', '.join(parts)} {row.unit_in}; " if parts else ""
+
+
+def _tabulate_trends(drift: Drift) -> Table:
+    head = ("Parameter", f"On {drift.at:%Y-%m-%d}", "Drift a year", "Chance", "Scatter", "Walk")
+    rows = []
+    for one in drift.trends:
+        unit = f" {one.unit}" if one.unit else ""
+        mean, sd, _ = one.predict(drift.at)
+        slope = signed(with_sd(one.slope, one.slope_sd))
+        sizes = (f"{rounded(size, size)}{unit}" for size in (one.scatter, one.walk))
+        value = with_sd(mean, sd) + unit
+        rows.append((one.name, value, slope + unit, _format_chance(one.p_value), *sizes))
+    return Table(head, rows, "drifts", scrolls=True)
+
+
+def _tabulate_events(drift: Drift) -> Table:
+    rows = []
+    for event in drift.events:
+        when = f"{event.before:%Y-%m-%d}"
+        if event.kind == "step":
+            when = f"{event.after:%Y-%m-%d} to {when}"
+        first = [_EVENTS[event.kind], when, _format_chance(event.p_value)]
+        for moved in event.parameters:
+            size = f"{signed(with_sd(moved.size, moved.sd))} {moved.unit}".rstrip()
+            rows.append([*first[:2], moved.name, size, first[2]])
+            first = [""] * 3
+    return Table(("What", "When", "Parameter", "Size", "Chance"), rows, "drifts", scrolls=True)
+
+
+def _format_chance(p_value: float) -> str:
+    if p_value < 1e-4:
+        return "below 1 in 10 000"
+    return quantity(100 * min(p_value, 1.0), "%", 2)
+
+
+def _tabulate_calibrations(drift: Drift) -> list[Table | Markup]:
+    rows = list(drift.population)
+    shown, unit = rows[-MOST:], unit_label(rows[-1].unit_in)
+    bias = (f"Bias {axis}{', ' + unit if unit else ''}" for axis in "xyz")
+    head = ("Date", "Verdict", *bias, "Temperature", "Log")
+    cells = [
+        (
+            _format_date(row),
+            mark(row.verdict, row.verdict),
+            *(NOTHING if value is None else value for value in _list_bias(row)),
+            NOTHING if row.temperature_C is None else quantity(row.temperature_C, "°C"),
+            row.source,
+        )
+        for row in shown[::-1]
+    ]
+    notes = []
+    if any(UNDATED.name in row.findings for row in shown):
+        notes.append("* the moment of adding: the log knows no date")
+    if len(shown) < len(rows):
+        notes.append(f"{counted(len(rows) - len(shown), 'earlier one')} left out.")
+    table = Table(head, cells, "calibrations", scrolls=True)
+    return [table, *(element("p", note, class_="aside") for note in notes)]
+
+
+# ---- for programs --------------------------------------------------------------------------------
+
+
+def _make_values(drift: Drift) -> dict[str, Any]:
+    rows = enumerate(drift.population)
+    return {
+        "sensor": drift.sensor,
+        "at": drift.at.isoformat(),
+        "calibrations": [_record_row(row, number in drift.compared) for number, row in rows],
+        "trends": [_record_trend(one, drift.at) for one in drift.trends],
+        "events": [_record_event(event) for event in drift.events],
+        "findings": [
+            {"name": f.name, "severity": f.severity, "sentence": f.sentence} for f in drift.findings
+        ],
+    }
+
+
+def _record_row(row: Row, compared: bool) -> dict[str, Any]:
+    bias, sd = ([getattr(row, f"bias_{i}{end}") for i in "xyz"] for end in ("", "_sd"))
+    return {
+        "start": None if row.start is None else row.start.isoformat(),
+        "dated": UNDATED.name not in row.findings,
+        "source": row.source,
+        "verdict": row.verdict,
+        "status": row.status,
+        "compared": compared,
+        "unit": row.unit_in,
+        "bias": None if bias[0] is None else bias,
+        "bias_sd": None if sd[0] is None else sd,
+        "temperature_C": row.temperature_C,
+    }
+
+
+def _record_trend(one: Trend, at: datetime) -> dict[str, Any]:
+    mean, sd, calibration_sd = one.predict(at)
+    return {
+        "parameter": one.name,
+        "unit": one.unit,
+        "value": mean,
+        "sd": sd,
+        "calibration_sd": calibration_sd,
+        "slope_per_year": one.slope,
+        "slope_sd_per_year": one.slope_sd,
+        "p_value": one.p_value,
+        "scatter": one.scatter,
+        "walk_per_root_year": one.walk,
+    }
+
+
+def _record_event(event: Event) -> dict[str, Any]:
+    return {
+        "kind": event.kind,
+        "after": event.after.isoformat(),
+        "before": event.before.isoformat(),
+        "p_value": event.p_value,
+        "parameters": [
+            {"parameter": one.name, "unit": one.unit, "size": one.size, "sd": one.sd}
+            for one in event.parameters
+        ],
+    }
