@@ -66,10 +66,10 @@ class Fit(Estimated):
     `residuals` (n,) are distances from the model in the unit of the readings, a row a sample, and
     `weights` (n,) what the robust loss left of each reading, 0…1 (both `None` after a fit from
     moments, which keeps no readings); `noise` is the standard
-    deviation of one reading on one axis; `correlation` is how many successive readings count as
-    one (1 for white noise), already inside `covariance`; `condition` is that of the scaled
+    deviation of one reading on one axis; `correlation` is the correlation length,
+    in readings (1 for white noise), already inside `covariance`; `condition` is that of the scaled
     information matrix; `channels` are the residuals by kind ("magnitude", "dip", "azimuth") where
-    the attitude taught the fit; `findings` are all observations, by name; `tests` the choice of
+    the attitude aided the fit; `findings` are all observations, by name; `tests` the choice of
     model. `covariance` (9, 9) is that of bias x y z, then matrix xx yy zz xy xz yz; (12, 12) where
     the matrix is free, with yx zx zy, and further with the coefficients of sources on board.
     """

@@ -44,7 +44,7 @@ class Verification:
     """The checks, and the magnitudes they were made of.
 
     `spread_before` and `spread_after` are the standard deviation of the field's magnitude over its
-    mean (a fraction), gross strays left out; `held_out` (n,) marks the rows that were judged, or
+    mean (a fraction), gross outliers left out; `held_out` (n,) marks the rows that were judged, or
     is None when the calibration was checked on other samples altogether; `magnitude_before` and
     `magnitude_after` (n,) are the magnitudes of all rows.
     """
@@ -221,8 +221,8 @@ def _dip_check(error: float) -> Check:
         passed=good,
         meaning="the field dips as it should, by the roll and pitch of the log"
         if good
-        else "the field does not dip as it should: roll and pitch are wrong or late, or the field "
-        "is disturbed",
+        else "the field does not dip as it should: roll and pitch are wrong or delayed, or the "
+        "field is disturbed",
     )
 
 

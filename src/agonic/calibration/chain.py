@@ -71,11 +71,11 @@ class Chain:
         >>> Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3)),)).at(20.0).steps[0].kind
         'affine'
         """
-        held = tuple(
+        fixed = tuple(
             step.at(temperature_C) if isinstance(step, Thermal | Network) else step
             for step in self.steps
         )
-        return replace(self, steps=held)
+        return replace(self, steps=fixed)
 
     @property
     def composed(self) -> Affine:

@@ -161,7 +161,7 @@ class Network:
 
     @property
     def target(self) -> Along:
-        """What taught it: "vector" corrects all components, "magnitude" along the field only."""
+        """Its reference: "vector" corrects all components, "magnitude" along the field only."""
         return "vector" if len(self.output) == 3 else "magnitude"
 
     @property
@@ -214,9 +214,9 @@ class Network:
         onto = np.eye(3) if len(self.output) == 3 else along * np.swapaxes(along, 1, 2)
         left = np.eye(3) - (1.0 - self.base_sd_ratio) * g * onto
         below = self.base.uncertainty(rows, **self._for_base(columns))
-        taught = own if len(self.output) == 3 else onto * own
+        added = own if len(self.output) == 3 else onto * own
         return np.asarray(
-            left @ below @ left + g**2 * taught + _isotropic((1 - g) * (self.misfit or 0.0))
+            left @ below @ left + g**2 * added + _isotropic((1 - g) * (self.misfit or 0.0))
         )
 
     def outside(self, raw: ArrayLike, **columns: ArrayLike) -> Mask:
@@ -230,9 +230,9 @@ class Network:
     def at(self, temperature_C: float) -> Network:
         """The network that this is while the temperature stays at a value, °C."""
         values = {"temperature": float(temperature_C), "temperature_rate": 0.0}
-        held = {name: value for name, value in values.items() if name in self.inputs}
+        fixed = {name: value for name, value in values.items() if name in self.inputs}
         base = self.base.at(temperature_C) if isinstance(self.base, Thermal) else self.base
-        return replace(self, base=base, held={**self.held, **held})
+        return replace(self, base=base, held={**self.held, **fixed})
 
     def scaled(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
         """The inputs x (…, i), from readings (…, 3) and the columns beside them."""

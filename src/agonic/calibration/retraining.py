@@ -42,8 +42,9 @@ class RetrainerParams:
         "affine", or None to leave everything to the network.
     bias_sd, matrix_sd : how far the base may move from one training to the next: the field that a
         bias adds, and an entry of the matrix, as shares of the field.
-    shift_sd : the smallest lasting shift of the residual that counts as a change, in its standard
-        deviations. alarm : how much of it has to add up (see `maths.estimation.cusum`); 0: never.
+    shift_sd : the smallest change of the mean of the residual that counts as a change, in its
+        standard deviations. alarm : how much of it has to add up (see `maths.estimation.cusum`);
+        0: never.
     fewest : readings after a change before it is learned.
     misfit : a residual so many times what it was is that of a changed sensor, and a candidate whose
         unseen error is so many times that is rejected.
@@ -148,8 +149,8 @@ class Retraining:
     None where the residual grew too little for one, so that readings from before still counted.
     `accepted` says whether the candidate replaced what was running, `reason` why, and `poisoned`
     that it was the readings that were at fault. `what` names the candidate, `rows` how many
-    readings taught it, and `epochs` how long. The unseen rms errors on an axis, nT, of what was
-    running and of the candidate are NaN where there were none.
+    readings it was trained on, and `epochs` how long. The unseen rms errors on an axis, nT, of
+    what was running and of the candidate are NaN where there were none.
     """
 
     time: float

@@ -28,11 +28,11 @@ _POSITIVE = ("noise", "external_time_s", "gate", "jump_sd", "bias_sd", "matrix_s
 
 @dataclass(frozen=True, kw_only=True)
 class TrackerParams:
-    """How a calibration is followed: what moves, how fast, and what is believed.
+    """How a calibration is followed: what moves, how fast, and what is known before.
 
     Parameters
     ----------
-    solve : "bias", "gains" (bias and the diagonal of the matrix) or "full"; the rest is held.
+    solve : "bias", "gains" (bias and the diagonal of the matrix) or "full"; the rest is fixed.
     noise : sd of one reading on one axis, in the unit of the readings; `None`: that of the
         starting calibration, or else estimated from the first readings.
     walk : random walk of each bias, in the unit of the readings per √s: after t seconds it has
@@ -110,8 +110,8 @@ class Opening:
     """The first readings after a start or a jump, kept until the bias has settled.
 
     While little is known the residuals are not linear in what is unknown, so these `rows` (k, 6)
-    are taken together again and again, from the belief `prior` to them; `before` is what was
-    believed before a jump, `outliers` how many readings did not fit since they were last taken
+    are taken together again and again, from the state `prior` to them; `before` is the
+    state before a jump, `outliers` how many readings did not fit since they were last taken
     together, `None` before the first time; `learns` whether enough was known then for the filter to
     learn from what comes until the next time.
     """
@@ -125,7 +125,7 @@ class Opening:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recent:
-    """The last readings, rows (k, 6), and the beliefs before the first and before the middle one.
+    """The last readings, rows (k, 6), and the filter before the first and before the middle one.
 
     A jump is seen some readings after it began; from here the filter goes back to before it.
     """
@@ -188,9 +188,9 @@ class TrackerState:
     @property
     def calibration(self) -> Affine:
         """The calibration now, with its covariance, in the gauge of the one it started from."""
-        bias, held = self.belief.state[1:4], self.turned.covariance
+        bias, kept = self.belief.state[1:4], self.turned.covariance
         covariance = np.zeros((9, 9))
-        covariance[3:, 3:] = held[3:9, 3:9]
+        covariance[3:, 3:] = kept[3:9, 3:9]
         m = len(self.belief.diagonal) - 1
         covariance[:m, :m] = self.belief.covariance[1:, 1:]
         symmetric = unpack_symmetric(self.belief.state[4:])

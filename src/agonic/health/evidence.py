@@ -1,4 +1,4 @@
-"""What a fit gives away about the readings: plane, cap, strays, two sensors, a magnet half-way."""
+"""What a fit gives away about the readings: plane, cap, outliers, two sensors, a changed field."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
 
 
 def examine_attitude_aided(evidence: Evidence) -> tuple[Finding, ...]:
-    """The findings of a fit that the attitude taught: readings in a plane are no fault there."""
+    """The findings of an attitude-aided fit: readings in a plane are no fault there."""
     changed = _changed(evidence) or _crowded_outliers(evidence)
     if changed is not None and changed.severity == "refuse":
         return (changed,)
@@ -108,8 +108,8 @@ def _gaussian(readings: Array) -> bool:
 
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
-    believed = e.readings[(e.weights > 0) | (e.weights == 0).all()]
-    thick, normal = measure_thickness(believed[_some(len(believed))])
+    used = e.readings[(e.weights > 0) | (e.weights == 0).all()]
+    thick, normal = measure_thickness(used[_some(len(used))])
     if thick > 0.1:
         return None
     axis = find_nearest_axis(normal)
@@ -148,14 +148,14 @@ def _on_the_surface(e: Evidence, rows: Index) -> tuple[Array, Array, Array]:
 
 
 def _crowded_outliers(e: Evidence) -> Finding | None:
-    """Strays that come in one stretch: the fit holds for the rest of the log only."""
-    stray = e.weights == 0.0
-    if not OUTLIERS_DOUBTFUL < stray.mean() < 1.0:
+    """Outliers that come in one stretch: the fit holds for the rest of the log only."""
+    outlier = e.weights == 0.0
+    if not OUTLIERS_DOUBTFUL < outlier.mean() < 1.0:
         return None
-    edges, crowding = _stretch(stray)
+    edges, crowding = _stretch(outlier)
     if crowding < 0.5:
         return None
-    return _change_finding(e, edges, np.sqrt(3) * float(np.median(np.abs(e.residuals[stray]))))
+    return _change_finding(e, edges, np.sqrt(3) * float(np.median(np.abs(e.residuals[outlier]))))
 
 
 def _second_population(e: Evidence) -> Finding | None:
@@ -184,7 +184,7 @@ def _pair(e: Evidence, rows: Index) -> Pair | None:
     """Two spheres of radius about one through readings that one ellipsoid does not hold, or None.
 
     Sought among calibrated readings where the fit holds for most of them, otherwise among raw
-    ones; believed where the pair leaves much less than one full ellipsoid (noise alone makes the
+    ones; accepted where the pair leaves much less than one full ellipsoid (noise alone makes the
     nearer of any two spheres 0.7 times as far as one, or more).
     """
     holds = e.noise < 0.03 * e.radius
@@ -195,8 +195,8 @@ def _pair(e: Evidence, rows: Index) -> Pair | None:
     if pair is None:
         return None
     left = np.abs(refit_residuals(*_on_the_surface(e, rows))) / e.radius
-    believed = np.minimum(pair.distance, 0.2).mean() < 0.65 * np.minimum(left, 0.2).mean()
-    return pair if believed else None
+    better = np.minimum(pair.distance, 0.2).mean() < 0.65 * np.minimum(left, 0.2).mean()
+    return pair if better else None
 
 
 def _stretch(member: Mask) -> tuple[Index, float]:
@@ -222,7 +222,8 @@ def _change_finding(e: Evidence, edges: Index, shift: float) -> Finding:
         "field changed",
         "refuse" if shift >= SHIFT_REFUSED * e.radius else "check",
         f"the bias moved by about {figure(shift)} {e.unit} ({100 * shift / e.radius:.0f} % of the "
-        f"field) near {' and '.join(moments)}: a magnet, iron or a current came or went",
+        f"field) near {' and '.join(moments)}: something magnetic, or a "
+        "current, was added or removed",
         "calibrate the stretches before and after separately, with everything in its final place",
     )
 

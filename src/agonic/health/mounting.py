@@ -16,7 +16,7 @@ from agonic.maths.rotations.tilt import down_from_force
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 FAR_BETTER = 0.4
-"""Another mounting is believed when it leaves less than this share of the vertical's misfit."""
+"""Another mounting is accepted when it leaves less than this share of the vertical's misfit."""
 VERTICAL_DOUBTFUL = 0.08
 """Of the field: what a good sensor and 5° of wrong gravity leave of a vertical that is constant."""
 RIVAL = 1.5

@@ -37,7 +37,7 @@ def draw_trends(trends: Sequence[Trend], drift: Drift) -> Markup:
     }
     if any(_find_steps(one, drift) for one in trends):
         keys["step"] = "step"
-    if any(shift.stray for one in trends for shift in one.shifts):
+    if any(shift.outlier for one in trends for shift in one.shifts):
         keys["astray"] = "outlier"
     first = trends[0]
     note = "" if first.kind == "bias" else "To first order the same however the matrix was turned."
@@ -81,7 +81,7 @@ def draw_trend(one: Trend, drift: Drift) -> Markup:
 
 def _draw_calibrations(one: Trend, at: Array, y: Axis) -> list[Markup]:
     """Their standard errors, and their values as dots."""
-    outlier = np.isin(np.arange(len(one.time)), [s.place for s in one.shifts if s.stray])
+    outlier = np.isin(np.arange(len(one.time)), [s.place for s in one.shifts if s.outlier])
     ends = zip(at, down(y, one.value + one.sd), down(y, one.value - one.sd), strict=True)
     layers = [path("".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends), "sd")]
     for name, rows in (("seen", ~outlier), ("astray", outlier)):

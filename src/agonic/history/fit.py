@@ -151,7 +151,7 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
     trends = []
     for number, k in enumerate(known):
         held = join_design(many[number], found, number)
-        own = tuple(s for s in found if s.stray or number in s.where)
+        own = tuple(s for s in found if s.outlier or number in s.where)
         value, sd = of.values[:, k], of.sd[:, k]
         trends.append(
             make_trend(NAMES[k], of.units[k], time, value, sd, held, compute_posterior(held), own)
@@ -178,7 +178,7 @@ def _make_event(
         moved.append(
             ParameterChange(names[k], units[k], float(belief.mean(last)), float(belief.sd(last)))
         )
-    kind = "step" if not shift.stray else "last" if shift.place == len(time) - 1 else "stray"
+    kind = "step" if not shift.outlier else "last" if shift.place == len(time) - 1 else "stray"
     after = _make_date(time[shift.place - (0 if kind == "stray" else 1)])
     return Event(
         kind, shift.place, after, _make_date(time[shift.place]), shift.p_value, tuple(moved)

@@ -86,7 +86,7 @@ class Trend:
         return np.asarray((time - self.time[0]) / (self.time[-1] - self.time[0]))
 
     def _design(self, time: Array) -> Array:
-        steps = [time >= self.time[s.place] if not s.stray else 0 * time for s in self.shifts]
+        steps = [time >= self.time[s.place] if not s.outlier else 0 * time for s in self.shifts]
         return np.array([np.ones_like(time), self._scaled(time), *steps], dtype=np.float64)
 
 

@@ -44,7 +44,7 @@ def test_a_step_of_five_sd_in_the_bias_is_found_where_it_is(made) -> None:
     size = 7 * made[2] / np.sqrt(n - 1) if made[2] else 5 * np.hypot(made[0], made[1])
     moved = stepping(n, place, size)
     found = [find_change_points(sensor(n, made, seed, moved), CHANCE) for seed in range(6)]
-    there = [any(not s.stray and abs(s.place - place) <= 1 for s in each) for each in found]
+    there = [any(not s.outlier and abs(s.place - place) <= 1 for s in each) for each in found]
     assert sum(there) >= 5
 
 
@@ -52,7 +52,7 @@ def test_a_step_a_stray_and_a_drift_are_told_apart() -> None:
     n = 24
     moved = stepping(n, 9, 30.0) + 25.0 * (np.arange(n) == 17)
     found = {
-        (s.place, s.stray): s
+        (s.place, s.outlier): s
         for s in find_change_points(sensor(n, MADE_OF["scatter"], 1, moved), CHANCE)
     }
     assert set(found) == {(9, False), (17, True)}
@@ -65,7 +65,7 @@ def test_the_last_value_is_given_as_one_that_is_off() -> None:
     n = 12
     moved = 40.0 * (np.arange(n) == n - 1) * np.ones((3, 1))
     [found] = find_change_points(sensor(n, MADE_OF["scatter"], 5, moved), CHANCE)
-    assert (found.place, found.stray) == (n - 1, True)
+    assert (found.place, found.outlier) == (n - 1, True)
     assert found.p_value < CHANCE
 
 
@@ -73,7 +73,7 @@ def test_a_long_series_is_looked_through_in_windows() -> None:
     n = 230
     moved = stepping(n, 60, 20.0) - stepping(n, 171, 20.0)
     found = find_change_points(sensor(n, MADE_OF["scatter"], 3, moved)[:3], CHANCE)
-    assert {(s.place, s.stray) for s in found} == {(60, False), (171, False)}
+    assert {(s.place, s.outlier) for s in found} == {(60, False), (171, False)}
 
 
 def test_too_few_values_have_no_shifts() -> None:

@@ -19,7 +19,7 @@ _AU_PER_DAY_IN_C = 1 / 173.1446326846693
 _EQUATOR_IN_C = 7.292115e-5 * 6_378_137.0 / 299_792_458.0
 """Speed of the equator, as a share of that of light."""
 LOWEST_DEG = 85.0
-"""Zenith distance below which the formula of refraction does not hold; it is held there."""
+"""Zenith distance below which the formula of refraction does not hold; it stays the same beyond."""
 
 
 class Air(NamedTuple):

@@ -105,7 +105,7 @@ def measure_thickness(points: Array) -> tuple[float, Array]:
     """Half the range across the flattest direction over that along the widest, and the former.
 
     0 for a plane, 1 for a full sphere; ranges between the 1st and 99th percentile so that a few
-    strays do not count.
+    outliers do not count.
     """
     centred = points - points.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1]

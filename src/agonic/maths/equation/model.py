@@ -96,7 +96,7 @@ def field_jacobian(raw: Array, bias: Array, matrix: Array) -> Array:
 
 
 def weak_prior(gauge: str, degree: int, sd: float) -> Array:
-    """Weak beliefs that keep what the stations leave open near a multiple of the identity.
+    """Weak prior that keeps what the stations leave open near a multiple of the identity.
 
     The gains less their mean, every other entry of the matrix, and every change of an entry with
     temperature are zero to `sd`; biases and the mean gain are free. Rows (r, a) in units of their

@@ -27,7 +27,7 @@ OUTLIER = 4.0
 """Boxes whose mean residual is so many times the usual one do not count."""
 
 ROUNDS = 4
-"""Passes in which the noise and the boxes to believe settle."""
+"""Passes in which the noise and the boxes to use settle."""
 
 MOST_STEPS = 15
 """Steps of a pass. Where little was seen the minimum lies at the end of a long bent valley that is
@@ -35,7 +35,7 @@ noise: with 60 steps the error of the bias is 4.4 standard errors at 1° to 5° 
 it is 1.0 (rms over 16 simulated sessions)."""
 
 FINEST = 1e-6
-"""Less noise than this, over the radius, is not believed."""
+"""Less noise than this, over the radius, is not assumed."""
 
 _BASIS = unpack_symmetric(np.eye(6))
 """The matrices of xx yy zz xy xz yz."""
@@ -166,9 +166,9 @@ def _assemble(
     prior: leastsq.Prior | None,
 ) -> MomentEstimate:
     """The result; boxes that scatter more than their readings do widen the covariance."""
-    held = weights * sums[:, 0]
+    used_sums = weights * sums[:, 0]
     freedom = int((weights > 0).sum()) - 9
-    scatter = float(held @ residuals**2) / sd**2 / freedom if freedom > 9 else 1.0
+    scatter = float(used_sums @ residuals**2) / sd**2 / freedom if freedom > 9 else 1.0
     information = solution.information
     if prior is not None:
         jacobian = prior(solution.params)[1]

@@ -1,4 +1,4 @@
-"""What the scores of consecutive stretches of a record say: how long errors last, what changed.
+"""Batch means of the scores of a record: correlated errors and change points.
 
 The gradient of a fit is Σ_k g_k over stretches of time. White residuals scatter it by V; residuals
 that go together in time, along a direction that turns as it does, scatter it by the sums of whole
@@ -25,14 +25,14 @@ _EDGE = 0.02  # of the record: a part shorter than this is no part
 
 
 class Scatter(NamedTuple):
-    """How the gradient scatters (m, m), and how many residuals count as one for that."""
+    """How the gradient scatters (m, m), and the correlation length, in residuals."""
 
     matrix: Array
     correlation: float
 
 
 def compute_scatter(scores: Array, white: Array, *, steady: bool = False) -> Scatter:
-    """The scatter of Σ_k g_k by the batches that are just long enough; V where nothing lasts.
+    """The scatter of Σ_k g_k by the batches that are just long enough; V where none is.
 
     Parameters: scores (k, m) g_k in order of time; white (m, m) V; `steady` takes differences from
     batch to batch, which a change or drift does not touch. Batches double in length while that
@@ -59,7 +59,9 @@ def compute_scatter(scores: Array, white: Array, *, steady: bool = False) -> Sca
             sums, share = np.diff(sums, axis=0), 2 * share * (batches - 1) / batches
         matrix = sums.T @ sums / share
         ratio = float(np.trace(precision @ matrix)) / m
-        doubt = _CHANCE if best.correlation == 1.0 else 1.0  # once something lasts, more may
+        doubt = (
+            _CHANCE if best.correlation == 1.0 else 1.0
+        )  # once something is correlated, more may be
         if ratio > best.correlation * (1 + doubt * np.sqrt(2 / (m * batches))):
             best = Scatter(matrix, ratio)
         size *= 2

@@ -1,4 +1,4 @@
-"""A bias that was another for a while: the stretch of rows whose own bias explains the most."""
+"""Change points: the stretch of rows with another bias that explains the most."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasCha
 
     r = J δ + 1[start ≤ i < stop] n·shift, J the nine ways in which an ellipsoid can move (n, and
     n_i p_j for a symmetric change of shape): Lagrange multiplier test with two unknown edges
-    (Andrews 1993). Residuals are drawn in to a few median distances, so that strays do not decide.
+    (Andrews 1993). Residuals are drawn in to a few median distances, so that outliers do not
+    decide.
 
     Parameters: residuals (n,) distances from the ellipsoid in time order, normals (n, 3) there,
     places (n, 3) the foot points on it relative to its centre, over its radius. None where there

@@ -1,9 +1,9 @@
-"""Shifts in series of a few values: where one stepped to another level, and values that are astray.
+"""Change points and outliers in series of a few values: steps to another level, single values off.
 
-Each place where a step or a stray could be joins the design of `drifting` alone, and the one that
-chance would make least often is kept, its tail times the number of places and of series looked at
-(Bonferroni); then the rest is looked through again with it in the design. A line, a walk and
-scatter of unknown size are allowed for all along, so that a slope is no step.
+Each place where a step or an outlier could be joins the design of `drift_model` alone, and the one
+that chance would make least often is kept, its tail times the number of places and of series
+looked at (Bonferroni); then the rest is looked through again with it in the design. A line, a walk
+and scatter of unknown size are allowed for all along, so that a slope is no step.
 """
 
 from __future__ import annotations
@@ -22,45 +22,45 @@ from agonic.maths.estimation.drift_model import (
 )
 
 FEWEST = 8
-"""With fewer values a shift cannot be told from scatter of unknown size."""
+"""With fewer values a change cannot be told from scatter of unknown size."""
 LAST = 5
-"""From so many values on the last one is held against those before it."""
+"""From so many values on the last one is compared with those before it."""
 _WINDOW = 96  # values looked through at a time; windows overlap by half
-_MOST = 20  # shifts
-_SHARES = (0.9, 0.05, 0.05)  # of the chance, for shifts that none, one or two others hide
-_JUMP = 8.0  # median steps: a step or stray that is hidden by another is larger
+_MOST = 20  # change points
+_SHARES = (0.9, 0.05, 0.05)  # of the chance, for change points that none, one or two others hide
+_JUMP = 8.0  # median steps: a step or outlier that is hidden by another is larger
 
 
 class ChangePoint(NamedTuple):
-    """From value number `place` on the level is another; or, `stray`, that value alone is astray.
+    """From value number `place` on the level is another; or, `outlier`, that value alone is off.
 
     `p_value` is how often chance makes one like it anywhere; `where` which series it was seen in.
     """
 
     place: int
-    stray: bool
+    outlier: bool
     p_value: float
     where: tuple[int, ...]
 
     def column(self, n: int) -> Array:
         """What it adds to each of n values."""
         rows = np.arange(n)
-        return np.asarray(rows == self.place if self.stray else rows >= self.place, dtype=float)
+        return np.asarray(rows == self.place if self.outlier else rows >= self.place, dtype=float)
 
 
 def find_change_points(many: Sequence[Series], chance: float) -> list[ChangePoint]:
-    """The shifts in series of the same times, in the order in which they were found.
+    """The change points in series of the same times, in the order in which they were found.
 
     Parameters: many, each with a line for its design; chance, how often any is found where there is
-    none. Half of it goes to the last value, which a step and a stray move alike: it is given as a
-    stray.
+    none. Half of it goes to the last value, which a step and an outlier move alike: it is given as
+    an outlier.
 
     >>> rng = np.random.default_rng(3)
     >>> t = np.linspace(0.0, 1.0, 30)
     >>> y = rng.normal(0, 1, (2, 30)) + np.outer([0, 9], t > 0.5)
     >>> line = np.stack([np.ones(30), t])
     >>> found = find_change_points([Series(t, v, np.ones(30), line) for v in y], 0.01)
-    >>> [(s.place, s.stray, s.where) for s in found]
+    >>> [(s.place, s.outlier, s.where) for s in found]
     [(15, False, (1,))]
     """
     found: list[ChangePoint] = []
@@ -75,34 +75,34 @@ def find_change_points(many: Sequence[Series], chance: float) -> list[ChangePoin
 def _next(
     many: Sequence[Series], found: Sequence[ChangePoint], chance: float
 ) -> ChangePoint | None:
-    """The next shift that chance would hardly make.
+    """The next change point that chance would hardly make.
 
-    Two shifts can hide each other. Where none stands out though something jumps, the most suspect
-    one joins the design for the time being and the others are looked at again, with the places of
-    both counted.
+    Two change points can hide each other. Where none stands out though something jumps, the most
+    suspect one joins the design for the time being and the others are looked at again, with the
+    places of both counted.
     """
     n = len(many[0].time) if many else 0
-    last, held_back, ways = ChangePoint(n - 1, True, 1.0, ()), [*found], len(many)
+    last, allowed_for, ways = ChangePoint(n - 1, True, 1.0, ()), [*found], len(many)
     for share in _SHARES:
-        if n - len(held_back) < LAST or (share != _SHARES[0] and not any(map(_jumps, many))):
+        if n - len(allowed_for) < LAST or (share != _SHARES[0] and not any(map(_jumps, many))):
             break
-        held = [join_design(series, held_back, k) for k, series in enumerate(many)]
+        known = [join_design(series, allowed_for, k) for k, series in enumerate(many)]
         allowed = 0.5 * share * chance
-        if last.place not in [shift.place for shift in held_back]:
-            new = _test(held, last, ways, allowed)
+        if last.place not in [change.place for change in allowed_for]:
+            new = _test(known, last, ways, allowed)
             if new:
                 return new
-        if n - len(held_back) < FEWEST:
+        if n - len(allowed_for) < FEWEST:
             break
-        candidates = [s for s in _candidates(n) if not _is_taken(s, held_back)]
-        suspect = _find_suspect(held, candidates)
+        candidates = [s for s in _candidates(n) if not _is_taken(s, allowed_for)]
+        suspect = _find_suspect(known, candidates)
         if suspect is None:
             break
         ways *= len(candidates)
-        new = _test(held, suspect, ways, allowed)
+        new = _test(known, suspect, ways, allowed)
         if new:
             return new
-        held_back.append(suspect._replace(where=tuple(range(len(many)))))
+        allowed_for.append(suspect._replace(where=tuple(range(len(many)))))
     return None
 
 
@@ -114,42 +114,43 @@ def _jumps(series: Series) -> bool:
 
 
 def join_design(series: Series, found: Sequence[ChangePoint], k: int) -> Series:
-    """A series, the k-th, with the shifts that were seen in it in its design; strays in all."""
+    """A series, the k-th, with the change points seen in it in its design; outliers in all."""
     n = len(series.time)
-    columns = [s.column(n) for s in found if s.stray or k in s.where]
+    columns = [s.column(n) for s in found if s.outlier or k in s.where]
     return series._replace(design=np.concatenate([series.design, np.reshape(columns, (-1, n))]))
 
 
-def estimate_size(series: Series, shift: ChangePoint) -> Posterior:
-    """What is believed of a series when a shift joins its design, last."""
-    column = shift.column(len(series.time))
+def estimate_size(series: Series, change: ChangePoint) -> Posterior:
+    """The posterior of a series when a change point joins its design, last."""
+    column = change.column(len(series.time))
     return compute_posterior(series._replace(design=np.concatenate([series.design, column[None]])))
 
 
 def _candidates(n: int) -> list[ChangePoint]:
-    """A step before every value but the first and the last, a stray at each but the ends."""
+    """A step before every value but the first and the last, an outlier at each but the ends."""
     steps = [ChangePoint(k, False, 1.0, ()) for k in range(1, n - 1)]
     return steps + [ChangePoint(k, True, 1.0, ()) for k in range(1, n - 1)]
 
 
-def _is_taken(shift: ChangePoint, found: Sequence[ChangePoint]) -> bool:
-    """Whether it is found already, or no other than one that is: next to a stray a step is none."""
+def _is_taken(change: ChangePoint, found: Sequence[ChangePoint]) -> bool:
+    """Whether it is found already, or is the same: next to an outlier a step is none."""
     return any(
-        (shift.place, shift.stray) == (s.place, s.stray) or (s.stray and shift.place == s.place)
+        (change.place, change.outlier) == (s.place, s.outlier)
+        or (s.outlier and change.place == s.place)
         for s in found
     )
 
 
-def _find_suspect(held: Sequence[Series], candidates: Sequence[ChangePoint]) -> ChangePoint | None:
+def _find_suspect(known: Sequence[Series], candidates: Sequence[ChangePoint]) -> ChangePoint | None:
     """The candidate with the least tail in any series, on a coarse grid of the sizes."""
-    n = len(held[0].time)
+    n = len(known[0].time)
     best: tuple[float, ChangePoint | None] = (np.inf, None)
     for rows in _windows(n):
         inside = [s for s in candidates if rows.start < s.place < rows.stop - 1]
         if not inside:
             continue
         columns = np.stack([s.column(n)[rows] for s in inside])
-        for _, part in _stack([_part(series, rows) for series in held]):
+        for _, part in _stack([_part(series, rows) for series in known]):
             tails = compute_tail_probabilities(part, columns).min(axis=0)
             k = int(np.argmin(tails))
             if tails[k] < best[0]:
@@ -158,24 +159,24 @@ def _find_suspect(held: Sequence[Series], candidates: Sequence[ChangePoint]) -> 
 
 
 def _test(
-    held: Sequence[Series], shift: ChangePoint, looks: int, chance: float
+    known: Sequence[Series], change: ChangePoint, looks: int, chance: float
 ) -> ChangePoint | None:
-    """The shift with its tail and the series it shows in; None where chance would do."""
-    tails = _tails(held, shift)
+    """The change with its tail and the series it shows in; None where chance would do."""
+    tails = _tails(known, change)
     p_value = float(tails.min()) * looks
     if not p_value < chance:
         return None
-    where = tuple(np.flatnonzero(tails * len(held) < chance).tolist())
-    return shift._replace(p_value=p_value, where=where)
+    where = tuple(np.flatnonzero(tails * len(known) < chance).tolist())
+    return change._replace(p_value=p_value, where=where)
 
 
-def _tails(held: Sequence[Series], shift: ChangePoint) -> Array:
-    """How often chance makes a shift as large in each series, with the values around it."""
-    rows = [r for r in _windows(len(held[0].time)) if r.start + _WINDOW // 4 <= shift.place]
-    window = rows[-1] if rows else next(_windows(len(held[0].time)))
-    column = shift.column(len(held[0].time))[window]
-    tails = np.ones(len(held))
-    for which, part in _stack([_part(series, window) for series in held]):
+def _tails(known: Sequence[Series], change: ChangePoint) -> Array:
+    """How often chance makes a change as large in each series, with the values around it."""
+    rows = [r for r in _windows(len(known[0].time)) if r.start + _WINDOW // 4 <= change.place]
+    window = rows[-1] if rows else next(_windows(len(known[0].time)))
+    column = change.column(len(known[0].time))[window]
+    tails = np.ones(len(known))
+    for which, part in _stack([_part(series, window) for series in known]):
         wide = np.broadcast_to(column, (*part.value.shape[:-1], 1, len(column)))
         joint = part._replace(design=np.concatenate([part.design, wide], axis=-2))
         size = joint.design.shape[-2]

@@ -1,4 +1,4 @@
-"""What several series of the same thing have in common, and what is each one's own.
+"""The common mode of several series of the same thing, and what is each one's own.
 
 Grubbs's estimators: what is common to two series cancels in their difference, what is each one's
 own does not enter their covariance. Neither needs to know the truth.
@@ -22,7 +22,7 @@ class CommonMode(NamedTuple):
 
 
 def estimate_common_mode(series: Array) -> CommonMode:
-    """The part that series (s, w, c) share, and the standard deviation of each one's own.
+    """The common mode of series (s, w, c), and the standard deviation of each one's own.
 
     With values y_i = common + own_i, own_i of variance q_i and all independent:
 

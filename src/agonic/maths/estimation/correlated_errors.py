@@ -1,11 +1,12 @@
-"""Errors that last: what they add to the scatter of a fit, from its own residuals.
+"""Correlated errors: what they add to the scatter of a fit, from its own residuals.
 
-A residual is white noise and slowly moving errors e(t) seen along a direction that turns:
+A residual is white noise and slowly moving errors e(t) seen along a direction that turns
+(Gauss–Markov processes, one for each correlation time τ):
 
     r_i = ε_i + Σ_g e_g(t_i)·d_gi,   E[e_g(t) e_g(t + Δ)ᵀ] = 1 Σ_τ a_gτ exp(−Δ/τ)
 
 A field from outside the Earth stands in Earth-fixed axes and d is the direction of the field there;
-a bias that wanders stands in the axes of the sensor; anything else is a number and d = 1. The a ≥ 0
+a bias that drifts stands in the axes of the sensor; anything else is a number and d = 1. The a ≥ 0
 are those that give the products of residuals at all lags best. The gradient Σ w r J/σ² of the fit
 then scatters by that of white noise and
 
@@ -29,7 +30,7 @@ STRETCHES = 20_000
 """Stretches of time that a record is summed up in; within one nothing turns much."""
 _GROUPS = 40
 _LONGEST = 1 / 3  # of the record: products at longer lags say little
-_CHANCE = 16.0  # χ² by which lasting errors must explain the products better than none
+_CHANCE = 16.0  # χ² by which correlated errors must explain the products better than none
 _STEP = 2.0
 
 
@@ -78,7 +79,7 @@ class Sums(NamedTuple):
 
 
 class CorrelatedError(NamedTuple):
-    """One error that lasts: its variance, seconds, and the number of its geometry."""
+    """One correlated error: its variance, correlation time in s, and the number of its geometry."""
 
     variance: float
     time_s: float
@@ -86,7 +87,7 @@ class CorrelatedError(NamedTuple):
 
 
 def find_correlated_errors(sums: Sums, white: float, step_s: float) -> tuple[CorrelatedError, ...]:
-    """The lasting errors that the products of residuals show; none where chance would do.
+    """The correlated errors that the products of residuals show; none where chance would do.
 
     Parameters: `white`, variance of one residual; `step_s`, seconds of a stretch.
 

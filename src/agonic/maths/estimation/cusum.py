@@ -1,9 +1,9 @@
-"""Two-sided cumulative sums: the moment from which on residuals lie off zero.
+"""Cumulative sums (CUSUM), two-sided: the moment from which on residuals lie off zero.
 
     S⁺ ← max(0, S⁺ + (z − k)/L),   S⁻ ← max(0, S⁻ − (z + k)/L)
 
-with z a residual over its standard deviation, k half the smallest shift to be noticed, L how many
-successive residuals count as one. A sum above h raises the alarm, and it began where that sum last
+with z a residual over its standard deviation, k half the smallest shift to be noticed, L the
+correlation length, in residuals. A sum above h raises the alarm, and it began where that sum last
 left zero (Page 1954). Of independent normal residuals one sum raises it falsely about every
 e^{2k(h + 1.17)}/2k² readings (Siegmund 1985): with k = 1 and h = 10 every 2·10⁹.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 
 CLIPPED = 4.0
-"""No residual counts for more standard deviations than this, so that strays do not alarm."""
+"""No residual counts for more standard deviations than this, so that outliers do not alarm."""
 
 
 class Sums(NamedTuple):

@@ -1,4 +1,4 @@
-"""Where something was learned: a few points that cover the rows, and how far others are from them.
+"""Where a model was trained: a few points that cover the rows, and how far others are from them.
 
 The cover is greedy (Gonzalez 1985): each further centre is the row farthest from all before it, so
 no row is farther from a centre than twice what is possible with so many.

@@ -1,4 +1,4 @@
-"""What drifts, wanders and scatters from one measurement to the next, and how far each is known.
+"""Drift, random walk and scatter from one measurement to the next, by restricted likelihood.
 
 Values y of a number at times t, each with its formal standard error s, are
 
@@ -89,8 +89,9 @@ def compute_posterior(of: Series) -> Posterior:
     >>> t = np.linspace(0.0, 1.0, 40)
     >>> line = np.stack([np.ones(40), t])
     >>> seen = Series(t, 5 + 3 * t + rng.normal(0, 0.2, 40), np.full(40, 0.01), line)
-    >>> belief = compute_posterior(seen)
-    >>> abs(belief.mean(1) - 3) < 2 * belief.sd(1) < 0.5, bool(0.1 < belief.size("scatter") < 0.3)
+    >>> posterior = compute_posterior(seen)
+    >>> scatter = posterior.size("scatter")
+    >>> abs(posterior.mean(1) - 3) < 2 * posterior.sd(1) < 0.5, bool(0.1 < scatter < 0.3)
     (np.True_, True)
     """
     low, high = _whole(of)
@@ -232,7 +233,7 @@ def compute_tail_probabilities(of: Series, candidates: Array) -> Array:
     return np.where(free.all(axis=-2), tail, 1.0)
 
 
-def predict(of: Series, belief: Posterior, at: Array, design: Array) -> tuple[Array, Array]:
+def predict(of: Series, posterior: Posterior, at: Array, design: Array) -> tuple[Array, Array]:
     """Mean and variance (m, k) of X β + w at times `at` (k,), by node, for one series.
 
     Parameters: at, in order, not before the first value; design (p, k) there.
@@ -243,24 +244,26 @@ def predict(of: Series, belief: Posterior, at: Array, design: Array) -> tuple[Ar
     variance = np.concatenate([of.variance, np.full(k, np.inf)])[order]
     rows = np.concatenate([of.value[None], of.design])
     columns = np.concatenate([rows, np.zeros((len(rows), k))], axis=1)[:, order]
-    walked, sd2 = _smooth(time, variance, columns, belief)
+    walked, sd2 = _smooth(time, variance, columns, posterior)
     place = np.argsort(order, kind="stable")[n:]
     left, spread = walked[place], sd2[place]  # (k, m, 1+p), (k, m)
     lean = design.T[:, None, :] - left[..., 1:]
-    mean = left[..., 0] + np.einsum("kmp,mp->km", lean, belief.beta)
-    var = spread + np.einsum("kmp,mpq,kmq->km", lean, belief.covariance, lean)
+    mean = left[..., 0] + np.einsum("kmp,mp->km", lean, posterior.beta)
+    var = spread + np.einsum("kmp,mpq,kmq->km", lean, posterior.covariance, lean)
     return mean.T, var.T
 
 
-def _smooth(time: Array, variance: Array, columns: Array, belief: Posterior) -> tuple[Array, Array]:
+def _smooth(
+    time: Array, variance: Array, columns: Array, posterior: Posterior
+) -> tuple[Array, Array]:
     """The walk (n, m, c) behind each column (c, n), and its variance (n, m), after all rows."""
-    n, m = len(time), len(belief.walk)
+    n, m = len(time), len(posterior.walk)
     mean, var = np.zeros((n, m, len(columns))), np.zeros((n, m))
     ahead, steps = np.zeros((n, m)), np.diff(time, prepend=time[0])
     state, doubt = np.zeros((m, len(columns))), np.zeros(m)
     for k in range(n):
-        ahead[k] = doubt = doubt + belief.walk**2 * steps[k]
-        gain = doubt / (doubt + variance[k] + belief.scatter**2)
+        ahead[k] = doubt = doubt + posterior.walk**2 * steps[k]
+        gain = doubt / (doubt + variance[k] + posterior.scatter**2)
         state = state + gain[:, None] * (columns[:, k] - state)
         doubt = doubt * (1 - gain)
         mean[k], var[k] = state, doubt

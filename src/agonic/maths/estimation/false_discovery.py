@@ -1,4 +1,4 @@
-"""Which of many tests say something, when so many are made at once."""
+"""False discovery rate: which of many tests say something, when so many are made at once."""
 
 from __future__ import annotations
 

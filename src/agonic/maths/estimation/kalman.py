@@ -1,7 +1,7 @@
 """Sequential estimation of bias and matrix from magnitudes: a Kalman filter in U D Uᵀ factors.
 
 The state is x = (g, bias x y z, matrix xx yy zz xy xz yz) with a symmetric matrix W; the covariance
-is that of its first m numbers, the others are held. g is what the reference magnitude leaves out
+is that of its first m numbers, the others are fixed. g is what the reference magnitude leaves out
 (crust, ring current), a first-order Gauss–Markov process; bias and matrix walk at random. A reading
 measures
 
@@ -89,7 +89,7 @@ class Seen(NamedTuple):
 
 
 def start_filter(state: Array, covariance: Array, time: float) -> FilterState:
-    """A belief from a covariance (m, m); `time` is that of the reading before the first.
+    """A filter from a covariance (m, m); `time` is that of the reading before the first.
 
     >>> b = start_filter(np.zeros(10), np.diag([1.0, 4, 4, 4]), 0.0)
     >>> b.diagonal.tolist(), np.allclose(b.covariance, np.diag([1.0, 4, 4, 4]))
@@ -108,7 +108,7 @@ def start_filter(state: Array, covariance: Array, time: float) -> FilterState:
 
 
 def add_variance(belief: FilterState, sd: ArrayLike) -> FilterState:
-    """The belief with standard deviations, one or (3,), added to those of the bias."""
+    """The filter with standard deviations, one or (3,), added to those of the bias."""
     _, columns, diagonal, _ = _lists(belief)
     for i, variance in enumerate(np.broadcast_to(np.square(sd), 3).tolist(), start=1):
         ud_filter.add_variance(i, variance, columns, diagonal, [0.0] * 10)
@@ -116,7 +116,7 @@ def add_variance(belief: FilterState, sd: ArrayLike) -> FilterState:
 
 
 def widen_for_jump(belief: FilterState, jump_sd: float) -> FilterState:
-    """The belief after a possible jump: `jump_sd` added to each bias, the test restarted."""
+    """The filter after a possible jump: `jump_sd` added to each bias, the test restarted."""
     watch = np.array([*[0.0] * ud_filter.SCALE, *belief.watch[ud_filter.SCALE :]])
     return add_variance(belief, jump_sd)._replace(watch=watch)
 
@@ -129,7 +129,7 @@ def advance(
     linearised: Array | None = None,
     compiled: bool | None = None,
 ) -> tuple[FilterState, Seen, bool]:
-    """The belief after some readings, what was predicted of each, and whether a jump was seen.
+    """The filter after some readings, what was predicted of each, and whether a jump was seen.
 
     Stops after the reading at which a jump shows, so `Seen` may be shorter than the rows.
 
@@ -141,19 +141,19 @@ def advance(
     n = len(rows)
     wanted = is_worth_compiling(n) if compiled is None else compiled
     run = ud_filter.compiled() if wanted else None
-    held = linearised is not None
+    fixed = linearised is not None
     about = belief.state if linearised is None else linearised
     if run is None:
         parts = _lists(belief)
         seen: Any = [[0.0] * 7 for _ in range(n)]
         room: Any = [[0.0] * 10 for _ in range(3)]
         about = about.tolist()
-        done, jump = ud_filter.run(rows.tolist(), *parts, tuple(model), about, held, seen, room)
+        done, jump = ud_filter.run(rows.tolist(), *parts, tuple(model), about, fixed, seen, room)
         after = FilterState(*(np.array(part) for part in parts))
     else:
         after = FilterState(*(np.array(part) for part in belief))
         seen, room = np.zeros((n, 7)), np.zeros((3, 10))
-        done, jump = run(np.ascontiguousarray(rows), *after, tuple(model), about, held, seen, room)
+        done, jump = run(np.ascontiguousarray(rows), *after, tuple(model), about, fixed, seen, room)
     table = np.array(seen[:done]).reshape(-1, 7)
     return (
         after,

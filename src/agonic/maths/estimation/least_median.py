@@ -1,4 +1,4 @@
-"""A start that outliers cannot reach: spheres through few readings, judged by their median."""
+"""Least median of squares: spheres through few readings, a start that outliers cannot reach."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Pair(NamedTuple):
 def fit_two_spheres(points: Array, *, seed: int = 0) -> Pair | None:
     """Two spheres of similar size through points (n, 3), or None.
 
-    They are believed when, after the first sphere took all within 8 % of its radius, one eighth of
+    They are accepted when, after the first sphere took all within 8 % of its radius, one eighth of
     the points at least is left and half of those lie within 6 % of the second.
     """
     one = np.ones(1)

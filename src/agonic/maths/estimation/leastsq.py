@@ -1,4 +1,4 @@
-"""The one solver: robust Levenberg–Marquardt on normal equations that are added up piece by piece.
+"""Least squares: robust (Huber, Tukey) Levenberg–Marquardt on normal equations, piece by piece.
 
 The model is a function from parameters to pieces (residuals, Jacobian). Only the sums are kept, so
 data in memory, out of core and on several workers take the same code.
@@ -76,7 +76,7 @@ class Normal(NamedTuple):
 
 
 class Channel(NamedTuple):
-    """Residuals of one kind: their standard deviation, loss, and how many of them count as one.
+    """Residuals of one kind: their standard deviation, loss, and the correlation length.
 
     `spread` is by how much more the gradient scatters than that supposes: it joins the covariance
     only. Without `keep` the residuals themselves are not kept: for more than memory holds.
@@ -214,8 +214,8 @@ def solve(
 
     Parameters: `pieces(params)` yields residuals (n,) and Jacobians (n, m); `start` (m,); `scale`
     standard deviation of one residual; `prior(params)` gives residuals and Jacobian in units of
-    their own standard deviation; `correlation` how many residuals count as one. It stops when the
-    next step is below `tolerance` standard errors of the result.
+    their own standard deviation; `correlation` the correlation length, in residuals. It stops when
+    the next step is below `tolerance` standard errors of the result.
     """
     channel = Channel(pieces, scale, loss or squares(), correlation)
     return solve_together(
@@ -273,24 +273,24 @@ class _Sums(NamedTuple):
     cost: float
     gradient: Array
     information: Array
-    held: Array  # the prior's part of the information
+    known: Array  # the prior's part of the information
 
 
 def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> _Sums:
     m = len(params)
-    cost, gradient, held = 0.0, np.zeros(m), np.zeros((m, m))
+    cost, gradient, known = 0.0, np.zeros(m), np.zeros((m, m))
     if prior is not None:
         residuals, jacobian = prior(params)
         cost, gradient = float(residuals @ residuals) / 2, residuals @ jacobian
-        held = jacobian.T @ jacobian
-    information, normals = held.copy(), []
+        known = jacobian.T @ jacobian
+    information, normals = known.copy(), []
     for of in channels:
         normal = accumulate(of.pieces, params, of.loss, of.scale, of.keep)
         cost += normal.cost / of.correlation
         gradient = gradient + normal.gradient / of.correlation
         information += normal.information / of.correlation
         normals.append(normal)
-    return _Sums(normals, cost, gradient, information, held)
+    return _Sums(normals, cost, gradient, information, known)
 
 
 def _step(information: Array, gradient: Array, damping: float) -> Array:
@@ -312,17 +312,17 @@ def _sandwich(channels: Sequence[Channel], sums: _Sums) -> tuple[Array, Array]:
     """
     parts, scattered = [], []
     for normal, channel in zip(sums.normals, channels, strict=True):
-        # where nearly all readings are strays the curvature says nothing; it must stay positive
+        # where nearly all readings are outliers the curvature says nothing; it must stay positive
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
-        n, m = normal.total, len(sums.held)
+        n, m = normal.total, len(sums.known)
         freedom = n / max(n - m, 1)
         parts.append(normal.information * (curved / channel.correlation))
         known = normal.weight > 0
         seen = normal.scatter / normal.weight / curved if known else 1.0
         scattered.append(freedom * seen * channel.spread if known else 1.0)
     data, least = np.sum(parts, axis=0), min(scattered)
-    bread = inverse(data + sums.held)
-    rest = (1 - least) * sums.held
+    bread = inverse(data + sums.known)
+    rest = (1 - least) * sums.known
     for part, k in zip(parts, scattered, strict=True):
         rest = rest + (k - least) * part
     return np.asarray(least * bread + bread @ rest @ bread), data
@@ -350,7 +350,7 @@ def condition(information: Array) -> Array:
 
 
 def correlation_length(residuals: Array, weights: Array) -> float:
-    """How many successive residuals carry the information of one: 1 + 2 Σ ρ_k, at least 1.
+    """The correlation length 1 + 2 Σ ρ_k: so many successive residuals tell as much as one.
 
     The sum of autocorrelations runs up to the first that does not stand out of the noise (two
     standard errors), so white residuals give 1.

@@ -1,6 +1,6 @@
 """Levenberg–Marquardt backpropagation: the weights of a network from inputs and targets.
 
-The step of Wang et al. (2020), Eq. 14, with the weights themselves held small by λ:
+The step of Wang et al. (2020), Eq. 14, with the weights themselves kept small by λ:
 
     Δω = −(JᵀJ + (λ + μ) I)⁻¹ (Jᵀe + λ ω)
 
@@ -42,7 +42,7 @@ _ON_FEW = 200
 
 
 class Problem(NamedTuple):
-    """Scaled inputs (n, i) and targets (n, o); weights (n,) or None; rows that count as one."""
+    """Scaled inputs (n, i) and targets (n, o); weights (n,) or None; correlation length, rows."""
 
     x: Array
     target: Array
@@ -242,7 +242,7 @@ def _count(problem: Problem, sums: network.Sums) -> float:
 
 
 def _precision(problem: Problem, sums: network.Sums, effective: float) -> float:
-    """β/ν: the reciprocal variance of a scaled residual, over how many count as one."""
+    """β/ν: the reciprocal variance of a scaled residual, over the correlation length."""
     freedom = max(_count(problem, sums) - effective, 1.0)
     return freedom / max(sums.square, 1e-300)
 

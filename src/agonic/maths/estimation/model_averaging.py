@@ -1,4 +1,4 @@
-"""A term that may or may not be there: averaged over both cases instead of decided.
+"""Bayesian model averaging of a term that may or may not be there, instead of deciding.
 
 Leaving a term out where a test does not see it makes standard errors several times too small just
 below the limit of the test; keeping it always costs half of the accuracy where it is not there.

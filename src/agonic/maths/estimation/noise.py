@@ -1,4 +1,4 @@
-"""What residuals say of the noise: its size, how long it lasts, whether readings stand out."""
+"""What residuals say of the noise: its size, correlation length, and whether it has outliers."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def is_like_gaussian(residuals: Array, sd: float, parameters: int) -> bool:
 
     None stands out, and their median size (sampling error 0.93/√n) and kurtosis (4.9/√n) are what
     the rms makes them: two populations or a bias that moved make the median larger and the kurtosis
-    smaller, strays the other way round.
+    smaller, outliers the other way round.
     """
     n = len(residuals)
     z = residuals / sd

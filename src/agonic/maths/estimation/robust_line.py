@@ -1,4 +1,4 @@
-"""A straight line through points of which some may lie anywhere."""
+"""Robust regression: a straight line through points of which some may lie anywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Centre and spread of a population whose members are each known with an error of their own."""
+"""Robust centre and spread of a population whose members each have an error of their own."""
 
 from __future__ import annotations
 

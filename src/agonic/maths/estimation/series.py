@@ -12,7 +12,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 
-BLOCK = 32  # rows; a burst of strays shorter than half of it does not move the median
+BLOCK = 32  # rows; a burst of outliers shorter than half of it does not move the median
 ANOMALOUS = 6.0  # standard deviations
 _BLOCKS, _LEAST = 60, 9  # short recordings of a wide range have shorter blocks
 _MAD_TO_SD = 1.482602218505602
@@ -79,7 +79,7 @@ def _scale(left: Array, field: Array) -> Array:
 
 
 def find_heating(temperature: Array, block: int = BLOCK) -> Mask:
-    """Rows (n,) recorded while the temperature rose, or held where it had risen to.
+    """Rows (n,) recorded while the temperature rose, or stayed where it had risen to.
 
     It has turned once it goes back by a tenth of the range; the turn is at the extreme before.
 

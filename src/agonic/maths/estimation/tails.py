@@ -1,4 +1,4 @@
-"""How often a regular member of a population lies far out, learned from the population itself."""
+"""Heavy tails (Student's t) of a population: how often a regular member lies far out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The UD filter of `estimation.kalman`, in one source for Python on lists and numba on arrays.
+"""The Kalman filter of `estimation.kalman` in UD factors, one source for lists and for numba.
 
 Python is faster on lists than NumPy on arrays this small. Every function works in place; `columns`
 has the columns of U, `room` is a place for ten numbers.
@@ -31,7 +31,7 @@ def run(
     watch: Any,
     model: tuple[float, ...],
     about: Any,
-    held: bool,
+    linearised: bool,
     seen: Any,
     room: Any,
 ) -> tuple[int, bool]:
@@ -46,8 +46,8 @@ def run(
         row, out = rows[done], seen[done]
         pass_time(row[0] - watch[TIME], model, x, columns, diagonal, f)
         watch[TIME] = row[0]
-        r, steepness = _residual(about if held else x, row, noise, h)
-        if held:
+        r, steepness = _residual(about if linearised else x, row, noise, h)
+        if linearised:
             for i in range(m):
                 r += h[i] * (x[i] - about[i])
         variance = _predict(h, noise, columns, diagonal, f)

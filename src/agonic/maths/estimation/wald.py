@@ -21,7 +21,7 @@ def wald(found: Array, covariance: Array, independent: float) -> Wald:
     """Whether k numbers (k,) with covariance (k, k) differ from zero.
 
     xᵀ C⁻¹ x / k follows F(k, m − k) where the errors' size itself is known from `independent` = m
-    readings: what lasts counts as one, however often it was read.
+    readings: the effective sample size, smaller than their number where errors are correlated.
 
     >>> import numpy as np
     >>> wald(np.array([0.1, 0.0, 0.0]), np.eye(3), 100.0).p_value > 0.9

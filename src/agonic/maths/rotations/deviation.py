@@ -133,7 +133,7 @@ class DeviationSolution(NamedTuple):
     """Coefficients of the chosen columns with what the solver saw.
 
     `covariance` (k, k) deg²; `residuals` (n,) measured less modelled, deg; `weights` (n,) 0…1;
-    `noise` their standard deviation, deg; `correlation` how many readings count as one.
+    `noise` their standard deviation, deg; `correlation` the correlation length, in readings.
     """
 
     params: Array
@@ -197,8 +197,8 @@ def _restate_noise(
     """The solution with the covariance that the residuals or the stated noise give it."""
     covariance = solution.covariance
     if noise_deg is not None:
-        held = np.eye(len(solution.params)) / TURN_DEG**2
-        covariance = leastsq.inverse(solution.information * (noise.sd / noise_deg) ** 2 + held)
+        prior = np.eye(len(solution.params)) / TURN_DEG**2
+        covariance = leastsq.inverse(solution.information * (noise.sd / noise_deg) ** 2 + prior)
     weights = noise.loss.weight((solution.residuals / noise.sd) ** 2)
     covariance = covariance * _slow(len(weights), len(solution.params), noise.correlation)
     return DeviationSolution(
@@ -213,7 +213,7 @@ def _restate_noise(
 
 
 def _slow(n: int, k: int, correlation: float) -> float:
-    """How much larger variances are because k terms also follow noise that lasts; 1 for white.
+    """How much larger variances are because k terms also follow correlated noise; 1 for white.
 
     With m = n/correlation independent readings the residuals are too small by (m − k)/m, and so is
     the correlation that they show.

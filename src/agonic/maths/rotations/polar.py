@@ -1,6 +1,6 @@
 """A matrix as a rotation and a symmetric one, for magnitudes tell nothing of the rotation.
 
-|W d| with W = R S, S = √(WᵀW), is |S d|: what magnitudes teach is S, and R stays.
+|W d| with W = R S, S = √(WᵀW), is |S d|: what magnitudes determine is S, and R stays.
 """
 
 from __future__ import annotations
