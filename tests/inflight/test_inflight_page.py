@@ -14,10 +14,10 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.tracking import TrackerParams
 from agonic.cli import run
 from agonic.inflight.fit import fit_inflight
-from agonic.inflight.report.causes import explained
-from agonic.inflight.report.ground import compared
-from agonic.inflight.report.page import inflight_page, track_page
-from agonic.inflight.report.record import lasting_of, of_inflight
+from agonic.inflight.report.causes import explain
+from agonic.inflight.report.document import describe_inflight, describe_tracking
+from agonic.inflight.report.flight import find_correlated_errors, flight_of_fit
+from agonic.inflight.report.ground import compare
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.inflight.tracking import Tracker
 from agonic.report.digits import MINUS, NO_BREAK, THIN
@@ -65,7 +65,7 @@ def fit(samples, ground):
 
 @pytest.fixture(scope="module")
 def page(fit, samples) -> str:
-    return inflight_page(fit, samples, title="orbit.csv")
+    return describe_inflight(fit, samples, title="orbit.csv").to_html()
 
 
 def test_ground_and_flight_stand_side_by_side_with_the_change_in_sigmas(page, fit, ground) -> None:
@@ -101,7 +101,7 @@ def test_changes_in_sigmas_are_honest() -> None:
                 [[by[3], by[6], by[7]], [by[6], by[4], by[8]], [by[7], by[8], by[5]]]
             )
             both.append(Affine(bias=by[:3], matrix=matrix, covariance=factor * spread))
-        sigmas += [q.sigmas for group in compared(*both) for q in group.rows]
+        sigmas += [q.sigmas for group in compare(*both) for q in group.rows]
     assert np.mean(sigmas) == pytest.approx(0.0, abs=0.06)
     assert np.std(sigmas) == pytest.approx(1.0, abs=0.05)
 
@@ -116,7 +116,9 @@ def test_the_shadow_is_drawn_where_the_satellite_was_in_it(page, made) -> None:
 
 def test_a_step_in_the_shadow_is_measured(fit, samples, made) -> None:
     stepped = replace(fit, residuals=fit.residuals + 40.0 * made.eclipse)
-    said = re.search(r"mean is ([^ ]+) ± ([\d.]+) nT from", words(inflight_page(stepped, samples)))
+    said = re.search(
+        r"mean is ([^ ]+) ± ([\d.]+) nT from", words(describe_inflight(stepped, samples).to_html())
+    )
     step, sd = number(said[1]), float(said[2])
     assert step == pytest.approx(40.0, abs=4 * sd)
     assert sd == pytest.approx(
@@ -134,22 +136,25 @@ def test_what_residuals_go_with_is_named(fit, samples, made, what: str) -> None:
         "shadow": made.eclipse - made.eclipse.mean(),
     }[what]
     with_it = replace(fit, residuals=fit.residuals + 150.0 * pattern)
-    shares = explained(of_inflight(with_it, samples))
+    shares = explain(flight_of_fit(with_it, samples))
     assert shares[0].what == what
     assert shares[0].named
-    assert shares[0].cause.split(":")[0] in words(inflight_page(with_it, samples)).lower()
+    assert (
+        shares[0].cause.split(":")[0]
+        in words(describe_inflight(with_it, samples).to_html()).lower()
+    )
 
 
 def test_noise_alone_has_no_cause(fit, samples) -> None:
-    shares = explained(of_inflight(fit, samples))
+    shares = explain(flight_of_fit(fit, samples))
     assert {share.what for share in shares} == {"time", "latitude", "temperature", "shadow"}
     assert max(share.share for share in shares) < 0.01
-    assert "no cause stands out" in words(inflight_page(fit, samples))
+    assert "no cause stands out" in words(describe_inflight(fit, samples).to_html())
 
 
 def test_the_map_has_each_residual_at_its_place(fit, samples) -> None:
     north = np.sign(samples.latitude_deg) * 300.0
-    drawn = inflight_page(replace(fit, residuals=north), samples)
+    drawn = describe_inflight(replace(fit, residuals=north), samples).to_html()
     for name, lies in (("high", np.less), ("low", np.greater)):
         cells = "".join(re.findall(rf'd="([^"]*)" class="cell {name}"', drawn))
         tops = np.array(re.findall(r"M[\d.]+ ([\d.]+)h", cells), dtype=float)
@@ -183,7 +188,7 @@ def test_what_lasts_is_told_from_what_does_not() -> None:
         rng = np.random.default_rng(seed)
         slow = lfilter([1.0], [1.0, -kept], rng.normal(size=50_000) * np.sqrt(1 - kept**2))
         r = (40.0 * slow + 100.0 * rng.normal(size=50_000))[10_000:]
-        found.append(lasting_of(time, r, np.ones(len(r), dtype=bool)))
+        found.append(find_correlated_errors(time, r, np.ones(len(r), dtype=bool)))
     scale, seconds = np.median(found, axis=0)
     assert scale == pytest.approx(40.0, rel=0.1)
     assert seconds == pytest.approx(600.0, rel=0.4)
@@ -191,11 +196,11 @@ def test_what_lasts_is_told_from_what_does_not() -> None:
 
 def test_the_error_of_the_model_is_said_with_its_scale_and_time(fit, samples) -> None:
     told = replace(fit, noise=100.0, lasting_nT=60.0, lasting_s=600.0, correlation=12.0)
-    said = words(inflight_page(told, samples))
+    said = words(describe_inflight(told, samples).to_html())
     assert "Of this 80 nT is different in every reading; the other 60 nT last for about 10" in said
     assert "12 readings count as one" in said
     alone = replace(fit, lasting_nT=0.0, lasting_s=0.0)
-    assert "no error of the model that lasts" in words(inflight_page(alone, samples))
+    assert "no error of the model that lasts" in words(describe_inflight(alone, samples).to_html())
 
 
 def test_the_direction_and_the_currents_are_shown(made, samples) -> None:
@@ -203,7 +208,7 @@ def test_the_direction_and_the_currents_are_shown(made, samples) -> None:
     raw = samples.field + current[:, None] * [100.0, -50.0, 20.0]
     log = samples.with_columns(field=raw, current_A=current)
     fit = fit_inflight(log, attitude="logged", sources=("current_A",), drift_knots=0)
-    page = inflight_page(fit, log)
+    page = describe_inflight(fit, log).to_html()
     row = re.search(r"current_A</th><td>(.*?)</td><td>(.*?)</td><td>(.*?)</td>", page)
     for text, added in zip(row.groups(), (100.0, -50.0, 20.0), strict=True):
         value, sd = (number(part) for part in text.split("±"))
@@ -222,7 +227,7 @@ def test_what_was_left_out_is_counted_by_reason(samples, ground) -> None:
     flagged[8000:8100] = 1.0
     torn = samples.with_columns(field=field, flagged=flagged)
     fit = fit_inflight(torn, ground=ground, drift_knots=0)
-    said = words(inflight_page(fit, torn))
+    said = words(describe_inflight(fit, torn).to_html())
     assert "NaN or infinite field 7" in said
     assert "Flagged in the log (torquers on and the like) 100 " in said
     strays = int(re.search(r"no weight in the robust loss (\d+)", said)[1])
@@ -232,23 +237,23 @@ def test_what_was_left_out_is_counted_by_reason(samples, ground) -> None:
 
 def test_held_out_errors_of_the_choice_are_shown(fit, samples) -> None:
     chosen = replace(fit, held_out={0: 210.0, 1: 105.0, 2: 104.0})
-    said = words(inflight_page(chosen, samples))
+    said = words(describe_inflight(chosen, samples).to_html())
     assert "constant 210 nT +102 % chosen" in said
     assert "1 interval 105 nT" in said
-    assert "so nothing was chosen" in words(inflight_page(fit, samples))
+    assert "so nothing was chosen" in words(describe_inflight(fit, samples).to_html())
 
 
 def test_a_log_that_knows_little_is_drawn_as_far_as_it_goes() -> None:
     known = simulate("tumble", n=3000, noise=50.0).samples
     fit = fit_inflight(known, ag.Reference.constant(50_000.0), drift_knots=0)
-    said = words(inflight_page(fit, known))
+    said = words(describe_inflight(fit, known).to_html())
     assert "The log does not tell of latitude, temperature, sunlight and shadow" in said
     assert "no ground calibration to compare with" in said
     assert not re.search(r"\bnan\b", said.lower())
 
 
 def test_without_the_samples_only_the_map_is_missing(fit) -> None:
-    said = words(inflight_page(fit))
+    said = words(describe_inflight(fit).to_html())
     assert "The log does not tell of place: not drawn." in said
     assert "Along temperature" in said
 
@@ -271,7 +276,7 @@ def test_a_long_mission_makes_a_small_page(fit, samples) -> None:
         latitude_deg=long.latitude_deg,
         temperature=long.temperature,
     )
-    drawn = inflight_page(told, long)
+    drawn = describe_inflight(told, long).to_html()
     assert len(drawn) < 300_000
     assert "1 reading lies beyond the edges (arrows), the farthest at 90 000 nT" in words(drawn)
 
@@ -286,7 +291,7 @@ def tracked(samples, ground):
 
 def test_the_tracker_shows_its_jump_and_its_predictions(tracked) -> None:
     tracker, _, log = tracked
-    page = track_page(*tracked, title="log.csv")
+    page = describe_tracking(*tracked, title="log.csv").to_html()
     said = words(page)
     assert "Calibration followed in flight" in said
     assert "rms, before each was used" in said
@@ -301,7 +306,7 @@ def test_the_tracker_shows_its_jump_and_its_predictions(tracked) -> None:
 
 @pytest.mark.parametrize("width", [360, 400, 768, 1200])
 def test_the_pages_fit_every_width_and_fetch_nothing(opened, page, tracked, width) -> None:
-    for text in (page, track_page(*tracked)):
+    for text in (page, describe_tracking(*tracked).to_html()):
         shown = opened(text, viewport={"width": width, "height": 900})
         assert shown.evaluate("document.documentElement.scrollWidth") == width
         assert [url for url in shown.requests if not url.startswith("data:")] == [shown.url]
@@ -319,7 +324,7 @@ def test_figures_have_the_same_size_as_their_ticks(opened, page) -> None:
 
 def test_an_evil_title_is_text(opened, fit, samples) -> None:
     evil = "</title><script>alert(1)</script>"
-    shown = opened(inflight_page(fit, samples, title=evil))
+    shown = opened(describe_inflight(fit, samples, title=evil).to_html())
     assert shown.locator("h1").inner_text() == evil
     assert shown.locator("script").count() == 0
 

@@ -61,7 +61,7 @@ def inflight(
     attitude: Annotated[
         str,
         typer.Option(
-            help="none; logged (roll, pitch, heading in the log teach too); nadir (one side kept "
+            help="none; logged (aided by roll, pitch, heading in the log); nadir (one side kept "
             "to the Earth, attitude from the track)."
         ),
     ] = "none",
@@ -86,16 +86,17 @@ def inflight(
     gain_sd: Annotated[
         float, typer.Option(help="How far gains may have moved since the ground, a share.")
     ] = 0.01,
-    robust: Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")] = True,
+    robust: Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")] = True,
     between: Between = None,
     as_json: Json = False,
 ) -> int:
     """Bias, gains or all nine numbers from the field that is known on the way."""
     from agonic.calibration.chain import require_calibration
-    from agonic.console.output import print_json, say
+    from agonic.console.finish import finish
     from agonic.errors import AgonicError
-    from agonic.files.calibration import load, save
+    from agonic.files.calibration import load
     from agonic.inflight.fit import fit_inflight
+    from agonic.inflight.report.document import describe_inflight
     from agonic.logs.large.mission import is_long
 
     settings: dict[str, Any] = {
@@ -120,15 +121,9 @@ def inflight(
         more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
         samples = _samples(logs[0], sensor, unit, between, date)
         fit = fit_inflight(samples, _reference(samples, at, date, scalar), **settings, **more)
-    name = fit.change.sensor
-    files = [str(save(fit.calibration, out))] if out and fit.verdict != "refused" else []
-    files += [] if out is None else [_page(out, fit, samples, logs[0].name)]
-    if as_json:
-        print_json("agonic/fit-inflight@1", {**record(fit), "sensor": name, "files": files})
-    else:
-        say(summary(fit, name))
-        say(f"\nWritten   {', '.join(files)}" if files else "\nNothing was written.")
-    return 0 if fit.verdict == "good" else 1
+    document = describe_inflight(fit, samples, title=logs[0].name)
+    page = None if out is None else out.with_suffix(".html")
+    return finish(document, out=out, report=page, option="-o", as_json=as_json)
 
 
 def _samples(
@@ -141,15 +136,6 @@ def _samples(
     if date is None or samples.epoch is not None:
         return samples
     return samples.with_columns(epoch=_moment(date))
-
-
-def _page(out: Path, fit: InflightFit, samples: Samples | None, title: str) -> str:
-    """The report beside the calibration."""
-    from agonic.atomic import write_atomically
-    from agonic.inflight.report.page import inflight_page
-
-    page = inflight_page(fit, samples, title=title)
-    return str(write_atomically(out.with_suffix(".html"), page))
 
 
 def _moment(date: str) -> Any:
@@ -212,80 +198,3 @@ def _range(text: str | None) -> tuple[float, float] | None:
     except ValueError:
         raise AgonicError(f"--latitudes {text!r} is not LOW,HIGH in degrees") from None
     return low, high
-
-
-def summary(fit: InflightFit, name: str) -> str:
-    """The result in a few lines."""
-    import textwrap
-
-    from agonic.report.digits import quantity, with_sd
-    from agonic.report.text import SIGNS
-    from agonic.report.verdict import MEANINGS
-
-    sd = fit.sd
-    bias = "   ".join(
-        f"{axis} {with_sd(float(v), float(s))}"
-        for axis, v, s in zip("xyz", fit.change.bias, sd[:3], strict=True)
-    )
-    what = "Moved by" if fit.calibration is not fit.change else "Bias"
-    word = MEANINGS[fit.verdict][0].lower()
-    lasts = quantity(fit.correlation_s, "s", 2)
-    rms = float((fit.residuals[fit.weights > 0] ** 2).mean() ** 0.5)
-    return "\n".join(
-        [
-            f"{SIGNS[fit.verdict]} {name}: {word} (in flight, {fit.solve}, {fit.n} readings)",
-            *textwrap.wrap(fit.status, 98, initial_indent="  ", subsequent_indent="  "),
-            f"  {what:<10}{bias} {fit.change.unit_in}",
-            f"  Residual  {quantity(rms, 'nT', 3)} rms; what lasts {lasts} counts as one",
-        ]
-    )
-
-
-def record(fit: InflightFit) -> dict[str, Any]:
-    """The fit as one flat object for programs."""
-    from dataclasses import asdict
-
-    from agonic.calibration.interference import signals
-
-    believed = fit.residuals[fit.weights > 0]
-    return {
-        "method": "inflight",
-        "solve": fit.solve,
-        "verdict": fit.verdict,
-        "status": fit.status,
-        "n": fit.n,
-        "bias_change_nT": fit.change.bias,
-        "matrix_change": fit.change.matrix,
-        "sd": fit.sd,
-        "calibration_kind": fit.calibration.kind,
-        "noise_nT": fit.noise,
-        "residual_rms_nT": float((believed**2).mean() ** 0.5),
-        "correlation_s": fit.correlation_s,
-        "lasting_nT": fit.lasting_nT,
-        "lasting_s": fit.lasting_s,
-        "drift_intervals": fit.drift.intervals,
-        "held_out_nT": {str(k): v for k, v in fit.held_out.items()},
-        "channels": {
-            kind: {"noise_nT": of.noise, "correlation": of.correlation}
-            for kind, of in fit.channels.items()
-        },
-        **_directions(fit),
-        "sources": dict(zip(signals(fit.source_names), fit.sources.T.tolist(), strict=True)),
-        "findings": [asdict(finding) for finding in fit.findings],
-    }
-
-
-def _directions(fit: InflightFit) -> dict[str, Any]:
-    """What the attitude adds."""
-    import numpy as np
-
-    if fit.alignment is None or fit.direction_error_deg is None:
-        return {"direction_error_deg": None, "alignment_deg": None}
-    assert fit.alignment.covariance is not None
-    return {
-        "direction_error_deg": float(np.median(fit.direction_error_deg[fit.weights > 0])),
-        "alignment_deg": {
-            "rotation_vector": fit.alignment.rotation.as_rotvec(degrees=True),
-            "sd": np.degrees(np.sqrt(np.diag(fit.alignment.covariance))),
-        },
-    }

@@ -11,7 +11,7 @@ from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, U
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
-    from agonic.inflight.tracking import Coefficients, Tracker
+    from agonic.inflight.tracking import Tracker
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -66,7 +66,9 @@ def track(
     Readings that were seen before, or are flagged, are passed over. Exit status 1 where the bias
     jumped or is not to be trusted.
     """
+    from agonic.atomic import write_atomically
     from agonic.console.output import print_json, say
+    from agonic.inflight.report.document import describe_tracking
     from agonic.inflight.tracking import Tracker
 
     settings = {"solve": solve, "walk": walk, "noise": noise, "external_sd": external}
@@ -89,16 +91,17 @@ def track(
     if new.any():
         found = tracker.update(samples.select(new), reference.select(new))
         tracker.save(state)
+    drawn = samples.select(new) if report is not None and found is not None else None
+    document = describe_tracking(tracker, found, drawn, rows=rows, title=log.name)
     files = []
-    if report is not None and found is not None:
-        files.append(_page(report, tracker, found, samples.select(new), log.name))
-    said = summary(tracker, found, rows)
+    if report is not None and drawn is not None:
+        files.append(str(write_atomically(report, document.to_html())))
     if as_json:
-        print_json("agonic/track@1", {**said, "state": str(state), "files": files})
+        values = {**document.to_record(), "state": str(state), "files": files}
+        print_json(document.schema, values)
     else:
-        written = [f"Report    {file}" for file in files]
-        say("\n".join([*sentences(said), f"State     {state}", *written]))
-    return 0 if tracker.ok else 1
+        say("\n".join([document.to_text(), "", f"Written   {', '.join([str(state), *files])}"]))
+    return 0 if document.good else 1
 
 
 def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> list[str]:
@@ -185,14 +188,6 @@ def _started(
     return Tracker(calibration, params)
 
 
-def _page(path: Path, tracker: Tracker, found: Coefficients, new: Samples, title: str) -> str:
-    """The report about the readings of the log that are new."""
-    from agonic.atomic import write_atomically
-    from agonic.inflight.report.page import track_page
-
-    return str(write_atomically(path, track_page(tracker, found, new, title=title)))
-
-
 def _number(walk: str) -> float:
     if walk == AUTO:
         return 0.0
@@ -202,65 +197,3 @@ def _number(walk: str) -> float:
         raise AgonicError(
             f"--walk {walk!r} is neither a number (nT per root second) nor auto"
         ) from None
-
-
-def summary(tracker: Tracker, found: Coefficients | None, rows: int) -> dict[str, Any]:
-    """What there is to say of a tracker after an update."""
-    import numpy as np
-
-    state, calibration = tracker.state, tracker.calibration
-    rms = None
-    if found is not None:  # without those of which a start could not yet say anything
-        rms = float(np.sqrt(np.mean(found.residual[found.foretold] ** 2)))
-    return {
-        "sensor": state.base.sensor,
-        "unit": state.base.unit_in,
-        "verdict": "good" if tracker.ok else "check",
-        "status": tracker.status,
-        "new": 0 if found is None else len(found.residual),
-        "passed_over": rows - (0 if found is None else len(found.residual)),
-        "n": state.n,
-        "refused": state.refused,
-        "bias": state.bias,
-        "bias_sd": state.bias_sd,
-        "matrix": calibration.matrix,
-        "noise": state.noise,
-        "walk": tracker.params.walk,
-        "predicted_rms_nT": rms,
-        "consistency": state.consistency,
-        "jumps": [
-            {"time_s": j.time, "seen_s": j.seen, "shift": j.shift, "shift_sd": j.shift_sd}
-            for j in state.jumps
-        ],
-        "history": {
-            "time_s": tracker.history[:, 0],
-            "bias": tracker.history[:, 1:4],
-            "bias_sd": tracker.history[:, 4:],
-        },
-    }
-
-
-def sentences(said: dict[str, Any]) -> list[str]:
-    """The summary for people."""
-    mark = "✓" if said["verdict"] == "good" else "!"
-    unit = said["unit"]
-    passed = f", {said['passed_over']} passed over" if said["passed_over"] else ""
-    values = zip("xyz", said["bias"], said["bias_sd"], strict=True)
-    bias = ", ".join(f"{axis} {value:.1f} ± {sd:.1f}" for axis, value, sd in values)
-    lines = [
-        f"{mark} {said['sensor']}: {said['verdict']}",
-        f"  {said['status']}",
-        f"Readings  {said['new']} new{passed}; {said['n']} in all, {said['refused']} refused",
-        f"Bias      {bias} {unit} (one standard error)",
-        f"Model     noise {said['noise']:.4g} {unit}, walk {said['walk']:.3g} {unit} per √s",
-    ]
-    if said["predicted_rms_nT"] is not None:
-        lines.append(
-            f"Predicted to {said['predicted_rms_nT']:.4g} nT rms, each reading before it was used"
-        )
-    for jump in said["jumps"]:
-        shift = ", ".join(f"{value:.0f}" for value in jump["shift"])
-        lines.append(
-            f"Jump      at {jump['time_s']:.1f} s by {shift} {unit}, seen at {jump['seen_s']:.1f} s"
-        )
-    return lines

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.inflight.report.record import Flight
+from agonic.inflight.report.flight import Flight
 from agonic.maths.estimation.leastsq import robust_scale
 
 NAMED = 0.1
 """Share of the variance from which a cause is named."""
 _BINS = 12
-_CLIP = 4.0  # standard deviations at which a stray counts no more
+_CLIP = 4.0  # standard deviations at which an outlier counts no more
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explained:
+class Share:
     """How much of the residuals' variance goes with something, 0…1, and what that points to."""
 
     what: str
@@ -35,7 +35,7 @@ class Explained:
 CAUSES = {
     "time": "a bias that drifts: allow it more knots, or a larger walk",
     "latitude": "what the field model leaves out (the auroral zones, the ring current), or gains "
-    "and cross terms that are held: solve for more, or leave out high latitudes",
+    "and cross terms that are fixed: solve for more, or leave out high latitudes",
     "temperature": "a bias or gains that change with temperature: start from a calibration over "
     "temperature, or let the bias depend on it",
     "shadow": "currents that flow in sunlight only, as of solar panels, or the cold of the "
@@ -43,7 +43,7 @@ CAUSES = {
 }
 
 
-def explained(flight: Flight) -> list[Explained]:
+def explain(flight: Flight) -> list[Share]:
     """The shares, largest first, each corrected for what chance alone would explain.
 
         1 − (1 − R²)(m − 1)/(m − k),   m = readings over those that count as one
@@ -58,7 +58,7 @@ def explained(flight: Flight) -> list[Explained]:
     values = np.clip(values - np.median(values), -scale, scale)
     alone = max(len(values) / flight.correlation, 1.0)
     found = [
-        Explained(what=what, share=_share(values, of_class[rows], alone), cause=CAUSES[what])
+        Share(what=what, share=_share(values, of_class[rows], alone), cause=CAUSES[what])
         for what, of_class in _classes(flight)
     ]
     return sorted(found, key=lambda e: -e.share)

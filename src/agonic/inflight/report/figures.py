@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.inflight.report.record import Course, Flight
+from agonic.inflight.report.flight import Course, Flight
 from agonic.report.digits import grouped
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
@@ -45,12 +45,12 @@ def residual_limit(flight: Flight) -> float:
     return robust_limit(flight.residuals, least, flight.used.astype(np.float64))
 
 
-def over_time(flight: Flight, limit: float) -> Markup:
+def draw_over_time(flight: Flight, limit: float) -> Markup:
     """Residuals over time; the shadow of the Earth behind them, what was left out at the foot."""
     x, along = along_time(flight.time, float(flight.time[0]), float(flight.time[-1]))
     columns = Columns(x, along)
     layers = [
-        *shadows(flight, x, along),
+        *draw_shadows(flight, x, along),
         *_residuals(flight, columns, limit),
         marked(columns, ~flight.used, "left-out"),
     ]
@@ -58,7 +58,7 @@ def over_time(flight: Flight, limit: float) -> Markup:
     return plot(x, _axis(limit), layers, "Residuals over time", signs)
 
 
-def along(flight: Flight, values: Array, label: str, limit: float) -> Markup:
+def draw_along(flight: Flight, values: Array, label: str, limit: float) -> Markup:
     """Residuals along another quantity: of each column the extremes, the middle and the median."""
     low, high = float(values.min()), float(values.max())
     x = Axis(label, low, high if high > low else low + 1.0)
@@ -79,20 +79,20 @@ def _residuals(flight: Flight, columns: Columns, limit: float) -> list[Markup]:
     low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
     return [
         spread(columns, y, values, "range"),
-        *([band(columns, y, low, high, "middle")] if enough(len(values), columns.most) else []),
+        *([band(columns, y, low, high, "middle")] if has_enough(len(values), columns.most) else []),
         level(y, 0.0, "zero"),
         line(columns, y, middle, "mean"),
     ]
 
 
-def enough(readings: int, columns: int = BINS) -> bool:
+def has_enough(readings: int, columns: int = BINS) -> bool:
     """Whether the columns hold so many readings that the middle two thirds mean something."""
     return readings >= 5 * columns
 
 
-def shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:
+def draw_shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:
     """What lies in the shadow of the Earth, where it can be told apart."""
-    if flight.eclipse is None or not drawn_shadows(flight):
+    if flight.eclipse is None or not has_shadows(flight):
         return []
     edges = np.flatnonzero(np.diff(flight.eclipse.astype(np.int8), prepend=0, append=0))
     last = len(along) - 1
@@ -101,7 +101,7 @@ def shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:
     return [path("".join(bars), "shadow")]
 
 
-def drawn_left_out(flight: Flight) -> bool:
+def has_left_out(flight: Flight) -> bool:
     """Whether any column over time consists mostly of what was left out."""
     if flight.used.all():
         return False
@@ -109,7 +109,7 @@ def drawn_left_out(flight: Flight) -> bool:
     return bool((Columns(x, along).mean(flight.used.astype(np.float64)) < 0.5).any())
 
 
-def drawn_shadows(flight: Flight) -> bool:
+def has_shadows(flight: Flight) -> bool:
     """Whether there is shadow, and in so few stretches that they can be drawn."""
     if flight.eclipse is None:
         return False
@@ -117,7 +117,7 @@ def drawn_shadows(flight: Flight) -> bool:
     return 0 < begun <= MOST_SHADOWS
 
 
-def bias_strip(course: Course, axis: int) -> Markup:
+def draw_bias(course: Course, axis: int) -> Markup:
     """One axis of the bias over time with the band of two standard errors, and the jumps."""
     x, at = along_time(course.time, float(course.time[0]), float(course.time[-1]))
     if x.high == x.low:
@@ -151,8 +151,8 @@ class PlaceMap:
     cell_sd: float
 
 
-def place_map(flight: Flight, limit: float) -> PlaceMap:
-    """The mean residual of each cell of latitude and longitude; a stray makes no cell of its own.
+def draw_map(flight: Flight, limit: float) -> PlaceMap:
+    """The mean residual of each cell of latitude and longitude, outliers clipped.
 
     Colour is full at the mean that one cell in fifty exceeds.
     """
@@ -214,7 +214,7 @@ def _cells(cells: NDArray[np.int64], shade: int) -> Markup:
     return path("".join(squares), f"cell {name}", fill_opacity=f"{strength:.2g}")
 
 
-def sigma_bar(sigmas: float, reach: float) -> Markup:
+def draw_sigmas(sigmas: float, reach: float) -> Markup:
     """A change in units of its standard error as a bar about zero, with lines at ±1 and ±2 and a
     whisker of one standard error to either side."""
     axis = Axis("", -reach, reach)

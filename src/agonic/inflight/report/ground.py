@@ -14,14 +14,14 @@ from agonic.inflight.tracking import Tracker
 from agonic.maths.rotations.polar import split_rotation
 from agonic.report.digits import grouped
 
-HELD = 1e-7
-"""Relative standard error below which a number was held."""
+FIXED = 1e-7
+"""Relative standard error below which a number was fixed."""
 _AXES = ("x", "y", "z")
 _ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compared:
+class Comparison:
     """One number: on the ground (`None` where there was none) and in flight, each with its sd."""
 
     name: str
@@ -41,14 +41,14 @@ class Compared:
         return float(np.hypot(self.ground_sd or 0.0, self.flight_sd))
 
     @property
-    def held(self) -> bool:
+    def fixed(self) -> bool:
         """Whether the flight was not asked for it: a standard error that is as good as none."""
-        return self.flight_sd <= HELD * max(abs(self.flight), 1.0)
+        return self.flight_sd <= FIXED * max(abs(self.flight), 1.0)
 
     @property
     def sigmas(self) -> float | None:
         """The change in units of its standard error; `None` where there is none to speak of."""
-        return None if self.change is None or self.held else self.change / self.change_sd
+        return None if self.change is None or self.fixed else self.change / self.change_sd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,24 +57,24 @@ class Numbers:
 
     name: str
     unit: str
-    rows: tuple[Compared, ...]
+    rows: tuple[Comparison, ...]
     note: str = ""
 
 
-def compared(before: Affine | None, after: Affine, note: str = "") -> tuple[Numbers, ...]:
+def compare(before: Affine | None, after: Affine, note: str = "") -> tuple[Numbers, ...]:
     """Bias and symmetric matrix before and after: of the turn magnitudes say nothing.
 
     >>> made = Affine(bias=[100.0, 0, 0], matrix=np.eye(3), covariance=np.eye(9) * 0.25)
-    >>> bias, _ = compared(made, made)
+    >>> bias, _ = compare(made, made)
     >>> bias.rows[0].change, round(bias.rows[0].change_sd, 3)
     (0.0, 0.707)
     """
     flight, flight_sd = _nine(after)
     ground, ground_sd = (None, None) if before is None else _nine(before)
 
-    def rows(names: tuple[str, ...], first: int) -> tuple[Compared, ...]:
+    def rows(names: tuple[str, ...], first: int) -> tuple[Comparison, ...]:
         return tuple(
-            Compared(
+            Comparison(
                 name=name,
                 ground=None if ground is None else float(ground[k]),
                 ground_sd=None if ground_sd is None else float(ground_sd[k]),
@@ -107,24 +107,24 @@ def _plain(calibration: Affine) -> Array | None:
     return calibration.covariance[:size, :size]
 
 
-def of_fit(fit: InflightFit) -> tuple[Numbers, ...]:
+def compare_fit(fit: InflightFit) -> tuple[Numbers, ...]:
     """The numbers of a fit in flight beside those of the ground at the same temperature."""
     ground = fit.ground
     if fit.before is None and ground is not None:
         # a ground calibration that is no bias and matrix: what the flight adds to its field
         none = Affine(bias=np.zeros(3), matrix=np.eye(3))
         note = "on top of the field by the ground calibration, which it would leave as it is with 0"
-        return compared(none, fit.change, note)
+        return compare(none, fit.change, note)
     note = ""
     if isinstance(ground, Thermal) and fit.temperature is not None:
         note = f"both at {grouped(float(fit.temperature.mean()), 1)} °C"
-    return compared(fit.before, fit.after, note)
+    return compare(fit.before, fit.after, note)
 
 
-def of_tracker(tracker: Tracker) -> tuple[Numbers, ...]:
+def compare_tracker(tracker: Tracker) -> tuple[Numbers, ...]:
     """The numbers of a tracker now beside those that it started from."""
     state = tracker.state
     base = state.base
     from_nothing = base.covariance is None and not base.bias.any()
     note = "" if state.ground is None else f"both at {grouped(state.ground.centre_C, 1)} °C"
-    return compared(None if from_nothing else base, tracker.calibration, note)
+    return compare(None if from_nothing else base, tracker.calibration, note)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.health import figure
-from agonic.inflight.report.causes import NAMED, Explained
-from agonic.inflight.report.figures import sigma_bar
-from agonic.inflight.report.ground import Compared, Numbers
-from agonic.inflight.report.record import Flight
+from agonic.inflight.report.causes import NAMED, Share
+from agonic.inflight.report.figures import draw_sigmas
+from agonic.inflight.report.flight import Flight
+from agonic.inflight.report.ground import Comparison, Numbers
 from agonic.maths.estimation.leastsq import robust_scale
 from agonic.report.digits import counted, grouped, percent, quantity, rounded, signed, with_sd
 from agonic.report.labels import unit_label
@@ -20,7 +20,7 @@ FARTHEST = 12.0
 """Standard errors that a bar shows at most; the number beside it has no end."""
 
 
-def numbers(groups: tuple[Numbers, ...]) -> Markup:
+def compare_numbers(groups: tuple[Numbers, ...]) -> Markup:
     """Ground against flight: values with standard errors, and the change in units of its own."""
     known = any(q.ground is not None for group in groups for q in group.rows)
     all_sigmas = [abs(q.sigmas) for g in groups for q in g.rows if q.sigmas is not None]
@@ -45,24 +45,24 @@ def _heading(group: Numbers) -> str:
     return f"{group.name}{unit}" + (f" ({group.note})" if group.note else "")
 
 
-def _cells(q: Compared, known: bool, reach: float) -> list[str]:
-    flight = "held" if q.held and known else with_sd(q.flight, q.flight_sd)
-    if q.held and not known:
-        flight = f"{rounded(q.flight, None)} (held)"
+def _cells(q: Comparison, known: bool, reach: float) -> list[str]:
+    flight = "fixed" if q.fixed and known else with_sd(q.flight, q.flight_sd)
+    if q.fixed and not known:
+        flight = f"{rounded(q.flight, None)} (fixed)"
     if not known:
         return [q.name, flight]
     assert q.ground is not None
     assert q.change is not None
-    digits = None if q.held else q.change_sd
+    digits = None if q.fixed else q.change_sd
     ground = with_sd(q.ground, q.ground_sd) if q.ground_sd else rounded(q.ground, digits)
     if q.sigmas is None:
         return [q.name, ground, flight, NOTHING, NOTHING, Markup("")]
-    change = signed(with_sd(q.change, q.change_sd).split(" ±")[0])
+    change = signed(rounded(q.change, q.change_sd))
     far = f"{signed(grouped(q.sigmas, 1 if abs(q.sigmas) < 100 else 0))} σ"
-    return [q.name, ground, flight, change, far, sigma_bar(q.sigmas, reach)]
+    return [q.name, ground, flight, change, far, draw_sigmas(q.sigmas, reach)]
 
 
-def of_sunlight(flight: Flight) -> Markup:
+def compare_sunlight(flight: Flight) -> Markup:
     """Residuals in sunlight and in the shadow, and how far their means are apart."""
     assert flight.eclipse is not None
     parts = {"Sunlit": ~flight.eclipse, "In the Earth’s shadow": flight.eclipse}
@@ -97,7 +97,7 @@ def of_sunlight(flight: Flight) -> Markup:
     return Markup(drawn + element("p", said))
 
 
-def left_out(flight: Flight) -> Markup:
+def list_left_out(flight: Flight) -> Markup:
     """How many readings had no part in the result, by reason."""
     whole = len(flight.residuals)
     rows = [
@@ -116,7 +116,7 @@ def left_out(flight: Flight) -> Markup:
     return Markup(element("p", said) + drawn)
 
 
-def held_out(flight: Flight) -> Markup:
+def list_held_out(flight: Flight) -> Markup:
     """The error on readings not seen, by the number of intervals tried."""
     if not flight.held_out:
         if flight.predicted:
@@ -145,7 +145,7 @@ def held_out(flight: Flight) -> Markup:
     return Markup(element("p", said) + table(head, rows, class_="numbers choices"))
 
 
-def model_error(flight: Flight) -> Markup:
+def describe_model_error(flight: Flight) -> Markup:
     """The scale of what lasts and for how long, in words."""
     begin = "Predictions miss" if flight.predicted else "Residuals scatter"
     said = f"{begin} by {quantity(flight.noise, 'nT', 2)} (one standard deviation)."
@@ -179,7 +179,7 @@ def _lasting(seconds: float) -> str:
     return quantity(seconds / 3600, "h", 2)
 
 
-def causes(shares: list[Explained]) -> Markup:
+def list_causes(shares: list[Share]) -> Markup:
     """What the residuals go with, and the likely causes by name."""
     if not shares:
         return element("p", "Too few readings to tell what the residuals go with.")

@@ -14,7 +14,7 @@ from agonic.calibration.tracking import Jump
 from agonic.health import Finding
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.fit.pointing import find_eclipse
-from agonic.inflight.report.ground import Numbers, of_fit, of_tracker
+from agonic.inflight.report.ground import Numbers, compare_fit, compare_tracker
 from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, find_correlated_errors
 from agonic.maths.estimation.leastsq import correlation_length
@@ -43,7 +43,7 @@ class Flight:
     `residuals` (n,) nT, `used` (n,) whether each had a part in the result; `predicted` where each
     is from before the reading was used. `latitude_deg` … `eclipse` (n,) are `None` where the log
     cannot tell. `fit` is there after a fit. `noise` is the standard deviation of a residual, nT;
-    `correlation` how many of them count as one; `lasting_nT` of it is error that lasts, for
+    `correlation` how many of them count as one; `lasting_nT` of it are correlated errors, for
     `lasting_s` until it has fallen to 1/e (0 where none was seen).
     """
 
@@ -89,7 +89,7 @@ class Flight:
         return f"{first:%Y-%m-%d %H:%M:%S} UTC, {lasted} long"
 
 
-def of_inflight(fit: InflightFit, samples: Samples | None = None) -> Flight:
+def flight_of_fit(fit: InflightFit, samples: Samples | None = None) -> Flight:
     """A fit in flight as the page takes it; with the samples, which know where each row was."""
     time = fit.time
     if samples is not None and len(samples) != len(fit.residuals):
@@ -117,8 +117,8 @@ def of_inflight(fit: InflightFit, samples: Samples | None = None) -> Flight:
         lasting_nT=fit.lasting_nT,
         lasting_s=fit.lasting_s,
         course=Course(time=moments, bias=bias, sd=sd, unit=fit.change.unit_in),
-        numbers=of_fit(fit),
-        left_out=_left_out(fit, samples),
+        numbers=compare_fit(fit),
+        left_out=_count_left_out(fit, samples),
         held_out=fit.held_out,
         chosen=fit.drift.intervals,
         thinned=fit.thinned,
@@ -126,7 +126,7 @@ def of_inflight(fit: InflightFit, samples: Samples | None = None) -> Flight:
     )
 
 
-def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Flight:
+def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Flight:
     """What the tracker made of a log: `samples` are the readings that `found` is about."""
     state = tracker.state
     time = tracker.seconds(samples)
@@ -137,7 +137,7 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
     # of a start the predictions say how little was known, and nothing of model and noise
     used = found.used & found.foretold
     correlation = correlation_length(found.residual[latest], used[latest].astype(np.float64))
-    lasting_nT, lasting_s = lasting_of(time, found.residual, used)
+    lasting_nT, lasting_s = find_correlated_errors(time, found.residual, used)
     refused = int(np.count_nonzero(~found.used))
     return Flight(
         sensor=state.base.sensor,
@@ -166,11 +166,11 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
             unit=state.base.unit_in,
             jumps=state.jumps,
         ),
-        numbers=of_tracker(tracker),
+        numbers=compare_tracker(tracker),
         left_out={
             **samples.rejected,
             f"beyond {tracker.params.gate:g} standard deviations of its prediction": refused,
-            "learnt from, but before enough was known to judge by it": len(used)
+            "learned from, but before enough was known to judge by it": len(used)
             - refused
             - int(np.count_nonzero(used)),
         },
@@ -179,11 +179,11 @@ def of_tracked(tracker: Tracker, found: Coefficients, samples: Samples) -> Fligh
     )
 
 
-def lasting_of(time: Array, residuals: Array, used: Mask) -> tuple[float, float]:
-    """Of residuals (n,) what lasts, nT, and for how long, s; 0 and 0 where none is seen.
+def find_correlated_errors(time: Array, residuals: Array, used: Mask) -> tuple[float, float]:
+    """Of residuals (n,) what is correlated, nT, and for how long, s; 0 and 0 where none is seen.
 
     >>> white = np.random.default_rng(0).normal(size=5000)
-    >>> lasting_of(np.arange(5000.0), white, np.ones(5000, dtype=bool))
+    >>> find_correlated_errors(np.arange(5000.0), white, np.ones(5000, dtype=bool))
     (0.0, 0.0)
     """
     n = len(residuals)
@@ -200,7 +200,7 @@ def lasting_of(time: Array, residuals: Array, used: Mask) -> tuple[float, float]
     return float(np.sqrt(min(variance, white))), mean
 
 
-def _left_out(fit: InflightFit, samples: Samples | None) -> dict[str, int]:
+def _count_left_out(fit: InflightFit, samples: Samples | None) -> dict[str, int]:
     """The readings that had no part in the fit, by reason."""
     reasons = {} if samples is None else dict(samples.rejected)
     without = int(np.count_nonzero(fit.weights == 0))

@@ -1,4 +1,4 @@
-"""What more a fit in flight knows: the direction where the attitude taught it, and currents."""
+"""What more a fit in flight knows: direction where it was aided by attitude, and currents."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 from agonic.calibration.alignment import Alignment
 from agonic.inflight.fit import InflightFit
 from agonic.report.digits import degrees, quantity, with_sd
+from agonic.report.document import Block, Section, Table
 from agonic.report.labels import PER, unit_label
-from agonic.report.markup import Markup, element, table
 from agonic.report.strips import Axis, Columns, arrows, captioned, line, plot, spread
 from agonic.report.time_axis import along_time
 
@@ -16,7 +16,7 @@ ARCSEC = 3600.0
 _FINE_DEG = 0.05  # standard errors below this are shown in arcseconds
 
 
-def direction(fit: InflightFit) -> list[Markup]:
+def describe_direction(fit: InflightFit) -> list[Section]:
     """How far corrected field and model are apart in direction, and how the sensor is mounted."""
     if fit.direction_error_deg is None:
         return []
@@ -39,11 +39,13 @@ def direction(fit: InflightFit) -> list[Markup]:
     ]
     drawn = plot(x, y, layers, "Angle to the model over time", arrows(columns, y, error))
     keys = {"range": "least to largest", "mean": "median"}
-    parts = [element("p", said), captioned("Angle to the field of the model", drawn, keys)]
-    return parts if fit.alignment is None else [*parts, *_mounting(fit.alignment)]
+    parts: list[Block] = [said, captioned("Angle to the field of the model", drawn, keys)]
+    if fit.alignment is not None:
+        parts.append(_mounting(fit.alignment))
+    return [Section("Direction", parts)]
 
 
-def _mounting(alignment: Alignment) -> list[Markup]:
+def _mounting(alignment: Alignment) -> Table:
     """The parts of the rotation vector with their standard errors."""
     parts = np.degrees(alignment.rotation.as_rotvec())
     sd = np.zeros(3)
@@ -54,7 +56,7 @@ def _mounting(alignment: Alignment) -> list[Markup]:
         for axis, turn, error in zip("xyz", parts, sd, strict=True)
     ]
     frames = f"Turn from the axes {alignment.frame_in} to {alignment.frame_out}"
-    return [table([frames, "°", "standard error"], rows, class_="numbers")]
+    return Table([frames, "°", "standard error"], rows)
 
 
 def _error(sd_deg: float) -> str:
@@ -64,7 +66,7 @@ def _error(sd_deg: float) -> str:
     return quantity(sd_deg * ARCSEC, "″", 2) if sd_deg < _FINE_DEG else degrees(sd_deg)
 
 
-def currents(fit: InflightFit) -> list[Markup]:
+def describe_sources(fit: InflightFit) -> list[Section]:
     """What a unit of each source on board adds to a reading."""
     if not fit.source_names:
         return []
@@ -77,7 +79,4 @@ def currents(fit: InflightFit) -> list[Markup]:
     unit = unit_label(fit.change.unit_in)
     units = sorted({PER.get(name.split("_")[0], "per unit") for name in fit.source_names})
     note = f"What each adds to a reading, {unit} {' or '.join(units)}."
-    return [
-        element("p", note),
-        table(["Source", "x", "y", "z"], rows, class_="numbers"),
-    ]
+    return [Section("Currents on board", [note, Table(["Source", "x", "y", "z"], rows)])]

@@ -1,0 +1,322 @@
+"""What is said and shown of a fit in flight, and of what a tracker made of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from agonic.calibration.interference import signals
+from agonic.inflight.fit import InflightFit
+from agonic.inflight.report import figures, tables
+from agonic.inflight.report.causes import explain
+from agonic.inflight.report.direction import describe_direction, describe_sources
+from agonic.inflight.report.flight import Flight, flight_of_fit, flight_of_log
+from agonic.inflight.tracking import Coefficients, Tracker
+from agonic.report.digits import counted, grouped, quantity, with_sd
+from agonic.report.document import Document, Section
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup, element
+from agonic.report.strips import beyond_words, captioned
+from agonic.samples import Samples
+
+
+def describe_inflight(
+    fit: InflightFit, samples: Samples | None = None, *, title: str = ""
+) -> Document:
+    """A fit in flight.
+
+    Parameters
+    ----------
+    fit : from `fit_inflight`. samples : the readings it was made from, which know where each was
+        taken; without them there is no map. title : of the page; default: the sensor.
+
+    >>> from agonic.inflight.fit import fit_inflight
+    >>> from agonic.reference import Reference
+    >>> from agonic.simulation import simulate
+    >>> made = simulate("tumble", n=2000, noise=50.0)
+    >>> fit = fit_inflight(made.samples, Reference.constant(50_000.0))
+    >>> describe_inflight(fit, made.samples, title="<log>").to_html().count("&lt;log&gt;")
+    2
+    """
+    used, sd = fit.weights > 0, fit.sd
+    rms = float(np.sqrt(np.mean(fit.residuals[used] ** 2)))
+    bias = "   ".join(
+        f"{axis} {with_sd(float(v), float(s))}"
+        for axis, v, s in zip("xyz", fit.change.bias, sd[:3], strict=True)
+    )
+    document = Document(
+        schema="agonic/fit-inflight@1",
+        kind="Calibration in flight",
+        name=fit.change.sensor,
+        title=title,
+        method=f"in flight, {fit.solve}, {fit.n} readings",
+        verdict=fit.verdict,
+        status=fit.status,
+        findings=fit.findings,
+        entries={
+            "Bias" if fit.calibration is fit.change else "Moved by": f"{bias} {fit.change.unit_in}",
+            "Residual": f"{quantity(rms, 'nT', 3)} rms; errors are correlated, "
+            f"{quantity(fit.correlation_s, 's', 2)} count as one reading",
+        },
+        entries_title="",
+        values={
+            "method": "inflight",
+            "sensor": fit.change.sensor,
+            "solve": fit.solve,
+            "n": fit.n,
+            "bias_change_nT": fit.change.bias,
+            "matrix_change": fit.change.matrix,
+            "sd": sd,
+            "calibration_kind": fit.calibration.kind,
+            "noise_nT": fit.noise,
+            "residual_rms_nT": rms,
+            "correlation_s": fit.correlation_s,
+            "lasting_nT": fit.lasting_nT,
+            "lasting_s": fit.lasting_s,
+            "drift_intervals": fit.drift.intervals,
+            "held_out_nT": {str(k): v for k, v in fit.held_out.items()},
+            "channels": {
+                kind: {"noise_nT": of.noise, "correlation": of.correlation}
+                for kind, of in fit.channels.items()
+            },
+            **_direction_values(fit),
+            "sources": dict(zip(signals(fit.source_names), fit.sources.T.tolist(), strict=True)),
+        },
+        calibration=fit.calibration,
+    )
+    return _with_figures(document, flight_of_fit(fit, samples))
+
+
+def describe_tracking(
+    tracker: Tracker,
+    found: Coefficients | None,
+    samples: Samples | None = None,
+    *,
+    rows: int = 0,
+    title: str = "",
+) -> Document:
+    """What a tracker made of a log.
+
+    Parameters
+    ----------
+    tracker : after the log. found : what `tracker.update(samples, …)` gave, None where nothing was
+        new. samples : its readings; without them nothing is drawn. rows : of the log.
+    """
+    state = tracker.state
+    rms, new = None, 0 if found is None else len(found.residual)
+    if found is not None:  # without those of which a start could not yet say anything
+        rms = float(np.sqrt(np.mean(found.residual[found.foretold] ** 2)))
+    document = Document(
+        schema="agonic/track@1",
+        kind="Calibration followed in flight",
+        name=state.base.sensor,
+        title=title,
+        verdict=tracker.verdict,
+        status=tracker.status,
+        findings=tracker.findings,
+        entries=_tracking_entries(tracker, new, rows - new, rms),
+        entries_title="",
+        values={
+            "sensor": state.base.sensor,
+            "unit": state.base.unit_in,
+            "new": new,
+            "passed_over": rows - new,
+            "n": state.n,
+            "refused": state.refused,
+            "bias": state.bias,
+            "bias_sd": state.bias_sd,
+            "matrix": tracker.calibration.matrix,
+            "noise": state.noise,
+            "walk": tracker.params.walk,
+            "predicted_rms_nT": rms,
+            "consistency": state.consistency,
+            "jumps": [
+                {"time_s": j.time, "seen_s": j.seen, "shift": j.shift, "shift_sd": j.shift_sd}
+                for j in state.jumps
+            ],
+            "history": {
+                "time_s": tracker.history[:, 0],
+                "bias": tracker.history[:, 1:4],
+                "bias_sd": tracker.history[:, 4:],
+            },
+        },
+    )
+    if found is None or samples is None:
+        return document
+    return _with_figures(document, flight_of_log(tracker, found, samples))
+
+
+def _tracking_entries(
+    tracker: Tracker, new: int, passed_over: int, rms: float | None
+) -> dict[str, str]:
+    state, unit = tracker.state, tracker.state.base.unit_in
+    axes = zip("xyz", state.bias, state.bias_sd, strict=True)
+    bias = ", ".join(f"{axis} {value:.1f} ± {sd:.1f}" for axis, value, sd in axes)
+    passed = f", {passed_over} passed over" if passed_over else ""
+    jumps = (
+        f"at {j.time:.1f} s by {', '.join(f'{v:.0f}' for v in j.shift)} {unit}, "
+        f"seen at {j.seen:.1f} s"
+        for j in state.jumps
+    )
+    return {
+        "Readings": f"{new} new{passed}; {state.n} in all, {state.refused} refused",
+        "Bias": f"{bias} {unit} (one standard error)",
+        "Model": f"noise {state.noise:.4g} {unit}, walk {tracker.params.walk:.3g} {unit} per √s",
+        "Residual": "" if rms is None else f"{rms:.4g} nT rms, each reading before it was used",
+        "Jump": "; ".join(jumps),
+    }
+
+
+def _direction_values(fit: InflightFit) -> Mapping[str, Any]:
+    """What the attitude adds."""
+    if fit.alignment is None or fit.direction_error_deg is None:
+        return {"direction_error_deg": None, "alignment_deg": None}
+    assert fit.alignment.covariance is not None
+    return {
+        "direction_error_deg": float(np.median(fit.direction_error_deg[fit.weights > 0])),
+        "alignment_deg": {
+            "rotation_vector": fit.alignment.rotation.as_rotvec(degrees=True),
+            "sd": np.degrees(np.sqrt(np.diag(fit.alignment.covariance))),
+        },
+    }
+
+
+def _with_figures(document: Document, flight: Flight) -> Document:
+    """The document with what is shown of a flight on a page."""
+    sections = [
+        Section("Bias over time", [lambda: _bias(flight)]),
+        _ground(flight),
+        Section("Residuals", [lambda: _residuals(flight)]),
+        Section("Error of the model", [tables.describe_model_error(flight)]),
+        Section("Likely causes", [lambda: tables.list_causes(explain(flight))]),
+        Section("Left out", [tables.list_left_out(flight)]),
+        Section("What was chosen, and the held-out error", [tables.list_held_out(flight)]),
+    ]
+    if flight.fit is not None:
+        sections[3:3] = [*describe_direction(flight.fit), *describe_sources(flight.fit)]
+    return replace(
+        document,
+        about=f"{flight.sensor}, {flight.begun}",
+        key_figures=_key_figures(flight),
+        sections=sections,
+        calibration=flight.calibration,
+        samples=flight.samples,
+        styles=("inflight.css",),
+    )
+
+
+def _key_figures(flight: Flight) -> list[tuple[str, str, str]]:
+    """The four numbers to look at first."""
+    course, used = flight.course, flight.used
+    rms = float(np.sqrt(np.mean(flight.residuals[used] ** 2))) if used.any() else np.nan
+    return [
+        (
+            "Residual",
+            quantity(rms, "nT"),
+            "rms, before each was used" if flight.predicted else "rms",
+        ),
+        (
+            "Bias known to",
+            quantity(float(course.sd[-1].max()), unit_label(course.unit), 2),
+            "standard error of the worst axis",
+        ),
+        (
+            "Readings count as one",
+            quantity(flight.correlation, "", 2),
+            f"{quantity(flight.correlation * flight.step_s, 's', 2)} of them",
+        ),
+        ("Readings", grouped(int(np.count_nonzero(used))), f"of {counted(len(used), 'reading')}"),
+    ]
+
+
+def _bias(flight: Flight) -> Markup:
+    course = flight.course
+    what = "the bias" if flight.predicted else "what is found in flight"
+    keys = {"bias": what, "band": "± 2 standard errors"}
+    if course.jumps:
+        keys["jump"] = "a jump"
+    drawn = Markup("".join(figures.draw_bias(course, axis) for axis in range(3)))
+    return captioned(f"Bias along x, y and z, {unit_label(course.unit)}", drawn, keys)
+
+
+def _ground(flight: Flight) -> Section:
+    """The numbers, beside those of the ground where there are any."""
+    rows = [q for group in flight.numbers for q in group.rows]
+    title = "Ground against flight"
+    if all(q.ground is None for q in rows):
+        title = "Numbers"
+        said = "There was no ground calibration to compare with. ± is one standard error."
+    elif all(q.ground_sd is None for q in rows):
+        said = (
+            "The ground calibration came without standard errors, so a change is measured by that "
+            "of the flight alone. Lines at ±1 and ±2 standard errors."
+        )
+    else:
+        said = (
+            "σ is that of the change, from both standard errors. Lines at ±1 and ±2 σ; beyond ±3 "
+            "the two do not agree."
+        )
+    shown = tuple(group for group in flight.numbers if not all(q.fixed for q in group.rows))
+    for group in flight.numbers:
+        if group not in shown:
+            said += f" The {group.name.lower()} was fixed as it was."
+    return Section(
+        title, [lambda: tables.compare_numbers(shown), element("p", said, class_="aside")]
+    )
+
+
+def _residuals(flight: Flight) -> list[Markup]:
+    """Over time, along latitude and temperature, in sunlight and shadow, and where they lie."""
+    limit = figures.residual_limit(flight)
+    keys = {"range": "least to largest", "middle": "the middle two thirds", "mean": "median"}
+    timed = dict(keys)
+    if not figures.has_enough(len(flight.residuals)):
+        del timed["middle"]
+    if figures.has_shadows(flight):
+        timed["shadow"] = "in the Earth’s shadow"
+    if figures.has_left_out(flight):
+        timed["left-out"] = "mostly left out"
+    beyond = beyond_words(flight.residuals, limit, "nT")
+    parts = [captioned("Over time", figures.draw_over_time(flight, limit), timed, beyond)]
+    missing = []
+    for name, values, label in (
+        ("latitude", flight.latitude_deg, "latitude, °"),
+        ("temperature", flight.temperature, "temperature, °C"),
+    ):
+        if values is None:
+            missing.append(name)
+        else:
+            drawn = figures.draw_along(flight, values, label, limit)
+            parts.append(captioned(f"Along {name}", drawn, keys))
+    if flight.eclipse is None:
+        missing.append("sunlight and shadow (position and date)")
+    else:
+        parts += [element("h3", "Sunlight and shadow"), tables.compare_sunlight(flight)]
+    if flight.latitude_deg is None or flight.longitude_deg is None:
+        missing.append("place")
+    else:
+        parts.append(_map(flight, limit))
+    if missing:
+        said = f"The log does not tell of {', '.join(missing)}: not drawn."
+        parts.append(element("p", said, class_="aside"))
+    return parts
+
+
+def _map(flight: Flight, limit: float) -> Markup:
+    made = figures.draw_map(flight, limit)
+    full = quantity(made.full, "nT", 2)
+    scale = element(
+        "p",
+        element("span", f"−{full}"),
+        element("i", class_="ramp through"),
+        element("span", f"+{full}"),
+        class_="legend",
+    )
+    note = (
+        "The mean residual of the readings in a cell, which a typical cell knows to "
+        f"±{quantity(made.cell_sd, 'nT', 2)}."
+    )
+    return captioned("Where the residuals lie", Markup(scale + made.drawn), note=note)
