@@ -16,7 +16,7 @@ from agonic.cli import run
 from agonic.inflight.fit import fit_inflight
 from agonic.inflight.report.causes import explain
 from agonic.inflight.report.document import describe_inflight, describe_tracking
-from agonic.inflight.report.flight import find_correlated_errors, flight_of_fit
+from agonic.inflight.report.flight import flight_of_fit, measure_correlated_errors
 from agonic.inflight.report.ground import compare
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.inflight.tracking import Tracker
@@ -188,7 +188,7 @@ def test_what_lasts_is_told_from_what_does_not() -> None:
         rng = np.random.default_rng(seed)
         slow = lfilter([1.0], [1.0, -kept], rng.normal(size=50_000) * np.sqrt(1 - kept**2))
         r = (40.0 * slow + 100.0 * rng.normal(size=50_000))[10_000:]
-        found.append(find_correlated_errors(time, r, np.ones(len(r), dtype=bool)))
+        found.append(measure_correlated_errors(time, r, np.ones(len(r), dtype=bool)))
     scale, seconds = np.median(found, axis=0)
     assert scale == pytest.approx(40.0, rel=0.1)
     assert seconds == pytest.approx(600.0, rel=0.4)

@@ -137,7 +137,7 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
     # of a start the predictions say how little was known, and nothing of model and noise
     used = found.used & found.foretold
     correlation = correlation_length(found.residual[latest], used[latest].astype(np.float64))
-    lasting_nT, lasting_s = find_correlated_errors(time, found.residual, used)
+    lasting_nT, lasting_s = measure_correlated_errors(time, found.residual, used)
     refused = int(np.count_nonzero(~found.used))
     return Flight(
         sensor=state.base.sensor,
@@ -179,11 +179,11 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
     )
 
 
-def find_correlated_errors(time: Array, residuals: Array, used: Mask) -> tuple[float, float]:
+def measure_correlated_errors(time: Array, residuals: Array, used: Mask) -> tuple[float, float]:
     """Of residuals (n,) what is correlated, nT, and for how long, s; 0 and 0 where none is seen.
 
     >>> white = np.random.default_rng(0).normal(size=5000)
-    >>> find_correlated_errors(np.arange(5000.0), white, np.ones(5000, dtype=bool))
+    >>> measure_correlated_errors(np.arange(5000.0), white, np.ones(5000, dtype=bool))
     (0.0, 0.0)
     """
     n = len(residuals)
