@@ -12,7 +12,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
-from agonic.headings import heading
+from agonic.headings.compute import heading
 from agonic.maths.rotations import tilt
 from agonic.samples import Samples
 from agonic.simulation import simulate

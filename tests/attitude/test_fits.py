@@ -8,7 +8,9 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.attitude import fit_interference, fit_levelled, fit_vector
+from agonic.attitude.interference import fit_interference
+from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.vector import fit_vector
 from agonic.field.place import field_along
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.attitude import down_b

@@ -13,13 +13,13 @@ from pyarrow.parquet import write_table
 
 import agonic as ag
 from agonic.cli import run
-from agonic.console import out_of_core
 from agonic.ellipsoid import large_scan, large_solve
 from agonic.ellipsoid.maths import block_sums
 from agonic.logs.large.mission import Mission, open_mission
 from agonic.maths.equation import likelihood
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import batch_scores, leastsq
+from agonic.recording import out_of_core
 
 F = 50_000.0
 REFERENCE = ag.Reference.constant(F)

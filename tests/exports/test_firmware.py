@@ -20,7 +20,7 @@ from agonic.exports.firmware import DeclinationGrid, declination_grid, predictio
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import predict
 from agonic.exports.firmware.selftest import attitudes, known_readings
-from agonic.headings import heading
+from agonic.headings.compute import heading
 from agonic.maths.rotations.attitude import rot_nb
 from tests.exports.controller import STRICT, Controller, compiled
 

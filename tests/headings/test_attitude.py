@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError, MissingExtraError
-from agonic.headings import heading
 from agonic.headings.attitude import attitude
+from agonic.headings.compute import heading
 from agonic.logs.read import read
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import down_b

@@ -14,7 +14,7 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import FrameError, LogError, UnitError, ValidityError
 from agonic.field import wmm
-from agonic.headings import heading
+from agonic.headings.compute import heading
 from agonic.samples import Samples
 from agonic.simulation import delayed, magnet_attached, simulate
 from tests.headings.flights import FIELD, flight, off_deg, plain, setup_for, truth_of

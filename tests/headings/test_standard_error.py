@@ -17,7 +17,7 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.ellipsoid import fit_ellipsoid
-from agonic.headings import heading
+from agonic.headings.compute import heading
 from agonic.headings.propagation import passed, steps_of, variances
 from agonic.reference import Reference
 from agonic.simulation import simulate

@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from agonic.headings import Heading, heading
+from agonic.headings.compute import heading
+from agonic.headings.result import Heading
 from agonic.samples import Samples
 from agonic.simulation import simulate
 from tests.headings.flights import FIELD, off_deg, plain, setup_for, truth_of

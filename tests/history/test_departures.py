@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.history import add_departures, departures, drift
+from agonic.history.departure import add_departures, departures
+from agonic.history.fit import drift
 from agonic.population import History, Row
 
 DAY = datetime(2026, 1, 1, tzinfo=UTC)

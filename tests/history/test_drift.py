@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError
-from agonic.history import drift, find_drifting
+from agonic.history.drifting_sensors import find_drifting
+from agonic.history.fit import drift
 from agonic.history.trend import YEAR_S
 from agonic.population import Population, Row
 from agonic.population.store import History

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agonic.history import Drift, drift
 from agonic.history.document import describe_drift
+from agonic.history.fit import Drift, drift
 from agonic.population import Population, Row
 
 START = datetime(2024, 1, 1, tzinfo=UTC)

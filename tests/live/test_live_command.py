@@ -11,7 +11,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
-from agonic.live import LiveFit
+from agonic.live.fit import LiveFit
 from agonic.live.streams import Chunk
 from agonic.live.web.plan import Plan
 from agonic.live.web.watch import WatchedSensor

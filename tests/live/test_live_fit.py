@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from agonic import CoverageError, Reference, fit_ellipsoid
 from agonic.errors import AgonicError, LogError
-from agonic.live import LiveFit, LiveParams
+from agonic.live.fit import LiveFit
+from agonic.live.state import LiveParams
 
 MATRIX = np.eye(3) + np.array([[0.05, 0.02, -0.01], [0.02, -0.03, 0.015], [-0.01, 0.015, 0.01]])
 BIAS = np.array([20_000.0, -5000.0, 8000.0])

@@ -7,7 +7,8 @@ import pytest
 
 import agonic as ag
 from agonic.errors import AgonicError
-from agonic.live import LiveFit, LiveParams
+from agonic.live.fit import LiveFit
+from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk, Notice
 from agonic.live.web.plan import Plan
 from agonic.live.web.resume import SavedFits

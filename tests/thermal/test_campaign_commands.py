@@ -75,7 +75,7 @@ def test_the_folder_of_a_plan_takes_the_recordings(capsys) -> None:
     ("arguments", "says"),
     [
         (["--sensors", "LIS3MDL"], "LIS3MDL:NOISE"),
-        (["--sensors", "MPU-9255", "--range", "cold"], "is no range"),
+        (["--sensors", "MPU-9255", "--range", "cold"], "is not LOW,HIGH in °C"),
         (["--sensors", "MPU-9255", "--range", "50,-10"], "lower end first"),
         (["--sensors", "MPU-9255", "-o", "plan.pdf"], "name it .html or .txt"),
         (["--sensors", "MPU-9255", "--rate", "0"], "rate 0 Hz"),

@@ -19,7 +19,7 @@ from agonic.exports.csv import write_csv
 from agonic.field import wmm
 from agonic.files.calibration import save
 from agonic.files.setup import save_setup
-from agonic.headings import heading
+from agonic.headings.compute import heading
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 from agonic.simulation import simulate

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import Json, LogPath, Sensor, Unit, log_and_sensors
+from agonic.console.options import Json, LogPath, Sensor, Unit
+from agonic.console.sensors import open_sensors
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -30,7 +31,7 @@ def latency(
     from agonic.attitude.latency import fit_latency
     from agonic.console.output import print_json, say
 
-    _, sensors = log_and_sensors(log, sensor, unit)
+    _, sensors = open_sensors(log, sensor, unit)
     fits = {
         samples.name: fit_latency(samples, method=cast(Any, method), limit_s=limit_ms / 1000)
         for samples in sensors

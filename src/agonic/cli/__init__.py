@@ -27,14 +27,14 @@ COMMANDS = {
     "export": "agonic.cli.export",
     "report": "agonic.cli.report",
     "field": "agonic.cli.field",
-    "plan": "agonic.headings.commands.plan",
+    "plan": "agonic.cli.plan",
     "simulate": "agonic.cli.simulate",
     "track": "agonic.inflight.commands.track",
     "retrain": "agonic.network.commands.retrain",
     "cite": "agonic.cli.cite",
     "demo": "agonic.recording.commands.demo",
 }
-"""Each command and its module, in the order in which `agonic --help` lists them."""
+"""Each command and its module, in the order in which `agonic --help` lists them; groups last."""
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2
 """Exit status: all well; a check failed or a fit was refused; bad input or usage."""
@@ -62,7 +62,9 @@ def run(arguments: list[str]) -> int:
     try:
         status = _app()(args=arguments, prog_name="agonic", standalone_mode=False)
     except typer.TyperException as error:
-        return _complain(f"{error} (see agonic --help)")
+        context = getattr(error, "ctx", None)
+        command = "agonic" if context is None else context.command_path
+        return _complain(f"{error.format_message()} (see {command} --help)")
     except (typer.Abort, KeyboardInterrupt):
         return _complain("interrupted; nothing was written")
     except typer.Exit as leave:

@@ -25,11 +25,11 @@ def apply(
 ) -> int:
     """Correct a log's readings and write them with everything recorded beside them."""
     from agonic.calibration.base import apply as correct
-    from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
+    from agonic.recording.calibration_and_log import open_calibration_and_log
 
-    corrected = correct(*calibration_and_samples(cal, log, sensor, unit))
+    corrected = correct(*open_calibration_and_log(cal, log, sensor, unit))
     write_csv(corrected, out)
     if as_json:
         print_json(

@@ -127,7 +127,7 @@ def _placed(
     from dataclasses import replace
     from datetime import UTC, datetime
 
-    from agonic.console.place import position
+    from agonic.console.parse import parse_numbers, parse_position
     from agonic.exports.firmware import declination_grid
     from agonic.field.decimal_year import decimal_year
     from agonic.field.place import choose_model
@@ -138,29 +138,14 @@ def _placed(
         raise AgonicError("--declination, --at and --box exclude each other; give one of them")
     when = date or datetime.now(UTC).date().isoformat()
     if box is not None:
-        south, north, west, east = _edges(box)
+        south, north, west, east = parse_numbers("--box", box, "S,N,W,E in degrees")
         return setup, declination_grid((south, north), (west, east), when, tolerance_deg=tolerance)
     if at is None:
         return setup, declination
-    here = choose_model(float(decimal_year(when))).at(*position(at), when)
+    here = choose_model(float(decimal_year(when))).at(*parse_position(at), when)
     if setup.horizontal is None:
         setup = replace(setup, horizontal=float(here.horizontal), vertical=float(here.down))
     return setup, float(here.declination_deg)
-
-
-def _edges(text: str) -> tuple[float, float, float, float]:
-    """South, north, west and east of "S,N,W,E".
-
-    >>> _edges("45, 55,0,20")
-    (45.0, 55.0, 0.0, 20.0)
-    """
-    try:
-        south, north, west, east = map(float, text.split(","))
-    except ValueError:
-        raise AgonicError(
-            f"--box {text!r} is not S,N,W,E: the latitudes of two edges, then two longitudes"
-        ) from None
-    return south, north, west, east
 
 
 def _report(written: Export, as_json: bool) -> None:

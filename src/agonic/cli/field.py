@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.arrays import Array, Index
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError, LogError, ValidityError
 
 if TYPE_CHECKING:
+    from agonic.arrays import Array, Index
     from agonic.field.model import Model
     from agonic.field.worldfield import WorldField
     from agonic.logs.space.positions import Points
@@ -69,11 +69,11 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
     from datetime import UTC, datetime
 
     from agonic.console.output import print_json, say
-    from agonic.console.place import position
+    from agonic.console.parse import parse_position
     from agonic.field.decimal_year import decimal_year
 
     when = date or datetime.now(UTC).date().isoformat()
-    latitude, longitude, altitude = position(at)
+    latitude, longitude, altitude = parse_position(at)
     chosen = _chosen(model, float(decimal_year(when)))
     here = chosen.at(latitude, longitude, altitude, when)
     elements, change = here.elements(), here.elements_per_year()

@@ -45,11 +45,11 @@ def report(
     from agonic.calibration.chain import find_step, require_calibration
     from agonic.calibration.network import Network
     from agonic.calibration.thermal import Thermal
-    from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
-    from agonic.console.place import expected
+    from agonic.console.place import find_reference
     from agonic.files.calibration import load
     from agonic.recording.calibrated import judge
+    from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.recording.report.page import render
     from agonic.recording.report.record import record
 
@@ -60,8 +60,8 @@ def report(
     thermal = find_step(given, Thermal)
     if thermal is not None:
         return _thermal(given, thermal, cal, log, out, sensor, unit, at, date, field, as_json)
-    calibration, samples = calibration_and_samples(cal, log or own_log(cal), sensor, unit)
-    reference, settings = expected(samples, at, date, field)
+    calibration, samples = open_calibration_and_log(cal, log or own_log(cal), sensor, unit)
+    reference, settings = find_reference(samples, at, date, field)
     result = judge(calibration, samples, reference, **settings)
     path = write_atomically(
         out or cal.with_suffix(".html"), render([result], title=f"{cal.name} on {samples.name}")
@@ -90,16 +90,16 @@ def _thermal(
     from dataclasses import asdict
 
     from agonic.atomic import write_atomically
-    from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
-    from agonic.console.place import expected
+    from agonic.console.place import find_reference
+    from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.thermal.document import describe_calibration
     from agonic.verification import verify
 
     samples, verification = None, None
     if log is not None:
-        _, samples = calibration_and_samples(cal, log, sensor, unit)
-        reference, _ = expected(samples, at, date, field)
+        _, samples = open_calibration_and_log(cal, log, sensor, unit)
+        reference, _ = find_reference(samples, at, date, field)
         known = reference if calibration.unit_out == "nT" else None
         verification = verify(calibration, samples, known)
     title = cal.name if samples is None else f"{cal.name} on {samples.name}"
@@ -144,16 +144,16 @@ def _network(
     from dataclasses import asdict
 
     from agonic.atomic import write_atomically
-    from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
-    from agonic.console.place import expected
+    from agonic.console.place import find_reference
     from agonic.network.report.page import network_file_page
+    from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.verification import verify
 
     samples, verification = None, None
     if log is not None:
-        _, samples = calibration_and_samples(cal, log, sensor, unit)
-        reference, _ = expected(samples, at, date, field)
+        _, samples = open_calibration_and_log(cal, log, sensor, unit)
+        reference, _ = find_reference(samples, at, date, field)
         verification = verify(calibration, samples, reference)
     title = cal.name if samples is None else f"{cal.name} on {samples.name}"
     page = network_file_page(

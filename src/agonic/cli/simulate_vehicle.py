@@ -2,28 +2,57 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
-if TYPE_CHECKING:
-    from agonic.calibration.affine import Affine
-    from agonic.simulation import Defect
+import typer
+
+from agonic.cli.simulate_motion import Clip, Outliers, Truths, choose_defects, load_truth
+from agonic.console.options import Json
+from agonic.console.simulation_options import Noise, Readings, Seed, Step, Table
+
+
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind."""
+    kinds.command("vehicle")(vehicle)
 
 
 def vehicle(
-    out: Path, defects: list[Defect], whose: list[Affine], as_json: bool, **settings: Any
+    out: Table,
+    n: Readings = 3000,
+    noise: Noise = 200.0,
+    outliers: Outliers = 0.0,
+    step: Step = 0.0,
+    clip: Clip = 0.0,
+    bank: Annotated[float, typer.Option(help="Steepest bank of the turns, degrees.")] = 27.0,
+    latency: Annotated[
+        float, typer.Option(metavar="MS", help="How late the readings are, ms.")
+    ] = 0.0,
+    opposite: Annotated[
+        bool, typer.Option("--opposite", help="The second sensor is disturbed oppositely.")
+    ] = False,
+    truth: Truths = None,
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> int:
-    """The sensors of a vehicle in one table, two or those of `whose`, and what undoes each."""
+    """A flight with two magnetometers in one table, or those of one --truth or two."""
     from agonic.console.output import print_json, say
     from agonic.exports.csv import write_sensors
     from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle
 
-    if whose:
-        settings |= {"sensors": len(whose), "calibrations": whose}
-    made = simulate_vehicle(**settings)
+    known = [load_truth(path) for path in truth or ()]
+    settings: dict[str, Any] = {"sensors": len(known), "calibrations": known} if known else {}
+    made = simulate_vehicle(
+        n=n,
+        noise=noise,
+        bank_deg=bank,
+        latency_s=latency / 1000,
+        placing="opposite" if opposite else "apart",
+        seed=seed,
+        **settings,
+    )
     sensors = list(made.samples)
-    for defect in defects:
+    for defect in choose_defects(outliers, step, clip, seed):
         sensors = [defect(samples) for samples in sensors]
     write_sensors(sensors, out)
     truths = [save(t, out.with_suffix(f".{t.sensor}.truth.json")) for t in made.truths]

@@ -47,6 +47,19 @@ def decimal_year(time: Moments) -> Array:
     return np.array(years, dtype=np.float64).reshape(values.shape)
 
 
+def parse_date(text: str) -> datetime:
+    """The moment of an ISO 8601 date, UTC where it names no zone.
+
+    >>> parse_date("2026-05-01").isoformat()
+    '2026-05-01T00:00:00+00:00'
+    """
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise AgonicError(f"{text!r} is not a date such as 2026-05-01") from None
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
 def _of_datetime64(moments: NDArray[np.generic]) -> Array:
     if np.isnat(moments).any():
         raise AgonicError("a time is missing (NaT); leave such rows out or give their time")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agonic.errors import LogError
-from agonic.field.decimal_year import decimal_year
+from agonic.field.decimal_year import decimal_year, parse_date
 from agonic.field.model import Model
 from agonic.field.published import igrf, wmm
 from agonic.reference import Reference
@@ -77,7 +77,7 @@ def field_along(samples: Samples, date: str | None = None) -> Expected | None:
 
     One vector where the field hardly varies along the track, else one per sample.
     """
-    epoch = datetime.fromisoformat(date).replace(tzinfo=UTC) if date else samples.epoch
+    epoch = parse_date(date) if date else samples.epoch
     if samples.latitude_deg is None or samples.longitude_deg is None or epoch is None:
         return None
     rows = len(samples)

@@ -66,8 +66,9 @@ def history(
 def _show_all(kept: History, as_json: bool) -> int:
     from agonic.console.output import print_json, say
     from agonic.console.progress import counting
-    from agonic.history import departures, find_drifting
+    from agonic.history.departure import departures
     from agonic.history.document import describe_history
+    from agonic.history.drifting_sensors import find_drifting
 
     with counting(100) as tell:
         moving = find_drifting(kept, lambda done, of: tell("Drift", 100 * done // of))
@@ -85,8 +86,9 @@ def _show_sensor(
 ) -> int:
     from agonic.atomic import write_atomically
     from agonic.console.finish import finish
-    from agonic.history import add_departures, departures, drift
+    from agonic.history.departure import add_departures, departures
     from agonic.history.document import describe_drift
+    from agonic.history.fit import drift
 
     found = describe_drift(add_departures(drift(kept.of(sensor), at), departures(kept)))
     files = [] if out is None else [write_atomically(out, found.to_html())]

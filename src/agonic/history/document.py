@@ -41,7 +41,7 @@ def describe_drift(drift: Drift, *, title: str = "") -> Document:
     ----------
     drift : as `agonic.drift` gives it. title : of the page; default: the sensor.
 
-    >>> from agonic.history import drift
+    >>> from agonic.history.fit import drift
     >>> from agonic.population import Population
     >>> rows = [Row(sensor="<7>", source=f"{k}.csv", verdict="good", status="", bias_x=float(k % 3),
     ...             bias_y=0.0, bias_z=0.0, start=datetime(2026, 1, 1 + k, tzinfo=UTC))

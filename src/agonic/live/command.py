@@ -102,7 +102,7 @@ def _find_reference(
     """What the field should be: as told, by the log that is replayed, or by the simulation."""
     import numpy as np
 
-    from agonic.console.place import expected
+    from agonic.console.place import find_reference
     from agonic.live.streams.replay import Replay
     from agonic.reference import Reference
     from agonic.samples import Samples
@@ -111,7 +111,7 @@ def _find_reference(
     if field is None and at is None and played and played[0].notes == ("simulated",):
         return Reference.constant(50_000.0, source="the simulation"), {}
     samples = played[0] if played else Samples(field=np.array([[0.0, 0.0, 1.0]]))
-    reference, settings = expected(samples, at, date, field)
+    reference, settings = find_reference(samples, at, date, field)
     if reference is None:
         return None, settings
     magnitudes = reference.magnitudes(len(samples))

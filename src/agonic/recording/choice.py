@@ -10,8 +10,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude import fit_interference, fit_levelled, fit_vector
+from agonic.attitude.interference import fit_interference
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
+from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
 from agonic.ellipsoid import against_gravity, ellipsoid_alone, fit_ellipsoid
 from agonic.errors import AgonicError, CoverageError, check_choice

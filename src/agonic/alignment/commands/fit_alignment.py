@@ -9,6 +9,7 @@ import typer
 
 from agonic.alignment.commands.options import Out, Report, Solve, Wanted
 from agonic.console.options import Json
+from agonic.console.parse import parse_names
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -32,6 +33,6 @@ def alignment(
     from agonic.alignment.star_sensor.document import describe_alignment
     from agonic.console.finish import finish
 
-    groups = tuple(name.strip() for name in solve.split(",") if name.strip())
+    groups = parse_names(solve)
     fit = fit_alignment(read_session(session), solve=groups, wanted_sd_arcsec=wanted)
     return finish(describe_alignment(fit), out=out, report=report, as_json=as_json)

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from agonic.alignment.commands.options import Out
-from agonic.console.options import Between, Json, LogPath, Sensor, Unit, log_and_sensors
+from agonic.console.options import Between, Json, LogPath, Sensor, Unit
+from agonic.console.sensors import open_sensor
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -34,13 +35,9 @@ def gravity(
     from agonic.alignment.gravity.document import describe_gravity
     from agonic.calibration.chain import require_calibration
     from agonic.console.finish import finish
-    from agonic.errors import AgonicError
     from agonic.files.calibration import load
 
-    _, sensors = log_and_sensors(log, sensor, unit, between)
-    if len(sensors) > 1:
-        names = ", ".join(samples.name for samples in sensors)
-        raise AgonicError(f"the log holds {names}; choose one with --sensor")
+    samples = open_sensor(log, sensor, unit, between)
     known = None if calibration is None else require_calibration(load(calibration))
-    fit = fit_gravity(sensors[0], known, bias=bias)
-    return finish(describe_gravity(fit, sensors[0].name), out=out, as_json=as_json)
+    fit = fit_gravity(samples, known, bias=bias)
+    return finish(describe_gravity(fit, samples.name), out=out, as_json=as_json)

@@ -9,6 +9,7 @@ import typer
 
 from agonic.alignment.commands.options import Solve, Wanted
 from agonic.console.options import Date, Json
+from agonic.console.parse import parse_names, parse_position
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -54,7 +55,7 @@ def alignment(
         wanted_sd_arcsec=wanted,
         readings=readings,
         noise=noise,
-        solve=tuple(name.strip() for name in solve.split(",") if name.strip()),
+        solve=parse_names(solve),
         reference_noise=reference_noise,
         across_sd_arcsec=across,
         about_sd_arcsec=about,
@@ -69,9 +70,8 @@ def _field(at: str, date: str | None) -> list[float]:
     """The field at the observatory by the world model, north, east, down, nT."""
     from datetime import UTC, datetime
 
-    from agonic.console.place import position
     from agonic.field import wmm
 
     when = date or datetime.now(UTC).date().isoformat()
-    field = wmm().at(*position(at), when)
+    field = wmm().at(*parse_position(at), when)
     return [float(field.north), float(field.east), float(field.down)]

@@ -3,19 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.console.options import Json
+from agonic.console.simulation_options import Folder, Noise, Seed
 
 if TYPE_CHECKING:
     from agonic.alignment.simulation.session import SimulatedSession
 
 
-def alignment(out: Path, *, as_json: bool, **settings: Any) -> int:
-    """Write session.toml with its tables, and the truth in a folder of its own."""
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind."""
+    kinds.command("alignment")(alignment)
+
+
+def alignment(
+    out: Folder,
+    orientations: Annotated[int, typer.Option(help="How many.", min=1)] = 24,
+    readings: Annotated[int, typer.Option("-n", help="Readings in each.", min=1)] = 20,
+    noise: Noise = 0.5,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> int:
+    """A session with a star sensor: session.toml, its tables, and the truth in its own folder."""
     from agonic.alignment.files.write_session import write_session
     from agonic.alignment.simulation.session import simulate_session
     from agonic.console.output import print_json, say
 
-    made = simulate_session(**settings)
+    made = simulate_session(orientations=orientations, readings=readings, noise=noise, seed=seed)
     files = write_session(made.session, out)
     truth = write_truth(made, out / "truth")
     if as_json:

@@ -5,16 +5,55 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-KINDS = ("north", "coil")
+import typer
+
+from agonic.console.options import Json
+from agonic.console.simulation_options import Folder, Noise, Seed
 
 
-def session(kind: str, out: Path, *, as_json: bool, seed: int, noise: float | None) -> int:
-    """Write the session's description with its tables, and the truth in a folder of its own."""
-    from agonic.console.output import print_json, say
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kinds."""
+    kinds.command("north")(north)
+    kinds.command("coil")(coil)
 
-    settings = {"seed": seed} | ({} if noise is None else {"noise": noise})
-    files, truth = (_north if kind == "north" else _coil)(out, settings)
-    written = _truth(out, kind, truth)
+
+def north(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
+    """A session with a gyrotheodolite: north.toml, its tables, and the truth in its own folder."""
+    from agonic.alignment.files.write_north import write_north
+    from agonic.alignment.simulation.north import simulate_north
+
+    made = simulate_north(noise=noise, seed=seed)
+    truth = {
+        "north_deg": made.north_deg,
+        "mark_azimuth_deg": made.mark_azimuth_deg,
+        "matrix_mb": made.rot_mb,
+    }
+    return _finish("north", out, write_north(made.session, out), truth, as_json)
+
+
+def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
+    """A session with a coil: coil.toml, its table, and the truth in its own folder."""
+    from agonic.alignment.files.write_coil import write_coil
+    from agonic.alignment.simulation.coil import simulate_coil
+
+    made = simulate_coil(noise=noise, seed=seed)
+    truth = {
+        "vector_nT_A": made.vector,
+        "axis_n": made.axis_n,
+        "geometric_deg": made.geometric_deg,
+    }
+    return _finish("coil", out, write_coil(made.session, out), truth, as_json)
+
+
+def _finish(kind: str, out: Path, files: list[Path], truth: dict[str, Any], as_json: bool) -> int:
+    """Write the truth beside the session, and say where both are."""
+    import json
+
+    from agonic.atomic import make_folder, write_atomically
+    from agonic.console.output import plain, print_json, say
+
+    text = json.dumps(plain({"schema": f"agonic/{kind}-truth@1", **truth}), indent=1)
+    written = write_atomically(make_folder(out / "truth") / "truth.json", text + "\n")
     if as_json:
         print_json(
             f"agonic/simulate-{kind}@1",
@@ -23,38 +62,3 @@ def session(kind: str, out: Path, *, as_json: bool, seed: int, noise: float | No
     else:
         say(f"A session: {out}\nThe truth: {written}")
     return 0
-
-
-def _north(out: Path, settings: dict[str, Any]) -> tuple[list[Path], dict[str, Any]]:
-    from agonic.alignment.files.write_north import write_north
-    from agonic.alignment.simulation.north import simulate_north
-
-    made = simulate_north(**settings)
-    return write_north(made.session, out), {
-        "north_deg": made.north_deg,
-        "mark_azimuth_deg": made.mark_azimuth_deg,
-        "matrix_mb": made.rot_mb,
-    }
-
-
-def _coil(out: Path, settings: dict[str, Any]) -> tuple[list[Path], dict[str, Any]]:
-    from agonic.alignment.files.write_coil import write_coil
-    from agonic.alignment.simulation.coil import simulate_coil
-
-    made = simulate_coil(**settings)
-    return write_coil(made.session, out), {
-        "vector_nT_A": made.vector,
-        "axis_n": made.axis_n,
-        "geometric_deg": made.geometric_deg,
-    }
-
-
-def _truth(out: Path, kind: str, facts: dict[str, Any]) -> Path:
-    import json
-
-    from agonic.atomic import make_folder, write_atomically
-    from agonic.console.output import plain
-
-    home = make_folder(out / "truth")
-    text = json.dumps(plain({"schema": f"agonic/{kind}-truth@1", **facts}), indent=1)
-    return write_atomically(home / "truth.json", text + "\n")

@@ -99,13 +99,13 @@ def fleet(
     its reason, never a stop. Exit status 1 where too many have no calibration.
     """
     from agonic.console.output import print_json, say
-    from agonic.console.place import position
+    from agonic.console.parse import parse_position
     from agonic.fleet.run import run_fleet
     from agonic.fleet.settings import FleetSettings
 
     settings = FleetSettings(
         unit=unit,
-        at=position(at) if at else None,
+        at=parse_position(at) if at else None,
         date=date,
         field_nT=field,
         method=method,

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from agonic.console.options import Json
+from agonic.console.simulation_options import Folder, Format, Noise, Seed
 
 if TYPE_CHECKING:
     from agonic.fleet.simulation.simulate import SimulatedFleet
@@ -12,17 +17,49 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind."""
+    kinds.command("fleet")(fleet)
+
+
 def fleet(
-    out: Path, *, sensors: str, format: str, seed: int, as_json: bool, **settings: Any
+    out: Folder,
+    sensors: Annotated[int, typer.Option(help="How many.", min=1)] = 1000,
+    logs: Annotated[int, typer.Option(help="Logs of each sensor.", min=1)] = 1,
+    rows: Annotated[int, typer.Option(help="Readings of a log.", min=20)] = 300,
+    noise: Noise = 120.0,
+    field: Annotated[float, typer.Option(help="Magnitude of the field, nT.")] = 48_000.0,
+    broken: Annotated[float, typer.Option(metavar="SHARE", help="Broken sensors.")] = 0.03,
+    swapped: Annotated[
+        float, typer.Option(metavar="SHARE", help="Sensors with misnamed axes.")
+    ] = 0.02,
+    duplicated: Annotated[
+        float, typer.Option(metavar="SHARE", help="Logs that are there twice.")
+    ] = 0.01,
+    damaged: Annotated[float, typer.Option(metavar="SHARE", help="Damaged files.")] = 0.01,
+    format: Format = "csv",
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> int:
-    """Write the logs or the dataset, and beside them the truth."""
+    """Many boards of one design: their logs or one dataset, and the truth about each."""
     from agonic.console.output import print_json, say
     from agonic.errors import check_choice
     from agonic.fleet.simulation.files import write_truth
     from agonic.fleet.simulation.simulate import simulate_fleet
 
     check_choice("format", format, ("csv", "parquet"))
-    made = simulate_fleet(_parse_count(sensors), seed=seed, **settings)
+    made = simulate_fleet(
+        sensors,
+        logs=logs,
+        rows=rows,
+        noise=noise,
+        magnitude=field,
+        broken=broken,
+        swapped=swapped,
+        duplicated=duplicated,
+        damaged=damaged,
+        seed=seed,
+    )
     where = _write_logs(made, out) if format == "csv" else _write_dataset(made, out)
     truth = write_truth(made.truth, out / "truth.csv")
     groups, faults = made.truth["group"], made.truth["fault"]
@@ -43,14 +80,6 @@ def fleet(
         what = f"{len(made)} logs of {made.facts['n']} sensors"
         say(f"{what}: {where}\nThe truth, with {sum(planted.values())} faults: {truth}")
     return 0
-
-
-def _parse_count(sensors: str) -> int:
-    from agonic.errors import AgonicError
-
-    if not sensors.isdecimal():
-        raise AgonicError(f"--sensors {sensors!r}: a fleet needs their number, such as 1000")
-    return int(sensors)
 
 
 def _write_logs(made: SimulatedFleet, out: Path) -> Path:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import Between, Json, Sensor, Unit, stretch
+from agonic.console.options import Between, Json, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.headings.deviation import DeviationFit
@@ -117,7 +117,7 @@ def _of_log(
     log: Path, setup: Path, sensor: str | None, unit: str | None, between: str | None
 ) -> Swing:
     """The swing that a log with a heading of its own is."""
-    from agonic.console.calibration_and_log import beside_second
+    from agonic.console.sensors import add_second, select_between
     from agonic.files.setup import load_setup
     from agonic.headings.compass_swing import swung
     from agonic.headings.files.swing import Swing
@@ -126,8 +126,8 @@ def _of_log(
     compasses = load_setup(setup)
     first, recording = compasses.compasses[0], open_log(log, unit=unit)
     samples = recording.sensor(sensor or first.sensor)
-    samples = beside_second(first.calibration, samples, recording)
-    found = swung(stretch(samples, between), compasses)
+    samples = add_second(first.calibration, samples, recording)
+    found = swung(select_between(samples, between), compasses)
     remarks = {"power_state": found.power_state, "compass": samples.name}
     if found.current_A is not None:
         remarks["current_A"] = repr(found.current_A)

@@ -12,7 +12,7 @@ from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
-    from agonic.headings import Heading
+    from agonic.headings.result import Heading
     from agonic.logs.log import Log
     from agonic.samples import Samples
 
@@ -55,16 +55,16 @@ def heading(
     used, and flags. Exit status 1 where no heading can be trusted at all.
     """
     from agonic.atomic import write_atomically
-    from agonic.console.calibration_and_log import beside_second
     from agonic.console.output import print_json, say
+    from agonic.console.sensors import add_second
     from agonic.files.setup import load_setup
-    from agonic.headings import heading as find
+    from agonic.headings.compute import heading as find
     from agonic.logs.read import open_log
 
     recording = open_log(log, unit=unit)
     chosen, samples = paired(load_setup(setup), recording, sensor)
     samples = tuple(
-        placed(beside_second(compass.calibration, one, recording), at, date)
+        placed(add_second(compass.calibration, one, recording), at, date)
         for compass, one in zip(chosen.compasses, samples, strict=True)
     )
     found = find(samples, chosen)
@@ -133,28 +133,19 @@ def placed(samples: Samples, at: str | None, date: str | None) -> Samples:
 
     import numpy as np
 
-    from agonic.console.place import position
+    from agonic.console.parse import parse_position
+    from agonic.field.decimal_year import parse_date
 
     changed: dict[str, Any] = {}
     if date is not None:
-        changed["epoch"] = _moment(date)
+        changed["epoch"] = parse_date(date)
     elif at is not None and samples.epoch is None:
         changed["epoch"] = datetime.now(UTC)
     if at is not None:
         columns = ("latitude_deg", "longitude_deg", "altitude_m")
-        for name, value in zip(columns, position(at), strict=True):
+        for name, value in zip(columns, parse_position(at), strict=True):
             changed[name] = np.full(len(samples), value)
     return samples.with_columns(**changed) if changed else samples
-
-
-def _moment(date: str) -> Any:
-    from datetime import UTC, datetime
-
-    try:
-        moment = datetime.fromisoformat(date)
-    except ValueError:
-        raise AgonicError(f"--date {date!r} is not a date; write it as 2026-05-01") from None
-    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
 def table(found: Heading) -> str:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Between, Date, Json, Sensor, Unit
+from agonic.console.options import At, Between, Date, Json, Robust, Scalar, Sensor, Unit
+from agonic.console.parse import parse_count, parse_numbers
+from agonic.console.sensors import open_sensor
 
 if TYPE_CHECKING:
     from agonic.inflight.fit import InflightFit
@@ -51,13 +53,7 @@ def inflight(
     latitudes: Annotated[
         str | None, typer.Option(metavar="LOW,HIGH", help="Use readings between these only.")
     ] = None,
-    scalar: Annotated[
-        bool | None,
-        typer.Option(
-            "--scalar/--no-scalar",
-            help="Against the scalar instrument, or the world model; default: as the log has it.",
-        ),
-    ] = None,
+    scalar: Scalar = None,
     attitude: Annotated[
         str,
         typer.Option(
@@ -86,7 +82,7 @@ def inflight(
     gain_sd: Annotated[
         float, typer.Option(help="How far gains may have moved since the ground, a share.")
     ] = 0.01,
-    robust: Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")] = True,
+    robust: Robust = True,
     between: Between = None,
     as_json: Json = False,
 ) -> int:
@@ -99,11 +95,14 @@ def inflight(
     from agonic.inflight.report.document import describe_inflight
     from agonic.logs.large.mission import is_long
 
+    interval = None
+    if latitudes is not None:
+        interval = parse_numbers("--latitudes", latitudes, "LOW,HIGH in degrees")
     settings: dict[str, Any] = {
         "ground": None if ground is None else require_calibration(load(ground)),
         "solve": solve,
-        "drift_knots": _knots(knots),
-        "latitude_deg": _range(latitudes),
+        "drift_knots": parse_count("--knots", knots, "a number of intervals"),
+        "latitude_deg": interval,
         "temperature_degree": temperature,
         "matrix_rate": matrix_rate,
         "sources": tuple(name for name in sources.replace(",", " ").split() if name),
@@ -130,23 +129,12 @@ def _samples(
     log: Path, sensor: str | None, unit: str | None, between: str | None, date: str | None
 ) -> Samples:
     """The readings of one recording, with the date that was given where it has none."""
-    from agonic.cli.fit import _sensor
+    from agonic.field.decimal_year import parse_date
 
-    samples = _sensor(log, sensor, unit, between)
+    samples = open_sensor(log, sensor, unit, between)
     if date is None or samples.epoch is not None:
         return samples
-    return samples.with_columns(epoch=_moment(date))
-
-
-def _moment(date: str) -> Any:
-    from datetime import UTC, datetime
-
-    from agonic.errors import AgonicError
-
-    try:
-        return datetime.fromisoformat(date).replace(tzinfo=UTC)
-    except ValueError:
-        raise AgonicError(f"--date {date!r} is not a date such as 2026-05-01") from None
+    return samples.with_columns(epoch=parse_date(date))
 
 
 def _mission(
@@ -172,29 +160,7 @@ def _mission(
 def _reference(
     samples: Samples, at: str | None, date: str | None, scalar: bool | None
 ) -> Reference | None:
-    from agonic.console.place import expected, scalar_reference
+    from agonic.console.place import find_reference, find_scalar_reference
 
-    taught = scalar_reference(samples, scalar)
-    return taught or expected(samples, at, date, None)[0]
-
-
-def _knots(text: str) -> Any:
-    from agonic.errors import AgonicError
-
-    if text == "auto":
-        return text
-    if not text.isdecimal():
-        raise AgonicError(f"--knots {text!r} is not a number of intervals, nor auto")
-    return int(text)
-
-
-def _range(text: str | None) -> tuple[float, float] | None:
-    from agonic.errors import AgonicError
-
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise AgonicError(f"--latitudes {text!r} is not LOW,HIGH in degrees") from None
-    return low, high
+    scalar_reference = find_scalar_reference(samples, scalar)
+    return scalar_reference or find_reference(samples, at, date, None)[0]

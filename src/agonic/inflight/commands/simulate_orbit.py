@@ -3,20 +3,64 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from agonic.console.options import Json
+from agonic.console.simulation_options import Noise, Seed, Step, Table
 
 if TYPE_CHECKING:
     from agonic.inflight.simulation.orbit import SimulatedOrbit
 
 
-def orbit(out: Path, as_json: bool, **settings: Any) -> int:
-    """Write the readings, the calibration from the ground, and what was true in each row."""
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind."""
+    kinds.command("orbit")(orbit)
+
+
+def orbit(
+    out: Table,
+    n: Annotated[int, typer.Option("-n", help="Readings; 86400 are a day.", min=1)] = 86_400,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Readings a second.", min=0.001)] = 1.0,
+    noise: Noise = 100.0,
+    step: Step = 0.0,
+    moved: Annotated[
+        float, typer.Option(metavar="NT", help="How far the bias moved since the ground.")
+    ] = 0.0,
+    drift: Annotated[float, typer.Option(metavar="NT", help="Drift of the bias.")] = 0.0,
+    jump: Annotated[float, typer.Option(metavar="NT", help="Step of the bias half-way.")] = 0.0,
+    external: Annotated[
+        float, typer.Option(metavar="NT", help="Standard deviation of the ring current's field.")
+    ] = 20.0,
+    torquer: Annotated[float, typer.Option(metavar="NT", help="Field of the torquers.")] = 0.0,
+    scalar: Annotated[
+        float | None, typer.Option(metavar="SD", help="Noise of a scalar sensor beside it, nT.")
+    ] = None,
+    pointing: Annotated[str, typer.Option(help="nadir or tumble.")] = "nadir",
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> int:
+    """A satellite: readings, the calibration from the ground, and what was true in each row."""
     from agonic.console.output import print_json, say
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.inflight.simulation.orbit import simulate_orbit
 
-    made = simulate_orbit(**settings)
+    made = simulate_orbit(
+        n=n,
+        rate_Hz=rate,
+        noise=noise,
+        step=step,
+        moved=moved,
+        drift=drift,
+        jump=jump,
+        external=external,
+        torquer=torquer,
+        scalar_sd=scalar,
+        pointing=cast(Any, pointing),
+        seed=seed,
+    )
     write_csv(made.samples, out)
     ground = save(made.ground, out.with_suffix(".ground.json"))
     truth = save(made.truth, out.with_suffix(".truth.json"))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit, log_and_sensors
+from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -80,10 +81,10 @@ def track(
                 f"{state} was started with another {', '.join(other)}; leave that out, or name "
                 "another state to start anew"
             )
-        rows, samples = _usable(_sensor(log, sensor, unit, tracker.state.base.sensor))
+        rows, samples = _usable(open_sensor(log, sensor, unit, preferred=tracker.state.base.sensor))
         reference = _reference(samples, at, date, field, scalar)
     else:
-        rows, samples = _usable(_sensor(log, sensor, unit))
+        rows, samples = _usable(open_sensor(log, sensor, unit))
         reference = _reference(samples, at, date, field, scalar)
         tracker = _started(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
@@ -125,17 +126,6 @@ def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> 
     return [name.removesuffix("_sd") for name in other]
 
 
-def _sensor(log: Path, sensor: str | None, unit: str | None, followed: str = "") -> Samples:
-    """The sensor of the log that was asked for, or the one that is followed, or its only one."""
-    recording, sensors = log_and_sensors(log, sensor, unit)
-    names = [samples.name for samples in sensors]
-    if len(names) > 1 and followed in names:
-        return recording.sensor(followed)
-    if len(names) > 1:
-        raise AgonicError(f"the log holds {', '.join(names)}; choose one with --sensor")
-    return sensors[0]
-
-
 def _usable(samples: Samples) -> tuple[int, Samples]:
     """How many rows there are, and those that are not flagged."""
     rows = len(samples)
@@ -150,13 +140,13 @@ def _reference(
     samples: Samples, at: str | None, date: str | None, field: float | None, scalar: bool | None
 ) -> Reference:
     """The magnitude of the field at each reading."""
-    from agonic.console.place import expected, scalar_reference
+    from agonic.console.place import find_reference, find_scalar_reference
     from agonic.field.place import describe_missing
 
-    taught = None if field is not None else scalar_reference(samples, scalar)
+    taught = None if field is not None else find_scalar_reference(samples, scalar)
     if taught is not None:
         return taught
-    reference, _ = expected(samples, at, date, field)
+    reference, _ = find_reference(samples, at, date, field)
     if reference is None:
         raise AgonicError(
             f"the field at the readings is not known: {describe_missing(samples)}; give --at "

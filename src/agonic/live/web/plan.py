@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from agonic.calibration.affine import Affine
-from agonic.live import LiveParams
+from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
 from agonic.reference import Reference
 

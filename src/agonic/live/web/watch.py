@@ -10,7 +10,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS, Affine
-from agonic.live import LiveFit, LiveParams
+from agonic.live.fit import LiveFit
+from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Sensor
 from agonic.live.web.view import RecentReadings

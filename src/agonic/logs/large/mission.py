@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from agonic.errors import LogError
+from agonic.field.decimal_year import parse_date
 from agonic.logs import parquet
 from agonic.logs.columns import identified
 from agonic.logs.formats import PARQUET
@@ -184,7 +185,7 @@ def open_mission(
         Input(name=file.name, sha256=hash_file(file), count=count)
         for file, count in zip(files, counts, strict=True)
     )
-    epoch = None if date is None else _moment(date)
+    epoch = None if date is None else parse_date(date)
     return Mission(
         files=files,
         inputs=inputs,
@@ -230,11 +231,3 @@ def _counted_from(samples: Samples, epoch: datetime | None, *, given: bool) -> S
         return replace(samples, epoch=epoch)
     shift = (samples.epoch - epoch).total_seconds()
     return replace(samples, time=samples.time + shift, epoch=epoch)
-
-
-def _moment(date: str) -> datetime:
-    try:
-        moment = datetime.fromisoformat(date)
-    except ValueError:
-        raise LogError(f"{date!r} is not a date such as 2026-05-01") from None
-    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import At, Between, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.parse import parse_names
+from agonic.console.sensors import open_sensor
 
 if TYPE_CHECKING:
     from agonic.network.fit import NetworkChoice, NetworkFit
@@ -73,7 +75,6 @@ def network(
 ) -> int:
     """A network where no affine calibration is enough; it is written only where it is better."""
     from agonic.atomic import write_atomically
-    from agonic.cli.fit import _sensor
     from agonic.console.output import print_json, say
     from agonic.console.progress import progress
     from agonic.files.calibration import save
@@ -81,10 +82,10 @@ def network(
     from agonic.network.report.chart import table_chart, training_chart
     from agonic.network.report.page import network_page
 
-    samples = _sensor(log, sensor, unit, between)
+    samples = open_sensor(log, sensor, unit, between)
     samples, known = _known(samples, reference, unit, (at, date, field))
     settings: dict[str, Any] = {
-        "inputs": tuple(name.strip() for name in inputs.split(",") if name.strip()),
+        "inputs": parse_names(inputs),
         "base": _base(base),
         "target": target or _target(samples, known),
         "stopping": stopping,
@@ -117,12 +118,12 @@ def _known(
     samples: Samples, table: Path | None, unit: str | None, place: tuple[Any, Any, Any]
 ) -> tuple[Samples, Reference]:
     """The rows whose field is known, and that field."""
-    from agonic.console.place import expected
+    from agonic.console.place import find_reference
     from agonic.errors import AgonicError
 
     if table is not None:
         return _matched(samples, table, unit)
-    found, _ = expected(samples, *place)
+    found, _ = find_reference(samples, *place)
     if found is None:
         raise AgonicError(
             "the field that the sensor was in is not known: give it with --reference TABLE, the "

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.parse import parse_names
+from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -100,10 +102,10 @@ def retrain(
     if state is not None and state.exists():
         _require_nothing(given, state)
         retrainer = Retrainer.resume(state)
-        samples = _sensor(log, sensor, unit, retrainer.state.sensor)
+        samples = open_sensor(log, sensor, unit, preferred=retrainer.state.sensor)
         samples, known = _known(samples, reference, unit, (at, date, field))
     else:
-        samples = _sensor(log, sensor, unit)
+        samples = open_sensor(log, sensor, unit)
         samples, known = _known(samples, reference, unit, (at, date, field))
         retrainer = _started(samples, known, given, spans)
     new, seen = _new(retrainer, samples), None
@@ -148,13 +150,6 @@ def _require_nothing(given: dict[str, Any], state: Path) -> None:
         )
 
 
-def _sensor(log: Path, sensor: str | None, unit: str | None, followed: str = "") -> Samples:
-    """The sensor that was asked for, or the one that is followed, or the log's only one."""
-    from agonic.inflight.commands.track import _sensor as chosen
-
-    return chosen(log, sensor, unit, followed)
-
-
 def _started(
     samples: Samples, known: Reference, given: dict[str, Any], spans: dict[str, tuple[str, float]]
 ) -> Retrainer:
@@ -172,7 +167,7 @@ def _started(
     if "window_s" in settings:
         settings["window_n"] = _rows_in(samples, settings["window_s"])
     if given["inputs"] is not None:
-        settings["inputs"] = tuple(name.strip() for name in given["inputs"].split(","))
+        settings["inputs"] = parse_names(given["inputs"])
     for name in ("hidden", "alarm"):
         if given[name] is not None:
             settings[name] = given[name]

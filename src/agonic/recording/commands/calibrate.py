@@ -17,8 +17,8 @@ from agonic.console.options import (
     Magnitude,
     Sensor,
     Unit,
-    log_and_sensors,
 )
+from agonic.console.sensors import open_sensors
 
 if TYPE_CHECKING:
     from agonic.logs.large.mission import Mission
@@ -66,9 +66,9 @@ def calibrate(
     autopilot the log came from. Exit status 1 where a sensor was refused or a check failed. A
     Parquet table of more than five million rows is read piece by piece.
     """
-    from agonic.console.out_of_core import log_of, missions
     from agonic.console.output import print_json, say
     from agonic.errors import check_choice
+    from agonic.recording.out_of_core import log_of, missions
     from agonic.recording.report.folder import write_folder
     from agonic.recording.report.record import record
     from agonic.recording.report.text import summary
@@ -80,17 +80,21 @@ def calibrate(
         results, failures = _results([_of_mission(one, at, date, field) for one in long])
         recording = log_of(long[0], results)
     else:
-        recording, sensors = log_and_sensors(log, sensor, unit, between)
+        recording, sensors = open_sensors(log, sensor, unit, between)
         results, failures = _results([_of(one, at, date, field, method) for one in sensors])
     folder = out or Path(f"{log.name}-agonic")
     written = write_folder(results, folder, title=recording.source.name, stack=recording.stack)
     if store is not None:
-        from agonic.console.place import position
+        from agonic.console.parse import parse_position
         from agonic.fleet.settings import FleetSettings
         from agonic.history.command import keep
 
         asked = FleetSettings(
-            unit=unit, at=position(at) if at else None, date=date, field_nT=field, method=method
+            unit=unit,
+            at=parse_position(at) if at else None,
+            date=date,
+            field_nT=field,
+            method=method,
         )
         keep(store, results, recording, asked, between, name)
     if as_json:
@@ -117,10 +121,10 @@ def _of(
     """A sensor, and what calibrates it."""
 
     def run() -> Calibrated:
-        from agonic.console.place import expected
+        from agonic.console.place import find_reference
         from agonic.recording.calibrated import calibrate as run_in_memory
 
-        reference, settings = expected(samples, at, date, field)
+        reference, settings = find_reference(samples, at, date, field)
         return run_in_memory(samples, reference, kind=method, **settings)  # type: ignore[arg-type]
 
     return samples.name, run
@@ -128,7 +132,7 @@ def _of(
 
 def _of_mission(mission: Mission, at: str | None, date: str | None, field: float | None) -> _Job:
     """A sensor of a recording longer than memory, and what calibrates it."""
-    from agonic.console.out_of_core import calibrated
+    from agonic.recording.out_of_core import calibrated
 
     return mission.head().name, lambda: calibrated(mission, at, date, field)
 

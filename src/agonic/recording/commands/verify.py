@@ -30,13 +30,13 @@ def verify(
     """Check a calibration on a log. Exit status 1 where a check failed."""
     from dataclasses import asdict
 
-    from agonic.console.calibration_and_log import calibration_and_samples
     from agonic.console.output import print_json, say
-    from agonic.console.place import expected
+    from agonic.console.place import find_reference
+    from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.verification import verify as check
 
-    calibration, samples = calibration_and_samples(cal, log, sensor, unit)
-    reference, _ = expected(samples, at, date, field)
+    calibration, samples = open_calibration_and_log(cal, log, sensor, unit)
+    reference, _ = find_reference(samples, at, date, field)
     if calibration.unit_out != "nT":
         reference = None
     verification = check(calibration, samples, reference)

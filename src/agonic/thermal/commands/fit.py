@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import Json
+from agonic.console.parse import parse_count
 
 if TYPE_CHECKING:
     from agonic.thermal.result import CalibratedCampaign
@@ -70,7 +71,7 @@ def fit_chamber(
     from agonic.thermal.document import describe_campaign
     from agonic.thermal.files.read import read_campaign
 
-    chosen = _parse_degree(degree)
+    chosen: Any = parse_count("--degree", degree, "a degree", 9)
     with _show_progress("Reading") as bar:
         read = read_campaign(campaign, progress=bar)
     result = calibrate_campaign(
@@ -101,16 +102,6 @@ def _name(campaign: Path) -> str:
 def _count_workers(rows: int) -> int:
     """Processes that fit: a second one takes a second to begin."""
     return (os.cpu_count() or 1) if rows > LARGE else 1
-
-
-def _parse_degree(text: str) -> Any:
-    from agonic.errors import AgonicError
-
-    if text == "auto":
-        return text
-    if not text.isdecimal() or int(text) > 9:
-        raise AgonicError(f"--degree {text!r} is none; give 0 to 9, or auto")
-    return int(text)
 
 
 @contextmanager

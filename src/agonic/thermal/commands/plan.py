@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from agonic.console.options import Json
+from agonic.console.parse import parse_numbers
 
 if TYPE_CHECKING:
     from agonic.thermal.plan.plan import ThermalPlan
@@ -61,7 +62,7 @@ def plan_chamber(
     from agonic.thermal.plan.document import describe_plan
     from agonic.thermal.plan.plan import plan_thermal
 
-    lowest, highest = _parse_range(range_)
+    lowest, highest = parse_numbers("--range", range_, "LOW,HIGH in °C")
     profile = Profile(
         lowest_C=lowest,
         highest_C=highest,
@@ -84,16 +85,6 @@ def plan_chamber(
     )
     saved = [] if folder is None else [_write_template(plan, folder)]
     return finish(describe_plan(plan), files=saved, report=out, option="-o", as_json=as_json)
-
-
-def _parse_range(text: str) -> tuple[float, float]:
-    from agonic.errors import AgonicError
-
-    try:
-        low, high = (float(part.replace("−", "-")) for part in text.split(","))
-    except ValueError:
-        raise AgonicError(f"--range {text!r} is no range; write LOW,HIGH in °C: -10,50") from None
-    return low, high
 
 
 def _write_template(plan: ThermalPlan, folder: Path) -> Path:

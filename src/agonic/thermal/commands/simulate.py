@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.console.options import Json
+from agonic.console.simulation_options import Folder, Format, Seed
 
 if TYPE_CHECKING:
     from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign
@@ -12,25 +17,40 @@ FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
 """How each fault is written."""
 
 
-def simulate_chamber(
-    out: Path,
-    *,
-    sensors: str,
-    rate: float,
-    noise: float | None,
-    field: float,
-    fault: list[str],
-    format: str,
-    seed: int,
-    as_json: bool,
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind."""
+    kinds.command("campaign")(campaign)
+
+
+def campaign(
+    out: Folder,
+    sensors: Annotated[
+        str, typer.Option(metavar="LIST", help="2xMMC5883MA,3xMPU-9255; MODEL:NOISE in nT.")
+    ] = "2xMMC5883MA,3xMPU-9255",
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Readings a second.", min=0.001)] = 1.0,
+    noise: Annotated[
+        float | None, typer.Option(help="Noise per axis, nT; default: by the model.", min=0)
+    ] = None,
+    field: Annotated[float, typer.Option(help="Magnitude of the field, nT.")] = 48_000.0,
+    fault: Annotated[
+        list[str] | None, typer.Option(metavar="FAULT", help=f"Repeatable: {FAULTS}.")
+    ] = None,
+    format: Format = "csv",
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> int:
-    """Write the recordings, their campaign.toml, and the truth in a folder of its own."""
+    """A climatic chamber: recordings, their campaign.toml, and the truth in a folder of its own."""
     from agonic.console.output import print_json, say
     from agonic.thermal.files.write import write_campaign
     from agonic.thermal.simulation.campaign import simulate_campaign
 
     made = simulate_campaign(
-        sensors, rate_Hz=rate, noise=noise, magnitude=field, faults=parse_faults(fault), seed=seed
+        sensors,
+        rate_Hz=rate,
+        noise=noise,
+        magnitude=field,
+        faults=parse_faults(fault or []),
+        seed=seed,
     )
     files = write_campaign(made.description, made.stations(), out, format=format)  # type: ignore[arg-type]
     if format == "csv":

@@ -1,4 +1,4 @@
-"""`agonic plan KIND`: what to do before a calibration, and what it will tell."""
+"""`agonic plan swing`: the headings of a compass swing, and what they will tell."""
 
 from __future__ import annotations
 
@@ -7,20 +7,12 @@ from typing import Annotated
 
 import typer
 
-from agonic.alignment.commands import plan_alignment
 from agonic.console.options import Json
-from agonic.thermal.commands import plan as plan_thermal
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command and its kinds."""
-    kinds = typer.Typer(
-        help="Plan the data to take, with the standard errors to expect.", no_args_is_help=True
-    )
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind of plan."""
     kinds.command("swing")(swing)
-    plan_thermal.add_to(kinds)
-    plan_alignment.add_to(kinds)
-    app.add_typer(kinds, name="plan", rich_help_panel=None)
 
 
 def swing(

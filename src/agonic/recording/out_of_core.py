@@ -46,11 +46,11 @@ def calibrated(
     mission: Mission, at: str | None, date: str | None, field: float | None, **settings: Any
 ) -> Calibrated:
     """The calibration of a mission, with the field of the place."""
-    from agonic.console.place import expected
+    from agonic.console.place import find_reference
     from agonic.console.progress import counting
     from agonic.recording.calibrated import calibrate_recording
 
-    reference, of_place = expected(mission.head(), at, date, field)
+    reference, of_place = find_reference(mission.head(), at, date, field)
     with counting(mission.rows) as told:
         return calibrate_recording(mission, reference, progress=told, **settings, **of_place)
 

@@ -1,0 +1,16 @@
+"""`agonic plan KIND`: what to do before a calibration, and what it will tell."""
+
+from __future__ import annotations
+
+import typer
+
+from agonic.alignment.commands import plan_alignment
+from agonic.console.kinds import add_kinds
+from agonic.headings.commands import plan_swing
+from agonic.thermal.commands import plan as plan_thermal
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command and its kinds."""
+    kinds = (plan_swing, plan_thermal, plan_alignment)
+    add_kinds(app, "plan", kinds, "Plan the data to take, with the standard errors to expect.")

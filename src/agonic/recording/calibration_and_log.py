@@ -1,0 +1,37 @@
+"""A calibration and the samples of the sensor it belongs to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agonic.attitude.latency import undelayed
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import require_calibration
+from agonic.console.sensors import add_second, choose_name
+from agonic.files.calibration import load
+from agonic.logs.read import open_log
+from agonic.samples import Samples
+
+
+def open_calibration_and_log(
+    cal: Path, log: Path, sensor: str | None, unit: str | None
+) -> tuple[Calibration, Samples]:
+    """The calibration, and the log's sensor of that name, or the one asked for, or its only one.
+
+    The samples come with the second magnetometer where the calibration mixes one, and each with
+    the moment it was measured at where the calibration knows how late the readings are.
+    """
+    calibration, recording = require_calibration(load(cal)), open_log(log, unit=unit)
+    if sensor is None:
+        names = (samples.name for samples in recording.sensors)
+        sensor = choose_name(names, calibration.sensor)
+    samples = add_second(calibration, recording.sensor(sensor), recording)
+    return calibration, remove_delay(calibration, samples)
+
+
+def remove_delay(calibration: Calibration, samples: Samples) -> Samples:
+    """The samples, each at the moment it was measured by the latency that the calibration knows."""
+    latency_s = getattr(calibration, "latency_s", 0.0)
+    if not latency_s or samples.time is None or len(samples) < 2:
+        return samples
+    return undelayed(samples, latency_s)

@@ -1,0 +1,226 @@
+"""`agonic fit ellipsoid|levelled|vector|interference LOG`: one fit with every setting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.console.options import (
+    At,
+    Between,
+    Date,
+    Json,
+    LogPath,
+    Magnitude,
+    Out,
+    Robust,
+    Sensor,
+    Sources,
+    Unit,
+)
+from agonic.console.parse import parse_names
+from agonic.console.sensors import choose_name, open_sensor, open_sensors
+from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.recording.calibrated import Calibrated
+    from agonic.samples import Samples
+
+SoftIron = Annotated[
+    float, typer.Option(help="Prior on soft iron, standard deviation; 0 for none.")
+]
+Model = Annotated[str, typer.Option(help="sphere, diagonal or full.")]
+FreeGauge = Annotated[
+    str, typer.Option(help="symmetric; free (a turn of the sensor as well); or auto.")
+]
+Turn = Annotated[
+    float, typer.Option(help="Prior on that turn, degrees, standard deviation; 0 for none.")
+]
+Second = Annotated[
+    str | None,
+    typer.Option("--second", metavar="SENSOR", help="The second magnetometer, for --with second."),
+]
+
+
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kinds of fit."""
+    for kind in (ellipsoid, levelled, vector, interference):
+        kinds.command(kind.__name__)(kind)
+
+
+def ellipsoid(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    model: Annotated[str, typer.Option(help="auto, sphere, diagonal or full.")] = "auto",
+    method: Annotated[
+        str, typer.Option(help="likelihood, adjusted, li-griffiths or linear.")
+    ] = "likelihood",
+    gauge: Annotated[str, typer.Option(help="symmetric, or triangular.")] = "symmetric",
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """Bias and matrix from the magnitude alone."""
+    from agonic.recording.out_of_core import calibrated, missions
+
+    settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
+    settings["soft_iron_sd"] = soft_iron_sd or None
+    long = missions(log, sensor, unit, {"--between": between})
+    if long:
+        choose_name(one.sensor for one in long)
+        return _finish(calibrated(long[0], at, date, field, **settings), out, as_json)
+    samples = open_sensor(log, sensor, unit, between)
+    return _run("ellipsoid", samples, (at, date, field), settings, out, as_json)
+
+
+def levelled(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    sources: Sources = "",
+    second: Second = None,
+    model: Model = "full",
+    gauge: FreeGauge = "auto",
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    turn_sd_deg: Turn = 2.0,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the place."""
+    settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
+    samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
+    return _run("levelled", samples, (at, date, None), settings, out, as_json)
+
+
+def vector(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    sources: Sources = "",
+    second: Second = None,
+    model: Model = "full",
+    gauge: FreeGauge = "auto",
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    turn_sd_deg: Turn = 2.0,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """Bias and matrix where the whole attitude is known, heading included."""
+    settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
+    samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
+    return _run("vector", samples, (at, date, None), settings, out, as_json)
+
+
+def interference(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    sources: Sources = "current_A",
+    second: Second = None,
+    model: Model = "full",
+    gauge: FreeGauge = "auto",
+    robust: Robust = True,
+    soft_iron_sd: SoftIron = 0.1,
+    turn_sd_deg: Turn = 2.0,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """What currents on board, or a second magnetometer, say of the disturbance."""
+    settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
+    samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
+    return _run("interference", samples, (at, date, field), settings, out, as_json)
+
+
+def _settings(
+    sources: str, model: str, gauge: str, robust: bool, soft_iron_sd: float, turn_sd_deg: float
+) -> dict[str, Any]:
+    """The settings of the fits that are aided by the attitude."""
+    return {
+        "sources": parse_names(sources),
+        "model": model,
+        "gauge": gauge,
+        "robust": robust,
+        "soft_iron_sd": soft_iron_sd or None,
+        "turn_sd_deg": turn_sd_deg or None,
+    }
+
+
+def _open_beside_second(
+    log: Path,
+    sensor: str | None,
+    unit: str | None,
+    between: str | None,
+    second: str | None,
+    sources: tuple[str, ...],
+) -> Samples:
+    """The sensor of the log that was asked for, or its only one, perhaps beside a second."""
+    recording, sensors = open_sensors(log, sensor, unit, between)
+    choose_name(samples.name for samples in sensors)
+    mixed = "second" in sources
+    if second is None:
+        if mixed and sensors[0].second is None:
+            names = ", ".join(samples.name for samples in recording.sensors)
+            raise AgonicError(
+                f"--with second needs to know which magnetometer: name it with --second; the log "
+                f"holds {names}"
+            )
+        return sensors[0]
+    if not mixed:
+        raise AgonicError(
+            f"--second {second} is not used without --with second (--with current_A,second takes "
+            "both)"
+        )
+    return sensors[0].with_second(recording.sensor(second))
+
+
+def _run(
+    kind: str,
+    samples: Samples,
+    place: tuple[str | None, str | None, float | None],
+    settings: dict[str, Any],
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Fit, verify, write, and say so."""
+    from agonic.console.place import find_reference
+    from agonic.recording.calibrated import calibrate
+
+    reference, of_place = find_reference(samples, *place)
+    result = calibrate(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
+    return _finish(result, out, as_json)
+
+
+def _finish(result: Calibrated, out: Path | None, as_json: bool) -> int:
+    """Write the calibration where it can be used, and say what came of it."""
+    from agonic.console.output import print_json, say
+    from agonic.files.calibration import save
+    from agonic.recording.report.record import record
+    from agonic.recording.report.text import summary
+
+    files = [str(save(result.fit.calibration, out))] if out and result.verdict != "refused" else []
+    if as_json:
+        print_json("agonic/fit@1", record(result, files))
+    else:
+        say(summary([result]))
+        say(f"\nWritten   {files[0]}" if files else "\nNothing was written.")
+    return 0 if result.verdict == "good" else 1
