@@ -42,9 +42,9 @@ class Moments:
         scale: float | None = None,
         unit: str = "nT",
     ) -> Moments:
-        """Moments of readings (n, 3), unless given about the middle and spread of some of them.
+        """Moments of readings `field` (n, 3), about the middle and spread of some if not given.
 
-        Any centre and scale near those of the readings serve; they only keep rounding away.
+        Any `centre` (3,) and scale near those of the readings serve; they only keep rounding away.
         """
         rows = np.asarray(field, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
@@ -58,7 +58,7 @@ class Moments:
         return cls(centre=about, scale=size, sums=sums, unit=unit)
 
     def add(self, field: ArrayLike) -> Moments:
-        """These moments with more readings (n, 3) added."""
+        """These moments with more readings `field` (n, 3) added."""
         more = Moments.of(field, centre=self.centre, scale=self.scale, unit=self.unit)
         return replace(self, sums=self.sums + more.sums)
 
@@ -70,7 +70,7 @@ class Moments:
         return replace(self, sums=self.sums + moved.sums)
 
     def rebase(self, centre: ArrayLike, scale: float) -> Moments:
-        """The same readings' moments about another centre and scale."""
+        """The same readings' moments about another `centre` (3,) and scale."""
         about = np.asarray(centre, dtype=np.float64)
         sums = kernel.rebase(self.sums, self.centre, self.scale, about, scale)
         return replace(self, centre=about, scale=scale, sums=sums)

@@ -45,7 +45,7 @@ class Reference:
     def magnitude(
         cls, magnitudes: ArrayLike, *, unit: str = "nT", sd: float = 0.0, source: str = "given"
     ) -> Reference:
-        """A magnitude for each sample, (n,)."""
+        """`magnitudes` (n,), one for each sample, in `unit`."""
         return cls._checked("magnitude", magnitudes, unit, sd, source)
 
     @classmethod
@@ -59,6 +59,8 @@ class Reference:
         source: str = "given",
     ) -> Reference:
         """Horizontal and vertical intensity (down positive), one for all samples or one for each.
+
+        Parameters: horizontal (n,) and vertical (n,), or numbers, in `unit`.
 
         >>> Reference.horizontal_vertical(20_000, 45_000).values
         array([[20000., 45000.]])
@@ -76,7 +78,7 @@ class Reference:
         sd: float = 0.0,
         source: str = "given",
     ) -> Reference:
-        """A vector for each sample, (n, 3), or one for all, in the frame of the given letter."""
+        """`vectors` (n, 3), one for each sample, or (3,) for all, in the frame of a letter."""
         vectors = np.atleast_2d(np.asarray(vectors, dtype=np.float64))
         return cls._checked("vector", vectors, unit, sd, source, frame)
 
@@ -118,7 +120,7 @@ class Reference:
         )
 
     def select(self, rows: ArrayLike) -> Reference:
-        """The reference of the rows that a boolean mask or a list of indices names."""
+        """The reference of the rows that `rows`, a boolean mask (n,) or indices (k,), names."""
         chosen = np.asarray(rows)
         return self if len(self.values) == 1 else replace(self, values=self.values[chosen])
 

@@ -164,7 +164,7 @@ class Samples:
         return {name: c for name in COLUMNS if (c := getattr(self, name)) is not None}
 
     def select(self, rows: ArrayLike) -> Samples:
-        """The rows that a boolean mask or a list of indices names, in their order."""
+        """The `rows` that a boolean mask (n,) or indices (k,) name, in their order."""
         chosen = np.asarray(rows)
         return replace(self, **{name: c[chosen] for name, c in self.columns().items()})
 

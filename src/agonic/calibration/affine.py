@@ -93,15 +93,24 @@ class Affine:
         return FREE_PARAMETERS if self.gauge == "free" else PARAMETERS
 
     def cleaned(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """The readings (…, 3) without what sources on board add: all of them, for none is known."""
+        """The readings (…, 3) without what sources on board add: all of them, for none is known.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…), not used.
+        """
         return np.asarray(raw, dtype=np.float64)
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """The calibrated field of readings (…, 3): matrix @ (raw − bias)."""
+        """The calibrated field of readings (…, 3): matrix @ (raw − bias).
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…), not used.
+        """
         return kernel.correct(np.asarray(raw, dtype=np.float64), self.bias, self.matrix)
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+
+        Parameters: raw (n, 3) in `unit_in`; columns (n,), not used.
+        """
         covariance = require_covariance(self.covariance)
         rows = np.asarray(raw, dtype=np.float64)
         jacobian = kernel.correction_jacobian(rows, self.bias, self.matrix)

@@ -41,7 +41,10 @@ class Alignment:
         return self.unit_in
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """The field (…, 3) in the axes of `frame_out`."""
+        """The field (…, 3) in the axes of `frame_out`.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…), not used.
+        """
         return np.asarray(np.asarray(raw, dtype=np.float64) @ self.rotation.as_matrix().T)
 
     @property

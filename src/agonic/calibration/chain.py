@@ -59,7 +59,10 @@ class Chain:
         return tuple(dict.fromkeys(name for step in self.steps for name in step.needs))
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """The field (…, 3) after every step."""
+        """The field (…, 3) after every step.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
+        """
         values = np.asarray(raw, dtype=np.float64)
         for step in self.steps:
             values = step.correct(values, **columns)

@@ -117,7 +117,10 @@ class Deviation:
         roll_deg: ArrayLike | None = None,
         pitch_deg: ArrayLike | None = None,
     ) -> Array:
-        """The deviation, −180…180°, where the compass reads `compass_deg`; level without heel."""
+        """The deviation, −180…180°, where the compass reads `compass_deg`; level without heel.
+
+        Parameters: compass_deg (…), roll_deg (…), pitch_deg (…), degrees.
+        """
         return wrap_deg(self._rows(compass_deg, roll_deg, pitch_deg) @ self._all)
 
     def sd_at(
@@ -128,14 +131,18 @@ class Deviation:
     ) -> Array:
         """The standard error of the deviation there, degrees.
 
-        Raises `AgonicError` where the covariance is not known.
+        Parameters: compass_deg (…), roll_deg (…), pitch_deg (…), degrees. Raises `AgonicError`
+        where the covariance is not known.
         """
         if self.covariance is None:
             raise AgonicError("this card carries no covariance; fit it again with agonic")
         return kernel.compute_band(self._rows(compass_deg, roll_deg, pitch_deg), self.covariance)
 
     def band_at(self, compass_deg: ArrayLike, confidence: float = 0.95) -> Array:
-        """Half the width of the level curve's confidence band, degrees, by Student's t."""
+        """Half the width of the level curve's confidence band, degrees, by Student's t.
+
+        Parameters: compass_deg (…), degrees; confidence, a share.
+        """
         freedom = np.inf if self.freedom is None else max(self.freedom, 1.0)
         return np.asarray(
             stdtrit(min(freedom, 1e6), (1 + confidence) / 2) * self.sd_at(compass_deg)
@@ -147,7 +154,10 @@ class Deviation:
         roll_deg: ArrayLike | None = None,
         pitch_deg: ArrayLike | None = None,
     ) -> Array:
-        """The magnetic heading, 0…360, when the compass reads `compass_deg`."""
+        """The magnetic heading, 0…360, when the compass reads `compass_deg`.
+
+        Parameters: compass_deg (…), roll_deg (…), pitch_deg (…), degrees.
+        """
         deviation = self.at(compass_deg, roll_deg, pitch_deg)
         return kernel.wrap_360_deg(np.asarray(compass_deg, dtype=np.float64) + deviation)
 
@@ -157,7 +167,10 @@ class Deviation:
         roll_deg: ArrayLike | None = None,
         pitch_deg: ArrayLike | None = None,
     ) -> Array:
-        """The compass heading, 0…360, that makes good `magnetic_deg`."""
+        """The compass heading, 0…360, that makes good `magnetic_deg`.
+
+        Parameters: magnetic_deg (…), roll_deg (…), pitch_deg (…), degrees.
+        """
         roll, pitch = (0.0 if a is None else a for a in (roll_deg, pitch_deg))
         return kernel.steer(self._all, magnetic_deg, roll, pitch)
 

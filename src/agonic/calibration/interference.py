@@ -79,16 +79,25 @@ class Interference(Affine):
         return (*super().parameters, *named)
 
     def cleaned(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """The readings (…, 3) without what the sources add: raw − coefficients @ x."""
+        """The readings (…, 3) without what the sources add: raw − coefficients @ x.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
+        """
         added = stack_sources(self.sources, columns) @ self.coefficients.T
         return np.asarray(np.asarray(raw, dtype=np.float64) - added)
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """The calibrated field of readings (…, 3) beside the columns that it needs."""
+        """The calibrated field of readings (…, 3) beside the columns that it needs.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
+        """
         return kernel.correct(self.cleaned(raw, **columns), self.bias, self.matrix)
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+
+        Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`.
+        """
         covariance = require_covariance(self.covariance)
         x = np.atleast_2d(stack_sources(self.sources, columns))
         rows = np.atleast_2d(self.cleaned(raw, **columns))
@@ -99,7 +108,7 @@ class Interference(Affine):
         return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
     def at(self, x: ArrayLike) -> Affine:
-        """The affine calibration that this is while the sources stay at x, (k,)."""
+        """The affine calibration that this is while the sources stay at x (k,)."""
         x = np.asarray(x, dtype=np.float64)
         covariance = self.covariance
         if covariance is not None:

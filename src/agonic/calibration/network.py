@@ -172,6 +172,8 @@ class Network:
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """The calibrated field of readings (…, 3) beside the columns that it needs.
 
+        Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
+
         Warns (`AgonicWarning`) of readings outside what it was trained on.
         """
         field, inside = self.evaluated(raw, columns)
@@ -180,7 +182,10 @@ class Network:
         return field
 
     def evaluated(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        """The calibrated field (…, 3), and the share g (…) of the correction that is in it."""
+        """The calibrated field (…, 3), and the share g (…) of the correction that is in it.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
+        """
         x = self.scaled(raw, columns)
         inside = self._inside(x)
         added = self._bounded(self.output_middle + self.output_half * self._forward(x))
@@ -193,6 +198,8 @@ class Network:
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+
+        Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`.
 
         With J = ∂correction/∂weights, P the directions that the network corrects (all, or along the
         field), and q `base_sd_ratio`:
@@ -220,11 +227,17 @@ class Network:
         )
 
     def outside(self, raw: ArrayLike, **columns: ArrayLike) -> Mask:
-        """Which readings (…) are so far from the training that half the correction is gone."""
+        """Which readings (…) are so far from the training that half the correction is gone.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
+        """
         return np.asarray(self._inside(self.scaled(raw, columns)) < 0.5)
 
     def inside(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """The share g (…) of the correction that is applied: 1 where it was trained, 0 far away."""
+        """The share g (…) of the correction that is applied: 1 where it was trained, 0 far away.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
+        """
         return self._inside(self.scaled(raw, columns))
 
     def at(self, temperature_C: float) -> Network:
@@ -235,7 +248,10 @@ class Network:
         return replace(self, base=base, held={**self.held, **fixed})
 
     def scaled(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
-        """The inputs x (…, i), from readings (…, 3) and the columns beside them."""
+        """The inputs x (…, i), from readings (…, 3) and the columns beside them.
+
+        Parameters: raw (…, 3) in `unit_in`; columns (…) by name.
+        """
         x = stack_inputs(self.inputs, raw, {**columns, **self.held})
         return np.asarray((x - self.input_middle) / self.input_half)
 

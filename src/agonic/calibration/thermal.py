@@ -118,19 +118,19 @@ class Thermal:
         return float(np.trace(self.matrix[0]) / 3)
 
     def bias_at(self, temperature: ArrayLike) -> Array:
-        """The bias (…, 3) at temperatures (…), °C, that do not change."""
+        """The bias (…, 3) at `temperature` (…), °C, not changing."""
         return np.asarray(self._powers(temperature) @ self.bias)
 
     def matrix_at(self, temperature: ArrayLike) -> Array:
-        """The matrix (…, 3, 3) at temperatures (…), °C."""
+        """The matrix (…, 3, 3) at `temperature` (…), °C."""
         return np.asarray(np.tensordot(self._powers(temperature), self.matrix, axes=1))
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """The calibrated field of readings (…, 3) at temperatures (…), °C.
 
-        Parameters: `temperature`, and where the calibration has a rate `temperature_rate`, °C/s
-        (taken as 0 where it is not given). Warns (`AgonicWarning`) of temperatures outside the
-        range.
+        Parameters: raw (…, 3) in `unit_in`; columns (…): `temperature`, °C, and where the
+        calibration has a rate `temperature_rate`, °C/s (taken as 0 where it is not given). Warns
+        (`AgonicWarning`) of temperatures outside the range.
         """
         values, temperature, rate = self._with(raw, columns)
         beyond = self.outside(temperature)
@@ -140,7 +140,10 @@ class Thermal:
         return np.asarray(np.einsum("...ij,...j->...i", self.matrix_at(temperature), left))
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes."""
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+
+        Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`.
+        """
         values, temperature, rate = self._with(np.atleast_2d(raw), columns)
         temperature = np.broadcast_to(temperature, values.shape[:1])
         phi = self._phi(temperature, np.broadcast_to(rate, values.shape[:1]))
@@ -177,7 +180,10 @@ class Thermal:
         )
 
     def covariance_at(self, temperature_C: ArrayLike) -> Array:
-        """Covariance (…, 9, 9), or (…, 12, 12) in the gauge free, of bias and matrix at T."""
+        """Covariance (…, 9, 9), or (…, 12, 12) in the gauge free, of bias and matrix.
+
+        Parameters: temperature_C (…), °C.
+        """
         powers = self._powers(temperature_C)
         p = self.degree + 1
         count = len(PARAMETERS) if self.gauge != "free" else len(FREE_PARAMETERS)
@@ -187,12 +193,12 @@ class Thermal:
         return np.asarray(np.einsum("...k,akbl,...l->...ab", powers, whole, powers))
 
     def sd_at(self, temperature_C: ArrayLike) -> Array:
-        """Standard errors (…, 9 or 12) of bias and matrix at temperatures (…), °C."""
+        """Standard errors (…, 9 or 12) of bias and matrix at `temperature_C` (…)."""
         covariance = self.covariance_at(temperature_C)
         return np.asarray(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)))
 
     def outside(self, temperature: ArrayLike) -> Mask:
-        """Which temperatures (…) lie outside the range that was seen, by more than `MARGIN_C`."""
+        """Where `temperature` (…), °C, lies outside the range seen, by more than `MARGIN_C`."""
         values = np.asarray(temperature, dtype=np.float64)
         if self.validity.temperature_C is None:
             return np.zeros(values.shape, dtype=bool)

@@ -219,6 +219,8 @@ class TrackerState:
     def at_middle(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Readings (n, 3) as they would be at the middle temperature of the ground calibration.
 
+        Parameters: raw (n, 3) in the unit of the ground calibration; columns (n,) that it needs.
+
         matrix(T₀)⁻¹ field + bias(T₀): what it knows of the temperature stays, its constant moves.
         """
         if self.ground is None:

@@ -59,10 +59,11 @@ def fit_ellipsoid(
         "auto": the smallest that nested tests do not reject.
     method : "likelihood", "adjusted" (one pass, consistent), and the published "li-griffiths" and
         "linear" for comparison (both biased by noise; robust and prior do not apply).
-    robust : meet outliers with Tukey's loss when a reading stands out.
+    robust : down-weight outliers with Tukey's loss where a reading stands out.
     soft_iron_sd : standard deviation of the Gaussian prior on W/gain − identity; None for none.
     gauge : "symmetric", or "triangular" which keeps the z axis.
-    inclination_deg : dip at which the heading's standard error is stated.
+    inclination_deg : dip at which the heading's standard error is stated, degrees. seed : of the
+        random starts.
 
     Returns a `Fit`; `fit.ok` and `fit.status` say whether to use it. Raises `CoverageError` where
     nothing can be fitted at all.

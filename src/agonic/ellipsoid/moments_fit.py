@@ -43,7 +43,10 @@ def fit_moments(
     """The adjusted least-squares fit from moments alone, whatever amount of data they sum up.
 
     The magnitude must be constant; residuals and what needs them (outliers, changes) are not
-    available. Parameters, returns and sources as in `fit_ellipsoid`.
+    available.
+
+    Parameters: `sums`, 35 moments; `reference`, a constant magnitude, nT; `model`, `gauge`,
+    `inclination_deg` degrees, returns and sources as in `fit_ellipsoid`.
 
     >>> u = np.random.default_rng(0).normal(size=(500, 3))
     >>> field = 50_000 * u / np.linalg.norm(u, axis=1, keepdims=True)

@@ -63,7 +63,8 @@ def fit_recording(
     method : "likelihood", or "adjusted", one pass.
     progress : called with the name of the pass and the rows done in it.
 
-    The others as in `fit_ellipsoid`. Residuals and weights of the result are those of the readings
+    The others as in `fit_ellipsoid`: `model`, `robust`, `soft_iron_sd`, `gauge`, `inclination_deg`
+    (degrees), `seed`. Residuals and weights of the result are those of the readings
     drawn, `n` counts all.
 
     Returns a `Fit`. Raises `CoverageError` where nothing can be fitted at all, `LogError` where

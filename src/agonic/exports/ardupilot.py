@@ -49,6 +49,7 @@ def write_ardupilot(
 
     Parameters
     ----------
+    calibration, path : what is written, and where.
     compass : 1, 2 or 3, the number in the parameter names (order of COMPASS_PRIO, not of the bus).
     rotation_bm : turns sensor axes into body axes, as the compass orientation of the vehicle does;
         only needed for a calibration in sensor axes.

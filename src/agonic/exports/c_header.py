@@ -88,6 +88,9 @@ def write_c(
 ) -> Export:
     """Write a C header (C99 and C++) with `{name}_b`, `_A`, `_correct` and `_self_test`.
 
+    Parameters: `calibration`; `path` of the header; `name`, with which its identifiers begin;
+    `temperature_C`.
+
     A calibration that changes with temperature becomes polynomials, and `_correct` takes the
     temperature; or with `temperature_C` it is held there. A network keeps its base and its domain:
     `_correct` takes what it needs beside the reading, and returns 0 far from its training.

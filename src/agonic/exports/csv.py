@@ -44,7 +44,8 @@ def write_csv(samples: Samples, path: Path | str) -> Path:
 def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
     """Write magnetometers that were read at the same moments as one table, and return the path.
 
-    Their readings are `mag1_x_nT, …, mag2_x_nT, …`, so they read back as "mag1", "mag2" and so on;
+    Parameters: `sensors`, the samples of each; `path` of the table. Their readings are
+    `mag1_x_nT, …, mag2_x_nT, …`, so they read back as "mag1", "mag2" and so on;
     all other columns and the epoch are those of the first.
 
     Raises `AgonicError` where a sensor has other times than the first, or the file cannot be

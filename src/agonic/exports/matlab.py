@@ -40,9 +40,10 @@ def write_matlab(
 ) -> Export:
     """Write `A`, `b` and `expmfs` as MATLAB's `magcal` returns them, with units and origin.
 
-    The numbers are in the units of the calibration, nT or raw; `about` holds the rest in words.
-    One that changes with temperature is held at `temperature_C`, default the middle of its range,
-    and its polynomials are written beside that.
+    Parameters: `calibration`; `path` of the file; `temperature_C`. The numbers are in the units of
+    the calibration, nT or raw; `about` holds the rest in words. One that changes with temperature
+    is held at `temperature_C`, default the middle of its range, and its polynomials are written
+    beside that.
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.calibration.affine import Affine

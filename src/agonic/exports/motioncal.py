@@ -40,9 +40,10 @@ def write_motioncal(
 ) -> Export:
     """Write the packet that makes a MotionCal device apply a calibration.
 
-    Send the bytes to the device's serial port. Accelerometer and gyroscope offsets are zero, as
-    MotionCal sends them. `temperature_C` is where a calibration is held that changes with
-    temperature. Raises `UnitError` for a calibration in raw units.
+    Parameters: `calibration`; `path` of the file; `temperature_C`. Send the bytes to the device's
+    serial port. Accelerometer and gyroscope offsets are zero, as MotionCal sends them.
+    `temperature_C` is where a calibration is held that changes with temperature. Raises
+    `UnitError` for a calibration in raw units.
 
     >>> from tempfile import TemporaryDirectory
     >>> import numpy as np

@@ -59,6 +59,7 @@ def write_px4(
 
     Parameters
     ----------
+    calibration, path : what is written, and where.
     slot : n, 0 to 3.
     device_id : CAL_MAGn_ID, `sensor_mag.device_id` of the log; PX4 ignores a slot without it.
     rotation : CAL_MAGn_ROT, written where it is given: −1 for an internal sensor.

@@ -29,10 +29,10 @@ def write_ros(
 ) -> Export:
     """Write the parameters of ROS's magnetometer bias remover.
 
-    `ros` is 2 for a parameter file of ROS 2, 1 for keys that `rosparam` loads into the node's
-    private namespace; `temperature_C` is where a calibration is held that changes with
-    temperature. The mounting inside a calibration stays with tf. Raises `UnitError` for a
-    calibration in raw units.
+    Parameters: `calibration`; `path` of the file; `ros` is 2 for a parameter file of ROS 2, 1 for
+    keys that `rosparam` loads into the node's private namespace; `temperature_C` is where a
+    calibration is held that changes with temperature. The mounting inside a calibration stays with
+    tf. Raises `UnitError` for a calibration in raw units.
 
     >>> from tempfile import TemporaryDirectory
     >>> import numpy as np

@@ -28,8 +28,9 @@ def write_table(
 ) -> Export:
     """Write the twelve numbers of field = matrix @ (raw − bias), a row each, below # comments.
 
-    Of one that changes with temperature each number is a polynomial, with a row for each power
-    (`bias_x_0`, `bias_x_1`, …); or with `temperature_C` it is held there.
+    Parameters: `calibration`; `path` of the file; `temperature_C`. Of one that changes with
+    temperature each number is a polynomial, with a row for each power (`bias_x_0`, `bias_x_1`, …);
+    or with `temperature_C` it is held there.
 
     Standard errors are left empty where the calibration carries none; entries that its gauge fixes
     have none to carry.

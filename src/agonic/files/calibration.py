@@ -16,6 +16,8 @@ from agonic.logs.contents import read_bytes
 def save(calibration: Calibration | Deviation, path: Path | str) -> Path:
     """Write a calibration to a JSON file that `load` gives back float for float.
 
+    Parameters: `calibration`; `path`, replaced where there is a file.
+
     Raises `AgonicError` where it is no calibration, holds a NaN, or the file cannot be written.
 
     >>> from tempfile import TemporaryDirectory
@@ -31,6 +33,8 @@ def save(calibration: Calibration | Deviation, path: Path | str) -> Path:
 
 def load(path: Path | str) -> AnyCalibration | Deviation:
     """Read a calibration file.
+
+    Parameters: `path` of the file.
 
     Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
 

@@ -59,7 +59,8 @@ Made = TypeVar("Made")
 def load_setup(path: Path | str) -> Setup:
     """Read a setup file; a calibration file alone is the setup of one compass.
 
-    Paths in the file are relative to it. Raises `LogError` that names every mistake at once.
+    Parameters: `path` of the file; paths in it are relative to it. Raises `LogError` that names
+    every mistake at once.
 
     >>> from tempfile import TemporaryDirectory
     >>> import numpy as np

@@ -50,6 +50,8 @@ def open_log(path: Path | str, *, unit: str | None = None) -> Log:
 def sensors(path: Path | str) -> tuple[str, ...]:
     """The names of the magnetometers in a recording.
 
+    Parameters: `path` of the recording.
+
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder, "cloud.txt")

@@ -67,7 +67,7 @@ class Population:
             yield Row(**{name: _make_value(value) for name, value in named})
 
     def select(self, rows: NDArray[Any]) -> Population:
-        """The rows of a mask or an index, as a population."""
+        """The `rows` of a mask (n,) or indices (k,), as a population."""
         return Population({name: column[rows] for name, column in self.columns.items()})
 
     @property

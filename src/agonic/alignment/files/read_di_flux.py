@@ -48,6 +48,8 @@ def is_di_flux(path: Path) -> bool:
 def read_di_flux(path: Path | str) -> DiSheet:
     """The readings of a DI-flux sheet, angles in degrees.
 
+    Parameters: `path` of the sheet.
+
     Raises `LogError` naming what the sheet lacks, or the row that cannot be read.
 
     >>> from tempfile import TemporaryDirectory

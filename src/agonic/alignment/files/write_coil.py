@@ -24,7 +24,8 @@ from agonic.maths.rotations.frames import ARCSEC_RAD
 def write_coil(session: CoilSession, folder: Path | str) -> list[Path]:
     """Write coil.toml with its tables, as `read_coil` reads them; return their paths.
 
-    The attitude is written as roll, pitch and heading of the platform.
+    Parameters: `session`; `folder`, made where it is not there. The attitude is written as roll,
+    pitch and heading of the platform.
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.alignment.simulation.coil import simulate_coil

@@ -26,6 +26,8 @@ from agonic.atomic import make_folder, write_atomically
 def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
     """Write north.toml and its tables, as `read_north` reads them; return their paths.
 
+    Parameters: `session`; `folder`, made where it is not there.
+
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.alignment.simulation.north import simulate_north
     >>> with TemporaryDirectory() as folder:

@@ -20,7 +20,8 @@ from agonic.atomic import make_folder, write_atomically
 def write_session(session: Session, folder: Path | str) -> list[Path]:
     """Write a session's description and tables, and return their paths, session.toml last.
 
-    Raises `AgonicError` where a file cannot be written.
+    Parameters: `session`; `folder`, made where it is not there. Raises `AgonicError` where a file
+    cannot be written.
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.alignment.simulation.session import simulate_session

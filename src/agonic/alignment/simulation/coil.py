@@ -58,9 +58,11 @@ def simulate_coil(
     ----------
     reversals, readings : of the current, and of the magnetometer in between, one a second.
     constant : nT/A. levels : shares of the largest current, in turn.
-    noise, reference_noise : nT. bias : of the magnetometer. even : nT at the largest current that
-        does not reverse.
+    tilt_deg : of the axis, degrees.
+    noise, reference_noise : nT. bias : (3,) nT, of the magnetometer. even : nT at the largest
+        current that does not reverse.
     alignment_sd_arcsec, attitude_sd_arcsec : of alignment and attitude as the observer knows them.
+    site, begins : where and when; None for a usual site. seed : of the noise.
 
     Source: the model of `fit_coil`.
 

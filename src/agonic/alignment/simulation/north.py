@@ -57,8 +57,10 @@ def simulate_north(
     north_deg : true north on the circle; the gyro swings about `constant_arcsec` less.
     period_s, amplitude_deg, decay_per_s, periods, step_s : the swing and its record.
     reading_sd_arcsec, time_sd_s : of a reading of the circle and of a stopped time.
+    constant_sd_arcsec : of the constant as known. mark_azimuth_deg : of the mark, degrees.
     orientations : of the platform, 0 for none; it is turned about the vertical, tilted a little.
     noise, reference_noise : nT; circle_sd_arcsec, level_sd_arcsec : of its azimuth and tilt.
+    begins : the moment (UTC). seed : of the noise.
 
     Source: the equation of the gyro's swing, as in `fit_north`.
 

@@ -78,11 +78,12 @@ def simulate_session(
         roll of each, degrees. readings : of each instrument in each.
     noise, reference_noise : nT a reading and axis; across_sd_arcsec, about_sd_arcsec : of an
         attitude across and about the boresight.
-    field_n : mean field at the reference, nT; it varies by some tens of nT in the night.
+    site, begins : where and when (UTC). seed : of the noise.
+    field_n : (3,) mean field at the reference, nT; it varies by some tens of nT in the night.
     mounting_deg : the nominal 3-2-3 angles; the true ones differ by `mounting_sd_deg` at random.
-    reference_turn_arcsec : of the reference's axes about north, east, down.
-    pier : field at the magnetometer less that at the reference, nT. bias, matrix : of the
-        magnetometer, field = matrix @ (raw − bias), symmetric.
+    reference_turn_arcsec : (3,) of the reference's axes about north, east, down.
+    pier : (3,) field at the magnetometer less that at the reference, nT. bias, matrix : (3,) nT and
+        (3, 3), of the magnetometer, field = matrix @ (raw − bias), symmetric.
     refraction, aberration : "present" where the star sensor leaves them in its attitudes.
 
     Returns the session as an observer would have it, and its truth.

@@ -74,7 +74,10 @@ class DeclinationGrid:
             raise AgonicError(f"north is {self.north.shape} and east {self.east.shape}")
 
     def at(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> tuple[Array, Array]:
-        """Declination, degrees, and whether the place is outside, where the nearest edge counts."""
+        """Declination, degrees, and whether the place is outside, where the nearest edge counts.
+
+        Parameters: latitude_deg (…), longitude_deg (…), degrees; returns two arrays (…).
+        """
         rows, columns = (n - 1 for n in self.north.shape)
         row = (np.asarray(latitude_deg, dtype=np.float64) - self.south) / self.latitude_step
         around = (np.asarray(longitude_deg, dtype=np.float64) - self.west) % 360.0

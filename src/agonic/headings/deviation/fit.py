@@ -81,7 +81,7 @@ def fit_deviation(
     ----------
     compass_deg : (n,) what the compass read, in the order it was read.
     reference_deg : (n,) magnetic heading of the vehicle at the same moments; true heading where
-        `declination_deg` (one, or (n,)) is given.
+        `declination_deg` (n,), or one, is given.
     heel : (n,) roll, or (n, 2) roll and pitch, degrees: adds roll × cos ψ, roll × sin ψ and the
         same of pitch. `None` for a level swing.
     terms : the level terms to fit; the others are held at zero. Never chosen for you.

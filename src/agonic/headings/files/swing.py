@@ -106,6 +106,8 @@ class Swing:
 def read_swing(path: Path | str) -> Swing:
     """The swing that a text table records.
 
+    Parameters: `path` of the table.
+
     Raises `LogError` where it cannot be read, a column is missing, a cell cannot be understood or
     no row is filled in.
 

@@ -120,8 +120,8 @@ def card_text(
 ) -> str:
     """The card as plain text, at most 76 columns wide.
 
-    `result` is a card or the fit it came from; a refused fit has no table. `details` are lines to
-    add at the head, such as date and place.
+    Parameters: `result`, a card or the fit it came from (a refused fit has no table); `step_deg`
+    degrees from row to row; `title`; `details`, lines to add at the head, such as date and place.
 
     >>> print(card_text(Deviation(coefficients=[2.0, 0, 0, 0, 0]), step_deg=45).splitlines()[6])
     045° NE         2.0° E             047.0°  |  045° NE             043.0°

@@ -81,6 +81,7 @@ def fit_inflight(
         Earth, from its track; "none".
     gain_sd : how far gains and cross terms may have moved since the ground, as a share.
     soft_iron_sd : prior on soft iron where there is no ground calibration.
+    robust : down-weight outliers with Tukey's loss. seed : of the random starts.
 
     Returns an `InflightFit`. Raises `CoverageError` where the readings cannot determine it,
     `AgonicError` without a reference or a track, `LogError` where a column is missing.

@@ -65,7 +65,9 @@ def fit_mission(
     scalar : against the scalar instrument in the record instead of the world model.
     progress : called with the name of the pass and the rows done in it.
 
-    The others as in `fit_inflight`. Rows of the result are every `thinned`-th.
+    The others as in `fit_inflight`: `ground`, `solve`, `drift_knots`, `latitude_deg` (low, high)
+    degrees, `temperature_degree`, `matrix_rate`, `sources`, `gain_sd`, `soft_iron_sd`, `robust`,
+    `seed`. Rows of the result are every `thinned`-th.
 
     Returns an `InflightFit`. Raises `CoverageError` where the readings cannot determine it,
     `AgonicError` without a track or a date, `LogError` where pieces do not follow in time.

@@ -114,7 +114,7 @@ class InflightFit(Judged):
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def bias_at(self, time: ArrayLike) -> tuple[Array, Array]:
-        """The bias found in flight at times (k,) of the record, nT, and its standard error."""
+        """The bias (k, 3) found in flight, nT, and its standard error (k, 3), at `time` (k,), s."""
         return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))
 
 

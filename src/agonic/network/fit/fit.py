@@ -58,7 +58,7 @@ def fit_network(
     compared : judge base and network on unseen blocks; it takes as long as four trainings.
     start : a network to start from, with its base, inputs and scales (warm start).
     robust : rows that stand out lose their weight (Tukey).
-    restarts : random starts that are tried. seed : of those.
+    restarts : random starts that are tried. seed : of those. most_epochs : steps of a training.
 
     Returns a `NetworkFit`: `calibration` is the network, `chosen` the better of the two. Raises
     `CoverageError` where readings are too few or an input never changes, `LogError` where a column

@@ -52,6 +52,7 @@ def fit_thermal(
         of the chamber's field.
     reference : the chamber's magnitude. Without it the mean gain at the centre of the range is set
         to 1. Or the field vector at each reading.
+    settings : those that follow, and no others.
     bin_width_C : of the temperature bins, 0.5 by default.
     degree : of the polynomials, 3 by default, or "auto": the smallest after which the variance of
         the residuals stops falling markedly.
