@@ -90,9 +90,9 @@ from agonic.headings.deviation import DeviationFit as DeviationFit
 from agonic.headings.deviation import SwingPlan as SwingPlan
 from agonic.headings.deviation import fit_deviation as fit_deviation
 from agonic.headings.deviation import plan_swing as plan_swing
+from agonic.headings.deviation.card import card_text as card_text
+from agonic.headings.deviation.printed_card import card_page as card_page
 from agonic.headings.files.swing import read_swing as read_swing
-from agonic.headings.report.card import card_text as card_text
-from agonic.headings.report.page import card_page as card_page
 from agonic.headings.result import Heading as Heading
 from agonic.health import Finding as Finding
 from agonic.history.departure import departures as departures

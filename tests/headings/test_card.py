@@ -8,9 +8,15 @@ import pytest
 from agonic.calibration.deviation import Deviation
 from agonic.errors import AgonicError
 from agonic.headings.deviation import fit_deviation
-from agonic.headings.report.card import card_text, coefficient_rows, judgement, power_state, rows
-from agonic.headings.report.chart import LEFT, RIGHT, WIDTH, chart, picture
-from agonic.headings.report.page import card_page
+from agonic.headings.deviation.card import (
+    card_text,
+    describe_power,
+    judge_size,
+    make_coefficient_rows,
+    make_rows,
+)
+from agonic.headings.deviation.figures import LEFT, RIGHT, WIDTH, draw_chart, draw_picture
+from agonic.headings.deviation.printed_card import card_page
 
 ROSE = np.arange(0, 360, 45.0)
 HANDBOOK = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])
@@ -23,7 +29,7 @@ def fit():
 
 def test_rows_are_the_card_both_ways(fit) -> None:
     card = fit.calibration
-    made = rows(card, 15.0)
+    made = make_rows(card, 15.0)
     assert len(made) == 24
     for row in made:
         assert row.deviation == pytest.approx(float(card.at(row.heading)))
@@ -33,7 +39,7 @@ def test_rows_are_the_card_both_ways(fit) -> None:
             or row.heading == 0
         )
     with pytest.raises(AgonicError, match="use 5, 10, 15, 30, 45"):
-        rows(card, 20.0)
+        make_rows(card, 20.0)
 
 
 @pytest.mark.parametrize(
@@ -45,11 +51,11 @@ def test_rows_are_the_card_both_ways(fit) -> None:
     ],
 )
 def test_the_limits_are_named(largest, says) -> None:
-    assert says in judgement(Deviation(coefficients=[0.0, largest, 0, 0, 0]))
+    assert says in judge_size(Deviation(coefficients=[0.0, largest, 0, 0, 0]))
 
 
 def test_least_squares_and_eight_headings_stand_side_by_side(fit) -> None:
-    made = coefficient_rows(fit.calibration, fit.classical)
+    made = make_coefficient_rows(fit.calibration, fit.classical)
     assert [row[0] for row in made] == list("ABCDE")
     assert made[1][1].startswith("11.940 ±")
     assert made[1][2] == "12.00"
@@ -57,7 +63,7 @@ def test_least_squares_and_eight_headings_stand_side_by_side(fit) -> None:
 
 def test_a_state_that_was_not_noted_is_said_to_be_unknown(fit) -> None:
     unknown = fit_deviation(ROSE, ROSE + HANDBOOK)
-    assert power_state(fit.calibration) == "engine on, 12 A"
+    assert describe_power(fit.calibration) == "engine on, 12 A"
     assert "which was not noted" in card_text(unknown)
     assert 'class="state unknown"' in card_page(unknown)
 
@@ -70,7 +76,7 @@ def test_a_refused_swing_gives_no_table_to_steer_by() -> None:
 
 
 def test_the_curve_and_the_dots_are_drawn_where_they_are(fit) -> None:
-    drawn = str(chart(fit))
+    drawn = str(draw_chart(fit))
     dots = re.search(r'd="((?:M[\d. ]+h0)+)" class="dots few"', drawn)[1]
     x, y = np.array([pair.split() for pair in dots.replace("h0", "").split("M")[1:]], float).T
     assert x == pytest.approx(LEFT + (WIDTH - LEFT - RIGHT) * ROSE / 360, abs=0.1)
@@ -127,7 +133,7 @@ def test_dark_is_dark_and_light_is_light(opened, fit) -> None:
 def test_the_picture_stands_alone(fit) -> None:
     from xml.etree import ElementTree
 
-    root = ElementTree.fromstring(picture(fit))
+    root = ElementTree.fromstring(draw_picture(fit))
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     assert root.find("{http://www.w3.org/2000/svg}style") is not None
     assert root.get("width") == "760"

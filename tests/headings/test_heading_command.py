@@ -15,7 +15,7 @@ from agonic.exports.csv import write_csv
 from agonic.field import wmm
 from agonic.files.calibration import save
 from agonic.files.setup import save_setup
-from agonic.headings.commands.heading import COLUMNS
+from agonic.headings.files.write_headings import COLUMNS
 from agonic.logs.read import sensors
 from agonic.reference import Reference
 from agonic.simulation import magnet_attached, simulate

@@ -78,8 +78,8 @@ def test_only_printed_sections_are_in_the_text_and_nothing_is_drawn_for_it() -> 
         "  Each at rest.",
         "  All  2",
         "  Step    nT",
-        "  1     12.5",
-        "  10     9.1",
+        "     1  12.5",
+        "    10   9.1",
         "  Note      the log has no date",
     ]
 

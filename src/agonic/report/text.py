@@ -47,24 +47,23 @@ def wrap_entries(entries: Mapping[str, str]) -> list[str]:
 
 
 def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table as lines: the first column from the left, the others from the right.
+    """A table as lines: names in the first column from the left, all else from the right.
 
     Columns without an entry, which are there to be filled in on paper, are left out.
 
     >>> columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
-    ['  nodes  rms, nT', '  3         12.5', '  10         9.1']
+    ['  nodes  rms, nT', '      3     12.5', '     10      9.1']
     """
     kept = [k for k in range(len(head)) if any(row[k] for row in rows)]
     table = [[row[k] for k in kept] for row in (head, *rows)]
-    wide = [max(len(row[k]) for row in table) for k in range(len(kept))]
-    return [
-        "  "
-        + "  ".join(
-            f"{cell:<{w}}" if k == 0 else f"{cell:>{w}}"
-            for k, (cell, w) in enumerate(zip(row, wide, strict=True))
-        ).rstrip()
-        for row in table
-    ]
+    wide = [max(map(len, column)) for column in zip(*table, strict=True)]
+    numbered = all(row[0].isdecimal() for row in table[1:])
+    lines = []
+    for first, *others in table:
+        cells = [first.rjust(wide[0]) if numbered else first.ljust(wide[0])]
+        cells += [cell.rjust(w) for cell, w in zip(others, wide[1:], strict=True)]
+        lines.append(f"  {'  '.join(cells)}".rstrip())
+    return lines
 
 
 def printable(text: str) -> str:

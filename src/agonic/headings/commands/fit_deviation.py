@@ -10,7 +10,7 @@ import typer
 from agonic.console.options import Between, Json, Sensor, Unit
 
 if TYPE_CHECKING:
-    from agonic.headings.deviation import DeviationFit
+    from agonic.headings.deviation.document import CardDocument
     from agonic.headings.files.swing import Swing
 
 
@@ -55,14 +55,14 @@ def deviation(
     current: Annotated[
         float | None, typer.Option(metavar="A", help="The current drawn during the swing.")
     ] = None,
-    terms: Annotated[str, typer.Option(help="Terms to fit; the others are held at 0.")] = "ABCDE",
+    terms: Annotated[str, typer.Option(help="Terms to fit; the others are fixed at 0.")] = "ABCDE",
     heel: Annotated[
         bool | None, typer.Option(help="Heel terms; default: where roll was noted in a swing.")
     ] = None,
     noise_deg: Annotated[
         float | None, typer.Option("--noise-deg", metavar="DEG", help="Of one reading, if known.")
     ] = None,
-    robust: Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")] = True,
+    robust: Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")] = True,
     step: Annotated[float, typer.Option(help="Degrees between the rows of the card.")] = 15.0,
     paper: Annotated[str, typer.Option(help="A4 or A5, for printing.")] = "A4",
     as_json: Json = False,
@@ -73,12 +73,12 @@ def deviation(
     """
     import math
 
-    from agonic.calibration.deviation import Deviation
-    from agonic.console.output import print_json, say
+    from agonic.console.finish import finish
     from agonic.errors import AgonicError
+    from agonic.files.calibration import save
     from agonic.headings.deviation import fit_deviation
+    from agonic.headings.deviation.document import describe_deviation
     from agonic.headings.files.swing import read_swing
-    from agonic.headings.report.card import card_text
 
     if current is not None and not math.isfinite(current):
         raise AgonicError(f"--current {current} is no current")
@@ -97,20 +97,18 @@ def deviation(
         source=read.source,
     )
     details = {n.capitalize(): read.remarks[n] for n in ("date", "place") if n in read.remarks}
-    shown: dict[str, Any] = {"step_deg": step, "details": details}
-    text = card_text(fit, **shown)
-    files = []
-    if card is not None:
-        files.append(_written(card, fit, text, paper, shown))
+    made = describe_deviation(
+        fit,
+        step_deg=step,
+        details=details,
+        paper=paper,  # type: ignore[arg-type]
+        blank=read.blank,
+    )
+    made.to_text()  # names a step that cannot be before anything is written
+    files = [] if card is None else [_write_card(made, card)]
     if out is not None and fit.verdict != "refused":
-        files.append(_saved(fit.calibration, out))
-    assert isinstance(fit.calibration, Deviation)
-    if as_json:
-        print_json("agonic/fit-deviation@1", {**record(fit), "files": files, "blank": read.blank})
-    else:
-        say(text)
-        say(f"\nWritten   {', '.join(files)}" if files else "\nNothing was written.")
-    return 0 if fit.verdict == "good" else 1
+        files.append(str(save(fit.calibration, out)))
+    return finish(made, files=files, as_json=as_json)
 
 
 def _of_log(
@@ -119,7 +117,7 @@ def _of_log(
     """The swing that a log with a heading of its own is."""
     from agonic.console.sensors import add_second, select_between
     from agonic.files.setup import load_setup
-    from agonic.headings.compass_swing import swung
+    from agonic.headings.deviation.swing_of_log import swung
     from agonic.headings.files.swing import Swing
     from agonic.logs.read import open_log
 
@@ -170,63 +168,13 @@ def _declination(read: Swing, given: float | None) -> float | None:
     return declination
 
 
-def _written(path: Path, fit: DeviationFit, text: str, paper: str, shown: dict[str, Any]) -> str:
+def _write_card(made: CardDocument, file: Path) -> str:
     """The card in the form that its name asks for."""
-    from agonic.atomic import write_atomically
-    from agonic.errors import AgonicError
-    from agonic.headings.report.chart import picture
-    from agonic.headings.report.page import card_page
+    from agonic.console.finish import write_as_named
 
-    kind = path.suffix.lower()
-    if kind in (".html", ".htm"):
-        made = card_page(fit, paper=paper, **shown)  # type: ignore[arg-type]
-    elif kind == ".svg":
-        made = picture(fit)
-    elif kind == ".txt":
-        made = text + "\n"
-    else:
-        raise AgonicError(f"--card {path} is no kind of card; name it .html, .svg or .txt")
-    return str(write_atomically(path, made))
-
-
-def _saved(calibration: Any, out: Path) -> str:
-    from agonic.files.calibration import save
-
-    return str(save(calibration, out))
-
-
-def record(fit: DeviationFit) -> dict[str, Any]:
-    """The fit as one flat object for programs."""
-    from dataclasses import asdict
-
-    from agonic.calibration.deviation import PARAMETERS
-
-    card = fit.calibration
-    values = [
-        *card.coefficients.tolist(),
-        *(4 * [0.0] if card.heel is None else card.heel.tolist()),
-    ]
-    fitted = [name in card.terms or sd > 0.0 for name, sd in zip(PARAMETERS, fit.sd, strict=True)]
-    named = zip(PARAMETERS, values, fit.sd.tolist(), fitted, strict=True)
-    return {
-        "sensor": card.sensor,
-        "method": "deviation",
-        "verdict": fit.verdict,
-        "status": fit.status,
-        "n": fit.n,
-        "coefficients": {name: value for name, value, _, there in named if there},
-        "sd": {
-            n: s for n, s, there in zip(PARAMETERS, fit.sd.tolist(), fitted, strict=True) if there
-        },
-        "classical": fit.classical,
-        "noise_deg": fit.noise_deg,
-        "correlation": fit.correlation,
-        "condition": fit.condition,
-        "residual_rms_deg": float((fit.residuals_deg**2).mean() ** 0.5),
-        "heading_sd_deg": float(card.sd_at(range(360)).max()),
-        "power_state": card.power_state,
-        "current_A": card.current_A,
-        "largest_gap_deg": card.largest_gap_deg,
-        "equation": card.equation,
-        "findings": [asdict(finding) for finding in fit.findings],
+    forms = {
+        ".html": made.to_html,
+        ".svg": made.to_picture,
+        ".txt": lambda: made.to_text() + "\n",
     }
+    return write_as_named(file, "--card", forms)

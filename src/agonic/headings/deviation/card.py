@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.calibration.deviation import Deviation, format_east_west, name_heading
 from agonic.errors import AgonicError
-from agonic.headings.deviation import DeviationFit
+from agonic.headings.deviation.fit import DeviationFit
 from agonic.report.digits import NO_BREAK, grouped, with_sd
 from agonic.report.text import SIGNS
 from agonic.report.verdict import MEANINGS, sentence
@@ -37,10 +37,10 @@ class Row:
     steer: float
 
 
-def rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
+def make_rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
     """The rows of a card, north first.
 
-    >>> rows(Deviation(coefficients=[2.0, 0, 0, 0, 0]), 45)[2]
+    >>> make_rows(Deviation(coefficients=[2.0, 0, 0, 0, 0]), 45)[2]
     Row(heading=90.0, deviation=2.0, band=None, magnetic=92.0, steer=88.0)
     """
     if step_deg not in STEPS:
@@ -57,17 +57,17 @@ def rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
     ]
 
 
-def power_state(card: Deviation) -> str:
+def describe_power(card: Deviation) -> str:
     """What the card is valid with.
 
-    >>> power_state(Deviation(coefficients=[0.0] * 5, power_state="engine on", current_A=12.0))
+    >>> describe_power(Deviation(coefficients=[0.0] * 5, power_state="engine on", current_A=12.0))
     'engine on, 12 A'
     """
     drawn = [] if card.current_A is None else [f"{card.current_A:g} A"]
     return ", ".join([*([card.power_state] if card.power_state else []), *drawn]) or WITHOUT_STATE
 
 
-def judgement(card: Deviation) -> str:
+def judge_size(card: Deviation) -> str:
     """The largest deviation against the limits, and what the card leaves of it, in words."""
     heading = np.arange(0.0, 360.0)
     curve = card.at(heading)
@@ -86,12 +86,12 @@ def judgement(card: Deviation) -> str:
     return f"{said} After: the card is right to ±{left:.1f}° (95 %)."
 
 
-def coefficient_rows(
+def make_coefficient_rows(
     card: Deviation, classical: Mapping[str, float] | None = None
 ) -> list[tuple[str, str, str]]:
     """A to E and the heel terms that were fitted: name, least squares, eight headings.
 
-    >>> coefficient_rows(Deviation(coefficients=[2.0, 0, 0, 0, 0], terms="A"), {"A": -1.98})
+    >>> make_coefficient_rows(Deviation(coefficients=[2.0, 0, 0, 0, 0], terms="A"), {"A": -1.98})
     [('A', '2.000', '−1.98')]
     """
     eight = classical or {}
@@ -105,10 +105,13 @@ def coefficient_rows(
     ]
 
 
-def verdict_words(fit: DeviationFit) -> str:
-    """The verdict and what stands in the way, without the figures that the card shows anyway."""
+def say_verdict(fit: DeviationFit) -> tuple[str, str]:
+    """The verdict in a word, and what it means and stands in the way.
+
+    The figures that the card shows anyway are left out.
+    """
     word, meaning = MEANINGS[fit.verdict]
-    return " ".join([f"{word}: {meaning}.", *(sentence(f.sentence) for f in fit.findings)])
+    return word, " ".join([f"{meaning}.", *(sentence(f.sentence) for f in fit.findings)])
 
 
 def card_text(
@@ -127,15 +130,16 @@ def card_text(
     045° NE         2.0° E             047.0°  |  045° NE             043.0°
     """
     card = result.calibration if isinstance(result, DeviationFit) else result
-    lines = [f"DEVIATION CARD   {title or card.sensor}", f"Valid only with  {power_state(card)}"]
+    lines = [f"DEVIATION CARD   {title or card.sensor}", f"Valid only with  {describe_power(card)}"]
     lines += [f"{name.capitalize():<16} {text}" for name, text in (details or {}).items()]
     if isinstance(result, DeviationFit):
-        lines += textwrap.wrap(f"{SIGNS[result.verdict]} {verdict_words(result)}", _WIDTH)
+        word, said = say_verdict(result)
+        lines += textwrap.wrap(f"{SIGNS[result.verdict]} {word}: {said}", _WIDTH)
         if result.verdict == "refused":
             return "\n".join(lines)
     lines += ["", *_table(card, step_deg), ""]
-    lines += textwrap.wrap(judgement(card), _WIDTH)
-    made = coefficient_rows(card)
+    lines += textwrap.wrap(judge_size(card), _WIDTH)
+    made = make_coefficient_rows(card)
     classical = result.classical if isinstance(result, DeviationFit) else None
     fitted = "  ".join(f"{name} {value}".replace(" ", NO_BREAK) for name, value, _ in made)
     lines += textwrap.wrap(f"Least squares    {fitted}", _WIDTH, subsequent_indent=" " * 17)
@@ -149,20 +153,20 @@ def _table(card: Deviation, step_deg: float) -> list[str]:
     head = f"{'Compass':<10}{'Deviation':>12}{'± 95 %':>8}{'Magnetic':>11}  |  "
     head += f"{'To make good':<16}{'Steer':>10}"
     lines = [head, "-" * len(head)]
-    for row in rows(card, step_deg):
+    for row in make_rows(card, step_deg):
         band = "" if row.band is None else f"{row.band:.1f}"
         lines.append(
             f"{name_heading(row.heading):<10}{format_east_west(row.deviation):>12}{band:>8}"
-            f"{degrees3(row.magnetic):>11}  |  {name_heading(row.heading):<16}"
-            f"{degrees3(row.steer):>10}"
+            f"{format_heading(row.magnetic):>11}  |  {name_heading(row.heading):<16}"
+            f"{format_heading(row.steer):>10}"
         )
     return lines
 
 
-def degrees3(heading_deg: float) -> str:
+def format_heading(heading_deg: float) -> str:
     """A heading to a tenth with three whole figures.
 
-    >>> degrees3(7.04), degrees3(359.97)
+    >>> format_heading(7.04), format_heading(359.97)
     ('007.0°', '000.0°')
     """
     return f"{round(heading_deg, 1) % 360.0:05.1f}°"

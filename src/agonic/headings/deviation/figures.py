@@ -9,8 +9,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.deviation import POINTS, Deviation, name_heading
-from agonic.headings.deviation import DeviationFit
-from agonic.headings.report.card import LIMITS, judgement
+from agonic.headings.deviation.card import LIMITS, judge_size
+from agonic.headings.deviation.fit import DeviationFit
 from agonic.report.documents import static
 from agonic.report.markup import Markup, element
 from agonic.report.strips import Axis
@@ -75,8 +75,10 @@ class Panel:
         return np.asarray(self.top + self.height * (1 - self.axis.share(deviation_deg)))
 
 
-def chart(result: Deviation | DeviationFit, layout: Layout = WIDE, **attributes: str) -> Markup:
-    """The chart as an SVG element; its colours come from `chart_style`."""
+def draw_chart(
+    result: Deviation | DeviationFit, layout: Layout = WIDE, **attributes: str
+) -> Markup:
+    """The chart as an SVG element; its colours come from `load_style`."""
     card = result.calibration if isinstance(result, DeviationFit) else result
     heading, residuals = _dots(result, layout.most_dots)
     curve = card.at(_CIRCLE_DEG)
@@ -104,25 +106,25 @@ def chart(result: Deviation | DeviationFit, layout: Layout = WIDE, **attributes:
         class_=f"card-chart {layout.name}",
         viewBox=f"0 0 {layout.width:g} 548",
         role="img",
-        aria_label=judgement(card),
+        aria_label=judge_size(card),
         **attributes,
     )
 
 
-def picture(result: Deviation | DeviationFit) -> str:
+def draw_picture(result: Deviation | DeviationFit) -> str:
     """The chart as a file of its own, dark and light, which any program that draws SVG can show.
 
-    >>> picture(Deviation(coefficients=[2.0, 0, 0, 0, 0])).startswith("<svg xmlns=")
+    >>> draw_picture(Deviation(coefficients=[2.0, 0, 0, 0, 0])).startswith("<svg xmlns=")
     True
     """
-    drawn = chart(result, width=f"{WIDTH:g}", height="548")
-    style = element("style", Markup(chart_style()))
+    drawn = draw_chart(result, width=f"{WIDTH:g}", height="548")
+    style = element("style", Markup(load_style()))
     ground = element("rect", width="100%", height="100%", class_="paper")
     inside = drawn.partition(">")
     return f'<svg xmlns="http://www.w3.org/2000/svg"{inside[0][4:]}>{style}{ground}{inside[2]}\n'
 
 
-def chart_style() -> str:
+def load_style() -> str:
     """The style sheet of the chart."""
     return static("card_chart.css")
 

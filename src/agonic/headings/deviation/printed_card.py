@@ -8,17 +8,17 @@ from typing import Literal, get_args
 
 from agonic.calibration.deviation import Deviation, format_east_west, name_heading
 from agonic.errors import check_choice
-from agonic.headings.deviation import DeviationFit
-from agonic.headings.report.card import (
+from agonic.headings.deviation.card import (
     WITHOUT_STATE,
-    coefficient_rows,
-    degrees3,
-    judgement,
-    power_state,
-    rows,
-    verdict_words,
+    describe_power,
+    format_heading,
+    judge_size,
+    make_coefficient_rows,
+    make_rows,
+    say_verdict,
 )
-from agonic.headings.report.chart import NARROW, chart, chart_style
+from agonic.headings.deviation.figures import NARROW, draw_chart, load_style
+from agonic.headings.deviation.fit import DeviationFit
 from agonic.health import figure
 from agonic.report import tables
 from agonic.report.blocks import header
@@ -58,9 +58,9 @@ def card_page(
     card = result.calibration if isinstance(result, DeviationFit) else result
     refused = isinstance(result, DeviationFit) and result.verdict == "refused"
     use = [
-        element("p", judgement(card)),
-        chart(result),
-        chart(result, NARROW),
+        element("p", judge_size(card)),
+        draw_chart(result),
+        draw_chart(result, NARROW),
         _tables(card, step_deg),
     ]
     parts = [_state(card), _verdict(result), *([] if refused else use)]
@@ -68,13 +68,13 @@ def card_page(
         header("Compass deviation card", title or card.sensor),
         element("main", *parts, _evidence(result, details or {})),
     )
-    style = Template(static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + chart_style()
+    style = Template(static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + load_style()
     return document(f"Deviation card: {title or card.sensor}", body, style=style)
 
 
 def _state(card: Deviation) -> Markup:
     """What the card belongs to, before anything else."""
-    state = power_state(card)
+    state = describe_power(card)
     known = state != WITHOUT_STATE
     return element(
         "p",
@@ -87,13 +87,13 @@ def _state(card: Deviation) -> Markup:
 def _verdict(result: Deviation | DeviationFit) -> Markup:
     if not isinstance(result, DeviationFit):
         return Markup("")
-    word, rest = verdict_words(result).split(":", 1)
-    return element("p", tables.mark(result.verdict, word), f":{rest}")
+    word, said = say_verdict(result)
+    return element("p", tables.mark(result.verdict, word), f": {said}")
 
 
 def _tables(card: Deviation, step_deg: float) -> Markup:
     """What a reading means, and what to steer."""
-    made = rows(card, step_deg)
+    made = make_rows(card, step_deg)
     reads = table(
         ["Compass reads", "Deviation", "± 95 %", "Magnetic"],
         [
@@ -101,14 +101,14 @@ def _tables(card: Deviation, step_deg: float) -> Markup:
                 name_heading(r.heading),
                 format_east_west(r.deviation),
                 "" if r.band is None else f"{r.band:.1f}°",
-                degrees3(r.magnetic),
+                format_heading(r.magnetic),
             ]
             for r in made
         ],
     )
     steer = table(
         ["To make good (magnetic)", "steer (compass)"],
-        [[name_heading(r.heading), degrees3(r.steer)] for r in made],
+        [[name_heading(r.heading), format_heading(r.steer)] for r in made],
     )
     return element(
         "div",
@@ -126,16 +126,13 @@ def _evidence(result: Deviation | DeviationFit, details: Mapping[str, str]) -> M
     classical = fit.classical if fit else None
     head = ["", "Least squares, °", "Eight headings, °"]
     shown = 3 if classical else 2
-    made = [row[:shown] for row in coefficient_rows(card, classical)]
+    made = [row[:shown] for row in make_coefficient_rows(card, classical)]
     swing = {**details, **_swing(card, fit)}
-    entries = [
-        part for name, text in swing.items() for part in (element("dt", name), element("dd", text))
-    ]
     refused = fit is not None and fit.verdict == "refused"
     return element(
         "div",
         "" if refused else element("section", table(head[:shown], made)),
-        element("dl", *entries),
+        tables.definitions(swing),
         class_="fit",
     )
 

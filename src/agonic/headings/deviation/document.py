@@ -1,0 +1,99 @@
+"""What is said and shown of a deviation fit: its card, as a page and as text, and its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from agonic.calibration.deviation import PARAMETERS
+from agonic.headings.deviation.card import card_text
+from agonic.headings.deviation.figures import draw_picture
+from agonic.headings.deviation.fit import DeviationFit
+from agonic.headings.deviation.printed_card import Paper, card_page
+from agonic.report.document import Document
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CardDocument(Document):
+    """A document whose page and text are the card, which has a layout of its own.
+
+    `step_deg` between the rows; `details` are lines to add; `paper` that it is printed on.
+    """
+
+    fit: DeviationFit
+    step_deg: float
+    details: Mapping[str, str]
+    paper: Paper
+
+    def to_html(self) -> str:
+        """The card as a page."""
+        return card_page(self.fit, step_deg=self.step_deg, details=self.details, paper=self.paper)
+
+    def to_text(self) -> str:
+        """The card as plain text."""
+        return card_text(self.fit, step_deg=self.step_deg, details=self.details)
+
+    def to_picture(self) -> str:
+        """The chart alone, as SVG."""
+        return draw_picture(self.fit)
+
+
+def describe_deviation(
+    fit: DeviationFit,
+    *,
+    step_deg: float = 15.0,
+    details: Mapping[str, str] | None = None,
+    paper: Paper = "A4",
+    blank: int = 0,
+) -> CardDocument:
+    """The card, and the coefficients with their evidence; `blank` rows of the swing were empty.
+
+    >>> import numpy as np
+    >>> from agonic.headings.deviation import fit_deviation
+    >>> rose = np.arange(0, 360, 45.0)
+    >>> made = describe_deviation(fit_deviation(rose, rose + 2.0), blank=1)
+    >>> round(made.to_record()["coefficients"]["A"], 6), made.to_text()[:14]
+    (2.0, 'DEVIATION CARD')
+    """
+    return CardDocument(
+        schema="agonic/fit-deviation@1",
+        kind="Compass deviation card",
+        name=fit.calibration.sensor,
+        verdict=fit.verdict,
+        status=fit.status,
+        findings=fit.findings,
+        values={**_values(fit), "blank": blank},
+        fit=fit,
+        step_deg=step_deg,
+        details=details or {},
+        paper=paper,
+    )
+
+
+def _values(fit: DeviationFit) -> dict[str, Any]:
+    """The coefficients that were fitted, and what they rest on."""
+    card = fit.calibration
+    values = [*card.coefficients, *([0.0] * 4 if card.heel is None else card.heel)]
+    fitted = {
+        name: (float(value), float(sd))
+        for name, value, sd in zip(PARAMETERS, values, fit.sd, strict=True)
+        if name in card.terms or sd > 0.0
+    }
+    return {
+        "sensor": card.sensor,
+        "method": "deviation",
+        "n": fit.n,
+        "coefficients": {name: value for name, (value, _) in fitted.items()},
+        "sd": {name: sd for name, (_, sd) in fitted.items()},
+        "classical": fit.classical,
+        "noise_deg": fit.noise_deg,
+        "correlation": fit.correlation,
+        "condition": fit.condition,
+        "residual_rms_deg": float((fit.residuals_deg**2).mean() ** 0.5),
+        "heading_sd_deg": float(card.sd_at(range(360)).max()),
+        "power_state": card.power_state,
+        "current_A": card.current_A,
+        "largest_gap_deg": card.largest_gap_deg,
+        "equation": card.equation,
+    }

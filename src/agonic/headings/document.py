@@ -1,0 +1,98 @@
+"""What is said of the headings of a log as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.headings.result import Heading
+from agonic.maths.rotations.angles import wrap_deg
+from agonic.report.document import Document
+from agonic.samples import Samples
+
+
+def describe_headings(found: Heading, samples: Samples, *, notes: Sequence[str] = ()) -> Document:
+    """How many headings can be trusted, how far, and why the others cannot.
+
+    Parameters
+    ----------
+    found : the headings. samples : the readings of the first sensor, for the heading that was
+        logged. notes : on what was assumed, beside those of the headings.
+    """
+    trusted = found.trusted
+    sd, random_sd, tilt_sd = (
+        _median(values, trusted)
+        for values in (found.sd_deg, found.random_sd_deg, found.tilt_sd_deg)
+    )
+    declination = float(np.median(found.declination_deg))
+    flagged = {name: int(rows.sum()) for name, rows in found.flags.items() if rows.any()}
+    used = {name: int((found.used == k).sum()) for k, name in enumerate(found.sensors)}
+    disagreement = _rms(found.disagreement_deg, trusted)
+    against = _compare_with_log(found, samples, trusted)
+    n = len(found)
+    entries = {
+        "Headings": f"{n} of {', '.join(found.sensors)}, {int(trusted.sum())} to trust; tilt: "
+        f"{found.tilt}; declination {declination:.2f}°"
+    }
+    if sd is not None:
+        entries["Sd"] = (
+            f"{sd:.2f}° in the middle, of which {random_sd:.2f}° is new in every reading; tilt to "
+            f"{tilt_sd:.2f}°"
+        )
+    if flagged:
+        shares = (f"{100 * rows / n:.1f} % {name}" for name, rows in flagged.items())
+        entries["Flagged"] = ", ".join(shares)
+    if disagreement is not None:
+        shares = (f"{name} {100 * rows / n:.0f} %" for name, rows in used.items())
+        entries["Sensors"] = f"differ by {disagreement:.2f}° rms; used: {', '.join(shares)}"
+    if against is not None:
+        entries["Logged"] = (
+            f"true − logged heading: mean {against['mean_deg']:+.2f}°, "
+            f"rms {against['rms_deg']:.2f}°"
+        )
+    return Document(
+        schema="agonic/heading@1",
+        kind="True headings",
+        name=samples.name,
+        entries=entries,
+        remarks=(*found.notes, *notes),
+        values={
+            "sensors": found.sensors,
+            "n": n,
+            "trusted": int(trusted.sum()),
+            "tilt": found.tilt,
+            "tilt_sd_deg": tilt_sd,
+            "declination_deg": declination,
+            "sd_deg": sd,
+            "random_sd_deg": random_sd,
+            "flagged": flagged,
+            "used": used,
+            "disagreement_deg": disagreement,
+            "against_log": against,
+            "notes": (*found.notes, *notes),
+        },
+    )
+
+
+def _median(values: Array, rows: Mask) -> float | None:
+    return float(np.median(values[rows])) if rows.any() else None
+
+
+def _rms(values: Array | None, rows: Mask) -> float | None:
+    if values is None:
+        return None
+    known = values[rows & np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else None
+
+
+def _compare_with_log(found: Heading, samples: Samples, rows: Mask) -> dict[str, float] | None:
+    """Mean and rms of true − logged heading over trusted rows, where the log has a heading."""
+    if samples.heading_deg is None or not rows.any():
+        return None
+    difference = wrap_deg(found.true_deg - samples.heading_deg)[rows]
+    return {
+        "mean_deg": float(np.mean(difference)),
+        "rms_deg": float(np.sqrt(np.mean(difference**2))),
+    }
