@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.maths.equation.affine import correct, correction_jacobian, model_basis
-from agonic.simulation.draws import directions
+from agonic.simulation.draws import draw_directions
 from benchmarks import tables
 from benchmarks.peers import ESTIMATORS
 from benchmarks.scenarios import COVERAGES, MAGNITUDE, Case, Drawn, draw, over_cases
@@ -43,7 +43,7 @@ class Yardstick:
     def __init__(self, drawn: Drawn) -> None:
         truth = drawn.truth
         self.drawn = drawn
-        self.field = MAGNITUDE * directions(np.random.default_rng(0), 300)
+        self.field = MAGNITUDE * draw_directions(np.random.default_rng(0), 300)
         self.raw = self.field @ np.linalg.inv(truth.matrix).T + truth.bias
         jacobian = correction_jacobian(self.raw, truth.bias, truth.matrix)
         self.jacobian = jacobian @ model_basis(truth.model)

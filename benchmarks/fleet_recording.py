@@ -139,11 +139,11 @@ def interpreted(path: Path) -> Spent:
 def _fitted(path: Path, method: str) -> Spent:
     from agonic.ellipsoid import fit_recording
     from agonic.logs.large.mission import Mission
-    from agonic.logs.parquet import rows
+    from agonic.logs.parquet import count_rows
     from agonic.provenance import Input
     from agonic.reference import Reference
 
-    n = rows(path)
+    n = count_rows(path)
     made_of = (Input(name=path.name, sha256="", count=n),)  # the checksum is timed by itself
     mission = Mission(files=(path,), inputs=made_of, rows=n)
     clock = Clock()

@@ -10,7 +10,7 @@ from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
 from agonic.simulation import magnet_attached, simulate, with_outliers
-from agonic.simulation.draws import directions
+from agonic.simulation.draws import draw_directions
 
 FINE_HZ = 1000
 
@@ -40,7 +40,7 @@ def late(
     shake = Rotation.from_rotvec(rng.normal(0, np.radians(attitude_deg), (len(rows), 3)))
     turned = yaw_pitch_roll(now.heading_deg, now.pitch_deg, now.roll_deg) * shake
     roll, pitch, heading = angles_deg(turned.as_matrix())
-    rate = now.rotation_rate + np.radians(0.5 * directions(rng, 1))
+    rate = now.rotation_rate + np.radians(0.5 * draw_directions(rng, 1))
     rate = rate + rng.normal(0, np.radians(gyro_deg_s), rate.shape)
     return now.with_columns(
         field=made.field[rows - late_ms] + rng.normal(0, noise, (len(rows), 3)),

@@ -20,7 +20,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.exports.ardupilot import ardupilot_names, motor_names
 from agonic.exports.matlab import WARM
-from agonic.exports.motioncal import LENGTH, SIGNATURE, Packet, crc16
+from agonic.exports.motioncal import LENGTH, SIGNATURE, Packet, compute_crc16
 from agonic.exports.px4 import AMPERES, INT32, POWER, power_names, px4_names
 from agonic.exports.px4_thermal import THERMAL, thermal_names
 from agonic.exports.ros import BIAS, MATRIX
@@ -201,7 +201,7 @@ def apply_ros(parameters: Mapping[str, list[float]], raw: ArrayLike) -> Array:
 def parse_motioncal(path: Path | str) -> Packet:
     """The packet in a file; `LogError` where signature, length or CRC are wrong."""
     data = read_bytes(path)
-    if len(data) != LENGTH or not data.startswith(SIGNATURE) or crc16(data):
+    if len(data) != LENGTH or not data.startswith(SIGNATURE) or compute_crc16(data):
         raise LogError(
             "not a MotionCal packet: 68 bytes that start with 75 54 and end with their CRC",
             path=path,

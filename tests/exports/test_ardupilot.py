@@ -5,7 +5,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
-from agonic.exports.ardupilot import ardupilot_parameters, write_ardupilot
+from agonic.exports.ardupilot import compute_ardupilot_parameters, write_ardupilot
 from tests.exports.read_back import apply_ardupilot, parse_ardupilot
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.03, 1.1, 0.05], [-0.02, 0.05, 1.0]])
@@ -16,13 +16,13 @@ def body(bias=(3000.0, -2000.0, 100.0), matrix=MATRIX):
 
 
 def test_offsets_are_minus_the_bias_in_milligauss():
-    parameters, warnings = ardupilot_parameters(body())
+    parameters, warnings = compute_ardupilot_parameters(body())
     assert [parameters[f"COMPASS_OFS_{a}"] for a in "XYZ"] == pytest.approx([-30.0, 20.0, -1.0])
     assert warnings == ()
 
 
 def test_the_scale_is_split_from_the_matrix():
-    parameters, _ = ardupilot_parameters(body())
+    parameters, _ = compute_ardupilot_parameters(body())
     assert parameters["COMPASS_SCALE"] == pytest.approx(1.1)
     assert parameters["COMPASS_DIA_X"] == pytest.approx(1.2 / 1.1)
     # ODI_X, Y, Z are xy, xz, yz: Matrix3f mat(dia.x, odi.x, odi.y, odi.x, dia.y, odi.z, …)
@@ -31,7 +31,7 @@ def test_the_scale_is_split_from_the_matrix():
 
 
 def test_apply_is_the_firmwares_arithmetic():
-    parameters = dict.fromkeys(ardupilot_parameters(body())[0], 0.0)
+    parameters = dict.fromkeys(compute_ardupilot_parameters(body())[0], 0.0)
     parameters |= {"COMPASS_OFS_X": 10.0, "COMPASS_DIA_X": 2.0, "COMPASS_DIA_Y": 1.0}
     parameters |= {"COMPASS_ODI_Z": 0.5, "COMPASS_SCALE": 1.25}
     assert apply_ardupilot(parameters, [90.0, 0.0, 8.0]).tolist() == [250.0, 5.0, 0.0]
@@ -39,7 +39,7 @@ def test_apply_is_the_firmwares_arithmetic():
 
 @pytest.mark.parametrize("scale", [0.0, 0.66, 1.51, -1.0])
 def test_a_scale_outside_the_band_counts_as_one(scale):
-    parameters = ardupilot_parameters(body())[0]
+    parameters = compute_ardupilot_parameters(body())[0]
     one = apply_ardupilot(parameters | {"COMPASS_SCALE": 1.0}, [100.0, 200.0, 300.0])
     assert np.array_equal(
         apply_ardupilot(parameters | {"COMPASS_SCALE": scale}, [100.0, 200.0, 300.0]), one
@@ -47,13 +47,13 @@ def test_a_scale_outside_the_band_counts_as_one(scale):
 
 
 def test_all_zero_diagonals_count_as_one():
-    zeros = dict.fromkeys(ardupilot_parameters(body())[0], 0.0)
+    zeros = dict.fromkeys(compute_ardupilot_parameters(body())[0], 0.0)
     assert apply_ardupilot(zeros, [1.0, 2.0, 3.0]).tolist() == [1.0, 2.0, 3.0]
 
 
 @pytest.mark.parametrize("gain", [0.5, 0.7, 1.4, 1.6, 2.5])
 def test_any_gain_reaches_the_field(gain):
-    parameters, warnings = ardupilot_parameters(body(matrix=np.eye(3) * gain))
+    parameters, warnings = compute_ardupilot_parameters(body(matrix=np.eye(3) * gain))
     inside = 1 / 1.5 <= gain <= 1.5
     assert parameters["COMPASS_SCALE"] == pytest.approx(gain if inside else 1.0)
     assert any("COMPASS_SCALE" in w for w in warnings) == (not inside)
@@ -78,13 +78,17 @@ def test_there_is_no_fourth_compass(tmp_path):
 
 
 def test_offsets_that_keep_the_vehicle_from_arming():
-    assert any("arm" in w for w in ardupilot_parameters(body(bias=[110000, 110000, 110000]))[1])
-    assert not any("arm" in w for w in ardupilot_parameters(body(bias=[100000, 100000, 100000]))[1])
+    assert any(
+        "arm" in w for w in compute_ardupilot_parameters(body(bias=[110000, 110000, 110000]))[1]
+    )
+    assert not any(
+        "arm" in w for w in compute_ardupilot_parameters(body(bias=[100000, 100000, 100000]))[1]
+    )
 
 
 def test_a_matrix_that_the_on_board_calibration_would_refuse():
     odd = np.diag([0.15, 1.4, 1.4])
-    assert any("DIA" in w for w in ardupilot_parameters(body(matrix=odd))[1])
+    assert any("DIA" in w for w in compute_ardupilot_parameters(body(matrix=odd))[1])
 
 
 def test_learning_is_warned_of_in_the_file(tmp_path):

@@ -15,9 +15,15 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, FrameError, UnitError
-from agonic.exports.ardupilot import ardupilot_parameters
-from agonic.exports.convert import banner, float32_text, in_frame, reduced, symmetric_part
-from agonic.exports.px4 import px4_parameters
+from agonic.exports.ardupilot import compute_ardupilot_parameters
+from agonic.exports.convert import (
+    format_float32,
+    reduce,
+    split_rotation,
+    turn_into_frame,
+    write_banner,
+)
+from agonic.exports.px4 import compute_px4_parameters
 from agonic.exports.targets import TARGETS
 from agonic.files.calibration import save
 from agonic.provenance import Input, Provenance, hash_file
@@ -179,7 +185,7 @@ def test_comments_carry_equation_origin_and_warnings(name, tmp_path):
 def test_the_hash_in_a_comment_is_that_of_the_calibration_file(tmp_path):
     calibration = random_affine(5, "turned")
     digest = hash_file(save(calibration, tmp_path / "mag.json"))
-    assert any(digest in line for line in banner(calibration, ""))
+    assert any(digest in line for line in write_banner(calibration, ""))
 
 
 @pytest.mark.parametrize("name", ["ardupilot", "px4", "motioncal", "ros"])
@@ -209,25 +215,25 @@ def test_mirrored_axes_are_refused_by_symmetric_targets(tmp_path):
 def test_a_long_chain_reduces_to_one_bias_and_matrix():
     later = replace(random_affine(9, "turned"), frame_in="b", frame_out="b")
     chain = Chain(steps=(random_affine(8, "turned"), Alignment(rotation=MOUNTING), later))
-    bias, matrix = reduced(chain)
+    bias, matrix = reduce(chain)
     raw = readings(8)
     assert np.allclose((raw - bias) @ matrix.T, chain.correct(raw), rtol=0, atol=1e-6)
 
 
 def test_a_singular_matrix_is_refused():
     with pytest.raises(AgonicError, match="singular"):
-        reduced(Affine(bias=np.zeros(3), matrix=np.diag([1.0, 1.0, 0.0])))
+        reduce(Affine(bias=np.zeros(3), matrix=np.diag([1.0, 1.0, 0.0])))
 
 
 def test_other_axes_are_refused():
     with pytest.raises(FrameError):
-        in_frame(random_affine(2, "symmetric", "c"), "b", unit="milligauss")
+        turn_into_frame(random_affine(2, "symmetric", "c"), "b", unit="milligauss")
 
 
 @given(seed=SEEDS)
 def test_polar_factors_multiply_to_the_matrix(seed):
     matrix = random_affine(seed, "turned").matrix
-    symmetric, rotation = symmetric_part(matrix)
+    symmetric, rotation = split_rotation(matrix)
     assert np.allclose(rotation.as_matrix() @ symmetric, matrix, atol=1e-12)
     assert np.array_equal(symmetric, symmetric.T)
     assert np.linalg.eigvalsh(symmetric).min() > 0
@@ -235,7 +241,7 @@ def test_polar_factors_multiply_to_the_matrix(seed):
 
 @given(value=st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_decimals_are_exact_in_float32(value):
-    assert np.float32(float32_text(value)) == np.float32(value)
+    assert np.float32(format_float32(value)) == np.float32(value)
 
 
 def with_source(source, seed=11, frame="m"):
@@ -279,18 +285,18 @@ def test_signs_and_units_of_the_motor_terms():
         sources=("current_A",),
         coefficients=[[300.0], [0.0], [0.0]],
     )
-    arducopter, _ = ardupilot_parameters(plain, compass=2)
+    arducopter, _ = compute_ardupilot_parameters(plain, compass=2)
     assert arducopter["COMPASS_MOT2_X"] == pytest.approx(-6.0)  # 2 × 3 mG per A
     assert arducopter["COMPASS_MOTCT"] == 2
-    px4, _ = px4_parameters(plain, slot=1)
+    px4, _ = compute_px4_parameters(plain, slot=1)
     assert px4["CAL_MAG1_XCOMP"] == pytest.approx(-3.0)  # 3 mG per A = 3 G per kA
     assert px4["CAL_MAG_COMP_TYP"] == 2
     throttle = replace(plain, sources=("throttle",))
-    assert ardupilot_parameters(throttle)[0]["COMPASS_MOTCT"] == 1
-    assert px4_parameters(throttle)[0]["CAL_MAG_COMP_TYP"] == 1
-    assert px4_parameters(throttle)[0]["CAL_MAG0_XCOMP"] == pytest.approx(-0.003)
-    assert "COMPASS_MOT_X" not in ardupilot_parameters(random_affine(1, "symmetric"))[0]
-    assert "CAL_MAG_COMP_TYP" not in px4_parameters(random_affine(1, "symmetric"))[0]
+    assert compute_ardupilot_parameters(throttle)[0]["COMPASS_MOTCT"] == 1
+    assert compute_px4_parameters(throttle)[0]["CAL_MAG_COMP_TYP"] == 1
+    assert compute_px4_parameters(throttle)[0]["CAL_MAG0_XCOMP"] == pytest.approx(-0.003)
+    assert "COMPASS_MOT_X" not in compute_ardupilot_parameters(random_affine(1, "symmetric"))[0]
+    assert "CAL_MAG_COMP_TYP" not in compute_px4_parameters(random_affine(1, "symmetric"))[0]
 
 
 @pytest.mark.parametrize("name", ["motioncal", "ros", "matlab", "c", "table"])

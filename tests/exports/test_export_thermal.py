@@ -18,10 +18,10 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, UnitError, ValidityError
 from agonic.exports.c_header import write_c
-from agonic.exports.fixed_temperature import held, remainder
+from agonic.exports.fixed_temperature import compute_remainder, hold_temperature
 from agonic.exports.matlab import write_matlab
-from agonic.exports.polynomials import affine_at, polynomials
-from agonic.exports.px4 import px4_parameters, write_px4
+from agonic.exports.polynomials import evaluate_affine, fit_polynomials
+from agonic.exports.px4 import compute_px4_parameters, write_px4
 from agonic.exports.table import write_table
 from agonic.exports.targets import TARGETS, write
 from tests.exports.controller import STRICT, library
@@ -89,7 +89,7 @@ def fields(calibration, n=400, seed=3, **columns):
     wanted = rng.normal(size=(n, 3))
     wanted *= 49_000 / np.linalg.norm(wanted, axis=1, keepdims=True)
     temperature = rng.uniform(LOW, HIGH, n).astype(np.float32).astype(float)
-    bias, matrix, _ = affine_at(calibration, temperature)
+    bias, matrix, _ = evaluate_affine(calibration, temperature)
     raw = np.linalg.solve(matrix, wanted[:, :, None])[:, :, 0] + bias
     return raw, temperature, wanted
 
@@ -98,11 +98,11 @@ def fields(calibration, n=400, seed=3, **columns):
 
 
 def test_at_each_temperature_a_calibration_is_found_by_probing_it():
-    bias, matrix, added = affine_at(WARM, LEVELS)
+    bias, matrix, added = evaluate_affine(WARM, LEVELS)
     assert np.allclose(bias, WARM.bias_at(LEVELS), rtol=0, atol=1e-8)
     assert np.allclose(matrix, WARM.matrix_at(LEVELS), rtol=0, atol=1e-13)
     assert added.shape == (64, 3, 0)
-    bias, matrix, added = affine_at(ABOARD, LEVELS)
+    bias, matrix, added = evaluate_affine(ABOARD, LEVELS)
     for k in (0, 30, 63):
         one = ABOARD.at(LEVELS[k]).composed
         assert np.allclose(bias[k], one.bias, rtol=0, atol=1e-7)
@@ -111,17 +111,17 @@ def test_at_each_temperature_a_calibration_is_found_by_probing_it():
 
 
 def test_polynomials_of_a_thermal_calibration_are_its_own():
-    found = polynomials(WARM)
+    found = fit_polynomials(WARM)
     assert np.allclose(found.bias, WARM.bias, rtol=0, atol=1e-8)
     assert np.allclose(found.matrix, WARM.matrix, rtol=0, atol=1e-13)
     assert (found.low_C, found.high_C, found.clamp_C) == (LOW, HIGH, (LOW - 0.5, HIGH + 0.5))
 
 
 def test_polynomials_follow_a_chain_whose_bias_is_none():
-    found = polynomials(ABOARD)
+    found = fit_polynomials(ABOARD)
     assert len(found.bias) > 4
     x = ((LEVELS - found.centre_C) / found.half_range_C)[:, None] ** np.arange(len(found.bias))
-    bias, matrix, added = affine_at(ABOARD, LEVELS)
+    bias, matrix, added = evaluate_affine(ABOARD, LEVELS)
     assert np.abs(x @ found.bias - bias).max() < 2e-3  # nT: below the rounding of float32
     assert np.abs(np.tensordot(x, found.matrix, 1) - matrix).max() < 1e-7
     assert np.abs(np.tensordot(x, found.coefficients, 1) - added).max() < 1e-4
@@ -129,7 +129,7 @@ def test_polynomials_follow_a_chain_whose_bias_is_none():
 
 @pytest.mark.parametrize("at", [LOW, 20.0, 47.0])
 def test_the_error_of_holding_one_temperature_is_that_of_many_fields(at):
-    said = remainder(WARM, at)
+    said = compute_remainder(WARM, at)
     raw, temperature, truth = fields(WARM, n=50_000)
     error = np.linalg.norm(WARM.at(at).correct(raw) - truth, axis=1)
     assert 0.95 * said.largest < error.max() <= said.largest
@@ -198,7 +198,7 @@ def test_px4_leaves_what_the_matrix_does_and_says_how_much(tmp_path):
 
 
 def test_px4_units_signs_and_names():
-    parameters, warnings = px4_parameters(STEADY, device_id=2**31 + 5, temperature_C=20.0)
+    parameters, warnings = compute_px4_parameters(STEADY, device_id=2**31 + 5, temperature_C=20.0)
     assert (parameters["TC_M_ENABLE"], parameters["TC_M0_ID"]) == (1, 5 - 2**31)
     assert (parameters["TC_M0_TREF"], parameters["TC_M0_TMIN"], parameters["TC_M0_TMAX"]) == (
         20.0,
@@ -211,10 +211,10 @@ def test_px4_units_signs_and_names():
     assert parameters["TC_M0_X3_2"] == pytest.approx(-40 / 1e5 / 30**3)
     assert any("renews" in w and "1 C" in w for w in warnings)
     assert not any("dT" in w or "rate" in w for w in warnings)
-    lagging = px4_parameters(replace(STEADY, rate=[6000.0, 0, 0]))[1]
+    lagging = compute_px4_parameters(replace(STEADY, rate=[6000.0, 0, 0]))[1]
     assert any("110 nT for each degree C per minute" in w for w in lagging)
     assert any("CAL_MAG0_ID and TC_M0_ID are" in w for w in lagging)
-    assert "TC_M_ENABLE" not in px4_parameters(STEADY.at(20.0))[0]
+    assert "TC_M_ENABLE" not in compute_px4_parameters(STEADY.at(20.0))[0]
 
 
 def test_px4_holds_its_last_temperature_beyond_the_range(tmp_path):
@@ -240,7 +240,7 @@ def test_px4_fits_a_cubic_to_what_is_none_and_tells_the_rest():
         bias=np.vstack([STEADY.bias, [[0, 0, 0], [300.0, -200, 0]]]),
         matrix=[MATRIX, *np.zeros((5, 3, 3))],
     )
-    parameters, warnings = px4_parameters(quintic, device_id=7)
+    parameters, warnings = compute_px4_parameters(quintic, device_id=7)
     raw, temperature, truth = fields(quintic, n=3000)
     got = apply_px4(parameters, raw / 1e5, temperature_C=temperature) * 1e5
     said = float(re.search(r"up to (\d+) nT", warnings[0])[1])
@@ -422,7 +422,7 @@ def test_a_target_without_temperature_is_held_at_one(name, tmp_path):
     raw, _, _ = fields(WARM)
     got = apply(parse(export.path), raw / unit) * unit
     assert np.abs(got - WARM.at(31.0).correct(raw)).max() < 0.1
-    assert str(remainder(WARM, 31.0)) in export.warnings[0]
+    assert str(compute_remainder(WARM, 31.0)) in export.warnings[0]
     assert export.warnings[0].startswith("held at 31 C: over -12 to 51 C the field is off by")
 
 
@@ -470,4 +470,4 @@ def test_comments_are_plain_and_name_the_calibration(name, tmp_path):
 
 def test_a_plain_calibration_is_held_as_it_is():
     plain = Affine(bias=[1, 2, 3], matrix=MATRIX)
-    assert held(plain, None) == (plain, ())
+    assert hold_temperature(plain, None) == (plain, ())

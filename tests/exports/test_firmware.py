@@ -19,7 +19,7 @@ from agonic.errors import AgonicError
 from agonic.exports.firmware import DeclinationGrid, declination_grid, prediction, write_firmware
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import predict
-from agonic.exports.firmware.selftest import attitudes, known_readings
+from agonic.exports.firmware.selftest import draw_attitudes, make_known_readings
 from agonic.headings.compute import heading
 from agonic.maths.rotations.attitude import rot_nb
 from tests.exports.controller import STRICT, Controller, compiled
@@ -147,7 +147,7 @@ def test_the_self_test_passes_and_the_c_is_clean(firmware):
 
 def test_c_gives_what_python_gives_for_any_attitude(firmware):
     plan, folder, _ = firmware
-    inputs = known_readings(plan, count=5000, seed=3)
+    inputs = make_known_readings(plan, count=5000, seed=3)
     c = Controller(folder, inputs_of(plan), compasses=len(plan.calibrations))
     got, expected = c.heading(**inputs), predict(plan, inputs)
     for name in ("compass_deg", "magnetic_deg", "declination_deg", "true_deg"):
@@ -192,7 +192,7 @@ def test_temperature_matters_and_float_follows_it(tmp_path):
     """Each number is a polynomial: with the temperature of another, the heading is elsewhere."""
     write_firmware(Setup(compasses=(CHAMBER,)), tmp_path, declination=0)
     plan = Plan(setup=Setup(compasses=(CHAMBER,)), declination=0.0)
-    inputs = known_readings(plan, count=3000, seed=4)
+    inputs = make_known_readings(plan, count=3000, seed=4)
     c = Controller(tmp_path, inputs_of(plan))
     right, expected = c.heading(**inputs), predict(plan, inputs)
     assert np.abs(right["field"] - expected.field).max() < 0.1
@@ -204,7 +204,7 @@ def test_the_headings_are_those_of_rotations_built_independently(tmp_path):
     """No code shared with the generator: SciPy turns the field, the C turns it back."""
     write_firmware(Setup(compasses=(replace(HARD, deviation=None),)), tmp_path, declination=7.0)
     rng = np.random.default_rng(8)
-    roll, pitch, yaw = attitudes(rng, 3000).T
+    roll, pitch, yaw = draw_attitudes(rng, 3000).T
     turn = Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll]), degrees=True)
     raw = turn.inv().apply(FIELD_N) @ np.linalg.inv(MATRIX).T + HARD.calibration.bias
     c = Controller(tmp_path, ("raw", "roll_deg", "pitch_deg"))
@@ -231,7 +231,7 @@ def test_down_as_a_vector_needs_no_angles(tmp_path):
         tmp_path,
         declination=0,
     )
-    roll, pitch, yaw = attitudes(np.random.default_rng(2), 500, largest_tilt_deg=79).T
+    roll, pitch, yaw = draw_attitudes(np.random.default_rng(2), 500, largest_tilt_deg=79).T
     turn = rot_nb(roll, pitch, yaw)
     raw = np.einsum("nij,i->nj", turn, FIELD_N) @ np.linalg.inv(MATRIX).T + HARD.calibration.bias
     force = -9.81 * turn[:, 2]
@@ -500,7 +500,7 @@ def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path
     """The same readings through `ag.heading` and the C, with one sensor disturbed at times."""
     rng = np.random.default_rng(4)
     n = 800
-    roll, pitch, yaw = attitudes(rng, n).T
+    roll, pitch, yaw = draw_attitudes(rng, n).T
     field_b = np.einsum("nij,i->nj", rot_nb(roll, pitch, yaw), FIELD_N)
     calibrations = [HARD.calibration, replace(HARD.calibration, sensor="MAG2")]
     pushes = rng.normal(0, 4000, (2, n, 3))

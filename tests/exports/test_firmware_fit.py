@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.exports.firmware.ctext import filled
+from agonic.exports.firmware.ctext import fill_template
 from agonic.simulation import random_calibration
 from tests.exports.controller import library
 
@@ -39,7 +39,7 @@ class Result(ctypes.Structure):
 def controller(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fit")
     for file in ("fit.h", "fit.c"):
-        text = filled(f"{file}.in", {"name": "mag", "GUARD": "MAG"})
+        text = fill_template(f"{file}.in", {"name": "mag", "GUARD": "MAG"})
         (folder / f"mag_{file}").write_text(text)
     loaded = library(folder, "mag_fit.c")
     loaded.mag_fit_add.argtypes = [POINTER(Fit), ctypes.c_void_p]

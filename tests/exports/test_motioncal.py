@@ -7,7 +7,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
-from agonic.exports.motioncal import crc16, encode_motioncal, motioncal_packet, write_motioncal
+from agonic.exports.motioncal import compute_crc16, encode_packet, make_packet, write_motioncal
 from tests.exports.read_back import apply_motioncal, parse_motioncal
 
 # A packet that a device took: kimxilxyong/Arduino, Projects/Callibration/
@@ -27,18 +27,18 @@ def test_a_known_packet_is_read_and_written_byte_for_byte(tmp_path):
     assert packet.offset == pytest.approx((18.209, -0.3392, 71.1217), abs=1e-3)
     assert packet.field == pytest.approx(40.983, abs=1e-3)
     assert packet.matrix[:3] == pytest.approx((1.0229, 0.9585, 1.0211), abs=1e-4)
-    assert encode_motioncal(packet) == GOLDEN
+    assert encode_packet(packet) == GOLDEN
 
 
 def test_crc_of_the_standard_check_string():
-    assert crc16(b"123456789") == 0x4B37  # CRC-16/MODBUS
-    assert crc16(GOLDEN) == 0
+    assert compute_crc16(b"123456789") == 0x4B37  # CRC-16/MODBUS
+    assert compute_crc16(GOLDEN) == 0
 
 
 def test_numbers_stand_where_the_device_looks(tmp_path):
     data = write_motioncal(MAG, tmp_path / "mag.bin").path.read_bytes()
     assert len(data) == 68
-    assert crc16(data) == 0
+    assert compute_crc16(data) == 0
     values = struct.unpack("<16f", data[2:66])
     assert values[:6] == (0,) * 6
     assert values[6:10] == pytest.approx((3.0, -2.0, 0.1, 48.0))
@@ -46,16 +46,16 @@ def test_numbers_stand_where_the_device_looks(tmp_path):
 
 
 def test_apply_is_the_devices_arithmetic():
-    packet = motioncal_packet(MAG)[0]
+    packet = make_packet(MAG)[0]
     assert apply_motioncal(packet, [13.0, -2.0, 0.1]) == pytest.approx([12.0, 0.3, -0.2])
 
 
 def test_an_unknown_field_is_said():
     unknown = Affine(bias=np.zeros(3), matrix=MATRIX)
-    packet, warnings = motioncal_packet(unknown)
+    packet, warnings = make_packet(unknown)
     assert packet.field == 50.0
     assert any("50 uT" in w for w in warnings)
-    assert motioncal_packet(MAG)[1] == ()
+    assert make_packet(MAG)[1] == ()
 
 
 @pytest.mark.parametrize(

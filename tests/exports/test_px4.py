@@ -5,7 +5,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
-from agonic.exports.px4 import px4_parameters, write_px4
+from agonic.exports.px4 import compute_px4_parameters, write_px4
 from tests.exports.read_back import apply_px4, parse_px4
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.03, 1.1, 0.05], [-0.02, 0.05, 1.0]])
@@ -13,12 +13,12 @@ MAG = Affine(bias=[3000.0, -2000.0, 100.0], matrix=MATRIX)
 
 
 def test_offsets_are_the_bias_in_gauss():
-    parameters, _ = px4_parameters(MAG)
+    parameters, _ = compute_px4_parameters(MAG)
     assert [parameters[f"CAL_MAG0_{a}OFF"] for a in "XYZ"] == pytest.approx([0.03, -0.02, 0.001])
 
 
 def test_the_whole_matrix_is_in_scale_and_off_diagonals():
-    parameters, _ = px4_parameters(MAG, slot=2)
+    parameters, _ = compute_px4_parameters(MAG, slot=2)
     assert [parameters[f"CAL_MAG2_{a}SCALE"] for a in "XYZ"] == pytest.approx([1.2, 1.1, 1.0])
     # set_offdiagonal: x is (0, 1), y is (0, 2), z is (1, 2)
     off = [parameters[f"CAL_MAG2_{a}ODIAG"] for a in "XYZ"]
@@ -26,7 +26,7 @@ def test_the_whole_matrix_is_in_scale_and_off_diagonals():
 
 
 def test_apply_subtracts_then_multiplies():
-    parameters = dict.fromkeys(px4_parameters(MAG)[0], 0.0)
+    parameters = dict.fromkeys(compute_px4_parameters(MAG)[0], 0.0)
     parameters |= {"CAL_MAG0_XOFF": 0.1, "CAL_MAG0_XSCALE": 2.0, "CAL_MAG0_YODIAG": 0.5}
     assert apply_px4(parameters, [0.6, 0.0, 0.2]) == pytest.approx([1.1, 0.0, 0.25])
 
@@ -46,7 +46,7 @@ def test_rows_are_those_of_a_ground_station(tmp_path):
 
 
 def test_a_device_id_above_31_bits_is_a_negative_parameter():
-    parameters, _ = px4_parameters(MAG, device_id=2**31 + 5)
+    parameters, _ = compute_px4_parameters(MAG, device_id=2**31 + 5)
     assert parameters["CAL_MAG0_ID"] == 5 - 2**31
 
 
@@ -60,12 +60,12 @@ def test_numpy_integers_are_integers(tmp_path):
 
 
 def test_without_the_id_the_slot_is_ignored():
-    assert any("CAL_MAG3_ID" in w for w in px4_parameters(MAG, slot=3)[1])
-    assert not any("CAL_MAG3_ID" in w for w in px4_parameters(MAG, slot=3, device_id=1)[1])
+    assert any("CAL_MAG3_ID" in w for w in compute_px4_parameters(MAG, slot=3)[1])
+    assert not any("CAL_MAG3_ID" in w for w in compute_px4_parameters(MAG, slot=3, device_id=1)[1])
 
 
 def test_automatic_calibration_is_warned_of():
-    assert any("SENS_MAG_AUTOCAL" in w for w in px4_parameters(MAG, device_id=1)[1])
+    assert any("SENS_MAG_AUTOCAL" in w for w in compute_px4_parameters(MAG, device_id=1)[1])
 
 
 @pytest.mark.parametrize(
@@ -79,21 +79,21 @@ def test_automatic_calibration_is_warned_of():
     ],
 )
 def test_corrections_below_the_dead_band_are_named(bias, diagonal, ignored):
-    warnings = px4_parameters(Affine(bias=bias, matrix=np.diag(diagonal)), device_id=1)[1]
+    warnings = compute_px4_parameters(Affine(bias=bias, matrix=np.diag(diagonal)), device_id=1)[1]
     named = [w.split()[1] for w in warnings if "may be ignored" in w]
     assert named == ignored
 
 
 def test_small_off_diagonals_are_below_the_dead_band():
     matrix = np.array([[1.1, 0.004, 0], [0.004, 1.0, 0], [0, 0, 1.0]])
-    warnings = px4_parameters(Affine(bias=[5000, 0, 0], matrix=matrix), device_id=1)[1]
+    warnings = compute_px4_parameters(Affine(bias=[5000, 0, 0], matrix=matrix), device_id=1)[1]
     assert any("off-diagonal correction of 0.0040" in w for w in warnings)
 
 
 def test_scale_limits():
     far = Affine(bias=[5000, 0, 0], matrix=np.diag([3.2, 1.0, 1.0]))
-    assert any("limits" in w for w in px4_parameters(far)[1])
-    assert not any("limits" in w for w in px4_parameters(MAG)[1])
+    assert any("limits" in w for w in compute_px4_parameters(far)[1])
+    assert not any("limits" in w for w in compute_px4_parameters(MAG)[1])
 
 
 @pytest.mark.parametrize("wrong", [{"slot": 4}, {"device_id": 0}, {"device_id": 2**32}])

@@ -16,9 +16,9 @@ from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings
 from agonic.fleet.simulation.logs import make_tables
 from agonic.fleet.simulation.simulate import simulate_fleet
-from agonic.logs.large.dataset import connected, find_dataset
-from agonic.logs.large.grouped_moments import Grouped, summed
-from agonic.logs.large.grouped_residuals import residual_sums
+from agonic.logs.large.dataset import connect, find_dataset
+from agonic.logs.large.grouped_moments import Grouped, sum_moments
+from agonic.logs.large.grouped_residuals import sum_residuals
 from agonic.moments import Moments
 from agonic.population import Population
 from agonic.reference import Reference
@@ -57,8 +57,8 @@ def calibrated(path: Path, settings: FleetSettings = SETTINGS, **more: object) -
 def sums_of(path: Path) -> Grouped:
     dataset = find_dataset(path)
     assert dataset is not None
-    with connected() as db:
-        return summed(db, dataset, dataset.channels[0])
+    with connect() as db:
+        return sum_moments(db, dataset, dataset.channels[0])
 
 
 def test_the_sums_are_the_moments_of_each_sensor_s_readings(tmp_path):
@@ -251,9 +251,9 @@ def test_residuals_are_those_of_the_readings(tmp_path):
     samples = turned(3)
     dataset = find_dataset(write(tmp_path / "a.parquet", columns(samples, 1)))
     bias, matrix = np.array([[100.0, 0, -50]]), np.diag([1.01, 1, 0.99])[None]
-    with connected() as db:
-        summed(db, dataset, dataset.channels[0])
-        found = residual_sums(db, dataset, dataset.channels[0], bias, matrix, np.array([FIELD]))
+    with connect() as db:
+        sum_moments(db, dataset, dataset.channels[0])
+        found = sum_residuals(db, dataset, dataset.channels[0], bias, matrix, np.array([FIELD]))
     field = (samples.field - bias[0]) @ matrix[0].T
     size = np.linalg.norm(field, axis=1)
     r = size / FIELD - 1

@@ -7,7 +7,7 @@ import threading
 import time
 import tty
 
-from agonic.exports.motioncal import crc16
+from agonic.exports.motioncal import compute_crc16
 from agonic.simulation import simulate
 
 
@@ -37,7 +37,7 @@ class Device:
                 pass
             start = self._heard.find(b"uT")
             packet = self._heard[start : start + 68] if start >= 0 else b""
-            if len(packet) == 68 and crc16(packet) == 0:
+            if len(packet) == 68 and compute_crc16(packet) == 0:
                 self._heard = b""
                 self.kept = struct.unpack("<16f", packet[2:-2])
                 w = self.kept[10:]

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from agonic.logs.clock import clock_of, spread_ties
+from agonic.logs.clock import read_clock, spread_ties
 
 START = datetime(2026, 3, 1, 12, 0, 0, tzinfo=UTC)
 OFFSETS = np.array([0.25, 0.5, 1.75])
@@ -15,7 +15,7 @@ OFFSETS = np.array([0.25, 0.5, 1.75])
 @pytest.mark.parametrize("unit_s", [1, 1e-3, 1e-6, 1e-9])
 def test_unix_times_in_any_unit(named, unit_s):
     values = (START.timestamp() + OFFSETS) / unit_s
-    time, epoch, _ = clock_of(values, unit_s if named else None)
+    time, epoch, _ = read_clock(values, unit_s if named else None)
     assert epoch == START
     np.testing.assert_allclose(time, OFFSETS, atol=1e-6)
 
@@ -32,7 +32,7 @@ def test_unix_times_in_any_unit(named, unit_s):
 )
 def test_date_times(form):
     texts = np.array([form.format(t) for t in OFFSETS] + ["?"], dtype=object)
-    time, epoch, notes = clock_of(texts, None)
+    time, epoch, notes = read_clock(texts, None)
     assert epoch == START
     np.testing.assert_allclose(time, [*OFFSETS, np.nan], atol=1e-9)
     assert ("zone" in " ".join(notes)) == ("Z" not in form and "+" not in form)
@@ -40,32 +40,32 @@ def test_date_times(form):
 
 def test_moments_of_a_table_with_types():
     values = np.array(["2026-03-01T12:00:00.25", "NaT"], dtype="datetime64[ns]")
-    time, epoch, _ = clock_of(values, None)
+    time, epoch, _ = read_clock(values, None)
     assert epoch == START
     np.testing.assert_allclose(time, [0.25, np.nan])
 
 
 def test_times_of_day_go_on_after_midnight():
-    time, epoch, _ = clock_of(np.array(["23:59:59.5", "23:59:59.9", "00:00:00.3"]), None)
+    time, epoch, _ = read_clock(np.array(["23:59:59.5", "23:59:59.9", "00:00:00.3"]), None)
     assert epoch is None
     np.testing.assert_allclose(np.diff(time), [0.4, 0.4], atol=1e-9)
 
 
 def test_seconds_since_power_on_stay_as_they_are():
-    time, epoch, notes = clock_of(np.array([3.0, 3.02, 3.04]), 1)
+    time, epoch, notes = read_clock(np.array([3.0, 3.02, 3.04]), 1)
     assert time.tolist() == [3.0, 3.02, 3.04]
     assert (epoch, notes) == (None, ())
 
 
 def test_a_clock_without_unit_is_not_guessed():
     microseconds = 1.2e9 + 20_000.0 * np.arange(5)  # as large as Unix seconds, but in huge steps
-    time, epoch, notes = clock_of(microseconds, None)
+    time, epoch, notes = read_clock(microseconds, None)
     assert (time, epoch) == (None, None)
     assert "time_us" in notes[0]
 
 
 def test_unreadable_times_are_left_out_with_an_example():
-    time, _, notes = clock_of(np.array(["yesterday", "today"]), None)
+    time, _, notes = read_clock(np.array(["yesterday", "today"]), None)
     assert time is None
     assert "'yesterday'" in notes[0]
 

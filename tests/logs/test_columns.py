@@ -3,7 +3,7 @@
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs.columns import CANONICAL, identified, positions, understood
+from agonic.logs.columns import CANONICAL, find_columns, identify_column, identify_columns
 from agonic.logs.quantities import canonical_header
 
 NAMES = {
@@ -78,13 +78,13 @@ OTHERS = (
 
 @pytest.mark.parametrize(("header", "meaning"), NAMES.items())
 def test_aliases(header, meaning):
-    column = understood(header)
+    column = identify_column(header)
     assert (column.quantity.column, column.axis, column.sensor, column.unit) == meaning
 
 
 @pytest.mark.parametrize("header", OTHERS)
 def test_other_names_are_not_mistaken(header):
-    assert understood(header) is None
+    assert identify_column(header) is None
 
 
 def test_canonical_names_are_understood_as_what_they_are():
@@ -98,22 +98,22 @@ def test_canonical_names_are_understood_as_what_they_are():
         "scalar",
         "flagged",
     ):
-        found = understood(canonical_header(column))
+        found = identify_column(canonical_header(column))
         assert (found.quantity.column, found.rank) == (column, CANONICAL)
-    assert understood(canonical_header("field", "y", "nT")).rank == CANONICAL
+    assert identify_column(canonical_header("field", "y", "nT")).rank == CANONICAL
 
 
 def test_two_names_for_one_thing_are_refused_naming_both():
     with pytest.raises(LogError, match=r"'Bx' and 'magx' could both be the mag x column"):
-        identified(["Bx", "By", "Bz", "magx"])
+        identify_columns(["Bx", "By", "Bz", "magx"])
 
 
 def test_a_canonical_name_goes_before_an_alias_and_bare_axes_come_last():
-    found = identified(["timestamp_us", "time_s", "x", "y", "z", "mx", "my", "mz"])
+    found = identify_columns(["timestamp_us", "time_s", "x", "y", "z", "mx", "my", "mz"])
     assert found["time"][""][""].header == "time_s"
     assert [c.header for c in found["field"][""].values()] == ["mx", "my", "mz"]
 
 
 def test_a_column_that_is_there_twice_is_refused():
     with pytest.raises(LogError, match=r"'mx' is there 2 times"):
-        positions(["t", "mx", "my", "mz", "mx"])
+        find_columns(["t", "mx", "my", "mz", "mx"])

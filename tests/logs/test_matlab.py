@@ -85,7 +85,9 @@ def test_attitude_of_one_right_angle():
     Up is −down: a sensor whose z is up hangs upside down in north, east, down, a roll of 180°.
     """
     quarter = np.sqrt(0.5)
-    roll, pitch, heading = broad.attitude_deg(np.array([[1, 0, 0, 0], [quarter, 0, 0, quarter]]))
+    roll, pitch, heading = broad.compute_attitude_deg(
+        np.array([[1, 0, 0, 0], [quarter, 0, 0, quarter]])
+    )
     np.testing.assert_allclose(np.abs(roll), 180, atol=1e-9)
     np.testing.assert_allclose(pitch, 0, atol=1e-9)
     np.testing.assert_allclose(
@@ -99,9 +101,9 @@ def test_attitude_is_held_at_rest_and_interpolated_over_short_gaps():
     true = Rotation.from_euler("z", angle[:, None], degrees=True).as_quat(scalar_first=True)
     seen = true.copy()
     seen[:90] = seen[150:180] = seen[250:380] = np.nan
-    held = broad.held_at_rest(seen, moving=t > 1)
+    held = broad.hold_at_rest(seen, moving=t > 1)
     np.testing.assert_allclose(held[:90], true[:90])
-    filled = broad.interpolated(held, t)
+    filled = broad.fill_short_gaps(held, t)
     np.testing.assert_allclose(filled[:250], true[:250], atol=1e-9)
     middle = np.isnan(filled[:, 0])
     assert middle.any()

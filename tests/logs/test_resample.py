@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.logs.resample import misplaced, rate_Hz, resample
+from agonic.logs.resample import compute_rate_Hz, find_misplaced, resample
 
 TIMES = np.linspace(0.0, 10.0, 101)
 
@@ -53,7 +53,7 @@ def test_rows_that_are_not_finite_or_out_of_order_do_no_harm() -> None:
 
 @given(st.lists(st.floats(0.0, 1e6), min_size=3, max_size=40))
 def test_times_in_order_are_never_misplaced(steps: list[float]) -> None:
-    assert not misplaced(np.cumsum(steps)).any()
+    assert not find_misplaced(np.cumsum(steps)).any()
 
 
 @given(
@@ -63,15 +63,15 @@ def test_times_in_order_are_never_misplaced(steps: list[float]) -> None:
 def test_one_damaged_time_is_found_and_no_other(row: int, wrong: float) -> None:
     t = np.arange(50.0)
     t[row] = wrong
-    assert np.flatnonzero(misplaced(t)).tolist() == [row]
+    assert np.flatnonzero(find_misplaced(t)).tolist() == [row]
 
 
 def test_a_jump_of_the_clock_is_no_damage() -> None:
-    assert not misplaced([0.0, 1.0, 2.0, 1000.0, 1001.0]).any()
+    assert not find_misplaced([0.0, 1.0, 2.0, 1000.0, 1001.0]).any()
 
 
 @pytest.mark.parametrize(
     ("time", "rate"), [(np.arange(101) / 50.0, 50.0), ([3.0], None), ([2.0, 2.0], None)]
 )
 def test_rate(time: list[float], rate: float | None) -> None:
-    assert rate_Hz(time) == (None if rate is None else pytest.approx(rate))
+    assert compute_rate_Hz(time) == (None if rate is None else pytest.approx(rate))

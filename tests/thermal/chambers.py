@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.maths.equation import model, polynomial
 from agonic.maths.estimation import leastsq
-from agonic.simulation.thermal import random_drifting, readings
+from agonic.simulation.thermal import make_readings, random_drifting
 from agonic.thermal.maths.stations import list_standard_rotations
 
 FIELD = 48_000.0
@@ -52,7 +52,7 @@ def campaign(
         if mount is not None:
             seen = mount.inv().apply(seen)
         fields.append(np.tile(seen, (2 * n, 1)))
-        parts.append(readings(truth, fields[-1], t, rate))
+        parts.append(make_readings(truth, fields[-1], t, rate))
     drawn = noise * rng.standard_normal((24 * n, 3))
     station = np.repeat(np.arange(1.0, 13.0), 2 * n)
     samples = ag.Samples(

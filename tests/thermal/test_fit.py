@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.simulation.thermal import readings
+from agonic.simulation.thermal import make_readings
 from agonic.thermal.fit.fit import fit_binned, fit_thermal
 from agonic.thermal.fit.readings import Facts
 from agonic.thermal.maths.binned_sums import Binned
@@ -400,7 +400,7 @@ def test_a_coil_gives_both_gain_and_bias_terms() -> None:
     without = fit_thermal(made.samples, made.reference, degree=0)
     assert rms(ag.apply(without.calibration, made.samples).field - known) > 400.0
     others = np.linspace(24.5, 65.5, 300)  # temperatures between: the truth and not the noise
-    clean = readings(made.truth, known[::13][:300], others, np.zeros(300))
+    clean = make_readings(made.truth, known[::13][:300], others, np.zeros(300))
     assert rms(fit.calibration.correct(clean, temperature=others) - known[::13][:300]) < 25.0
 
 

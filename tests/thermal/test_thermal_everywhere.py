@@ -23,7 +23,7 @@ from agonic.headings.compute import heading
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 from agonic.simulation import simulate
-from agonic.simulation.thermal import random_drifting, readings
+from agonic.simulation.thermal import make_readings, random_drifting
 
 NOISE = 100.0
 WHERE = {"latitude_deg": 52.0, "longitude_deg": 5.0, "altitude_m": 100.0}
@@ -64,7 +64,7 @@ def thermal() -> Thermal:
 def flown(truth: Thermal, low_C: float, high_C: float) -> Samples:
     """What the sensor read while it grew warmer."""
     level = np.linspace(low_C, high_C, len(SEEN))
-    raw = readings(truth, SEEN.field, level, np.gradient(level, SEEN.time))
+    raw = make_readings(truth, SEEN.field, level, np.gradient(level, SEEN.time))
     raw += NOISE * np.random.default_rng(1).normal(size=raw.shape)
     return SEEN.with_columns(field=raw, temperature=level, name=truth.sensor)
 

@@ -69,7 +69,7 @@ def decode(data: bytes) -> AnyCalibration | Deviation:
     Raises `AgonicError` or `ValueError` where they are something else.
     """
     _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
-    return _restored(msgspec.json.decode(data, type=CalibrationFile).calibration)
+    return _restore(msgspec.json.decode(data, type=CalibrationFile).calibration)
 
 
 def schema() -> dict[str, Any]:
@@ -127,17 +127,17 @@ def _require_known_version(text: str) -> None:
         )
 
 
-def _restored(record: AnyRecord) -> AnyCalibration | Deviation:
+def _restore(record: AnyRecord) -> AnyCalibration | Deviation:
     if isinstance(record, DeviationRecord):
         values = msgspec.structs.asdict(record)
         return Deviation(**{**values, "provenance": _provenance(record.provenance)})
     if isinstance(record, ChainRecord):
-        steps = tuple(_restored_step(step) for step in record.steps)
+        steps = tuple(_restore_step(step) for step in record.steps)
         return Chain(steps=steps, provenance=_provenance(record.provenance))
-    return _restored_step(record)
+    return _restore_step(record)
 
 
-def _restored_step(
+def _restore_step(
     record: AffineRecord | ThermalRecord | NetworkRecord | AlignmentRecord,
 ) -> Affine | Thermal | Network | Alignment:
     values = msgspec.structs.asdict(record)
@@ -147,7 +147,7 @@ def _restored_step(
         if isinstance(record, ThermalRecord):
             return Thermal(**values)
         if isinstance(record, NetworkRecord):
-            base = None if record.base is None else _restored_step(record.base)
+            base = None if record.base is None else _restore_step(record.base)
             return Network(**{**values, "base": base})
         return (Interference if isinstance(record, InterferenceRecord) else Affine)(**values)
     values["rotation"] = _rotation(record.rotation.quat_wxyz)

@@ -9,7 +9,7 @@ import typer
 
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError
-from agonic.exports.targets import TARGETS, listed
+from agonic.exports.targets import TARGETS, list_words
 
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
@@ -30,7 +30,7 @@ def export(
     cal: Source,
     to: Annotated[
         str,
-        typer.Option("--to", help=f"{listed(list(TARGETS), 'or')}."),
+        typer.Option("--to", help=f"{list_words(list(TARGETS), 'or')}."),
     ],
     out: Annotated[
         Path | None,

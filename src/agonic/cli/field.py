@@ -104,13 +104,13 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
 def _table(path: Path, date: str | None, model: str | None, out: Path | None, as_json: bool) -> int:
     """The elements at every point of a table, each by the model that holds then."""
     from agonic.console.output import print_json, say
-    from agonic.logs.space.positions import header_of, read_points, text_of_points, write_points
+    from agonic.logs.space.positions import format_points, read_header, read_points, write_points
 
     points = read_points(path, date)
     models, answers = _answers(points, model)
     files = [str(write_points(points, models, answers, out))] if out else []
     if as_json:
-        columns = {header_of(name): values for name, values in answers.items()}
+        columns = {read_header(name): values for name, values in answers.items()}
         print_json(
             "agonic/field-points@1",
             {
@@ -127,7 +127,7 @@ def _table(path: Path, date: str | None, model: str | None, out: Path | None, as
     elif out:
         say(f"{len(points)} points: {out}")
     else:
-        print(text_of_points(points, models, answers), end="")
+        print(format_points(points, models, answers), end="")
     return 0
 
 

@@ -21,12 +21,12 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.exports.convert import (
     Export,
-    banner,
-    float32_text,
-    six_numbers,
-    source_term,
+    find_source_term,
+    format_float32,
+    take_symmetric,
+    write_banner,
 )
-from agonic.exports.fixed_temperature import held
+from agonic.exports.fixed_temperature import hold_temperature
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
@@ -68,34 +68,38 @@ def write_ardupilot(
     ...     [row for row in export.path.read_text().split() if row.startswith("COMPASS_OFS_X")]
     ['COMPASS_OFS_X,-30.0']
     """
-    one, lost = held(calibration, temperature_C)
-    parameters, warnings = ardupilot_parameters(one, compass=compass, rotation_bm=rotation_bm)
+    one, lost = hold_temperature(calibration, temperature_C)
+    parameters, warnings = compute_ardupilot_parameters(
+        one, compass=compass, rotation_bm=rotation_bm
+    )
     warnings = (*lost, *warnings)
     motor = " + MOT x" if "COMPASS_MOTCT" in parameters else ""
     formula = f"field = M (SCALE (raw + OFS)){motor}, milligauss, body axes, M of DIA and ODI"
     notes = (
-        *banner(calibration, formula, warnings),
+        *write_banner(calibration, formula, warnings),
         "Set COMPASS_LEARN 0, else the vehicle replaces these offsets by its own.",
         "The numbers hold for the present compass orientation only.",
     )
     lines = [f"# {note}" for note in notes]
-    lines += [f"{name},{float32_text(value)}" for name, value in parameters.items()]
+    lines += [f"{name},{format_float32(value)}" for name, value in parameters.items()]
     written = write_atomically(path, "\n".join(lines) + "\n")
     return Export(path=written, target="ardupilot", warnings=warnings)
 
 
-def ardupilot_parameters(
+def compute_ardupilot_parameters(
     calibration: Calibration, *, compass: int = 1, rotation_bm: Rotation | None = None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The parameters by name, and warnings; SCALE = trace(matrix)/3, DIA and ODI the rest.
 
     >>> from agonic.calibration.affine import Affine
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1, frame_in="b", frame_out="b")
-    >>> parameters, _ = ardupilot_parameters(mag)
+    >>> parameters, _ = compute_ardupilot_parameters(mag)
     >>> parameters["COMPASS_OFS_X"], round(parameters["COMPASS_SCALE"], 9)
     (-30.0, 1.1)
     """
-    bias, six, warnings = six_numbers(calibration, "b", unit="milligauss", rotation_bm=rotation_bm)
+    bias, six, warnings = take_symmetric(
+        calibration, "b", unit="milligauss", rotation_bm=rotation_bm
+    )
     offset = 0.0 - bias / NANOTESLA_PER["mG"]
     scale = float(six[:3].mean())
     if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
@@ -106,7 +110,7 @@ def ardupilot_parameters(
         scale = 1.0
     values = [*offset, *(six / scale), scale]
     parameters = dict(zip(ardupilot_names(compass), map(float, values), strict=True))
-    term = source_term(calibration, "b", rotation_bm=rotation_bm)
+    term = find_source_term(calibration, "b", rotation_bm=rotation_bm)
     if term is not None:
         source, added = term
         motor = -unpack_symmetric(six) @ added / NANOTESLA_PER["mG"]

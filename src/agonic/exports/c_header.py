@@ -19,13 +19,20 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
-from agonic.exports.c_network import network_header
-from agonic.exports.c_network_parts import at_temperature, has_network
-from agonic.exports.c_thermal import thermal_header
-from agonic.exports.convert import Export, banner, float32_text, left_out, reduced, scaled_to
-from agonic.exports.firmware.ctext import comment
-from agonic.exports.fixed_temperature import held
-from agonic.exports.polynomials import changes
+from agonic.exports.c_network import make_network_header
+from agonic.exports.c_network_parts import has_network, hold_network
+from agonic.exports.c_thermal import make_thermal_header
+from agonic.exports.convert import (
+    Export,
+    find_magnitude,
+    format_float32,
+    list_left_out,
+    reduce,
+    write_banner,
+)
+from agonic.exports.firmware.ctext import write_comment
+from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.polynomials import changes_with_temperature
 
 Float32 = NDArray[np.float32]
 
@@ -109,20 +116,20 @@ def write_c(
         raise AgonicError(f"name is a C identifier such as mag, not {name!r}")
     if has_network(calibration):
         if temperature_C is not None:
-            calibration = at_temperature(calibration, temperature_C)
-        text, warnings = network_header(calibration, name)
+            calibration = hold_network(calibration, temperature_C)
+        text, warnings = make_network_header(calibration, name)
         return Export(path=write_atomically(path, text), target="c", warnings=warnings)
-    if changes(calibration) and temperature_C is None:
-        text, warnings = thermal_header(calibration, name)
+    if changes_with_temperature(calibration) and temperature_C is None:
+        text, warnings = make_thermal_header(calibration, name)
         return Export(path=write_atomically(path, text), target="c", warnings=warnings)
-    one, lost = held(calibration, temperature_C)
-    bias, matrix = reduced(one)
+    one, lost = hold_temperature(calibration, temperature_C)
+    bias, matrix = reduce(one)
     raw, expected, tolerance = _example(one, bias, matrix)
-    formula, warnings = "field = A (raw - b), float32", (*lost, *left_out(one))
+    formula, warnings = "field = A (raw - b), float32", (*lost, *list_left_out(one))
     text = TEMPLATE.format(
         name=name,
         guard=name.upper(),
-        about=comment(banner(calibration, formula, warnings)),
+        about=write_comment(write_banner(calibration, formula, warnings)),
         unit_in=calibration.unit_in,
         unit_out=calibration.unit_out,
         frame_in=calibration.frame_in,
@@ -130,7 +137,7 @@ def write_c(
         A=[_braced(row) for row in matrix],
         raw=_braced(raw),
         expected=_braced(expected),
-        tolerance=float32_text(tolerance),
+        tolerance=format_float32(tolerance),
     )
     return Export(path=write_atomically(path, text), target="c", warnings=warnings)
 
@@ -142,7 +149,7 @@ def _example(calibration: Calibration, bias: Array, matrix: Array) -> tuple[Arra
     each of half a unit in the last place of numbers no larger than |matrix| (|raw| + |bias|); a
     little over twice that is allowed.
     """
-    size = scaled_to(calibration) or float(np.linalg.norm(matrix @ bias)) or 1.0
+    size = find_magnitude(calibration) or float(np.linalg.norm(matrix @ bias)) or 1.0
     field = size * np.array([0.48, -0.6, 0.64])
     raw = (np.linalg.solve(matrix, field) + bias).astype(np.float32).astype(np.float64)
     largest = (np.abs(matrix) @ (np.abs(raw) + np.abs(bias))).max()
@@ -151,4 +158,4 @@ def _example(calibration: Calibration, bias: Array, matrix: Array) -> tuple[Arra
 
 
 def _braced(values: ArrayLike) -> str:
-    return "{" + ", ".join(f"{float32_text(v)}f" for v in np.asarray(values)) + "}"
+    return "{" + ", ".join(f"{format_float32(v)}f" for v in np.asarray(values)) + "}"

@@ -14,24 +14,26 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
-from agonic.exports.c_network_parts import Parts, parts_of
-from agonic.exports.c_network_selftest import Known, known_readings
-from agonic.exports.convert import banner, float32_text
-from agonic.exports.firmware.ctext import braced, comment, filled, literal
+from agonic.exports.c_network_parts import Parts, split_parts
+from agonic.exports.c_network_selftest import Known, make_known_readings
+from agonic.exports.convert import format_float32, write_banner
+from agonic.exports.firmware.ctext import fill_template, write_array, write_comment, write_literal
 
 
-def network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
+def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
     """The text of the header, and warnings."""
-    parts = parts_of(calibration)
-    known = known_readings(parts)
+    parts = split_parts(calibration)
+    known = make_known_readings(parts)
     network, shape = parts.network, parts.network.shape
     beside = len(parts.beside)
-    text = filled(
+    text = fill_template(
         "network.h.in",
         {
             "name": name,
             "GUARD": name.upper(),
-            "about": comment((*banner(calibration, _formula(parts)), *_sizes(parts, known))),
+            "about": write_comment(
+                (*write_banner(calibration, _formula(parts)), *_sizes(parts, known))
+            ),
             "formula": f"{_formula(parts).split(', float32')[0]}.",
             "unit_out": calibration.unit_out,
             "inputs": str(shape.inputs),
@@ -40,12 +42,12 @@ def network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str,
             "width": str(shape.hidden + 1),
             "outputs": str(shape.outputs),
             "input_names": ", ".join(signals(network.inputs)),
-            "input_scale": braced([network.input_middle, network.input_half]),
+            "input_scale": write_array([network.input_middle, network.input_half]),
             "input_values": ", ".join(_input_values(parts)),
-            "U": braced(network.hidden),
-            "V": braced(network.output),
-            "output_middle": braced(network.output_middle),
-            "output_half": literal(network.output_half),
+            "U": write_array(network.hidden),
+            "V": write_array(network.output),
+            "output_middle": write_array(network.output_middle),
+            "output_half": write_literal(network.output_half),
             "before_table": _affine_table(parts.before, f"{name}_before", "Before the network"),
             "after_table": _affine_table(parts.after, f"{name}_after", "After the network"),
             "base_table": _base_table(parts, name),
@@ -60,8 +62,8 @@ def network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str,
             "write": _write(parts, name),
             "tests": str(len(known.rows)),
             "columns": str(known.rows.shape[1]),
-            "known": braced(known.rows, "    "),
-            "tolerance": float32_text(known.tolerance),
+            "known": write_array(known.rows, "    "),
+            "tolerance": format_float32(known.tolerance),
         },
     )
     return text, _warnings(parts)
@@ -90,7 +92,7 @@ def _sizes(parts: Parts, known: Known) -> tuple[str, ...]:
         f"Size: {parts.constants} float constants, {4 * parts.constants} bytes; "
         f"{parts.network.shape.hidden} calls of tanhf a reading",
         f"Error of float32: up to {known.error:.2g} {unit} on {known.tried} readings like those "
-        f"of the training; the self-test allows {float32_text(known.tolerance)} {unit}",
+        f"of the training; the self-test allows {format_float32(known.tolerance)} {unit}",
     )
 
 
@@ -108,7 +110,7 @@ def _affine_table(step: Affine | None, name: str, words: str) -> str:
         return ""
     return (
         f"\n/* {words}: matrix (raw - bias); bias, then the matrix row by row. */\n"
-        f"static const float {name}[4][3] = {braced(np.vstack([step.bias, step.matrix]))};\n"
+        f"static const float {name}[4][3] = {write_array(np.vstack([step.bias, step.matrix]))};\n"
     )
 
 
@@ -121,13 +123,13 @@ def _base_table(parts: Parts, name: str) -> str:
     text = (
         f"\n/* The base: bias (3), matrix (9) row by row{more};\n"
         "   a row a power of the temperature. */\n"
-        f"static const float {name}_base[{len(table)}][{table.shape[1]}] = {braced(table)};\n"
+        f"static const float {name}_base[{len(table)}][{table.shape[1]}] = {write_array(table)};\n"
     )
     if parts.warm:
         scale = [parts.base.centre_C, parts.base.half_range_C, *parts.base.clamp_C]
         text += (
             "\n/* Its temperature, degrees C: centre and half range, least and largest. */\n"
-            f"static const float {name}_base_C[4] = {braced(scale)};\n"
+            f"static const float {name}_base_C[4] = {write_array(scale)};\n"
         )
     return text
 
@@ -137,15 +139,15 @@ def _guard_table(parts: Parts, name: str) -> str:
     text = (
         "\n/* Points that cover what it was trained on, and the reach about them. */\n"
         f"static const float {name}_centres[{len(network.centres)}][{network.shape.inputs}] = "
-        f"{braced(network.centres)};\n"
-        f"static const float {name}_reach = {literal(network.reach)};\n"
+        f"{write_array(network.centres)};\n"
+        f"static const float {name}_reach = {write_literal(network.reach)};\n"
     )
     if network.base is None:
         return text
     assert network.bound is not None
     return (
         f"{text}/* The longest correction, {network.unit_out}. */\n"
-        f"static const float {name}_bound = {literal(network.bound)};\n"
+        f"static const float {name}_bound = {write_literal(network.bound)};\n"
     )
 
 
@@ -154,7 +156,7 @@ def _input_values(parts: Parts) -> list[str]:
     found = []
     for name in parts.network.inputs:
         if name in parts.network.held:
-            found.append(literal(parts.network.held[name]))
+            found.append(write_literal(parts.network.held[name]))
         elif name == "field":
             found += [f"reading[{axis}]" for axis in range(3)]
         else:

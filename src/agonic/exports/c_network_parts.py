@@ -15,7 +15,7 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.exports.polynomials import Polynomials, polynomials, steady
+from agonic.exports.polynomials import Polynomials, fit_polynomials, make_constant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +61,7 @@ def has_network(calibration: Calibration) -> bool:
     return any(isinstance(step, Network) for step in steps_of(calibration))
 
 
-def at_temperature(calibration: Calibration, temperature_C: float) -> Calibration:
+def hold_network(calibration: Calibration, temperature_C: float) -> Calibration:
     """The calibration held at a temperature, °C; an error where it does not depend on one."""
     if "temperature" not in calibration.needs:
         raise AgonicError(
@@ -72,7 +72,7 @@ def at_temperature(calibration: Calibration, temperature_C: float) -> Calibratio
     return held
 
 
-def parts_of(calibration: Calibration) -> Parts:
+def split_parts(calibration: Calibration) -> Parts:
     """The network with what is before and after it.
 
     Raises `AgonicError` where a step beside it is no bias and matrix.
@@ -86,7 +86,11 @@ def parts_of(calibration: Calibration) -> Parts:
     before, after = (_one(steps[part]) for part in (slice(0, at[0]), slice(at[0] + 1, None)))
     base = network.base
     found = (
-        polynomials(base) if isinstance(base, Thermal) else None if base is None else steady(base)
+        fit_polynomials(base)
+        if isinstance(base, Thermal)
+        else None
+        if base is None
+        else make_constant(base)
     )
     return Parts(network=network, before=before, after=after, base=found)
 

@@ -40,7 +40,7 @@ class _Readings(NamedTuple):
     beside: Array  # (n, k)
 
 
-def known_readings(parts: Parts) -> Known:
+def make_known_readings(parts: Parts) -> Known:
     """Readings with their field in double precision, and what float32 makes of them."""
     rng = np.random.default_rng(0)
     known = _readings(parts, _points(parts, rng), rng)

@@ -9,20 +9,26 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
-from agonic.exports.convert import banner, float32_text, left_out, reduced, scaled_to
-from agonic.exports.firmware.ctext import braced, comment, filled
-from agonic.exports.polynomials import RATE, Polynomials, polynomials
+from agonic.exports.convert import (
+    find_magnitude,
+    format_float32,
+    list_left_out,
+    reduce,
+    write_banner,
+)
+from agonic.exports.firmware.ctext import fill_template, write_array, write_comment
+from agonic.exports.polynomials import RATE, Polynomials, fit_polynomials
 
 TESTS = 7
 """Known readings of the self-test, over the range of temperatures."""
 FASTEST_C_S = 0.05  # of the known readings: 3 °C a minute
 
 
-def thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
+def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
     """The text of the header, and warnings."""
-    found = polynomials(calibration)
+    found = fit_polynomials(calibration)
     middle = calibration.at((found.low_C + found.high_C) / 2)  # type: ignore[attr-defined]
-    reduced(middle)  # refuses what no header can hold
+    reduce(middle)  # refuses what no header can hold
     rate = RATE in found.signals
     table = _table(found, rate)
     known, tolerance = _known(calibration, found, table)
@@ -31,26 +37,26 @@ def thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple[str,
         f"{len(table) - 1} in x = (T - {found.centre_C:g}) / {found.half_range_C:g}, T in C; "
         f"beyond {found.clamp_C[0]:g} to {found.clamp_C[1]:g} C that of the nearest edge"
     )
-    warnings = left_out(middle)
-    text = filled(
+    warnings = list_left_out(middle)
+    text = fill_template(
         "thermal.h.in",
         {
             "name": name,
             "GUARD": name.upper(),
-            "about": comment(banner(calibration, formula, warnings)),
+            "about": write_comment(write_banner(calibration, formula, warnings)),
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,
             "powers": str(len(table)),
             "highest": str(len(table) - 1),
             "numbers": str(table.shape[1]),
-            "table": braced(table),
-            "scale": braced([found.centre_C, found.half_range_C]),
-            "range": braced(found.clamp_C),
+            "table": write_array(table),
+            "scale": write_array([found.centre_C, found.half_range_C]),
+            "range": write_array(found.clamp_C),
             "tests": str(len(known)),
             "columns": str(known.shape[1]),
-            "known": braced(known, "    "),
-            "tolerance": float32_text(tolerance),
+            "known": write_array(known, "    "),
+            "tolerance": format_float32(tolerance),
             **_of_rate(calibration, rate),
         },
     )
@@ -94,7 +100,7 @@ def _known(calibration: Calibration, found: Polynomials, table: Array) -> tuple[
     sizes = np.abs(x)[:, None] ** np.arange(len(table)) @ np.abs(table)
     values = x[:, None] ** np.arange(len(table)) @ table
     bias, matrix = values[:, :3], values[:, 3:12].reshape(-1, 3, 3)
-    size = scaled_to(calibration) or float(np.linalg.norm(matrix[0] @ bias[0])) or 1.0
+    size = find_magnitude(calibration) or float(np.linalg.norm(matrix[0] @ bias[0])) or 1.0
     raw = np.linalg.solve(matrix, size * directions[:, :, None])[:, :, 0] + bias
     raw = raw.astype(np.float32).astype(np.float64)
     rates = FASTEST_C_S * rng.uniform(-1, 1, TESTS).astype(np.float32).astype(np.float64)

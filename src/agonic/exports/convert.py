@@ -39,16 +39,16 @@ class Export:
     warnings: tuple[str, ...] = ()
 
 
-def reduced(calibration: Calibration) -> tuple[Array, Array]:
+def reduce(calibration: Calibration) -> tuple[Array, Array]:
     """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias).
 
     Where it takes a current or throttle into account, the bias is that without them: see
-    `left_out`. Raises `AgonicError` where it mixes two magnetometers.
+    `list_left_out`. Raises `AgonicError` where it mixes two magnetometers.
 
     >>> from agonic.calibration.chain import Chain
     >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
     >>> chain = Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3) * 2), turn))
-    >>> reduced(chain)[0].round(9).tolist(), reduced(chain)[1].round(9).tolist()
+    >>> reduce(chain)[0].round(9).tolist(), reduce(chain)[1].round(9).tolist()
     ([1.0, 2.0, 3.0], [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     """
     one = compose(calibration)
@@ -61,11 +61,11 @@ def reduced(calibration: Calibration) -> tuple[Array, Array]:
     return one.bias, one.matrix
 
 
-def left_out(calibration: Calibration) -> tuple[str, ...]:
+def list_left_out(calibration: Calibration) -> tuple[str, ...]:
     """Warnings for the sources that a target without a term for them leaves in the field.
 
     >>> from agonic.calibration.interference import Interference
-    >>> left_out(Interference(bias=np.zeros(3), matrix=np.eye(3), sources=("current_A",),
+    >>> list_left_out(Interference(bias=np.zeros(3), matrix=np.eye(3), sources=("current_A",),
     ...                       coefficients=[[300.0], [0.0], [400.0]]))[0].split(";")[0]
     'the target has no term for current_A: 500 nT per unit of it stay in the field'
     """
@@ -80,12 +80,12 @@ def left_out(calibration: Calibration) -> tuple[str, ...]:
     )
 
 
-def physical(calibration: Calibration, unit: str) -> tuple[Array, Array]:
-    """`reduced`, for a target whose numbers are in `unit`: bias in nT, matrix without unit.
+def require_physical(calibration: Calibration, unit: str) -> tuple[Array, Array]:
+    """`reduce`, for a target whose numbers are in `unit`: bias in nT, matrix without unit.
 
     Raises `UnitError` where the calibration is for readings or a field of unknown scale.
     """
-    bias, matrix = reduced(calibration)
+    bias, matrix = reduce(calibration)
     if {calibration.unit_in, calibration.unit_out} != {"nT"}:
         raise UnitError(
             f"the target needs {unit} and this calibration turns {calibration.unit_in} into "
@@ -95,10 +95,10 @@ def physical(calibration: Calibration, unit: str) -> tuple[Array, Array]:
     return bias, matrix
 
 
-def in_frame(
+def turn_into_frame(
     calibration: Calibration, frame: str, *, unit: str, rotation_bm: Rotation | None = None
 ) -> tuple[Array, Array, tuple[str, ...]]:
-    """`physical`, for a target whose readings and field are both in the axes of `frame`.
+    """`require_physical`, for a target whose readings and field are both in the axes of `frame`.
 
         bias_f = R_in bias,   matrix_f = R_out matrix R_inᵀ
 
@@ -106,12 +106,12 @@ def in_frame(
     (m components into b components). Without it the mounting inside a chain is taken, or none.
     Returns bias (3,) nT, matrix (3, 3) and warnings.
     """
-    bias, matrix = physical(calibration, unit)
-    into, out, warnings = turns(calibration, frame, rotation_bm)
+    bias, matrix = require_physical(calibration, unit)
+    into, out, warnings = find_turns(calibration, frame, rotation_bm)
     return into @ bias, out @ matrix @ into.T, warnings
 
 
-def source_term(
+def find_source_term(
     calibration: Calibration, frame: str, *, rotation_bm: Rotation | None = None
 ) -> tuple[str, Array] | None:
     """The current or throttle and its coefficient, for a target that can hold one of them.
@@ -127,14 +127,14 @@ def source_term(
             f"the target takes one of current and throttle into account, not {one.sources}; fit "
             "with one of them, or export the setup to c"
         )
-    into, _, _ = turns(calibration, frame, rotation_bm)
+    into, _, _ = find_turns(calibration, frame, rotation_bm)
     return one.sources[0], into @ one.coefficients[:, 0]
 
 
-def turns(
+def find_turns(
     calibration: Calibration, frame: str, rotation_bm: Rotation | None
 ) -> tuple[Array, Array, tuple[str, ...]]:
-    """R_in and R_out of `in_frame`, and what was assumed."""
+    """R_in and R_out of `turn_into_frame`, and what was assumed."""
     ends = (calibration.frame_in, calibration.frame_out)
     if set(ends) == {frame}:
         return np.eye(3), np.eye(3), ()
@@ -146,13 +146,13 @@ def turns(
         )
     warnings: tuple[str, ...] = ()
     if rotation_bm is None:
-        rotation_bm, warnings = _mounting(calibration)
+        rotation_bm, warnings = _find_mounting(calibration)
     turn = {"m": rotation_bm.as_matrix(), "b": np.eye(3)}
     into, out = (turn[frame].T @ turn[end] for end in ends)
     return into, out, warnings
 
 
-def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
+def _find_mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     """The rotation from m to b that the calibration itself holds, and what was assumed."""
     if calibration.frame_in == calibration.frame_out:
         return Rotation.identity(), (
@@ -164,7 +164,7 @@ def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
         if isinstance(step, Alignment):
             turn = step.rotation * turn
         elif isinstance(step, Affine) and step.frame_in != step.frame_out:
-            turn = symmetric_part(step.matrix)[1] * turn
+            turn = split_rotation(step.matrix)[1] * turn
     warning = (
         f"the mounting of {np.degrees(turn.magnitude()):.2f} deg inside the calibration is left "
         "to the target: set its sensor orientation to the same turn, or give rotation_bm",
@@ -172,14 +172,14 @@ def _mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     return turn if calibration.frame_in == "m" else turn.inv(), warning
 
 
-def symmetric_part(matrix: ArrayLike) -> tuple[Array, Rotation]:
+def split_rotation(matrix: ArrayLike) -> tuple[Array, Rotation]:
     """The polar decomposition matrix = rotation @ symmetric, as (symmetric, rotation).
 
     The symmetric factor gives the same magnitudes and the rotation is what it leaves out: a target
     that holds a symmetric matrix only shows the field turned by the inverse of that rotation.
     Source: Higham, Functions of Matrices (2008), chapter 8.
 
-    >>> symmetric, left_out = symmetric_part([[0, -2, 0], [2, 0, 0], [0, 0, 2]])
+    >>> symmetric, left_out = split_rotation([[0, -2, 0], [2, 0, 0], [0, 0, 2]])
     >>> symmetric.round(9).tolist(), left_out.as_rotvec(degrees=True).round(9).tolist()
     ([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], [0.0, 0.0, 90.0])
     """
@@ -192,12 +192,15 @@ def symmetric_part(matrix: ArrayLike) -> tuple[Array, Rotation]:
     return (symmetric + symmetric.T) / 2, Rotation.from_matrix(rotation)
 
 
-def six_numbers(
+def take_symmetric(
     calibration: Calibration, frame: str, *, unit: str, rotation_bm: Rotation | None = None
 ) -> tuple[Array, Array, tuple[str, ...]]:
-    """`in_frame`, for a target that holds a symmetric matrix: bias, xx yy zz xy xz yz, warnings."""
-    bias, matrix, warnings = in_frame(calibration, frame, unit=unit, rotation_bm=rotation_bm)
-    symmetric, left_out = symmetric_part(matrix)
+    """`turn_into_frame`, for a target that holds a symmetric matrix.
+
+    Returns bias (3,) nT, the entries xx yy zz xy xz yz (6,), and warnings.
+    """
+    bias, matrix, warnings = turn_into_frame(calibration, frame, unit=unit, rotation_bm=rotation_bm)
+    symmetric, left_out = split_rotation(matrix)
     angle = np.degrees(left_out.magnitude())
     if angle > NEGLIGIBLE_DEG:
         warnings += (
@@ -207,7 +210,9 @@ def six_numbers(
     return bias, np.append(np.diag(symmetric), symmetric[[0, 0, 1], [1, 2, 2]]), warnings
 
 
-def banner(calibration: Calibration, formula: str, warnings: Iterable[str] = ()) -> tuple[str, ...]:
+def write_banner(
+    calibration: Calibration, formula: str, warnings: Iterable[str] = ()
+) -> tuple[str, ...]:
     """Comment lines, plain ASCII: what the file is, its equation, origin and warnings."""
     origins = [calibration.provenance, *(step.provenance for step in steps_of(calibration))]
     inputs = dict.fromkeys(i for origin in origins for i in origin.inputs)
@@ -229,16 +234,16 @@ def banner(calibration: Calibration, formula: str, warnings: Iterable[str] = ())
     )
 
 
-def float32_text(value: float) -> str:
+def format_float32(value: float) -> str:
     """The shortest decimal that reads back as the same float32.
 
-    >>> float32_text(0.1), float32_text(-300.0), float32_text(1e-5)
+    >>> format_float32(0.1), format_float32(-300.0), format_float32(1e-5)
     ('0.1', '-300.0', '0.00001')
     """
     return np.format_float_positional(np.float32(value + 0.0), unique=True, trim="0")
 
 
-def scaled_to(calibration: Calibration) -> float | None:
+def find_magnitude(calibration: Calibration) -> float | None:
     """The field magnitude that the last step with one was scaled to, in `unit_out`, if known."""
     magnitudes = [
         step.magnitude for step in steps_of(calibration) if isinstance(step, Affine | Thermal)

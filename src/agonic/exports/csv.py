@@ -38,7 +38,7 @@ def write_csv(samples: Samples, path: Path | str) -> Path:
     0.0,1.5,2.0,3.0
     0.1,4.0,5.0,6.0
     """
-    return _written(_table(samples), path)
+    return _write_table(_make_table(samples), path)
 
 
 def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
@@ -68,21 +68,21 @@ def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
                 f"{first.name} and {other.name} have different times; write a table for each"
             )
     table: _Table = {}
-    for header, values in _table(first.with_columns(name="mag")).items():
+    for header, values in _make_table(first.with_columns(name="mag")).items():
         if header == canonical_header("field", "x", first.unit):
             for number, sensor in enumerate(sensors, start=1):
-                table |= _readings(sensor, str(number))
-        elif header not in _readings(first):
+                table |= _name_readings(sensor, str(number))
+        elif header not in _name_readings(first):
             table[header] = values
-    return _written(table, path)
+    return _write_table(table, path)
 
 
-def _table(samples: Samples) -> _Table:
+def _make_table(samples: Samples) -> _Table:
     """The columns of one sensor by header."""
     table: _Table = {}
     for column, values in samples.columns().items():
         if column == "field":
-            table |= _readings(samples)
+            table |= _name_readings(samples)
         elif column in VECTORS:
             for axis, component in zip("xyz", values.T, strict=True):
                 table[canonical_header(column, axis, samples.unit)] = component.tolist()
@@ -98,7 +98,7 @@ def _table(samples: Samples) -> _Table:
     return table
 
 
-def _readings(samples: Samples, number: str = "") -> _Table:
+def _name_readings(samples: Samples, number: str = "") -> _Table:
     """The three columns of the field, numbered where there is more than one sensor."""
     headers = (canonical_header("field", axis, samples.unit) for axis in "xyz")
     return {
@@ -107,7 +107,7 @@ def _readings(samples: Samples, number: str = "") -> _Table:
     }
 
 
-def _written(table: _Table, path: Path | str) -> Path:
+def _write_table(table: _Table, path: Path | str) -> Path:
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(table)

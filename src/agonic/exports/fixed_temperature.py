@@ -16,9 +16,14 @@ from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import require_calibration
 from agonic.errors import AgonicError, ValidityError
-from agonic.exports.convert import scaled_to
-from agonic.exports.polynomials import affine_at, changes, range_C, signals
-from agonic.exports.targets import TARGETS, listed
+from agonic.exports.convert import find_magnitude
+from agonic.exports.polynomials import (
+    changes_with_temperature,
+    evaluate_affine,
+    find_range_C,
+    list_signals,
+)
+from agonic.exports.targets import TARGETS, list_words
 
 LEVELS = 121
 """Temperatures at which the error is looked at."""
@@ -51,7 +56,7 @@ class Remainder:
         )
 
 
-def remainder(
+def compute_remainder(
     calibration: Calibration,
     temperature_C: float,
     *,
@@ -66,18 +71,18 @@ def remainder(
     >>> from agonic.calibration.thermal import Thermal
     >>> warm = Thermal(bias=[[0, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
     ...                centre_C=20.0, half_range_C=30.0)
-    >>> str(remainder(warm, 20.0)).split(",")[0]
+    >>> str(compute_remainder(warm, 20.0)).split(",")[0]
     'over -10 to 50 C the field is off by up to 50 nT (0.057 deg)'
     """
-    low, high = range_C(calibration)
+    low, high = find_range_C(calibration)
     levels = np.linspace(low, high, LEVELS)
-    bias, matrix, _ = affine_at(calibration, levels)
-    (bias0,), (matrix0,), _ = affine_at(calibration, temperature_C)
+    bias, matrix, _ = evaluate_affine(calibration, levels)
+    (bias0,), (matrix0,), _ = evaluate_affine(calibration, temperature_C)
     taken = bias0 if bias_at is None else bias_at(levels)
     turned = matrix0 @ np.linalg.inv(matrix) - np.eye(3)
     shift = (bias - taken) @ matrix0.T
     size = _size(calibration, bias0, matrix0)
-    worst = _largest(size * turned, shift)
+    worst = _find_largest(size * turned, shift)
     square = size**2 * np.linalg.norm(turned, axis=(1, 2)) ** 2 / 3 + (shift**2).sum(axis=1)
     at = int(worst.argmax())
     return Remainder(
@@ -90,7 +95,7 @@ def remainder(
     )
 
 
-def held(
+def hold_temperature(
     calibration: Calibration, temperature_C: float | None
 ) -> tuple[Calibration, tuple[str, ...]]:
     """The calibration at one temperature, for a target that holds no other, and what is lost.
@@ -101,35 +106,35 @@ def held(
     >>> from agonic.calibration.thermal import Thermal
     >>> warm = Thermal(bias=[[0, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
     ...                centre_C=20.0, half_range_C=30.0)
-    >>> one, warnings = held(warm, 50.0)
+    >>> one, warnings = hold_temperature(warm, 50.0)
     >>> one.bias.tolist(), warnings[0].split(":")[0]
     ([50.0, 0.0, 0.0], 'held at 50 C')
     """
     known = require_calibration(calibration)
-    if not changes(known):
+    if not changes_with_temperature(known):
         if temperature_C is not None:
             raise AgonicError(
                 f"the calibration of {known.sensor} does not change with temperature; leave the "
                 "temperature away"
             )
         return known, ()
-    low, high = range_C(known)
+    low, high = find_range_C(known)
     within = f"{low:.4g} to {high:.4g} °C"
     if temperature_C is None:
         able = [name for name, target in TARGETS.items() if target.thermal]
         raise AgonicError(
             f"the calibration of {known.sensor} changes with temperature and the target holds one "
             f"temperature: say which (--temperature, in Python temperature_C), within {within}; "
-            f"{listed(able, 'and')} hold more than one"
+            f"{list_words(able, 'and')} hold more than one"
         )
     require_within(known, temperature_C)
-    lost = f"held at {temperature_C:.4g} C: {remainder(known, temperature_C)}"
-    return known.at(temperature_C), (lost, *lag(known))  # type: ignore[union-attr]
+    lost = f"held at {temperature_C:.4g} C: {compute_remainder(known, temperature_C)}"
+    return known.at(temperature_C), (lost, *describe_lag(known))  # type: ignore[union-attr]
 
 
 def require_within(calibration: Calibration, temperature_C: float) -> None:
     """Raise `ValidityError` for a temperature outside the range of a calibration."""
-    low, high = range_C(calibration)
+    low, high = find_range_C(calibration)
     if not low <= temperature_C <= high:
         raise ValidityError(
             f"{temperature_C:.4g} °C is outside {low:.4g} to {high:.4g} °C, for which "
@@ -137,12 +142,12 @@ def require_within(calibration: Calibration, temperature_C: float) -> None:
         )
 
 
-def lag(calibration: Calibration) -> tuple[str, ...]:
+def describe_lag(calibration: Calibration) -> tuple[str, ...]:
     """A warning where the target leaves out what the bias lags by while the temperature changes."""
-    names = signals(calibration)
+    names = list_signals(calibration)
     if "temperature_rate" not in names:
         return ()
-    _, (matrix,), (rates,) = affine_at(calibration, np.mean(range_C(calibration)))
+    _, (matrix,), (rates,) = evaluate_affine(calibration, np.mean(find_range_C(calibration)))
     size = np.linalg.norm(matrix @ rates[:, names.index("temperature_rate")]) / 60
     return (
         f"the target has no term for the rate of the temperature: {size:.3g} "
@@ -150,7 +155,7 @@ def lag(calibration: Calibration) -> tuple[str, ...]:
     )
 
 
-def _largest(turned: Array, shift: Array) -> Array:
+def _find_largest(turned: Array, shift: Array) -> Array:
     """The largest |A u + c| (n,) over directions u, for A (n, 3, 3) and c (n, 3).
 
     By the ascent u ← Aᵀ(A u + c), made a unit vector, from both ends of each singular direction.
@@ -170,4 +175,4 @@ def _largest(turned: Array, shift: Array) -> Array:
 def _size(calibration: Calibration, bias: Array, matrix: Array) -> float:
     """The magnitude of the field, in `unit_out`."""
     unknown = USUAL if calibration.unit_out == "nT" else float(np.linalg.norm(matrix @ bias))
-    return scaled_to(calibration) or unknown or 1.0
+    return find_magnitude(calibration) or unknown or 1.0

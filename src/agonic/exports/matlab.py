@@ -22,9 +22,9 @@ from scipy.io import savemat
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.exports.convert import Export, banner, left_out, reduced, scaled_to
-from agonic.exports.fixed_temperature import held
-from agonic.exports.polynomials import RATE, changes, polynomials, range_C
+from agonic.exports.convert import Export, find_magnitude, list_left_out, reduce, write_banner
+from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.polynomials import RATE, changes_with_temperature, find_range_C, fit_polynomials
 
 HEADER = 116  # bytes of free text at the start of a MAT-file, version 5
 FORMULA = "C = (D - b) * A, a reading a row"
@@ -55,15 +55,15 @@ def write_matlab(
     array([[3000.,    0.,    0.]])
     """
     warm: dict[str, Any] = {}
-    if changes(calibration):
+    if changes_with_temperature(calibration):
         if temperature_C is None:
-            temperature_C = float(np.mean(range_C(calibration)))
+            temperature_C = float(np.mean(find_range_C(calibration)))
         warm = _over_temperature(calibration) | {"temperature_C": temperature_C}
-    one, _ = held(calibration, temperature_C)
-    bias, matrix = reduced(one)
-    magnitude = scaled_to(calibration)
+    one, _ = hold_temperature(calibration, temperature_C)
+    bias, matrix = reduce(one)
+    magnitude = find_magnitude(calibration)
     unknown = "the field magnitude is not known: expmfs is NaN"
-    warnings = (*left_out(one), *((unknown,) if magnitude is None else ()))
+    warnings = (*list_left_out(one), *((unknown,) if magnitude is None else ()))
     variables = {
         **warm,
         "A": matrix.T,
@@ -71,7 +71,9 @@ def write_matlab(
         "expmfs": np.nan if magnitude is None else magnitude,
         "unit_in": calibration.unit_in,
         "unit_out": calibration.unit_out,
-        "about": "\n".join(banner(calibration, OVER_TEMPERATURE if warm else FORMULA, warnings)),
+        "about": "\n".join(
+            write_banner(calibration, OVER_TEMPERATURE if warm else FORMULA, warnings)
+        ),
     }
     written = write_atomically(path, _without_clock(variables))
     return Export(path=written, target="matlab", warnings=warnings)
@@ -79,7 +81,7 @@ def write_matlab(
 
 def _over_temperature(calibration: Calibration) -> dict[str, Array | float]:
     """The polynomials, with the power in the last index of the matrices."""
-    found = polynomials(calibration)
+    found = fit_polynomials(calibration)
     lagging = RATE in found.signals
     rate = found.coefficients[0, :, found.signals.index(RATE)] if lagging else np.zeros(3)
     return {

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.exports.convert import Export, left_out, scaled_to, six_numbers
-from agonic.exports.fixed_temperature import held
+from agonic.exports.convert import Export, find_magnitude, list_left_out, take_symmetric
+from agonic.exports.fixed_temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
 
 SIGNATURE = b"\x75\x54"
@@ -55,18 +55,18 @@ def write_motioncal(
     >>> struct.unpack("<4f", data[26:42]), len(data)
     ((3.0, 0.0, 0.0, 48.0), 68)
     """
-    one, lost = held(calibration, temperature_C)
-    packet, warnings = motioncal_packet(one)
+    one, lost = hold_temperature(calibration, temperature_C)
+    packet, warnings = make_packet(one)
     warnings = (*lost, *warnings)
-    written = write_atomically(path, encode_motioncal(packet))
+    written = write_atomically(path, encode_packet(packet))
     return Export(path=written, target="motioncal", warnings=warnings)
 
 
-def motioncal_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
+def make_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
     """The numbers of the packet, and warnings."""
-    bias, six, warnings = six_numbers(calibration, calibration.frame_in, unit="microtesla")
-    warnings += left_out(calibration)
-    magnitude = scaled_to(calibration)
+    bias, six, warnings = take_symmetric(calibration, calibration.frame_in, unit="microtesla")
+    warnings += list_left_out(calibration)
+    magnitude = find_magnitude(calibration)
     if magnitude is None:
         warnings += (
             f"the field magnitude is not known: {USUAL_FIELD:.0f} uT was written for B, which only "
@@ -79,17 +79,17 @@ def motioncal_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]
     return Packet(offset=offset, field=field, matrix=tuple(six.tolist())), warnings
 
 
-def encode_motioncal(packet: Packet) -> bytes:
+def encode_packet(packet: Packet) -> bytes:
     """The 68 bytes of a packet."""
     values = (0.0,) * 6 + packet.offset + (packet.field,) + packet.matrix
     body = SIGNATURE + struct.pack("<16f", *values)
-    return body + struct.pack("<H", crc16(body))
+    return body + struct.pack("<H", compute_crc16(body))
 
 
-def crc16(data: bytes) -> int:
+def compute_crc16(data: bytes) -> int:
     """CRC-16/MODBUS: polynomial A001 (reflected), start FFFF.
 
-    >>> hex(crc16(b"123456789"))
+    >>> hex(compute_crc16(b"123456789"))
     '0x4b37'
     """
     crc = 0xFFFF

@@ -60,16 +60,18 @@ class Polynomials:
         return self.low_C - MARGIN_C, self.high_C + MARGIN_C
 
 
-def changes(calibration: Calibration) -> bool:
+def changes_with_temperature(calibration: Calibration) -> bool:
     """Whether a calibration depends on temperature, and is affine at each."""
     bent = any(isinstance(step, Network) for step in steps_of(calibration))
     return "temperature" in calibration.needs and not bent
 
 
-def range_C(calibration: Calibration) -> tuple[float, float]:
+def find_range_C(calibration: Calibration) -> tuple[float, float]:
     """The temperatures for which all steps of a calibration were made.
 
-    >>> range_C(Thermal(bias=[[1, 0, 0]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0))
+    >>> find_range_C(
+    ...     Thermal(bias=[[1, 0, 0]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
+    ... )
     (-10.0, 50.0)
     """
     ranges = [_range(step) for step in steps_of(calibration) if isinstance(step, Thermal)]
@@ -87,15 +89,17 @@ def _range(step: Thermal) -> tuple[float, float]:
     return step.centre_C - step.half_range_C, step.centre_C + step.half_range_C
 
 
-def affine_at(calibration: Calibration, temperature_C: ArrayLike) -> tuple[Array, Array, Array]:
-    """Bias (n, 3), matrix (n, 3, 3) and coefficients (n, 3, k) of `signals` at temperatures (n,).
+def evaluate_affine(
+    calibration: Calibration, temperature_C: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Bias (n, 3), matrix (n, 3, 3) and coefficients (n, 3, k) of signals at temperatures (n,).
 
     At one temperature every calibration is affine in the reading and the signals, so the readings
     0, e₁, e₂, e₃ and a unit of each signal tell all of it.
 
     >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
     ...                centre_C=20.0, half_range_C=30.0)
-    >>> affine_at(warm, [20.0, 50.0])[0][:, 0].round(9).tolist()
+    >>> evaluate_affine(warm, [20.0, 50.0])[0][:, 0].round(9).tolist()
     [100.0, 150.0]
     """
     temperature = np.atleast_1d(np.asarray(temperature_C, dtype=np.float64))
@@ -117,26 +121,26 @@ def affine_at(calibration: Calibration, temperature_C: ArrayLike) -> tuple[Array
     return both[:, :, 0], matrix, both[:, :, 1:]
 
 
-def signals(calibration: Calibration) -> tuple[str, ...]:
+def list_signals(calibration: Calibration) -> tuple[str, ...]:
     """The numbers beside reading and temperature that a calibration takes, in order."""
     return signals_of(tuple(name for name in calibration.needs if name != "temperature"))
 
 
-def polynomials(calibration: Calibration) -> Polynomials:
+def fit_polynomials(calibration: Calibration) -> Polynomials:
     """The polynomials of a calibration that changes with temperature, of the lowest order.
 
     Raises `AgonicError` where none of order 12 follows it.
 
     >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
     ...                centre_C=20.0, half_range_C=30.0)
-    >>> polynomials(warm).bias.round(6)[:, 0].tolist()
+    >>> fit_polynomials(warm).bias.round(6)[:, 0].tolist()
     [100.0, 50.0]
     """
-    low, high = range_C(calibration)
+    low, high = find_range_C(calibration)
     centre, half = _scale(calibration, low, high)
     reach = max((high - low) / 2, 0.0) + MARGIN_C
     nodes = (low + high) / 2 + reach * chebpts1(4 * HIGHEST)
-    values = affine_at(calibration, nodes)
+    values = evaluate_affine(calibration, nodes)
     table = np.concatenate([part.reshape(len(nodes), -1) for part in values], axis=1)
     largest = np.concatenate([_largest(part) for part in values])
     x = polynomial.scale(nodes, centre, half)
@@ -150,7 +154,7 @@ def polynomials(calibration: Calibration) -> Polynomials:
                 bias=bias,
                 matrix=matrix.reshape(-1, 3, 3),
                 coefficients=rest.reshape(degree + 1, 3, -1),
-                signals=signals(calibration),
+                signals=list_signals(calibration),
                 centre_C=centre,
                 half_range_C=half,
                 low_C=low,
@@ -162,7 +166,7 @@ def polynomials(calibration: Calibration) -> Polynomials:
     )
 
 
-def steady(calibration: Affine) -> Polynomials:
+def make_constant(calibration: Affine) -> Polynomials:
     """The polynomials of order 0 of a calibration that no temperature changes, for all of them."""
     mixed = calibration if isinstance(calibration, Interference) else None
     return Polynomials(

@@ -24,15 +24,15 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.exports.convert import (
     Export,
-    banner,
-    float32_text,
-    six_numbers,
-    source_term,
-    turns,
+    find_source_term,
+    find_turns,
+    format_float32,
+    take_symmetric,
+    write_banner,
 )
-from agonic.exports.fixed_temperature import held
-from agonic.exports.polynomials import changes
-from agonic.exports.px4_thermal import THERMAL, reference_C, thermal_parameters
+from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.polynomials import changes_with_temperature
+from agonic.exports.px4_thermal import THERMAL, choose_reference_C, compute_thermal_parameters
 from agonic.units import NANOTESLA_PER
 
 DEAD_BAND = 0.01
@@ -84,7 +84,7 @@ def write_px4(
     >>> [row.split()[2:4] for row in rows if "XOFF" in row]
     [['CAL_MAG0_XOFF', '0.03']]
     """
-    parameters, warnings = px4_parameters(
+    parameters, warnings = compute_px4_parameters(
         calibration,
         slot=slot,
         device_id=device_id,
@@ -98,14 +98,17 @@ def write_px4(
         f"field = S (raw{power} - OFF{warmth}), gauss, sensor axes, S of SCALE and ODIAG; then "
         "CAL_MAG_ROT" + ("; TC = X1 d + X2 d^2 + X3 d^3, d = T - TREF" if warmth else "")
     )
-    notes = (*banner(calibration, formula, warnings), "Vehicle-Id Component-Id Name Value Type")
+    notes = (
+        *write_banner(calibration, formula, warnings),
+        "Vehicle-Id Component-Id Name Value Type",
+    )
     lines = [f"# {note}" for note in notes]
     lines += [_row(name, value) for name, value in parameters.items()]
     written = write_atomically(path, "\n".join(lines) + "\n")
     return Export(path=written, target="px4", warnings=warnings)
 
 
-def px4_parameters(
+def compute_px4_parameters(
     calibration: Calibration,
     *,
     slot: int = 0,
@@ -118,18 +121,18 @@ def px4_parameters(
 
     >>> from agonic.calibration.affine import Affine
     >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1)
-    >>> parameters, _ = px4_parameters(mag, device_id=396809)
+    >>> parameters, _ = compute_px4_parameters(mag, device_id=396809)
     >>> parameters["CAL_MAG0_XOFF"], parameters["CAL_MAG0_YSCALE"]
     (0.03, 1.1)
     """
     thermal: dict[str, float | int] = {}
     lost: tuple[str, ...] = ()
-    if changes(calibration):
-        temperature_C = reference_C(calibration, temperature_C)
-        into, _, _ = turns(calibration, "m", rotation_bm)
-        thermal, lost = thermal_parameters(calibration, temperature_C, into, slot=slot)
-    calibration, _ = held(calibration, temperature_C)
-    bias, six, warnings = six_numbers(calibration, "m", unit="gauss", rotation_bm=rotation_bm)
+    if changes_with_temperature(calibration):
+        temperature_C = choose_reference_C(calibration, temperature_C)
+        into, _, _ = find_turns(calibration, "m", rotation_bm)
+        thermal, lost = compute_thermal_parameters(calibration, temperature_C, into, slot=slot)
+    calibration, _ = hold_temperature(calibration, temperature_C)
+    bias, six, warnings = take_symmetric(calibration, "m", unit="gauss", rotation_bm=rotation_bm)
     offset = bias / NANOTESLA_PER["G"]
     parameters: dict[str, float | int] = {}
     if device_id is not None:
@@ -139,7 +142,7 @@ def px4_parameters(
     if rotation is not None:
         parameters[f"CAL_MAG{slot}_ROT"] = int(rotation)
     parameters |= dict(zip(px4_names(slot), map(float, (*offset, *six)), strict=True))
-    term = source_term(calibration, "m", rotation_bm=rotation_bm)
+    term = find_source_term(calibration, "m", rotation_bm=rotation_bm)
     if term is not None:
         source, added = term
         kind = POWER_KIND[source]
@@ -179,7 +182,7 @@ def power_names(slot: int) -> list[str]:
 def _row(name: str, value: float | int) -> str:
     if isinstance(value, int):
         return f"1\t1\t{name}\t{value}\t{INT32}"
-    return f"1\t1\t{name}\t{float32_text(value)}\t{FLOAT}"
+    return f"1\t1\t{name}\t{format_float32(value)}\t{FLOAT}"
 
 
 def _as_int32(device_id: int) -> int:

@@ -15,8 +15,8 @@ from numpy.polynomial.chebyshev import chebpts1
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
-from agonic.exports.fixed_temperature import LEVELS, lag, remainder, require_within
-from agonic.exports.polynomials import affine_at, range_C
+from agonic.exports.fixed_temperature import LEVELS, compute_remainder, describe_lag, require_within
+from agonic.exports.polynomials import evaluate_affine, find_range_C
 from agonic.units import NANOTESLA_PER
 
 THERMAL = "TC_M_ENABLE"
@@ -25,26 +25,26 @@ STEP_C = 1.0
 ORDERS = np.array([[1.0], [2.0], [3.0]])
 
 
-def reference_C(calibration: Calibration, temperature_C: float | None) -> float:
+def choose_reference_C(calibration: Calibration, temperature_C: float | None) -> float:
     """TREF: the temperature given, or the middle of the range."""
-    low, high = range_C(calibration)
+    low, high = find_range_C(calibration)
     if temperature_C is None:
         return float(np.clip(round((low + high) / 2, 1), low, high))
     require_within(calibration, temperature_C)
     return float(temperature_C)
 
 
-def thermal_parameters(
+def compute_thermal_parameters(
     calibration: Calibration, at: float, into: Array, *, slot: int
 ) -> tuple[dict[str, float | int], tuple[str, ...]]:
     """TC_M_ENABLE and TC_Mn_* but for the ID, and what they leave in the field.
 
     Parameters: `at` is TREF; `into` (3, 3) turns the axes of the readings into sensor axes.
     """
-    cubic = _cubic(calibration, at)
+    cubic = _fit_cubic(calibration, at)
     terms = np.vstack([np.zeros(3), cubic @ into.T]) / NANOTESLA_PER["G"]
-    values = (*terms.ravel().tolist(), at, *range_C(calibration))
-    return {THERMAL: 1, **dict(zip(thermal_names(slot), values, strict=True))}, _lost(
+    values = (*terms.ravel().tolist(), at, *find_range_C(calibration))
+    return {THERMAL: 1, **dict(zip(thermal_names(slot), values, strict=True))}, _describe_lost(
         calibration, at, cubic
     )
 
@@ -55,20 +55,20 @@ def thermal_names(slot: int) -> list[str]:
     return [f"TC_M{slot}_{name}" for name in (*terms, "TREF", "TMIN", "TMAX")]
 
 
-def _cubic(calibration: Calibration, at: float) -> Array:
+def _fit_cubic(calibration: Calibration, at: float) -> Array:
     """The coefficients (3, 3) of d, d², d³ of the bias by least squares: exact to third order."""
-    low, high = range_C(calibration)
+    low, high = find_range_C(calibration)
     d = (low + high) / 2 + (high - low) / 2 * chebpts1(48) - at
-    moved = affine_at(calibration, at + d)[0] - affine_at(calibration, at)[0]
+    moved = evaluate_affine(calibration, at + d)[0] - evaluate_affine(calibration, at)[0]
     reach = max(high - at, at - low, STEP_C)  # scaled for the conditioning
     found = np.linalg.lstsq((d / reach)[:, None] ** ORDERS.T, moved, rcond=None)[0]
     return np.asarray(found / reach**ORDERS)
 
 
-def _lost(calibration: Calibration, at: float, cubic: Array) -> tuple[str, ...]:
+def _describe_lost(calibration: Calibration, at: float, cubic: Array) -> tuple[str, ...]:
     """What PX4 cannot hold of a calibration over temperature, in numbers."""
-    start, _, _ = affine_at(calibration, at)
-    left = remainder(
+    start, _, _ = evaluate_affine(calibration, at)
+    left = compute_remainder(
         calibration, at, bias_at=lambda t: start + (t[:, None] - at) ** ORDERS.T @ cubic
     )
     return (
@@ -79,18 +79,18 @@ def _lost(calibration: Calibration, at: float, cubic: Array) -> tuple[str, ...]:
         "TC_M needs PX4 1.15 or later, and in the copies of its source that were read for this "
         "Correct in Magnetometer.hpp does not subtract the thermal offset: compare "
         "vehicle_magnetometer with sensor_mag in a cold and a warm log of yours. Where it is not "
-        f"subtracted, the file holds for {at:.4g} C: {remainder(calibration, at)}",
-        *lag(calibration),
+        f"subtracted, the file holds for {at:.4g} C: {compute_remainder(calibration, at)}",
+        *describe_lag(calibration),
     )
 
 
 def _stale(calibration: Calibration) -> float:
     """How far the field goes astray while PX4 waits for a change of temperature."""
-    low, high = range_C(calibration)
+    low, high = find_range_C(calibration)
     if not high > low:
         return 0.0
     levels = np.linspace(low, high, LEVELS)
-    bias, matrix, _ = affine_at(calibration, levels)
+    bias, matrix, _ = evaluate_affine(calibration, levels)
     slope = np.gradient(bias, levels, axis=0)
     moved = np.einsum("nij,nj->ni", matrix, slope)
     return STEP_C * float(np.linalg.norm(moved, axis=1).max())

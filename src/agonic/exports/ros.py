@@ -12,8 +12,8 @@ from pathlib import Path
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
-from agonic.exports.convert import Export, banner, in_frame, left_out
-from agonic.exports.fixed_temperature import held
+from agonic.exports.convert import Export, list_left_out, turn_into_frame, write_banner
+from agonic.exports.fixed_temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
 
 MATRIX = "initial_mag_scaling_matrix"
@@ -45,16 +45,16 @@ def write_ros(
     """
     if ros not in (1, 2):
         raise AgonicError(f"ros is 1 or 2, not {ros}")
-    one, lost = held(calibration, temperature_C)
-    bias, matrix, warnings = in_frame(one, one.frame_in, unit="tesla")
-    warnings = (*lost, *warnings, *left_out(one))
+    one, lost = hold_temperature(calibration, temperature_C)
+    bias, matrix, warnings = turn_into_frame(one, one.frame_in, unit="tesla")
+    warnings = (*lost, *warnings, *list_left_out(one))
     values = (bias / NANOTESLA_PER["T"]).tolist()
     rows = [f"{name}: {_number(value)}" for name, value in zip(BIAS, values, strict=True)]
     rows.append(f"{MATRIX}: [{', '.join(map(_number, matrix.ravel().tolist()))}]")
     heading = ["/**:", "  ros__parameters:"] if ros == 2 else []
     indent = "    " if ros == 2 else ""
     formula = f"field = {MATRIX} (field - bias), tesla, axes of the message, row by row"
-    notes = [f"# {note}" for note in banner(calibration, formula, warnings)]
+    notes = [f"# {note}" for note in write_banner(calibration, formula, warnings)]
     text = "\n".join([*notes, *heading, *(indent + row for row in rows)]) + "\n"
     return Export(path=write_atomically(path, text), target="ros", warnings=warnings)
 

@@ -13,9 +13,9 @@ from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
-from agonic.exports.convert import Export, banner, left_out, reduced
-from agonic.exports.fixed_temperature import held
-from agonic.exports.polynomials import RATE, changes, polynomials
+from agonic.exports.convert import Export, list_left_out, reduce, write_banner
+from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.polynomials import RATE, changes_with_temperature, fit_polynomials
 from agonic.maths.equation.affine import join, model_basis
 
 COLUMNS = ("parameter", "value", "standard_error", "unit")
@@ -43,14 +43,14 @@ def write_table(
     ['bias_x,3000.0,,nT']
     """
     formula = "one number a row"
-    if changes(calibration) and temperature_C is None:
+    if changes_with_temperature(calibration) and temperature_C is None:
         rows, warnings = _over_temperature(calibration)
         formula += ", the coefficient of the power at its end of x = (T - centre) / half_range"
     else:
-        one, lost = held(calibration, temperature_C)
-        rows, warnings = _plain(one), (*lost, *left_out(one))
+        one, lost = hold_temperature(calibration, temperature_C)
+        rows, warnings = _plain(one), (*lost, *list_left_out(one))
     stream = StringIO()
-    stream.writelines(f"# {line}\n" for line in banner(calibration, formula, warnings))
+    stream.writelines(f"# {line}\n" for line in write_banner(calibration, formula, warnings))
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     table.writerows(rows)
@@ -59,16 +59,16 @@ def write_table(
 
 def _plain(calibration: Calibration) -> list[Row]:
     """The twelve numbers."""
-    bias, matrix = reduced(calibration)
+    bias, matrix = reduce(calibration)
     numbers = join(bias, matrix).tolist()
     return list(zip(NAMES, numbers, _errors(calibration), _units(calibration), strict=True))
 
 
 def _over_temperature(calibration: Calibration) -> tuple[list[Row], tuple[str, ...]]:
     """The coefficients of the twelve polynomials, their scale and range, and the rates."""
-    found = polynomials(calibration)
+    found = fit_polynomials(calibration)
     middle = calibration.at((found.low_C + found.high_C) / 2)  # type: ignore[attr-defined]
-    reduced(middle)  # refuses a mix of two magnetometers
+    reduce(middle)  # refuses a mix of two magnetometers
     units = _units(calibration)
     p = len(found.bias)
     numbers = np.concatenate([found.bias, found.matrix.reshape(p, 9)], axis=1)
@@ -91,7 +91,7 @@ def _over_temperature(calibration: Calibration) -> tuple[list[Row], tuple[str, .
         "highest": found.high_C,
     }
     rows += [(name, float(value), None, "C") for name, value in scale.items()]
-    return rows, left_out(middle)
+    return rows, list_left_out(middle)
 
 
 def _units(calibration: Calibration) -> tuple[str, ...]:

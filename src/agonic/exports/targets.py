@@ -57,10 +57,10 @@ TARGETS: dict[str, Target] = {
 }
 
 
-def listed(names: list[str], last: str) -> str:
+def list_words(names: list[str], last: str) -> str:
     """Names as a sentence has them.
 
-    >>> listed(["px4", "c", "table"], "or")
+    >>> list_words(["px4", "c", "table"], "or")
     'px4, c or table'
     """
     return f"{', '.join(names[:-1])} {last} {names[-1]}"

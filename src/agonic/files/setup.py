@@ -117,7 +117,7 @@ def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup
         mistakes += out_of_range(given)
         return None
     found = tuple(filter(None, compasses))
-    return _tried(partial(Setup, compasses=found, **given), "", mistakes)
+    return _try_to_make(partial(Setup, compasses=found, **given), "", mistakes)
 
 
 def _section(table: Any, kind: type[Struct], where: str, mistakes: list[str]) -> dict[str, Any]:
@@ -136,14 +136,14 @@ def _section(table: Any, kind: type[Struct], where: str, mistakes: list[str]) ->
         try:
             said[key.name] = msgspec.convert(table[key.name], key.type)
         except msgspec.ValidationError as error:
-            wrong.append(_worded(key.name, table[key.name], str(error)))
+            wrong.append(_word_mistake(key.name, table[key.name], str(error)))
     if wrong:
         keys = ", ".join(kind.__struct_fields__)
         mistakes.append(f"{where} {', '.join(wrong)} (its keys: {keys})")
     return said
 
 
-def _worded(key: str, value: Any, text: str) -> str:
+def _word_mistake(key: str, value: Any, text: str) -> str:
     """A mistake of one value in terms of its key."""
     if key in _CHOICES:
         return f"{key} {value!r} is not known; use one of {', '.join(_CHOICES[key])}"
@@ -160,17 +160,17 @@ def _compass(table: Any, folder: Path, where: str, mistakes: list[str]) -> Compa
     parts: dict[str, Any] = {}
     for key, read in (("calibration", _calibration), ("deviation", _card)):
         if said.get(key) is not None:
-            parts[key] = _tried(partial(read, folder / said[key]), where, mistakes)
+            parts[key] = _try_to_make(partial(read, folder / said[key]), where, mistakes)
     if len(mistakes) > before:
         return None
     if said.get("sensor") not in (None, parts["calibration"].sensor):
-        parts["calibration"] = _renamed(parts["calibration"], said["sensor"])
+        parts["calibration"] = _rename(parts["calibration"], said["sensor"])
     if said.get("latency_s") is not None:
         parts["latency_s"] = said["latency_s"]
-    return _tried(partial(Compass, **parts), where, mistakes)
+    return _try_to_make(partial(Compass, **parts), where, mistakes)
 
 
-def _tried(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
+def _try_to_make(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
     """What is made, or `None` and its mistake noted."""
     try:
         return make()
@@ -193,7 +193,7 @@ def _card(path: Path) -> Deviation:
     return found
 
 
-def _renamed(calibration: Any, sensor: str) -> Calibration:
+def _rename(calibration: Any, sensor: str) -> Calibration:
     """The same calibration for the sensor of another name."""
     if isinstance(calibration, Chain):
         first, *rest = calibration.steps
@@ -234,25 +234,25 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
                     name = saved[compass.sensor]
                 else:
                     save(part, file.with_name(name))
-                lines.append(f"{key} = {_quoted(name)}")
+                lines.append(f"{key} = {_quote(name)}")
         if compass.latency_s or getattr(compass.calibration, "latency_s", 0.0):
             lines.append(f"latency_s = {compass.latency_s!r}")
         lines.append("")
     for section in SECTIONS:
-        lines += _written(section, setup)
+        lines += _write_section(section, setup)
     return write_atomically(file, "\n".join(lines).rstrip() + "\n")
 
 
-def _written(section: str, setup: Setup) -> list[str]:
+def _write_section(section: str, setup: Setup) -> list[str]:
     """The lines of a section; none where it has nothing to say."""
     said = [
-        f"{key} = {_quoted(value) if isinstance(value, str) else repr(float(value))}"
+        f"{key} = {_quote(value) if isinstance(value, str) else repr(float(value))}"
         for attribute, (of, key) in ATTRIBUTES.items()
         if of == section and (value := getattr(setup, attribute)) is not None
     ]
     return [f"[{section}]", *said, ""] if said else []
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     """A TOML basic string; JSON's escapes are a part of TOML's."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -24,7 +24,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise LogError(f"this is no TOML: {error}", path=path) from None
 
 
-def section(
+def read_section(
     table: Any, kind: type[Struct], where: str, mistakes: list[str], beside: Sequence[str] = ()
 ) -> Any:
     """A section as it should be, or `None` with every mistake in it noted.
@@ -34,7 +34,7 @@ def section(
     >>> class Place(Struct):
     ...     latitude_deg: float
     >>> mistakes: list[str] = []
-    >>> section({"latitude": 50.0}, Place, "[site]", mistakes)
+    >>> read_section({"latitude": 50.0}, Place, "[site]", mistakes)
     >>> mistakes
     ['[site] has no key `latitude` (its keys: latitude_deg)', '[site] needs `latitude_deg`']
     """
@@ -64,7 +64,7 @@ def section(
     return msgspec.convert(dict(table), kind)
 
 
-def tried(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
+def try_to_make(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
     """What is made, or `None` and its mistake noted."""
     try:
         return make()

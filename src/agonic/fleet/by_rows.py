@@ -12,7 +12,7 @@ from agonic.fleet.rows import make_refused_row, make_row
 from agonic.fleet.settings import FleetSettings
 from agonic.logs.large.dataset import Channel, Dataset
 from agonic.logs.large.sensor_rows import Table
-from agonic.logs.table import log_of_table
+from agonic.logs.table import build_log
 from agonic.population import Row
 from agonic.provenance import Input
 from agonic.recording.calibrated import Calibrated
@@ -37,7 +37,7 @@ def calibrate_by_rows(
         warnings.simplefilter("ignore")  # what matters is among the findings of the row
         for _, name, table in task:
             try:
-                log = log_of_table(
+                log = build_log(
                     table,
                     path=dataset.path,
                     source=source,

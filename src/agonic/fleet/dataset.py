@@ -28,14 +28,14 @@ from agonic.fleet.settings import FleetSettings, digest
 from agonic.logs.large.dataset import (
     Channel,
     Dataset,
-    connected,
-    database_error,
+    connect,
+    database_error_type,
+    drop_damaged,
     find_dataset,
-    without_damaged,
 )
-from agonic.logs.large.grouped_moments import Grouped, summed
-from agonic.logs.large.grouped_residuals import residual_sums
-from agonic.logs.large.sensor_rows import Table, tables_of
+from agonic.logs.large.grouped_moments import Grouped, sum_moments
+from agonic.logs.large.grouped_residuals import sum_residuals
+from agonic.logs.large.sensor_rows import Table, read_tables
 from agonic.population import Population, Row
 from agonic.provenance import Input
 from agonic.reference import Reference
@@ -106,8 +106,8 @@ def calibrate_dataset(
         warnings.simplefilter("ignore")  # what matters is among the findings of the rows
         try:
             return work(dataset, tell=tell)
-        except database_error():
-            return work(without_damaged(dataset), tell=tell)
+        except database_error_type():
+            return work(drop_damaged(dataset), tell=tell)
 
 
 def _calibrate_channels(
@@ -122,7 +122,7 @@ def _calibrate_channels(
     tell("hashing", 0, len(dataset.files))
     source, content = str(dataset.path), dataset.sha256
     parts: list[Columns] = []
-    with connected() as db:
+    with connect() as db:
         for channel in _choose_channels(dataset, settings.sensor):
             known = describe_log(source, content, settings, channel.name)
             del known["sensor"]
@@ -165,7 +165,7 @@ class _ChannelWork:
     def columns(self, refine: Refine, engine: Engine | None) -> Columns:
         """The columns of all sensors of the channel."""
         self.tell("summing", 0, 0)
-        grouped = self.grouped = summed(self.db, self.dataset, self.channel)
+        grouped = self.grouped = sum_moments(self.db, self.dataset, self.channel)
         every = np.arange(len(grouped))
         if refine == "all" or _needs_rows(self.dataset, self.settings):
             columns, ids = make_blank_columns(len(grouped)), every
@@ -186,7 +186,7 @@ class _ChannelWork:
             grouped.sums, grouped.centre, grouped.scale, reference, threads=2, **of_place
         )
         self.tell("checking", 0, total)
-        residuals = residual_sums(
+        residuals = sum_residuals(
             self.db, self.dataset, self.channel, fits.bias, fits.matrix, fits.magnitude
         )
         found = find_doubts(fits, grouped, residuals, unit=unit)
@@ -229,7 +229,7 @@ class _ChannelWork:
     def _make_tasks(self, names: NDArray[Any], ids: Index) -> Iterator[Task]:
         task: list[tuple[int, str, Table]] = []
         rows = 0
-        for place, table in tables_of(self.db, self.dataset, ids):
+        for place, table in read_tables(self.db, self.dataset, ids):
             task.append((place, str(names[place]), table))
             rows += len(next(iter(table.values())))
             if len(task) == _TOGETHER or rows > _MOST_ROWS:

@@ -42,10 +42,10 @@ _FEW = 0.01
 _GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
 
 
-def numbers(values: NDArray[Any]) -> Array:
+def to_numbers(values: NDArray[Any]) -> Array:
     """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees.
 
-    >>> numbers(np.array(["-0:30:00", "12.5", "n/a"])).tolist()
+    >>> to_numbers(np.array(["-0:30:00", "12.5", "n/a"])).tolist()
     [-0.5, 12.5, nan]
     """
     if values.dtype.kind in "OUS":
@@ -62,10 +62,10 @@ def _number(text: str) -> float:
     return -size if plain.startswith("-") else size
 
 
-def with_angle_unit(found: Identified, table: Table) -> Identified:
+def set_angle_unit(found: Identified, table: Table) -> Identified:
     """The columns, with attitude that names no unit in degrees where it exceeds one turn in rad."""
     attitude = [axes[""] for name in ATTITUDE for axes in found.get(name, {}).values()]
-    unnamed = [numbers(table[column.header]) for column in attitude if column.unit is None]
+    unnamed = [to_numbers(table[column.header]) for column in attitude if column.unit is None]
     if not any((np.abs(values) > 2 * np.pi).any() for values in unnamed):
         return found
     degrees = {
@@ -79,7 +79,7 @@ def with_angle_unit(found: Identified, table: Table) -> Identified:
     return {**found, **degrees}
 
 
-def companion(
+def convert_column(
     axes: Mapping[str, Column],
     values: Array,
     time: Array | None,
@@ -91,19 +91,19 @@ def companion(
     rows that have a magnetometer reading.
     """
     quantity = next(iter(axes.values())).quantity
-    scale, remark = _scale(axes, values)
+    scale, remark = _find_scale(axes, values)
     if scale is None:
         return None, (f"{quantity.name} left out: {remark}",)
     factor, offset = scale
     ours = values * factor + offset
     low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
     ours[(ours < low) | (ours > high)] = np.nan
-    filled, gaps = _without_holes(quantity.column, ours, time, readings)
+    filled, gaps = _fill_holes(quantity.column, ours, time, readings)
     notes = tuple(f"{quantity.name} {text}" for text in (remark, gaps) if text)
     return (filled if filled is None or quantity.vector else filled[:, 0]), notes
 
 
-def _scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, str]:
+def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, str]:
     """Factor and offset to our unit, and a remark; no scale where it cannot be known."""
     units = {column.unit for column in axes.values()}
     quantity = next(iter(axes.values())).quantity
@@ -117,7 +117,7 @@ def _scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, st
     if unit is not None:
         return quantity.units[unit], ""
     if quantity.column == "acceleration":
-        return _by_gravity(values)
+        return _find_scale_by_gravity(values)
     if quantity.column == "rotation_rate" or quantity.column in ATTITUDE:
         return None, "its header names neither degrees nor radians"
     if quantity.column == "scalar":
@@ -125,7 +125,7 @@ def _scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, st
     return (1.0, 0.0), ""
 
 
-def _by_gravity(values: Array) -> tuple[Linear | None, str]:
+def _find_scale_by_gravity(values: Array) -> tuple[Linear | None, str]:
     """The unit in which the median acceleration is gravity, to 20 %."""
     sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
     median = float(np.median(sizes)) if len(sizes) else np.nan
@@ -135,7 +135,7 @@ def _by_gravity(values: Array) -> tuple[Linear | None, str]:
     return None, f"its header names no unit and its size, {median:.4g}, is not that of gravity"
 
 
-def _without_holes(
+def _fill_holes(
     column: str, values: Array, time: Array | None, readings: Mask
 ) -> tuple[Array | None, str]:
     """The values (n, k) with short holes filled, or `None` where too many would be missing."""
@@ -145,7 +145,7 @@ def _without_holes(
         return values, ""
     near = np.zeros_like(holes)
     if time is not None and known.any():
-        near = holes & (reach(time, known) <= _REACH_S.get(column, SHORT_REACH_S))
+        near = holes & (measure_reach(time, known) <= _REACH_S.get(column, SHORT_REACH_S))
         fresh = [
             resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
             for v in values.T
@@ -158,7 +158,7 @@ def _without_holes(
     return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
 
 
-def reach(time: Array, known: Mask) -> Array:
+def measure_reach(time: Array, known: Mask) -> Array:
     """Seconds from each row to the farther of the known rows around it; at an end, to the one."""
     at = np.flatnonzero(known)
     after = np.searchsorted(at, np.arange(len(time)))

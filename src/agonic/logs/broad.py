@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from agonic.arrays import Array, Mask
-from agonic.logs.auxiliary import SHORT_REACH_S, reach
+from agonic.logs.auxiliary import SHORT_REACH_S, measure_reach
 
 NAMES = {"imu_mag": "mag_uT", "imu_acc": "acc_m_s2", "imu_gyr": "gyro_rad_s"}
 NOTE = (
@@ -41,7 +41,7 @@ def is_broad(arrays: Mapping[str, NDArray[Any]]) -> bool:
     return {*NAMES, "opt_quat", "sampling_rate"} <= set(arrays)
 
 
-def named(
+def rename_variables(
     arrays: Mapping[str, NDArray[Any]],
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
     """The variables under names that say their units, with roll, pitch, heading; and notes."""
@@ -50,9 +50,9 @@ def named(
     moving = np.linalg.norm(arrays["imu_gyr"], axis=1) > _REST_RAD_S
     if "movement" in arrays:
         moving |= arrays["movement"].astype(bool)
-    held = held_at_rest(seen, moving)
-    filled = interpolated(held, time)
-    roll, pitch, heading = attitude_deg(filled)
+    held = hold_at_rest(seen, moving)
+    filled = fill_short_gaps(held, time)
+    roll, pitch, heading = compute_attitude_deg(filled)
     named = {NAMES.get(name, name): array for name, array in arrays.items()}
     named |= {"roll_deg": roll, "pitch_deg": pitch, "heading_deg": heading}
     lost, still, gone = (int(np.isnan(q).any(axis=1).sum()) for q in (seen, held, filled))
@@ -63,11 +63,11 @@ def named(
     return named, (NOTE, *((counts,) if lost else ()))
 
 
-def attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
+def compute_attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
     """Roll, pitch and heading (n,) of rotations from sensor axes to east, north, up; NaN stays.
 
     >>> face_up_x_north = np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])
-    >>> [a.round(9).tolist() for a in attitude_deg(face_up_x_north)]
+    >>> [a.round(9).tolist() for a in compute_attitude_deg(face_up_x_north)]
     [[180.0], [0.0], [0.0]]
     """
     known = np.isfinite(quat_wxyz).all(axis=1)
@@ -77,7 +77,7 @@ def attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
     return angles[:, 2], angles[:, 1], angles[:, 0] % 360.0
 
 
-def held_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
+def hold_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
     """The rotations with gaps filled from the nearest known row without movement in between."""
     known = np.flatnonzero(np.isfinite(quat_wxyz).all(axis=1))
     if not len(known):
@@ -93,13 +93,13 @@ def held_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
     return held
 
 
-def interpolated(quat_wxyz: Array, time: Array) -> Array:
+def fill_short_gaps(quat_wxyz: Array, time: Array) -> Array:
     """The rotations with short gaps filled at constant turn rate."""
     known = np.asarray(np.isfinite(quat_wxyz).all(axis=1))
     if known.sum() < 2:
         return quat_wxyz
     span = time[known][[0, -1]]
-    short = ~known & (reach(time, known) <= SHORT_REACH_S)
+    short = ~known & (measure_reach(time, known) <= SHORT_REACH_S)
     short &= (time > span[0]) & (time < span[1])
     path = Slerp(time[known], Rotation.from_quat(quat_wxyz[known], scalar_first=True))
     filled = quat_wxyz.copy()

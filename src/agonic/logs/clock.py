@@ -25,7 +25,7 @@ _TIED_SHARE = 0.01
 """Share of rows with an unchanged clock but other readings, above which the clock is coarse."""
 
 
-def clock_of(values: NDArray[Any], unit_s: float | None) -> Clock:
+def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
     """The clock that a time column holds.
 
     `values` are numbers, moments (datetime64) or texts; `unit_s` is one of the column's units in

@@ -47,7 +47,7 @@ class Column:
     rank: int
 
 
-def _squashed(text: str) -> str:
+def _squash(text: str) -> str:
     """Letters and digits only, signs spelled out: "m/s²" → "ms2", "µT" → "uT", "°/s" → "degs"."""
     plain = unicodedata.normalize("NFKC", text)
     for sign, spelling in (("μ", "u"), ("°", "deg"), ("%", "percent")):
@@ -56,7 +56,7 @@ def _squashed(text: str) -> str:
 
 
 _NAMES = {
-    _squashed(name): (quantity, rank)
+    _squash(name): (quantity, rank)
     for quantity in QUANTITIES
     for rank, names in (
         (ALIAS, f"{quantity.name} {quantity.aliases}"),
@@ -91,10 +91,10 @@ MOST_COLUMNS = 4096
 
 
 @lru_cache(maxsize=MOST_COLUMNS)
-def understood(header: str) -> Column | None:
+def identify_column(header: str) -> Column | None:
     """What a header says, or `None` where it is not one of the names above.
 
-    >>> column = understood("Magnetometer X (uT)")
+    >>> column = identify_column("Magnetometer X (uT)")
     >>> column.quantity.column, column.axis, column.unit
     ('field', 'x', 'uT')
     """
@@ -102,7 +102,7 @@ def understood(header: str) -> Column | None:
         return None
     text = _INDEX.sub(lambda index: "xyz"[int(index[1])], header.strip())
     bracket = _BRACKET.fullmatch(text)
-    name = _squashed(bracket["name"] if bracket else text)
+    name = _squash(bracket["name"] if bracket else text)
     if len(name) > 3 and name.lower() in TIMES:  # a column called "millis"
         name = f"time{name}"
     if match := _PATTERN.fullmatch(name):
@@ -116,7 +116,7 @@ def understood(header: str) -> Column | None:
         return None
     if len(axes) != bool(quantity.vector):
         return None
-    known, unit = _unit(quantity, match["unit"], _squashed(bracket["unit"]) if bracket else "")
+    known, unit = _unit(quantity, match["unit"], _squash(bracket["unit"]) if bracket else "")
     if not known:
         return None
     axis = axes[0].lower() if axes else ""
@@ -138,15 +138,15 @@ def _unit(quantity: Quantity, suffix: str | None, bracket: str) -> tuple[bool, s
     return quantity.column in ("field", "time") and not suffix, None
 
 
-def positions(headers: Sequence[str]) -> dict[int, str]:
+def find_columns(headers: Sequence[str]) -> dict[int, str]:
     """The columns that are understood, by position; none may be there twice.
 
-    >>> positions(["no", "mag_x", "mag_y"])
+    >>> find_columns(["no", "mag_x", "mag_y"])
     {1: 'mag_x', 2: 'mag_y'}
     """
     if len(headers) > MOST_COLUMNS:
         raise LogError(f"{len(headers)} columns: more than {MOST_COLUMNS} are no log")
-    found = {i: header for i, header in enumerate(headers) if understood(header) is not None}
+    found = {i: header for i, header in enumerate(headers) if identify_column(header) is not None}
     for header, times in Counter(found.values()).items():
         if times > 1:
             raise LogError(f"the column {header!r} is there {times} times; rename or remove one")
@@ -157,16 +157,16 @@ Identified = dict[str, dict[str, dict[str, Column]]]
 """Columns by quantity, number of the sensor and axis; "" where there is no number or axis."""
 
 
-def identified(headers: Iterable[str]) -> Identified:
+def identify_columns(headers: Iterable[str]) -> Identified:
     """The columns that are understood, the best name for each.
 
     Raises `LogError` naming both where two columns could be the same thing.
 
-    >>> identified(["t", "mag2_x", "note"])["field"]["2"]["x"].header
+    >>> identify_columns(["t", "mag2_x", "note"])["field"]["2"]["x"].header
     'mag2_x'
     """
     groups: dict[tuple[str, str], list[Column]] = {}
-    for column in map(understood, headers):
+    for column in map(identify_column, headers):
         if column is not None:
             groups.setdefault((column.quantity.column, column.sensor), []).append(column)
     found: Identified = {}

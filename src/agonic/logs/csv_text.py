@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.columns import MOST_COLUMNS, positions, understood
+from agonic.logs.columns import MOST_COLUMNS, find_columns, identify_column
 from agonic.logs.log import Log
-from agonic.logs.table import log_of_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input
 
 _COMMENT = "#%"
@@ -48,34 +48,34 @@ magnetic count is 0.1 µT)."""
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
-    table, facts = tabulated(path)
-    return log_of_table(table, path=path, source=source, unit=unit, **facts)
+    table, facts = read_table(path)
+    return build_log(table, path=path, source=source, unit=unit, **facts)
 
 
-def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
-    lines, notes = _lines(path.read_bytes())
+    lines, notes = _split_lines(path.read_bytes())
     sample = list(islice((i for i, line in enumerate(lines) if _holds_values(line)), _SAMPLE))
     if not sample:
         raise LogError("there are no lines with values in it")
     if max(len(lines[i]) for i in sample) > _LONGEST_LINE:
         raise LogError(f"a line is longer than {_LONGEST_LINE} characters: this is no table")
     if 4 * sum(lines[i].startswith(_MOTIONCAL) for i in sample) > len(sample):
-        table = _motioncal([line for line in lines if line.startswith(_MOTIONCAL)])
+        table = _read_motioncal([line for line in lines if line.startswith(_MOTIONCAL)])
         return table, {"format": "MotionCal text", "notes": notes}
-    layout = _layout(lines, sample)
-    wanted = positions(layout.header)
+    layout = _find_layout(lines, sample)
+    wanted = find_columns(layout.header)
     rows = [line for line in islice(lines, layout.start, None) if _holds_values(line)]
     if not rows:
         raise LogError("there is a header and no row below it")
-    return _table(rows, layout.separator, wanted), {
+    return _make_table(rows, layout.separator, wanted), {
         "format": "text table",
         "others": [name for i, name in enumerate(layout.header) if i not in wanted],
         "notes": (*notes, *layout.notes),
     }
 
 
-def _lines(data: bytes) -> tuple[list[str], tuple[str, ...]]:
+def _split_lines(data: bytes) -> tuple[list[str], tuple[str, ...]]:
     """The lines of a file in any of the usual encodings, and a note where the bytes are odd."""
     notes: tuple[str, ...] = ()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -103,22 +103,22 @@ class _Layout:
     notes: tuple[str, ...] = ()
 
 
-def _layout(lines: Sequence[str], sample: Sequence[int]) -> _Layout:
+def _find_layout(lines: Sequence[str], sample: Sequence[int]) -> _Layout:
     """The layout that the sample of lines with values shows."""
-    separator = _separator([lines[i] for i in sample])
-    counts = [_width(lines[i], separator) for i in sample]
+    separator = _find_separator([lines[i] for i in sample])
+    counts = [_count_cells(lines[i], separator) for i in sample]
     width = Counter(counts).most_common(1)[0][0]
     if width > MOST_COLUMNS:
         raise LogError(f"{width} columns: more than {MOST_COLUMNS} are no log")
     widths = (width,) if separator is None else (width, width - 1)  # rows may end in a separator
     at = next(k for k, count in enumerate(counts) if count in widths)
     notes = (f"{at} lines before the table skipped",) * (at > 0)
-    first = _cells(lines[sample[at]], separator)
+    first = _split_cells(lines[sample[at]], separator)
     if _is_header(first):
         return _Layout(separator=separator, header=first, start=sample[at] + 1, notes=notes)
     start = sample[at]
     comment = next((lines[i] for i in reversed(range(start)) if not _holds_values(lines[i])), "")
-    header = _cells(comment.strip(f"{_COMMENT} "), separator)
+    header = _split_cells(comment.strip(f"{_COMMENT} "), separator)
     if len(header) != width or not _is_header(header):
         if width != 3:
             raise LogError(
@@ -129,18 +129,18 @@ def _layout(lines: Sequence[str], sample: Sequence[int]) -> _Layout:
     return _Layout(separator=separator, header=header, start=start, notes=notes)
 
 
-def _separator(rows: Sequence[str]) -> str | None:
+def _find_separator(rows: Sequence[str]) -> str | None:
     """The separator that splits most rows alike, best one that splits the first row so too."""
     alike = []
     for separator in (";", "\t", ","):
-        widths = [_width(row, separator) for row in rows]
+        widths = [_count_cells(row, separator) for row in rows]
         width, times = Counter(widths).most_common(1)[0]
         if width > 1 and 2 * times > len(rows):
             alike.append((widths[0] != width, separator))
     return min(alike, key=lambda found: found[0])[1] if alike else None
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
+def _split_cells(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return line.split()
     if '"' not in line:
@@ -148,38 +148,38 @@ def _cells(line: str, separator: str | None) -> list[str]:
     return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
 
 
-def _width(line: str, separator: str | None) -> int:
+def _count_cells(line: str, separator: str | None) -> int:
     """How many cells a line has; separators are counted where none can stand in quotes."""
     if separator is None or '"' in line:
-        return len(_cells(line, separator))
+        return len(_split_cells(line, separator))
     return line.count(separator) + 1
 
 
 def _is_header(cells: Sequence[str]) -> bool:
     """Whether most of the cells that are not empty are words."""
-    words = [math.isnan(_number(cell)) and cell.lower() != "nan" for cell in cells if cell]
+    words = [math.isnan(_to_number(cell)) and cell.lower() != "nan" for cell in cells if cell]
     return 2 * sum(words) > len(words)
 
 
-def _number(cell: str) -> float:
+def _to_number(cell: str) -> float:
     try:
         return float(cell)
     except ValueError:
         return math.nan
 
 
-def _table(
+def _make_table(
     rows: Sequence[str], separator: str | None, wanted: dict[int, str]
 ) -> dict[str, NDArray[Any]]:
     """The wanted columns by name: texts where they hold texts, numbers otherwise."""
     if separator in (";", "\t"):
         rows = [row.replace(",", ".") for row in rows]
-    first = [_cells(row, separator) for row in rows[:_SAMPLE]]
+    first = [_split_cells(row, separator) for row in rows[:_SAMPLE]]
     texts = {i: name for i, name in wanted.items() if _holds_texts(name, i, first)}
     numeric = [i for i in wanted if i not in texts]
-    values = _numbers(rows, separator, numeric)
+    values = _read_numbers(rows, separator, numeric)
     table: dict[str, NDArray[Any]] = {wanted[i]: values[:, k] for k, i in enumerate(numeric)}
-    cells = [_cells(row, separator) for row in rows] if texts else []
+    cells = [_split_cells(row, separator) for row in rows] if texts else []
     for i, name in texts.items():
         table[name] = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
     return table
@@ -187,14 +187,14 @@ def _table(
 
 def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     """Whether a column may hold texts and most of its first cells do; a label is always one."""
-    column = understood(name)
+    column = identify_column(name)
     quantity = "" if column is None else column.quantity.column
     if quantity in _TEXTUAL:
         return _is_header([cell for row in rows for cell in row[at : at + 1]])
     return quantity in _LABELS
 
 
-def _numbers(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
+def _read_numbers(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
     """The numbers in the given columns, (n, k); NaN where there is none, surplus cells ignored."""
     blocks = []
     for start in range(0, len(rows), _BLOCK):
@@ -206,18 +206,18 @@ def _numbers(rows: Sequence[str], separator: str | None, columns: Sequence[int])
                 np.loadtxt(block, delimiter=separator, usecols=columns, comments=None, ndmin=2)
             )
         except ValueError:
-            blocks.append(_one_by_one(block, separator, columns))
+            blocks.append(_read_one_by_one(block, separator, columns))
     return np.concatenate(blocks)
 
 
-def _one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
-    cells = (_cells(row, separator) for row in rows)
-    values = (_number(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
+def _read_one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
+    cells = (_split_cells(row, separator) for row in rows)
+    values = (_to_number(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
     return np.fromiter(values, np.float64).reshape(len(rows), len(columns))
 
 
-def _motioncal(lines: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _read_motioncal(lines: Sequence[str]) -> dict[str, NDArray[Any]]:
     """The columns of MotionCal lines `Raw:ax,ay,az,gx,gy,gz,mx,my,mz`."""
     rows = [line.removeprefix(_MOTIONCAL) for line in lines]
-    counts = _numbers(rows, ",", range(len(_MOTIONCAL_COLUMNS)))
+    counts = _read_numbers(rows, ",", range(len(_MOTIONCAL_COLUMNS)))
     return {name: counts[:, k] * size for k, (name, size) in enumerate(_MOTIONCAL_COLUMNS.items())}

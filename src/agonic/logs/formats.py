@@ -89,11 +89,11 @@ FORMATS = (
     Format("PX4 ULog (.ulg)", "px4.ulog", _starts(b"ULog\x01\x12\x35"), unit_fixed=True),
     PARQUET,
     Format("MATLAB (.mat)", "matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")),
-    Format("NumPy archives (.npz)", "numpy_archive", _is_numpy_archive),
+    Format("NumPy (.npz)", "numpy_archive", _is_numpy_archive),
     Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
     Format("netCDF", "space.netcdf", _starts(b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02")),
     Format("IAGA-2002", "space.iaga2002", _starts(b" Format                 IAGA-2002")),
-    Format("VirES tables", "space.vires", _is_vires),
+    Format("VirES", "space.vires", _is_vires),
     Format(  # a time stamp begins with a zero byte, which no text has
         "MAVLink telemetry (.tlog)", "ardupilot.tlog", lambda head: b"\0" in head, unit_fixed=True
     ),

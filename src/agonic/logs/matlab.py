@@ -17,8 +17,8 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.logs import broad
 from agonic.logs.columns import MOST_COLUMNS
 from agonic.logs.log import Log
-from agonic.logs.stacked import table_of_arrays
-from agonic.logs.table import log_of_table
+from agonic.logs.stacked import build_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input
 
 VERSION_7_3 = b"MATLAB 7.3 MAT-file"
@@ -33,9 +33,9 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     arrays = _version_7_3(path) if hdf else _version_5(path)
     remarks: tuple[str, ...] = ()
     if broad.is_broad(arrays):
-        arrays, remarks = broad.named(arrays)
-    table, others = table_of_arrays(arrays)
-    return log_of_table(
+        arrays, remarks = broad.rename_variables(arrays)
+    table, others = build_table(arrays)
+    return build_log(
         table,
         path=path,
         source=source,

@@ -9,8 +9,8 @@ import numpy as np
 from agonic.errors import LogError
 from agonic.logs.columns import MOST_COLUMNS
 from agonic.logs.log import Log
-from agonic.logs.stacked import table_of_arrays
-from agonic.logs.table import log_of_table
+from agonic.logs.stacked import build_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input
 
 _END_BYTES = 22
@@ -22,8 +22,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         raise LogError(f"it holds more than {MOST_COLUMNS} arrays: this is no log")
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
-    table, others = table_of_arrays(arrays)
-    return log_of_table(
+    table, others = build_table(arrays)
+    return build_log(
         table, path=path, source=source, format="NumPy archive", unit=unit, others=others
     )
 

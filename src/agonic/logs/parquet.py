@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.columns import positions, understood
+from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.log import Log
-from agonic.logs.table import log_of_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input
 
 _LARGEST_FOOTER = 16_000_000
@@ -28,16 +28,16 @@ _AHEAD = 2
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a Parquet table is; `unit` is that of the field where no column names one."""
-    table, facts = tabulated(path)
-    return log_of_table(table, path=path, source=source, unit=unit, **facts)
+    table, facts = read_table(path)
+    return build_log(table, path=path, source=source, unit=unit, **facts)
 
 
-def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns that are understood, by header, and what to tell of the file."""
-    with _opened(path) as file:
+    with _open_parquet(path) as file:
         schema = file.schema
         headers = [schema.column(i).path for i in range(len(schema))]
-        wanted = positions(headers)
+        wanted = find_columns(headers)
         columns = file.read(columns=list(wanted.values())).flatten()
     table = {
         name: columns.column(name).to_numpy()
@@ -48,30 +48,30 @@ def tabulated(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     return table, {"format": "Parquet table", "others": others}
 
 
-def rows(path: Path) -> int:
+def count_rows(path: Path) -> int:
     """How many rows a Parquet table has, by its footer."""
-    with _opened(path) as file:
+    with _open_parquet(path) as file:
         return int(file.metadata.num_rows)
 
 
-def batches(path: Path, size: int, without: tuple[str, ...] = ()) -> Iterator[dict[str, Any]]:
+def read_batches(path: Path, size: int, without: tuple[str, ...] = ()) -> Iterator[dict[str, Any]]:
     """The columns that are understood, `size` rows at a time.
 
     `without` are columns of `Samples` to leave out. Pages are decoded as they are needed, so that
     a row group as large as the file does no harm.
     """
-    with _opened(path) as file:
+    with _open_parquet(path) as file:
         schema = file.schema
         wanted = [
             name
-            for name in positions([schema.column(i).path for i in range(len(schema))]).values()
-            if (column := understood(name)) is None or column.quantity.column not in without
+            for name in find_columns([schema.column(i).path for i in range(len(schema))]).values()
+            if (column := identify_column(name)) is None or column.quantity.column not in without
         ]
         for batch in file.iter_batches(batch_size=size, columns=wanted, use_threads=False):
             yield _arrays(batch)
 
 
-def ahead(path: Path, size: int, headers: list[str]) -> Iterator[dict[str, NDArray[Any]]]:
+def read_ahead(path: Path, size: int, headers: list[str]) -> Iterator[dict[str, NDArray[Any]]]:
     """Some columns, `size` rows at a time, decoded ahead of whoever works on them.
 
     A thread decodes the next few while the last are at work; nulls become NaN.
@@ -90,7 +90,7 @@ def ahead(path: Path, size: int, headers: list[str]) -> Iterator[dict[str, NDArr
 
     def decode() -> None:
         try:
-            with _opened(path) as file:
+            with _open_parquet(path) as file:
                 for batch in file.iter_batches(batch_size=size, columns=headers):
                     if not put(_arrays(batch)):
                         return
@@ -124,7 +124,7 @@ def _array(column: Any) -> NDArray[Any]:
     return np.asarray(column.to_numpy(zero_copy_only=False))
 
 
-def _opened(path: Path) -> Any:
+def _open_parquet(path: Path) -> Any:
     try:
         from pyarrow.parquet import ParquetFile
     except ImportError:

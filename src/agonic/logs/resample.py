@@ -42,12 +42,12 @@ def resample(
     return np.stack([np.interp(wanted, t, component) for component in v.T], axis=1)
 
 
-def misplaced(time: ArrayLike) -> Mask:
+def find_misplaced(time: ArrayLike) -> Mask:
     """Rows whose time lies outside that of both neighbours although those are in order.
 
     One damaged time would otherwise cost every row after it, since times must increase.
 
-    >>> misplaced([0.0, 1.0, 900.0, 3.0, 4.0])
+    >>> find_misplaced([0.0, 1.0, 900.0, 3.0, 4.0])
     array([False, False,  True, False, False])
     """
     t = np.asarray(time, dtype=np.float64)
@@ -57,10 +57,10 @@ def misplaced(time: ArrayLike) -> Mask:
     return wrong
 
 
-def rate_Hz(time: ArrayLike) -> float | None:
+def compute_rate_Hz(time: ArrayLike) -> float | None:
     """Rows per second between the first time and the last, where there are two and they differ.
 
-    >>> rate_Hz([0.0, 0.1, 0.2])
+    >>> compute_rate_Hz([0.0, 0.1, 0.2])
     10.0
     """
     t = np.asarray(time, dtype=np.float64)

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.columns import understood
+from agonic.logs.columns import identify_column
 
 SAMPLING_RATES = ("samplingrate", "samplerate", "samplingfrequency", "fs", "ratehz", "fshz")
 
 
-def table_of_arrays(
+def build_table(
     arrays: Mapping[str, NDArray[Any]],
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The columns that go with the magnetometer, by header, and the names of the other arrays.
 
-    >>> table, others = table_of_arrays({"mag_uT": np.ones((3, 5)), "image": np.ones((9, 9))})
+    >>> table, others = build_table({"mag_uT": np.ones((3, 5)), "image": np.ones((9, 9))})
     >>> list(table), others
     (['mag_uT[0]', 'mag_uT[1]', 'mag_uT[2]'], ['image'])
     """
@@ -31,7 +31,7 @@ def table_of_arrays(
     for name, array in arrays.items():
         for header, values in _columns(name, np.squeeze(array)).items():
             columns[header], origins[header] = values, name
-    quantities = {h: c.quantity.column for h in columns if (c := understood(h)) is not None}
+    quantities = {h: c.quantity.column for h in columns if (c := identify_column(h)) is not None}
     rows = next((len(columns[h]) for h, name in quantities.items() if name == "field"), None)
     table = {h: columns[h] for h in quantities if len(columns[h]) == rows}
     rate = _sampling_rate(arrays)

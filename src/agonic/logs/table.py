@@ -12,11 +12,11 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.errors import LogError
-from agonic.logs.auxiliary import Table, companion, numbers, with_angle_unit
-from agonic.logs.clock import UNIX, Clock, clock_of, spread_ties
-from agonic.logs.columns import FALLBACK, Column, Identified, identified, understood
+from agonic.logs.auxiliary import Table, convert_column, set_angle_unit, to_numbers
+from agonic.logs.clock import UNIX, Clock, read_clock, spread_ties
+from agonic.logs.columns import FALLBACK, Column, Identified, identify_column, identify_columns
 from agonic.logs.log import Log, Stream
-from agonic.logs.resample import misplaced, rate_Hz
+from agonic.logs.resample import compute_rate_Hz, find_misplaced
 from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples
 from agonic.units import RAW, find_unit, nanotesla_per
@@ -30,7 +30,7 @@ _MOST_SENSORS = 64
 _YEAR_9999 = 2.5e11  # Unix seconds; the last year that Python's dates have
 
 
-def log_of_table(
+def build_log(
     table: Table,
     *,
     path: Path,
@@ -49,7 +49,7 @@ def log_of_table(
 
     Raises `LogError` where no magnetometer is found, or two columns could be the same thing.
     """
-    found = with_angle_unit(identified(table), table)
+    found = set_angle_unit(identify_columns(table), table)
     fields = [n for n, axes in found.get("field", {}).items() if len(axes) == 3]
     if not fields:
         raise LogError(_no_magnetometer(found, [*table, *others]))
@@ -57,18 +57,18 @@ def log_of_table(
         table=table,
         found=found,
         rows=np.arange(len(next(iter(table.values())))),
-        clock=_clock(table, found),
+        clock=_find_clock(table, found),
         unit=unit,
         source=source,
         remarks=remarks,
     )
-    sensors, failures = _sensors(whole, fields)
+    sensors, failures = _read_sensors(whole, fields)
     return Log(
         path=path,
         format=format,
         source=source,
         sensors=sensors,
-        streams=_streams(table, found, others, sensors[0]),
+        streams=_list_streams(table, found, others, sensors[0]),
         notes=(*notes, *failures),
     )
 
@@ -87,17 +87,19 @@ class _Part:
 
     def values(self, axes: Mapping[str, Column]) -> Array:
         """The numbers in the columns of a quantity, (n, k), axes in alphabetical order."""
-        return np.stack([numbers(self.table[axes[a].header])[self.rows] for a in sorted(axes)], 1)
+        return np.stack(
+            [to_numbers(self.table[axes[a].header])[self.rows] for a in sorted(axes)], 1
+        )
 
 
-def _sensors(whole: _Part, fields: list[str]) -> tuple[tuple[Samples, ...], list[str]]:
+def _read_sensors(whole: _Part, fields: list[str]) -> tuple[tuple[Samples, ...], list[str]]:
     """The magnetometers that have usable readings, and what is wrong with the others."""
     sensors, failures = [], []
-    for label, rows in _groups(whole):
+    for label, rows in _split_rows(whole):
         for number in fields:
             name = _name(label, number)
             try:
-                sensors.append(_sensor(replace(whole, rows=rows), name, number))
+                sensors.append(_read_sensor(replace(whole, rows=rows), name, number))
             except LogError as error:
                 failures.append(f"{name}: {error}")
     if not sensors:
@@ -105,19 +107,19 @@ def _sensors(whole: _Part, fields: list[str]) -> tuple[tuple[Samples, ...], list
     return tuple(sensors), failures
 
 
-def _sensor(part: _Part, name: str, number: str) -> Samples:
+def _read_sensor(part: _Part, name: str, number: str) -> Samples:
     """The samples of the magnetometer of that number, with the columns that go with it."""
     axes = part.found["field"][number]
     field = part.values(axes)
     unit, unit_notes = _field_unit(axes, part.unit)
-    time, epoch, time_notes = _time(part, field)
+    time, epoch, time_notes = _find_time(part, field)
     readings = np.asarray(np.isfinite(field).all(axis=1))
     columns: dict[str, Any] = {}
     estimated = False
     notes = [*part.remarks, *unit_notes, *time_notes]
     for column in COMPANIONS:
         if group := _pick(part.found.get(column, {}), number):
-            columns[column], remarks = companion(group, part.values(group), time, readings)
+            columns[column], remarks = convert_column(group, part.values(group), time, readings)
             notes.extend(remarks)
             if column == "heading_deg" and _of_a_filter(group):
                 estimated = True
@@ -130,7 +132,7 @@ def _sensor(part: _Part, name: str, number: str) -> Samples:
         time=time,
         epoch=epoch,
         name=name,
-        frame=_frame(part),
+        frame=_find_frame(part),
         heading_estimated=estimated,
         notes=tuple(notes),
         source=replace(part.source, count=len(field)),
@@ -161,34 +163,34 @@ def _field_unit(axes: Mapping[str, Column], given: str | None) -> tuple[str, tup
     return named, ()
 
 
-def _clock(table: Table, found: Identified) -> Clock:
+def _find_clock(table: Table, found: Identified) -> Clock:
     """The clock of all rows, from the time column, with a date column or an epoch if there is."""
     time, date, start = (
         _pick(found.get(name, {}), "").get("") for name in ("time", "date", "epoch")
     )
     if time is None:
-        return clock_of(table[date.header], None) if date else (None, None, ())
+        return read_clock(table[date.header], None) if date else (None, None, ())
     values = table[time.header]
     factor = time.quantity.units[time.unit][0] if time.unit else None
     if start is not None:
-        moment = numbers(table[start.header])
+        moment = to_numbers(table[start.header])
         known = moment[(moment >= 0) & (moment < _YEAR_9999)]
         if len(known):
             epoch = UNIX + timedelta(seconds=float(known[0]))
-            return numbers(values) * (factor or 1.0), epoch, ()
+            return to_numbers(values) * (factor or 1.0), epoch, ()
     if date is not None and values.dtype.kind in "OUS":
         texts = zip(table[date.header], values, strict=True)
         values = np.array([f"{day} {clock}" for day, clock in texts])
-    return clock_of(values, factor)
+    return read_clock(values, factor)
 
 
-def _time(part: _Part, field: Array) -> tuple[Array | None, datetime | None, tuple[str, ...]]:
+def _find_time(part: _Part, field: Array) -> tuple[Array | None, datetime | None, tuple[str, ...]]:
     """The times of the rows, single wrong ones marked and a coarse clock spread."""
     whole, epoch, notes = part.clock
     if whole is None:
         return None, None, notes
     time = whole[part.rows]
-    time[misplaced(time)] = np.nan
+    time[find_misplaced(time)] = np.nan
     known = time[np.isfinite(time)]
     if len(known) < _CLOCK_SHARE * len(time) or (len(known) > 1 and np.ptp(known) == 0):
         return None, None, (*notes, "times left out: the clock stands still or is mostly missing")
@@ -196,7 +198,7 @@ def _time(part: _Part, field: Array) -> tuple[Array | None, datetime | None, tup
     return time, epoch, (*notes, *remarks)
 
 
-def _frame(part: _Part) -> str:
+def _find_frame(part: _Part) -> str:
     """The letter in a `frame` column, where all rows agree on one; "m" otherwise."""
     column = _pick(part.found.get("frame", {}), "").get("")
     letters = set() if column is None else set(map(str, part.table[column.header][part.rows]))
@@ -213,7 +215,7 @@ def _pick(groups: Mapping[str, Mapping[str, Column]], number: str) -> Mapping[st
     return groups.get(number) or groups.get("") or only
 
 
-def _groups(whole: _Part) -> Iterator[tuple[str, Index]]:
+def _split_rows(whole: _Part) -> Iterator[tuple[str, Index]]:
     """The rows of each sensor that a `sensor` column names, in order of appearance.
 
     A sensor whose own name says that it is an accelerometer or a gyroscope is left out.
@@ -227,7 +229,7 @@ def _groups(whole: _Part) -> Iterator[tuple[str, Index]]:
     if len(names) > _MOST_SENSORS:
         raise LogError(f"{column.header!r} names {len(names)} sensors; is it another quantity?")
     for k in np.argsort(first):
-        other = understood(f"{names[k]} x") if len(names[k]) > 1 else None
+        other = identify_column(f"{names[k]} x") if len(names[k]) > 1 else None
         if other is None or other.quantity.column == "field":
             yield str(names[k]), np.flatnonzero(which == k)
 
@@ -244,7 +246,7 @@ def _no_magnetometer(found: Identified, headers: list[str]) -> str:
     return f"{part} found among {have}; name them mag_x_uT, mag_y_uT, mag_z_uT or the like"
 
 
-def _streams(
+def _list_streams(
     table: Table, found: Identified, others: Iterable[str], first: Samples
 ) -> tuple[Stream, ...]:
     """The columns that no sensor could use."""
@@ -252,6 +254,6 @@ def _streams(
         c.header for groups in found.values() for axes in groups.values() for c in axes.values()
     }
     rows = len(next(iter(table.values())))
-    rate = None if first.time is None else rate_Hz(first.time)
+    rate = None if first.time is None else compute_rate_Hz(first.time)
     unused = [*(header for header in table if header not in used), *others]
     return tuple(Stream(name=header, rows=rows, rate_Hz=rate) for header in unused)

@@ -14,7 +14,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError, check_choice
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.simulation.draws import directions as random_directions
+from agonic.simulation.draws import draw_directions as random_directions
 from agonic.simulation.sensor import simulate
 
 Directions = Literal["planar", "space"]

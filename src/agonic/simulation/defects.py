@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError
 from agonic.samples import Samples
-from agonic.simulation.draws import directions
+from agonic.simulation.draws import draw_directions
 
 Defect = Callable[[Samples], Samples]
 """A pure function from samples to samples."""
@@ -57,7 +57,7 @@ def with_outliers(
         rows = _some_rows(rng, samples, share)
         field = samples.field.copy()
         lengths = rng.uniform(smallest, largest, len(rows))
-        field[rows] += directions(rng, len(rows)) * lengths[:, None]
+        field[rows] += draw_directions(rng, len(rows)) * lengths[:, None]
         return samples.with_columns(field=field)
 
     return defect

@@ -46,23 +46,23 @@ def random_calibration(
         upper = np.zeros((3, 3))
         upper[np.triu_indices(3, 1)] = rng.uniform(-cross, cross, 3)
         matrix = matrix + upper + upper.T
-    return Affine(bias=bias * directions(rng, 1)[0], matrix=matrix, model=model)
+    return Affine(bias=bias * draw_directions(rng, 1)[0], matrix=matrix, model=model)
 
 
-def directions(rng: np.random.Generator, n: int, dimensions: int = 3) -> Array:
+def draw_directions(rng: np.random.Generator, n: int, dimensions: int = 3) -> Array:
     """Unit vectors (n, dimensions) uniform over the sphere; with 4, attitudes as quaternions."""
     vectors = rng.standard_normal((n, dimensions))
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
-def wander(
+def draw_smooth(
     rng: np.random.Generator, duration_s: float, *, sd: float, pace_s: float
 ) -> Callable[[Array], Array]:
     """A smooth random function of time about zero, independent after some `pace_s` seconds."""
-    knots = knot_times(duration_s, pace_s)
+    knots = make_knots(duration_s, pace_s)
     return CubicSpline(knots, sd * rng.standard_normal(len(knots)))
 
 
-def knot_times(duration_s: float, pace_s: float) -> Array:
+def make_knots(duration_s: float, pace_s: float) -> Array:
     """Times `pace_s` apart from before 0 to after `duration_s`, at least four."""
     return np.arange(-1, np.ceil(duration_s / pace_s) + 3) * pace_s

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.simulation.draws import wander
+from agonic.simulation.draws import draw_smooth
 from agonic.simulation.motions import (
     Attitude,
     Motion,
@@ -59,8 +59,10 @@ def flight(
     the field `stray_nT_A`·I in sensor axes.
     """
     flown = fly(rng, time[-1], vehicle=vehicle, leg_s=leg_s, turns_deg=turns_deg)
-    current = drawn_A(flown.throttle(time), full_current_A)
-    place = position(time, flown.velocity_n(time), (latitude_deg, longitude_deg, altitude_m))
+    current = compute_current_A(flown.throttle(time), full_current_A)
+    place = compute_position(
+        time, flown.velocity_n(time), (latitude_deg, longitude_deg, altitude_m)
+    )
     return Motion(
         rot_nb=flown.attitude(time),
         rotation_rate=rotation_rate(flown.attitude, time),
@@ -87,10 +89,10 @@ def fly(
         raise AgonicError(f"no vehicle {vehicle!r}; choose from {', '.join(_SPEED_AND_LEAN)}")
     speed, lean_deg = _SPEED_AND_LEAN[vehicle]
     rate_deg_s = _TURN_DEG_S if bank_deg is None else _turn_rate(bank_deg, speed)
-    course_deg = course(rng, duration_s, leg_s, rate_deg_s, turns_deg)
-    climb_deg = wander(rng, duration_s, sd=3.0, pace_s=15.0)
-    gusts = [wander(rng, duration_s, sd=sd, pace_s=0.7) for sd in (1.0, 1.5, 2.0)]
-    surge = wander(rng, duration_s, sd=0.05, pace_s=3.0)
+    course_deg = draw_course(rng, duration_s, leg_s, rate_deg_s, turns_deg)
+    climb_deg = draw_smooth(rng, duration_s, sd=3.0, pace_s=15.0)
+    gusts = [draw_smooth(rng, duration_s, sd=sd, pace_s=0.7) for sd in (1.0, 1.5, 2.0)]
+    surge = draw_smooth(rng, duration_s, sd=0.05, pace_s=3.0)
 
     def banked_deg(at: Array) -> Array:
         turn = np.radians(rate_of_change(course_deg, at))
@@ -116,7 +118,7 @@ def fly(
     return Flown(attitude, velocity_n, throttle)
 
 
-def drawn_A(throttle: Array, full_current_A: float) -> Array:
+def compute_current_A(throttle: Array, full_current_A: float) -> Array:
     """The current that a throttle draws: P ∝ thrust^1.5 (momentum theory), and a little always."""
     return np.asarray(full_current_A * (0.05 + 0.95 * throttle**1.5))
 
@@ -130,7 +132,7 @@ def _turn_rate(bank_deg: float, speed: float) -> float:
     )
 
 
-def course(
+def draw_course(
     rng: np.random.Generator,
     duration_s: float,
     leg_s: float,
@@ -156,7 +158,9 @@ def course(
     return course_deg
 
 
-def position(time: Array, velocity_n: Array, start: tuple[float, float, float]) -> dict[str, Array]:
+def compute_position(
+    time: Array, velocity_n: Array, start: tuple[float, float, float]
+) -> dict[str, Array]:
     """Latitude, longitude and altitude along a velocity (n, 3) in north, east, down."""
     north, east, down = cumulative_trapezoid(velocity_n, time, axis=0, initial=0).T
     parallel = EARTH_RADIUS_M * np.cos(np.radians(start[0]))

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.simulation.draws import directions, knot_times, wander
+from agonic.simulation.draws import draw_directions, draw_smooth, make_knots
 
 Attitude = Callable[[Array], Rotation]
 
@@ -57,8 +57,8 @@ def tumble(time: Array, rng: np.random.Generator, field_n: Array, *, pace_s: flo
     attitude is uniform (Haar) at all times and the field covers the sphere evenly; its mean rate
     is about 126°/pace_s.
     """
-    knots = knot_times(time[-1], pace_s)
-    quats = directions(rng, len(knots), 4)
+    knots = make_knots(time[-1], pace_s)
+    quats = draw_directions(rng, len(knots), 4)
     turns = np.einsum("ij,ij->i", quats[1:], quats[:-1])
     quats[1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0))[:, None]
     path = CubicSpline(knots, quats)
@@ -71,7 +71,7 @@ def tumble(time: Array, rng: np.random.Generator, field_n: Array, *, pace_s: flo
 
 def sphere(time: Array, rng: np.random.Generator, field_n: Array) -> Motion:
     """Independent attitudes, uniform over all rotations."""
-    return Motion(rot_nb=Rotation.from_quat(directions(rng, len(time), 4)))
+    return Motion(rot_nb=Rotation.from_quat(draw_directions(rng, len(time), 4)))
 
 
 def belt(
@@ -101,7 +101,7 @@ def hand(time: Array, rng: np.random.Generator, field_n: Array) -> Motion:
     period = rng.uniform(5.0, 7.0)
     turn_period = rng.uniform(20.0, 30.0)
     phase = rng.uniform(0, 2 * np.pi, 4)
-    wobble = [wander(rng, time[-1], sd=8.0, pace_s=2.0) for _ in range(3)]
+    wobble = [draw_smooth(rng, time[-1], sd=8.0, pace_s=2.0) for _ in range(3)]
 
     def attitude(at: Array) -> Rotation:
         swing = 2 * np.pi * at / period + phase[0]

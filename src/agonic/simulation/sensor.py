@@ -134,8 +134,8 @@ def simulate(
     raw = field_b @ np.linalg.inv(truth.matrix).T + truth.bias
     raw += noise * noise_rng.standard_normal((n, 3))
     if counts_per_nT is not None:
-        raw, truth = raw * counts_per_nT, _in_counts(truth, counts_per_nT)
-    samples = _recorded(time, raw, truth, motion)
+        raw, truth = raw * counts_per_nT, _to_counts(truth, counts_per_nT)
+    samples = _record(time, raw, truth, motion)
     for defect in defects:
         samples = defect(samples)
     return Simulated(
@@ -174,7 +174,7 @@ def _earth_field(magnitude: float, inclination_deg: float, declination_deg: floa
     return magnitude * np.array([level * np.cos(east), level * np.sin(east), np.sin(dip)])
 
 
-def _in_counts(truth: Affine, counts_per_nT: float) -> Affine:
+def _to_counts(truth: Affine, counts_per_nT: float) -> Affine:
     """The same calibration for readings in counts."""
     if truth.unit_in == RAW:
         raise AgonicError("counts_per_nT needs a calibration in nT; this one takes counts already")
@@ -187,7 +187,7 @@ def _in_counts(truth: Affine, counts_per_nT: float) -> Affine:
     )
 
 
-def _recorded(time: Array, raw: Array, truth: Affine, motion: motions.Motion) -> Samples:
+def _record(time: Array, raw: Array, truth: Affine, motion: motions.Motion) -> Samples:
     """The columns that a logger would have written."""
     roll, pitch, heading = angles_deg(motion.rot_nb.as_matrix())
     specific_force_n = motion.acceleration_n - np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])

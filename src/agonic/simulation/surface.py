@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.simulation.draws import wander
-from agonic.simulation.flight import Function, course, position
+from agonic.simulation.draws import draw_smooth
+from agonic.simulation.flight import Function, compute_position, draw_course
 from agonic.simulation.motions import Motion, rate_of_change, rotation_rate
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -38,7 +38,7 @@ def boat(
     phase with periods of 0.7 to 1.4 `wave_s`. The water moves in circles, so its acceleration has
     the same standard deviation, `surge_sd_m_s2`, up and down and along either level axis.
     """
-    ahead = course(rng, time[-1], leg_s, rate_deg_s=6.0)
+    ahead = draw_course(rng, time[-1], leg_s, rate_deg_s=6.0)
     roll, pitch, yaw = (
         _sea(rng, wave_s, sd) for sd in (roll_sd_deg, pitch_sd_deg, pitch_sd_deg / 2)
     )
@@ -72,9 +72,9 @@ def car(
 
     The road's slope and camber wander by `slope_sd_deg` and the body leans a little on its springs.
     """
-    ahead = course(rng, time[-1], leg_s, rate_deg_s=20.0, turns_deg=(60.0, 120.0))
-    pace = wander(rng, time[-1], sd=0.5 * speed_m_s, pace_s=10.0)
-    slope, camber = (wander(rng, time[-1], sd=slope_sd_deg, pace_s=8.0) for _ in range(2))
+    ahead = draw_course(rng, time[-1], leg_s, rate_deg_s=20.0, turns_deg=(60.0, 120.0))
+    pace = draw_smooth(rng, time[-1], sd=0.5 * speed_m_s, pace_s=10.0)
+    slope, camber = (draw_smooth(rng, time[-1], sd=slope_sd_deg, pace_s=8.0) for _ in range(2))
 
     def speed(at: Array) -> Array:
         """Smoothly to a stop where the pace is below zero."""
@@ -118,5 +118,5 @@ def _moved(
         rot_nb=attitude(time),
         rotation_rate=rotation_rate(attitude, time),
         acceleration_n=rate_of_change(velocity_n, time),
-        columns=position(time, velocity_n(time), start),
+        columns=compute_position(time, velocity_n(time), start),
     )

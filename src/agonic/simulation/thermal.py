@@ -12,7 +12,7 @@ from agonic.maths.equation.symmetric import unpack_symmetric
 DEGREE = 3
 
 
-def readings(truth: Thermal, field: Array, temperature: Array, rate: Array) -> Array:
+def make_readings(truth: Thermal, field: Array, temperature: Array, rate: Array) -> Array:
     """The readings (n, 3) that a sensor gives of a field (n, 3): matrix(T)⁻¹ field + bias(T).
 
     Parameters: field in nT in the axes of the sensor, temperature (n,) °C, and its rate of change

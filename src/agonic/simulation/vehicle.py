@@ -20,8 +20,8 @@ from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
-from agonic.simulation.draws import random_calibration, wander
-from agonic.simulation.flight import Flown, Vehicle, drawn_A, fly, position
+from agonic.simulation.draws import draw_smooth, random_calibration
+from agonic.simulation.flight import Flown, Vehicle, compute_current_A, compute_position, fly
 from agonic.simulation.motions import rate_of_change, rotation_rate
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
@@ -148,7 +148,7 @@ def simulate_vehicle(
     along = _field_n(field_n, common)
     then = time - latency_s
     field_then = flown.attitude(then).apply(along, inverse=True)
-    current_then = drawn_A(flown.throttle(then), full_current_A)
+    current_then = compute_current_A(flown.throttle(then), full_current_A)
     return SimulatedVehicle(
         samples=tuple(
             common.with_columns(
@@ -231,10 +231,10 @@ def _common(
         epoch=epoch,
         acceleration=attitude.apply(force_n, inverse=True),
         rotation_rate=rotation_rate(flown.attitude, time),
-        current_A=drawn_A(throttle, full_current_A),
+        current_A=compute_current_A(throttle, full_current_A),
         throttle=throttle,
         notes=("simulated",),
-    ).with_columns(**position(time, flown.velocity_n(time), start))
+    ).with_columns(**compute_position(time, flown.velocity_n(time), start))
 
 
 def _field_n(given: ArrayLike | None, on_the_way: Samples) -> Array:
@@ -261,7 +261,7 @@ def _recorded_angles(
     roll, pitch, heading = angles_deg(flown.attitude(time).as_matrix())
     acceleration = np.linalg.norm(rate_of_change(flown.velocity_n, time), axis=1)
     larger = np.sqrt(1 + (MANOEUVRE * acceleration / STANDARD_GRAVITY_M_S2) ** 2)
-    error = [wander(rng, time[-1], sd=1.0, pace_s=correlation_s)(time) for _ in range(3)]
+    error = [draw_smooth(rng, time[-1], sd=1.0, pace_s=correlation_s)(time) for _ in range(3)]
     angles = {
         "roll_deg": roll + attitude_sd_deg * larger * error[0],
         "pitch_deg": pitch + attitude_sd_deg * larger * error[1],

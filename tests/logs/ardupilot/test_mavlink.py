@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from agonic.logs.ardupilot.dataflash_binary import load
-from agonic.logs.ardupilot.mavlink import decode, definitions, find_packets
+from agonic.logs.ardupilot.mavlink import decode, find_packets, load_definitions
 from agonic.logs.ardupilot.tlog import WANTED
 from tests.logs.tlog_writer import tlog
 
@@ -19,7 +19,7 @@ from tests.logs.tlog_writer import tlog
 def test_every_field_as_pymavlink_packs_it(tmp_path: Path, form: dict[str, Any]) -> None:
     rng = np.random.default_rng(5)
     path = tmp_path / "fields.tlog"
-    known = definitions()
+    known = load_definitions()
     sent = [(0.0, name, filled(known[name], rng)) for name in WANTED for _ in range(5)]
     path.write_bytes(tlog(sent, **form))
     assert compare_with_pymavlink(path) == set(WANTED)
@@ -57,7 +57,7 @@ def compare_with_pymavlink(path: Path) -> set[str]:
         except mavlink.MAVError:  # of kinds that are not wanted
             continue
         theirs.setdefault(message.get_type(), []).append(message)
-    for name, message in definitions().items():
+    for name, message in load_definitions().items():
         if name in WANTED and name in theirs:
             ours = decode(data, packets.select(packets.kind == message.id), message)
             sent_by = [m.get_srcSystem() * 256 + m.get_srcComponent() for m in theirs[name]]

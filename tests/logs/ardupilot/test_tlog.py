@@ -13,7 +13,7 @@ import pytest
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.ardupilot import dataflash as read_dataflash
 from agonic.logs.ardupilot.dataflash_binary import load
-from agonic.logs.ardupilot.mavlink import decode, definitions, find_packets
+from agonic.logs.ardupilot.mavlink import decode, find_packets, load_definitions
 from agonic.logs.ardupilot.tlog import accepts, read
 from agonic.logs.log import Log
 from agonic.logs.read import open_log
@@ -388,7 +388,7 @@ def test_a_dive(recordings: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert accepts(path.read_bytes()[:65536])
     log = load_log(path)
     first, second = log.sensors
-    known = definitions()
+    known = load_definitions()
     data = load(path)
     packets = find_packets(data)
     messages = {

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.formats import FORMATS
 from agonic.logs.log import Log
-from agonic.logs.px4.topics import euler_deg
+from agonic.logs.px4.topics import compute_euler_deg
 from agonic.logs.px4.ulog import read
 from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
@@ -95,12 +95,12 @@ def test_one_turn_of_90_degrees(
     quat_wxyz[0, 0] = quat_wxyz[0, 1 + axis] = np.sqrt(0.5)
     rot_nb = Rotation.from_quat(quat_wxyz[:, [1, 2, 3, 0]])
     np.testing.assert_allclose(rot_nb.apply(turned), [lands_on], atol=1e-12)
-    assert euler_deg(quat_wxyz)[axis][0] == pytest.approx(90.0, abs=1e-5)
+    assert compute_euler_deg(quat_wxyz)[axis][0] == pytest.approx(90.0, abs=1e-5)
 
 
 def test_angles_rebuild_the_rotation() -> None:
     rot_nb = Rotation.random(200, rng=np.random.default_rng(3))
-    roll, pitch, heading = euler_deg(rot_nb.as_quat()[:, [3, 0, 1, 2]])
+    roll, pitch, heading = compute_euler_deg(rot_nb.as_quat()[:, [3, 0, 1, 2]])
     again = Rotation.from_euler("ZYX", np.stack([heading, pitch, roll], axis=1), degrees=True)
     assert (again * rot_nb.inv()).magnitude().max() < 1e-6
     assert ((heading >= 0) & (heading < 360)).all()

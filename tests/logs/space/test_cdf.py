@@ -16,7 +16,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.field.published import igrf
 from agonic.logs.log import Log
 from agonic.logs.read import open_log, read
-from agonic.logs.space.cdf import moments
+from agonic.logs.space.cdf import decode_moments
 from agonic.maths.rotations.attitude import rot_nb
 from tests.logs.damage import damaged, read_or_refused
 from tests.logs.orbit_writer import ROT_CM, N, swarm, write_cdf
@@ -147,7 +147,7 @@ def test_every_kind_of_time(written: Reader, kind: str, compressed: bool) -> Non
 
 def test_seconds_and_picoseconds() -> None:
     """CDF_EPOCH16, which cdflib gives as complex numbers and cannot write."""
-    assert moments(np.array([63_650_448_000.0 + 5e11j]), 32).tolist() == [
+    assert decode_moments(np.array([63_650_448_000.0 + 5e11j]), 32).tolist() == [
         datetime(2017, 1, 1, 0, 0, 0, 500_000)
     ]
 

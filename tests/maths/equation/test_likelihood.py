@@ -10,7 +10,7 @@ from agonic.maths.equation import likelihood
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import estimate_noise, is_like_gaussian
-from agonic.simulation.draws import directions
+from agonic.simulation.draws import draw_directions
 
 W = np.array([[1.1, 0.05, -0.1], [0.05, 0.9, 0.08], [-0.1, 0.08, 1.0]])
 BIAS = np.array([0.3, -0.2, 0.1])
@@ -20,7 +20,7 @@ FULL = likelihood.parameters(BIAS, W, "full")
 def problem(n: int, *, noise: float = 0.01, seed: int = 0, model: str = "full", prior=None):
     """Points of an ellipsoid seen from all directions, of constant magnitude one."""
     rng = np.random.default_rng(seed)
-    points = directions(rng, n) @ np.linalg.inv(W).T + BIAS + noise * rng.normal(size=(n, 3))
+    points = draw_directions(rng, n) @ np.linalg.inv(W).T + BIAS + noise * rng.normal(size=(n, 3))
     return likelihood.Problem(points, np.ones(1), model, prior)
 
 
@@ -174,7 +174,7 @@ def test_strays_hardly_move_the_estimate() -> None:
     rng = np.random.default_rng(2)
     strays = rng.choice(3000, 300, replace=False)
     points = made.points.copy()
-    points[strays] += 0.8 * directions(rng, 300)
+    points[strays] += 0.8 * draw_directions(rng, 300)
     found = likelihood.estimate(made._replace(points=points))
     error = (found.solution.params - clean.params) / np.sqrt(np.diag(clean.covariance))
     assert np.abs(error).max() < 1.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.maths.estimation.bias_change import find_bias_change
-from agonic.simulation.draws import directions
+from agonic.simulation.draws import draw_directions
 
 SHIFT = np.array([0.02, -0.01, 0.03])  # of the radius
 
@@ -14,7 +14,7 @@ def residuals(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distances from a unit sphere whose readings in a stretch are shifted; normals and places."""
     rng = np.random.default_rng(seed)
-    units = directions(rng, n)
+    units = draw_directions(rng, n)
     off = noise * rng.normal(size=n)
     off[stretch] += units[stretch] @ shift
     return off, units, units

@@ -20,7 +20,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import require_calibration
 from agonic.errors import LogError
 from agonic.files.calibration import load
-from agonic.files.toml_sections import read_toml, section
+from agonic.files.toml_sections import read_section, read_toml
 from agonic.logs.read import open_log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
@@ -120,9 +120,10 @@ def read_description(
     table, known = read_toml(file), (*sections, *beside)
     mistakes: list[str] = []
     plain = {key: value for key, value in table.items() if key not in known}
-    made = section(plain, head, "the file", mistakes, known)
+    made = read_section(plain, head, "the file", mistakes, known)
     parts = {
-        key: section(table.get(key), kind, f"[{key}]", mistakes) for key, kind in sections.items()
+        key: read_section(table.get(key), kind, f"[{key}]", mistakes)
+        for key, kind in sections.items()
     }
     mistakes += [f"there is no section [{key}]" for key in needed if key not in table]
     mistakes += _missing_files(parts, file.parent) + _bad_sds(parts, zero)

@@ -52,8 +52,8 @@ from agonic.alignment.files.north_schema import (
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.files.toml_sections import section
-from agonic.logs.auxiliary import numbers
+from agonic.files.toml_sections import read_section
+from agonic.logs.auxiliary import to_numbers
 
 Columns = dict[str, Array]
 
@@ -123,7 +123,7 @@ def _sightings(given: Any, mistakes: list[str]) -> tuple[Sighting, ...]:
         return ()
     made = []
     for number, each in enumerate(given, start=1):
-        part = section(each, SightingSection, f"[[sighting]] {number}", mistakes)
+        part = read_section(each, SightingSection, f"[[sighting]] {number}", mistakes)
         if part is None:
             continue
         if (part.readings_deg is None) == (part.readings_gon is None):
@@ -186,7 +186,7 @@ def _header_of(name: str, header: list[str]) -> tuple[int, float] | None:
 
 def _column(cells: list[list[str]], at: tuple[int, float], name: str, path: Path) -> Array:
     column, factor = at
-    values = numbers(np.array([row[column] for row in cells]))
+    values = to_numbers(np.array([row[column] for row in cells]))
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
         row = int(bad[0])

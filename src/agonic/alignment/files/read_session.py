@@ -61,7 +61,7 @@ from agonic.alignment.session import Mounting, Session, Site, StarReadings, chec
 from agonic.alignment.session.session import unix_of
 from agonic.arrays import Array
 from agonic.errors import AgonicError
-from agonic.files.toml_sections import tried
+from agonic.files.toml_sections import try_to_make
 from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
 from agonic.maths.earth.starlight import Air
 from agonic.samples import Samples
@@ -125,7 +125,7 @@ def _check_stars_and_site(description: Description) -> None:
     if star is not None and (star.across_sd_arcsec is None) != (star.about_sd_arcsec is None):
         description.mistakes.append("[star] across_sd_arcsec and about_sd_arcsec go together")
     if site is not None:
-        tried(lambda: _site(site), "[site]", description.mistakes)
+        try_to_make(lambda: _site(site), "[site]", description.mistakes)
 
 
 def _site(part: SiteSection) -> Site:

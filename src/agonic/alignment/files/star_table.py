@@ -21,8 +21,8 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.session import StarReadings
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.auxiliary import numbers
-from agonic.logs.clock import clock_of
+from agonic.logs.auxiliary import to_numbers
+from agonic.logs.clock import read_clock
 from agonic.logs.contents import read_text
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
 
@@ -89,7 +89,7 @@ def _one_of(table: dict[str, list[str]], names: tuple[str, ...], what: str, path
 
 def _numbers(table: dict[str, list[str]], name: str, path: Path) -> Array:
     """A column of numbers; the first that is none is an error."""
-    values = numbers(np.array(table[name]))
+    values = to_numbers(np.array(table[name]))
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
         row = int(bad[0])
@@ -101,13 +101,13 @@ def _times(table: dict[str, list[str]], path: Path) -> Array:
     """Seconds since 1970, in the time scale of the table."""
     name = _one_of(table, TIMES, "times", path)
     texts = np.array(table[name])
-    plain = numbers(texts)
+    plain = to_numbers(texts)
     if name != "utc" and np.isfinite(plain).all():
         if "epoch_unix" in table:
             return np.asarray(plain + _numbers(table, "epoch_unix", path))
         if np.median(plain) > 1e8:
             return plain
-    seconds, epoch, _ = clock_of(texts if not np.isfinite(plain).all() else plain, 1.0)
+    seconds, epoch, _ = read_clock(texts if not np.isfinite(plain).all() else plain, 1.0)
     if seconds is None or epoch is None or not np.isfinite(seconds).all():
         raise LogError(
             f"column {name} has no dates; give utc as 2024-03-12T20:00:00Z, Unix seconds, or "

@@ -11,32 +11,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.errors import AgonicError
-from agonic.exports.convert import float32_text
+from agonic.exports.convert import format_float32
 
 WIDTH = 96
 
 
-def literal(value: float) -> str:
+def write_literal(value: float) -> str:
     """A float constant that reads back as the same float32.
 
-    >>> literal(-0.1), literal(3e38)
+    >>> write_literal(-0.1), write_literal(3e38)
     ('-0.1f', '3.0e+38f')
     """
     size = abs(np.float32(value))
     if size == 0.0 or 1e-7 < size < 1e9:
-        return f"{float32_text(value)}f"
+        return f"{format_float32(value)}f"
     return f"{np.format_float_scientific(np.float32(value), unique=True, trim='0')}f"
 
 
-def whole(value: float) -> str:
+def write_integer(value: float) -> str:
     """An integer constant."""
     return str(round(value))
 
 
-def braced(values: ArrayLike, indent: str = "", *, write: Callable[[float], str] = literal) -> str:
+def write_array(
+    values: ArrayLike, indent: str = "", *, write: Callable[[float], str] = write_literal
+) -> str:
     """The initialiser of an array of any depth, a line for each row.
 
-    >>> print(braced([[1, 2], [3, 4]]))
+    >>> print(write_array([[1, 2], [3, 4]]))
     {
         {1.0f, 2.0f},
         {3.0f, 4.0f},
@@ -45,7 +47,7 @@ def braced(values: ArrayLike, indent: str = "", *, write: Callable[[float], str]
     array = np.asarray(values, dtype=np.float64)
     inner = indent + "    "
     if array.ndim > 1:
-        rows = "".join(f"{inner}{braced(row, inner, write=write)},\n" for row in array)
+        rows = "".join(f"{inner}{write_array(row, inner, write=write)},\n" for row in array)
         return f"{{\n{rows}{indent}}}"
     flat = ", ".join(map(write, array.tolist()))
     if len(indent) + len(flat) + 3 <= WIDTH:
@@ -54,10 +56,10 @@ def braced(values: ArrayLike, indent: str = "", *, write: Callable[[float], str]
     return "{\n" + "\n".join(lines) + f"\n{indent}}}"
 
 
-def comment(lines: Iterable[str]) -> str:
+def write_comment(lines: Iterable[str]) -> str:
     """Lines of a block comment, plain ASCII, that nothing in them can end.
 
-    >>> comment(["from logs/*", "12 µT"])
+    >>> write_comment(["from logs/*", "12 µT"])
     ' * from logs/ *\\n * 12 \\\\xb5T'
     """
     safe = (" ".join(line.split()).replace("/*", "/ *").replace("*/", "* /") for line in lines)
@@ -65,7 +67,7 @@ def comment(lines: Iterable[str]) -> str:
     return "\n".join(f" * {line}".rstrip() for line in plain)
 
 
-def filled(template: str, values: Mapping[str, str]) -> str:
+def fill_template(template: str, values: Mapping[str, str]) -> str:
     """A template of this package with each @key@ replaced."""
     text = files("agonic.exports.firmware").joinpath("templates", template).read_text("utf-8")
     return re.sub(r"@(\w+)@", lambda key: values[key[1]], text)

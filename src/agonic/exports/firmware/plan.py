@@ -18,7 +18,14 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
 from agonic.exports.firmware.grid import DeclinationGrid
-from agonic.exports.polynomials import RATE, Polynomials, changes, polynomials, range_C, steady
+from agonic.exports.polynomials import (
+    RATE,
+    Polynomials,
+    changes_with_temperature,
+    find_range_C,
+    fit_polynomials,
+    make_constant,
+)
 from agonic.maths.rotations.tilt import Order
 from agonic.units import RAW
 
@@ -49,15 +56,17 @@ class Plan:
     @cached_property
     def warm(self) -> bool:
         """Whether any calibration changes with temperature, so that the controller is given it."""
-        return any(changes(compass.calibration) for compass in self.setup.compasses)
+        return any(
+            changes_with_temperature(compass.calibration) for compass in self.setup.compasses
+        )
 
     @cached_property
     def polynomials(self) -> tuple[Polynomials, ...]:
         """Those of each compass over temperature; of order 0 where it does not change."""
         return tuple(
-            polynomials(compass.calibration)
-            if changes(compass.calibration)
-            else steady(calibration)
+            fit_polynomials(compass.calibration)
+            if changes_with_temperature(compass.calibration)
+            else make_constant(calibration)
             for compass, calibration in zip(self.setup.compasses, self.calibrations, strict=True)
         )
 
@@ -201,7 +210,7 @@ class Plan:
 def _in_the_middle(compass: Compass) -> Calibration:
     """The calibration, held in the middle of its temperatures where it changes with them."""
     calibration = compass.calibration
-    if not changes(calibration):
+    if not changes_with_temperature(calibration):
         return calibration
-    held: Calibration = calibration.at(float(np.mean(range_C(calibration))))  # type: ignore[attr-defined]
+    held: Calibration = calibration.at(float(np.mean(find_range_C(calibration))))  # type: ignore[attr-defined]
     return held

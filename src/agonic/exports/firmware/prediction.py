@@ -60,18 +60,18 @@ def predict(plan: Plan, inputs: Mapping[str, Array]) -> Prediction:
 def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Prediction:
     """The outputs by one of the compasses."""
     card = plan.cards[which]
-    field = corrected(plan, which, inputs["raw"][:, which], inputs)
-    tilt, status = tilt_of(plan, inputs, len(field))
+    field = correct_readings(plan, which, inputs["raw"][:, which], inputs)
+    tilt, status = compute_tilt(plan, inputs, len(field))
     if plan.warm:
-        status |= np.where(_followed(plan, which, inputs)[1], 0, TEMPERATURE)
+        status |= np.where(_follow(plan, which, inputs)[1], 0, TEMPERATURE)
     level = kernel.heading_with_derivatives(field, tilt, plan.order)
     heading = level.heading_deg
     magnitude = np.linalg.norm(field, axis=1)
     inclination = np.degrees(np.arctan2(level.vertical, level.horizontal))
     strength = level.horizontal if plan.tilt == "level" else magnitude
-    distance = disturbance(plan, which, strength, inclination)
+    distance = compute_disturbance(plan, which, strength, inclination)
     status |= np.where(distance <= 1, 0, DISTURBED)
-    status |= np.where(level.horizontal >= weakest(plan), 0, VERTICAL)
+    status |= np.where(level.horizontal >= find_weakest(plan), 0, VERTICAL)
     magnetic = heading if card is None else card.magnetic(heading, *kernel.roll_pitch_deg(tilt))
     if isinstance(plan.declination, DeclinationGrid):
         declination, outside = plan.declination.at(inputs["latitude_deg"], inputs["longitude_deg"])
@@ -92,17 +92,17 @@ def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Predicti
     )
 
 
-def corrected(plan: Plan, which: int, raw: Array, inputs: Mapping[str, Array]) -> Array:
+def correct_readings(plan: Plan, which: int, raw: Array, inputs: Mapping[str, Array]) -> Array:
     """The field (n, 3) of readings (n, 3) of one compass, with what is beside them."""
     calibration = plan.setup.compasses[which].calibration
     columns = {name: inputs[MEMBERS.get(name, name)] for name in calibration.needs}
     columns |= {name: columns[name][:, which] for name in OF_EACH if name in columns}
     if "temperature" in columns:
-        columns["temperature"] = _followed(plan, which, inputs)[0]
+        columns["temperature"] = _follow(plan, which, inputs)[0]
     return calibration.correct(raw, **columns)
 
 
-def _followed(plan: Plan, which: int, inputs: Mapping[str, Array]) -> tuple[Array, Mask]:
+def _follow(plan: Plan, which: int, inputs: Mapping[str, Array]) -> tuple[Array, Mask]:
     """The temperature that counts, and where it is the one that was given."""
     low, high = plan.polynomials[which].clamp_C
     given = inputs["temperature_C"][:, which]
@@ -110,7 +110,7 @@ def _followed(plan: Plan, which: int, inputs: Mapping[str, Array]) -> tuple[Arra
     return np.where(inside, given, np.where(given > high, high, low)), inside
 
 
-def tilt_of(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kernel.Tilt, Flags]:
+def compute_tilt(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kernel.Tilt, Flags]:
     """The tilt of each row from what the controller is given, and where it is not to be trusted."""
     status = np.zeros(n, dtype=np.int64)
     if plan.tilt == "level":
@@ -126,7 +126,7 @@ def tilt_of(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kernel.Til
     return tilt, status | np.where(upright >= plan.steepest, 0, STEEP)
 
 
-def disturbance(plan: Plan, which: int, strength: Array, inclination_deg: Array) -> Array:
+def compute_disturbance(plan: Plan, which: int, strength: Array, inclination_deg: Array) -> Array:
     """How far the field is from the one to expect, 1 being the limit; 0 where none is known."""
     expected, setup = plan.expected[which], plan.setup
     distance = np.zeros(len(strength))
@@ -138,7 +138,7 @@ def disturbance(plan: Plan, which: int, strength: Array, inclination_deg: Array)
     return np.where(distance <= FAR, distance, FAR)
 
 
-def weakest(plan: Plan) -> float:
+def find_weakest(plan: Plan) -> float:
     """The least horizontal field; none where a calibration has no scale."""
     raw = any(calibration.unit_out == RAW for calibration in plan.calibrations)
     return 0.0 if raw else WEAKEST_HORIZONTAL

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.exports.firmware.ctext import comment, filled, literal
+from agonic.exports.firmware.ctext import fill_template, write_comment, write_literal
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
-from agonic.exports.firmware.prediction import MEMBERS, Prediction, corrected, predict
-from agonic.exports.firmware.sources import about
-from agonic.exports.polynomials import affine_at, changes
+from agonic.exports.firmware.prediction import MEMBERS, Prediction, correct_readings, predict
+from agonic.exports.firmware.sources import write_about
+from agonic.exports.polynomials import changes_with_temperature, evaluate_affine
 from agonic.maths.rotations.attitude import rot_nb
 
 TOLERANCE_DEG = 0.01
@@ -32,14 +32,14 @@ EDGES = (
 """Roll, pitch, heading: the quarters, the steepest that is allowed, and beyond it."""
 
 
-def known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str, Array]:
+def make_known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str, Array]:
     """Inputs in float32: the edges first, then attitudes up to 80° of tilt, the last disturbed.
 
     The magnetometers read the field of a place with the dip that the setup expects, or 60°, turned
     into body axes and back through each calibration.
     """
     rng = np.random.default_rng(seed)
-    random = attitudes(rng, max(count - len(EDGES), 3))
+    random = draw_attitudes(rng, max(count - len(EDGES), 3))
     roll, pitch, heading = np.concatenate([EDGES, random]).T
     n, k = len(roll), len(plan.calibrations)
     inputs = {"roll_deg": roll, "pitch_deg": pitch}
@@ -62,7 +62,7 @@ def known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str, Arra
     return {name: v.astype(np.float32).astype(np.float64) for name, v in inputs.items()}
 
 
-def attitudes(rng: np.random.Generator, n: int, largest_tilt_deg: float = 80.0) -> Array:
+def draw_attitudes(rng: np.random.Generator, n: int, largest_tilt_deg: float = 80.0) -> Array:
     """Roll, pitch, heading (n, 3) with down anywhere within the tilt, in the body's own axes."""
     z = rng.uniform(np.cos(np.radians(largest_tilt_deg)), 1.0, n)
     around = rng.uniform(0.0, 2 * np.pi, n)
@@ -81,11 +81,13 @@ def _reading_sizes(plan: Plan) -> Array:
 def _raw(plan: Plan, which: int, direction_b: Array, inputs: dict[str, Array]) -> Array:
     """The readings that the calibration turns into that field."""
     calibration = plan.setup.compasses[which].calibration
-    offset = corrected(plan, which, np.zeros((len(direction_b), 3)), inputs)
+    offset = correct_readings(plan, which, np.zeros((len(direction_b), 3)), inputs)
     matrix = plan.calibrations[which].matrix
-    if changes(calibration):
+    if changes_with_temperature(calibration):
         low, high = plan.polynomials[which].clamp_C
-        matrix = affine_at(calibration, np.clip(inputs["temperature_C"][:, which], low, high))[1]
+        matrix = evaluate_affine(
+            calibration, np.clip(inputs["temperature_C"][:, which], low, high)
+        )[1]
     wanted = plan.magnitudes[which] * direction_b - offset
     return np.asarray(np.linalg.solve(matrix, wanted[:, :, None])[:, :, 0])
 
@@ -113,19 +115,19 @@ def _places(grid: float | DeclinationGrid, rng: np.random.Generator, n: int) -> 
     return {"latitude_deg": latitude, "longitude_deg": (longitude + 180.0) % 360.0 - 180.0}
 
 
-def selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None) -> str:
+def write_selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None) -> str:
     """The text of the self-test."""
-    given = known_readings(plan) if inputs is None else inputs
+    given = make_known_readings(plan) if inputs is None else inputs
     expected = predict(plan, given)
     lines = [_entry(plan, given, expected, row) for row in range(len(expected.used))]
-    return filled(
+    return fill_template(
         "selftest.c.in",
         {
             "name": name,
             "GUARD": name.upper(),
-            "about": comment(about(plan)),
-            "tolerance": literal(TOLERANCE_DEG),
-            "share": literal(SHARE),
+            "about": write_comment(write_about(plan)),
+            "tolerance": write_literal(TOLERANCE_DEG),
+            "share": write_literal(SHARE),
             "tests": str(len(lines)),
             "table": "\n".join(lines),
         },
@@ -141,11 +143,11 @@ def _entry(plan: Plan, given: dict[str, Array], expected: Prediction, row: int) 
         names += ["latitude_deg", "longitude_deg"]
     values = ", ".join(_nested(given[name][row]) for name in names)
     outputs = (expected.magnitude, expected.compass_deg, expected.magnetic_deg, expected.true_deg)
-    numbers = ", ".join(literal(float(column[row])) for column in outputs)
+    numbers = ", ".join(write_literal(float(column[row])) for column in outputs)
     return f"    {{{{{values}}}, {numbers}, {expected.used[row]}, {expected.status[row]}}},"
 
 
 def _nested(value: Array) -> str:
     if value.ndim == 0:
-        return literal(float(value))
+        return write_literal(float(value))
     return "{" + ", ".join(map(_nested, value)) + "}"

@@ -31,7 +31,7 @@ class Size:
     compiler: str
 
 
-def measured(source: Path) -> Size | None:
+def measure_sizes(source: Path) -> Size | None:
     """The size of one C file compiled for size; `None` without compiler or where it fails."""
     for compiler, flags in COMPILERS.items():
         reader = "arm-none-eabi-size" if compiler.startswith("arm") else "size"

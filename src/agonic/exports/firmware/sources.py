@@ -8,11 +8,17 @@ import numpy as np
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import signals
-from agonic.exports.convert import banner
-from agonic.exports.firmware.ctext import braced, comment, filled, literal, whole
+from agonic.exports.convert import write_banner
+from agonic.exports.firmware.ctext import (
+    fill_template,
+    write_array,
+    write_comment,
+    write_integer,
+    write_literal,
+)
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
-from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, weakest
+from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, find_weakest
 from agonic.exports.polynomials import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
@@ -41,18 +47,18 @@ ORDERS = {
 }
 
 
-def header(plan: Plan, name: str) -> str:
+def write_header(plan: Plan, name: str) -> str:
     """The text of the header."""
-    return filled("header.h.in", _common(plan, name))
+    return fill_template("header.h.in", _common(plan, name))
 
 
-def source(plan: Plan, name: str) -> str:
+def write_source(plan: Plan, name: str) -> str:
     """The text of the source."""
     values = _common(plan, name) | _tables(plan) | _limits(plan)
-    return "\n".join(filled(f"{part}.c.in", values) for part in parts(plan))
+    return "\n".join(fill_template(f"{part}.c.in", values) for part in write_parts(plan))
 
 
-def parts(plan: Plan) -> Iterator[str]:
+def write_parts(plan: Plan) -> Iterator[str]:
     """The templates of the source, in order."""
     yield "start"
     yield "field_warm" if plan.warm else ("field_sources" if plan.sources else "field")
@@ -71,7 +77,7 @@ def parts(plan: Plan) -> Iterator[str]:
     yield "heading"
 
 
-def about(plan: Plan) -> list[str]:
+def write_about(plan: Plan) -> list[str]:
     """What the file is, and where each calibration came from."""
     lines = [f"From the readings of magnetometers to true heading, float32; agonic {__version__}"]
     for compass, card in zip(plan.setup.compasses, plan.cards, strict=True):
@@ -80,7 +86,7 @@ def about(plan: Plan) -> list[str]:
             formula = "field = matrix (raw - bias - added signals), float32"
         if "temperature" in compass.calibration.needs:
             formula += ", each a polynomial of temperature"
-        lines += ["", *banner(compass.calibration, formula)]
+        lines += ["", *write_banner(compass.calibration, formula)]
         if card is not None:
             state = f", {card.power_state}" if card.power_state else ""
             lines.append(f"Deviation: {card.equation}{state}")
@@ -89,10 +95,10 @@ def about(plan: Plan) -> list[str]:
                 f"Readings are {1e3 * compass.latency_s:.0f} ms late: give the tilt of that long "
                 "before they arrive"
             )
-    return [*lines, "", f"Declination: {declination_source(plan)}"]
+    return [*lines, "", f"Declination: {write_declination(plan)}"]
 
 
-def declination_source(plan: Plan) -> str:
+def write_declination(plan: Plan) -> str:
     """Whose declination it is, in words."""
     if isinstance(plan.declination, DeclinationGrid):
         return plan.declination.source
@@ -117,9 +123,9 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
     return {
         "name": name,
         "GUARD": guard,
-        "about": comment(about(plan)),
+        "about": write_comment(write_about(plan)),
         "compasses": str(len(plan.calibrations)),
-        "sensors": comment(sensors),
+        "sensors": write_comment(sensors),
         "inputs": "\n".join(inputs),
         "unit_out": first.unit_out,
         "largest_tilt": f"{plan.setup.tilt_limit_deg:g}",
@@ -128,26 +134,26 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
 
 def _tables(plan: Plan) -> dict[str, str]:
     values = {
-        "steepest": literal(plan.steepest),
+        "steepest": write_literal(plan.steepest),
         "first_status": "temperature_status(which, in)" if plan.warm else "0",
         **(_warm(plan) if plan.warm else _constant(plan)),
     }
     table = plan.deviations
     if table is not None:
-        values["deviation"] = braced(table if plan.heeled else table[:, :5])
+        values["deviation"] = write_array(table if plan.heeled else table[:, :5])
     grid = plan.declination
     if not isinstance(grid, DeclinationGrid):
-        return values | {"declination": literal(grid)}
+        return values | {"declination": write_literal(grid)}
     rows, columns = grid.north.shape
     return values | {
         "rows": str(rows),
         "columns": str(columns),
-        "south": literal(grid.south),
-        "west": literal(grid.west),
-        "latitude_step": literal(grid.latitude_step),
-        "longitude_step": literal(grid.longitude_step),
+        "south": write_literal(grid.south),
+        "west": write_literal(grid.west),
+        "latitude_step": write_literal(grid.latitude_step),
+        "longitude_step": write_literal(grid.longitude_step),
         "unit": f"{UNIT:g}",
-        "table": braced(np.stack([grid.north, grid.east]) / UNIT, write=whole),
+        "table": write_array(np.stack([grid.north, grid.east]) / UNIT, write=write_integer),
     }
 
 
@@ -155,12 +161,12 @@ def _constant(plan: Plan) -> dict[str, str]:
     """Calibrations that no temperature changes."""
     names = signals(plan.sources)
     return {
-        "bias": braced(plan.bias),
-        "matrix": braced(plan.matrix),
+        "bias": write_array(plan.bias),
+        "matrix": write_array(plan.matrix),
         "signals": str(len(names)),
         "signal_names": ", ".join(names),
         "signal_values": _values(names),
-        "added": braced(plan.coefficients),
+        "added": write_array(plan.coefficients),
     }
 
 
@@ -181,8 +187,8 @@ def _warm(plan: Plan) -> dict[str, str]:
     return {
         "powers": str(table.shape[1]),
         "numbers": str(table.shape[2]),
-        "polynomials": braced(table),
-        "ranges": braced(plan.temperatures),
+        "polynomials": write_array(table),
+        "ranges": write_array(plan.temperatures),
         **(pieces if names else dict.fromkeys(pieces, "")),
     }
 
@@ -196,15 +202,17 @@ def _limits(plan: Plan) -> dict[str, str]:
     """Beyond what the status says that a heading is not to be trusted."""
     level = plan.tilt == "level"
     return {
-        "weakest": literal(weakest(plan)),
-        "strength_limit": literal(max(plan.setup.magnitude_limit, 1e-12)),
-        "dip": literal(np.degrees(plan.dip or 0.0)),
-        "dip_limit": literal(FAR if plan.dip is None else max(plan.setup.dip_limit_deg, 1e-12)),
+        "weakest": write_literal(find_weakest(plan)),
+        "strength_limit": write_literal(max(plan.setup.magnitude_limit, 1e-12)),
+        "dip": write_literal(np.degrees(plan.dip or 0.0)),
+        "dip_limit": write_literal(
+            FAR if plan.dip is None else max(plan.setup.dip_limit_deg, 1e-12)
+        ),
         "strength_words": "horizontal part" if level else "magnitude",
         "strength": "across" if level else "out->magnitude",
-        "expected": braced([size or 0.0 for size in plan.expected]),
-        "gravity": literal(STANDARD_GRAVITY_M_S2),
-        "accelerated": literal(GRAVITY_SHARE),
+        "expected": write_array([size or 0.0 for size in plan.expected]),
+        "gravity": write_literal(STANDARD_GRAVITY_M_S2),
+        "accelerated": write_literal(GRAVITY_SHARE),
     }
 
 

@@ -10,12 +10,12 @@ from agonic.calibration.setup import Setup
 from agonic.errors import AgonicError
 from agonic.exports.c_network_parts import has_network
 from agonic.exports.convert import Export
-from agonic.exports.firmware.ctext import filled, require_identifier
+from agonic.exports.firmware.ctext import fill_template, require_identifier
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
-from agonic.exports.firmware.selftest import selftest
-from agonic.exports.firmware.size import Size, measured
-from agonic.exports.firmware.sources import header, source
+from agonic.exports.firmware.selftest import write_selftest
+from agonic.exports.firmware.size import Size, measure_sizes
+from agonic.exports.firmware.sources import write_header, write_source
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,15 +75,15 @@ def write_firmware(
     plan = Plan(setup=setup, declination=_declination(setup, declination))
     values = {"name": require_identifier(name), "GUARD": name.upper()}
     texts = {
-        f"{name}.h": header(plan, name),
-        f"{name}.c": source(plan, name),
-        f"{name}_selftest.c": selftest(plan, name),
-        f"{name}_fit.h": filled("fit.h.in", values),
-        f"{name}_fit.c": filled("fit.c.in", values),
+        f"{name}.h": write_header(plan, name),
+        f"{name}.c": write_source(plan, name),
+        f"{name}_selftest.c": write_selftest(plan, name),
+        f"{name}_fit.h": fill_template("fit.h.in", values),
+        f"{name}_fit.c": fill_template("fit.c.in", values),
     }
     place = make_folder(folder)
     files = tuple(write_atomically(place / file, text) for file, text in texts.items())
-    sizes = {f"{part}.c": measured(place / f"{part}.c") for part in (name, f"{name}_fit")}
+    sizes = {f"{part}.c": measure_sizes(place / f"{part}.c") for part in (name, f"{name}_fit")}
     return Firmware(
         path=place,
         target="c",

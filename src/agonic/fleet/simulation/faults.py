@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.simulation.draws import directions
+from agonic.simulation.draws import draw_directions
 
 BROKEN = (
     "frozen axis",
@@ -125,13 +125,13 @@ def _add_spikes(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Arr
     """Gross errors in single readings."""
     hit = rng.uniform(size=len(raw)) < rng.uniform(0.03, 0.2)
     length = rng.uniform(10_000, 60_000, (len(raw), 1))
-    return raw + hit[:, None] * length * directions(rng, len(raw)), noise
+    return raw + hit[:, None] * length * draw_directions(rng, len(raw)), noise
 
 
 def _move_magnet(raw: Array, noise: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """A magnet, or iron, that has another place from some moment on."""
     since = np.arange(len(raw)) >= len(raw) * rng.uniform(0.25, 0.75)
-    return raw + since[:, None] * directions(rng, 1) * rng.uniform(1_500, 12_000), noise
+    return raw + since[:, None] * draw_directions(rng, 1) * rng.uniform(1_500, 12_000), noise
 
 
 _READINGS: Mapping[str, Hurt] = {

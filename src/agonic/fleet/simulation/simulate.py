@@ -21,7 +21,7 @@ from agonic.fleet.simulation.faults import (
     draw_gain,
     draw_naming,
 )
-from agonic.simulation.turnings import pushes, turnings
+from agonic.simulation.turnings import make_pushes, make_turnings
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 CHUNK = 200
@@ -97,7 +97,7 @@ class SimulatedFleet:
         rows, rate_Hz = self.facts["rows"], self.facts["rate_Hz"]
         time = np.arange(rows) / rate_Hz
         of = self.board[first:stop]
-        north_b, down_b = turnings(rng, time, len(of))
+        north_b, down_b = make_turnings(rng, time, len(of))
         dip = np.radians(self.facts["inclination_deg"])
         size = self.facts["magnitude"] + 15.0 * rng.standard_normal((len(of), 1, 1))  # by the day
         field_b = size * (np.cos(dip) * north_b + np.sin(dip) * down_b)
@@ -107,7 +107,7 @@ class SimulatedFleet:
         raw += (boards.bias[of] + boards.slope[of] * (mean_C - 25.0)[:, None])[:, None]
         noise = boards.noise[of][:, None, None] * rng.standard_normal(raw.shape)
         force = -STANDARD_GRAVITY_M_S2 * down_b + boards.force_bias[of][:, None]
-        force += pushes(rng, time, len(of))
+        force += make_pushes(rng, time, len(of))
         force += _FORCE_NOISE_M_S2 * rng.standard_normal(force.shape)
         for k, fault in enumerate(boards.fault[of]):
             if fault:

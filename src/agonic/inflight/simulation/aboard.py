@@ -16,7 +16,7 @@ from agonic.inflight.simulation.kepler import Orbit, state_i
 from agonic.maths.earth.earth_rotation import is_in_shadow, rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
 from agonic.maths.earth.geodesy import directions as place
-from agonic.simulation.draws import directions, knot_times, wander
+from agonic.simulation.draws import draw_directions, draw_smooth, make_knots
 
 Pointing = Literal["nadir", "tumble"]
 
@@ -72,8 +72,8 @@ def attitude_nb(
     axis. Tumble: uniform random attitudes against the stars every `pace_s`, joined smoothly.
     """
     if pointing == "tumble":
-        knots = knot_times(time[-1], pace_s)
-        quats = directions(rng, len(knots), 4)
+        knots = make_knots(time[-1], pace_s)
+        quats = draw_directions(rng, len(knots), 4)
         turns = np.einsum("ij,ij->i", quats[1:], quats[:-1])
         quats[1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0))[:, None]
         rot_ib = Rotation.from_quat(CubicSpline(knots, quats)(time))
@@ -82,7 +82,7 @@ def attitude_nb(
     right = np.cross(down, way.velocity, axis=0)
     right /= np.linalg.norm(right, axis=0)
     level = _in_n(np.stack([np.cross(right, down, axis=0), right, down], axis=1), way)
-    wobble = [wander(rng, time[-1], sd=_WOBBLE_DEG, pace_s=pace_s)(time) for _ in range(3)]
+    wobble = [draw_smooth(rng, time[-1], sd=_WOBBLE_DEG, pace_s=pace_s)(time) for _ in range(3)]
     return level * Rotation.from_rotvec(np.radians(np.stack(wobble, axis=1)))
 
 
@@ -135,7 +135,7 @@ def drifted(
     rng: np.random.Generator, time: Array, *, drift: float, walk_nT_h: float, jump: float, at: float
 ) -> Array:
     """How the bias has moved (n, 3) since the first row, nT: steadily, at random and in a step."""
-    steady, step = directions(rng, 2)
+    steady, step = draw_directions(rng, 2)
     share = time / max(time[-1], _interval(time))
     steps = rng.standard_normal((len(time), 3)) * np.sqrt(_interval(time) / 3600.0)
     steps[0] = 0.0
@@ -147,7 +147,7 @@ def pulses(rng: np.random.Generator, time: Array, size: float, share: float) -> 
     """What torquers add (n, 3), nT, in pulses of 20 s of random direction, and when they are on."""
     number = (time // _PULSE_S).astype(np.intp)
     on = rng.uniform(size=number[-1] + 1) < share
-    each = size * directions(rng, number[-1] + 1)
+    each = size * draw_directions(rng, number[-1] + 1)
     return on[number, None] * each[number], np.asarray(on[number])
 
 

@@ -31,7 +31,7 @@ from agonic.inflight.simulation.aboard import (
 from agonic.inflight.simulation.kepler import Orbit
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
-from agonic.simulation.draws import directions
+from agonic.simulation.draws import draw_directions
 from agonic.simulation.thermal import random_drifting
 from agonic.units import RAW
 
@@ -153,13 +153,13 @@ def simulate_orbit(
     time = np.arange(n) / rate_Hz
     way = way_of(orbit or Orbit(), time, epoch)
     rot_nb = attitude_nb(rngs.attitude, time, way, pointing, pace_s)
-    rot_bm = Rotation.from_rotvec(np.radians(mounting_deg) * directions(rngs.mounting, 1)[0])
+    rot_bm = Rotation.from_rotvec(np.radians(mounting_deg) * draw_directions(rngs.mounting, 1)[0])
     temperature = temperature_C(way, time, equilibrium_C, settling_s)
     outside_n = external_n(rngs.external, time, way, external, correlation_s)
     field_n = _main_field(way, time, epoch) + outside_n
 
     ground = _on_ground(sensor, rngs.sensor, bias, thermal)
-    truth = _moved(ground, moved * directions(rngs.moved, 1)[0])
+    truth = _moved(ground, moved * draw_directions(rngs.moved, 1)[0])
     moving = drifted(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
     stray, on = pulses(rngs.torquer, time, torquer, torquer_share)

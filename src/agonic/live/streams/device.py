@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from agonic.calibration.base import Calibration
-from agonic.exports.motioncal import encode_motioncal, motioncal_packet
+from agonic.exports.motioncal import encode_packet, make_packet
 
 ANSWER_S = 4.0
 """How long an answer is waited for."""
@@ -51,7 +51,7 @@ class MotionCalDevice:
 
     def changes(self, calibration: Calibration) -> tuple[list[Change], tuple[str, ...]]:
         """The numbers of the packet beside those that the device told."""
-        packet, warnings = motioncal_packet(calibration)
+        packet, warnings = make_packet(calibration)
         new = (*packet.offset, packet.field, *packet.matrix)
         old = self._kept()
         return [Change(n, old.get(n), v) for n, v in zip(_PACKET, new, strict=True)], warnings
@@ -60,9 +60,9 @@ class MotionCalDevice:
         self, changes: Sequence[Change], calibration: Calibration
     ) -> Mapping[str, float | None]:
         """Send the packet, and wait for the answer."""
-        packet, _ = motioncal_packet(calibration)
+        packet, _ = make_packet(calibration)
         self._told.clear()
-        self._write(encode_motioncal(packet))
+        self._write(encode_packet(packet))
         until = time.monotonic() + ANSWER_S
         while time.monotonic() < until and not {"Cal1", "Cal2"} <= set(self._told):
             time.sleep(0.05)

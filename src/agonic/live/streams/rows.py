@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from agonic.errors import AgonicError
-from agonic.logs.columns import Column, identified, understood
+from agonic.logs.columns import Column, identify_column, identify_columns
 from agonic.units import RAW
 
 Vector = tuple[float, float, float]
@@ -103,7 +103,7 @@ class LineParser:
 
     def _begin(self, cells: list[str]) -> None:
         """Take a line as header."""
-        found = identified(cells).get("field", {})
+        found = identify_columns(cells).get("field", {})
         whole = {number: axes for number, axes in found.items() if len(axes) == 3}
         if not whole:
             raise Unreadable("a header without a field: name the columns mag_x_uT, mag_y_uT, …")
@@ -124,7 +124,7 @@ def _find_unit(axes: Mapping[str, Column]) -> str | None:
 def _find_clock(cells: list[str]) -> tuple[int, float] | None:
     """The column of the device's clock, and its unit in seconds."""
     for i, cell in enumerate(cells):
-        column = understood(cell)
+        column = identify_column(cell)
         if column is not None and column.quantity.column == "time":
             by = column.quantity.units.get((column.unit or "s").lower(), (None, 0))[0]
             return None if by is None else (i, float(by))

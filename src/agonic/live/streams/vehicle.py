@@ -15,7 +15,7 @@ import numpy as np
 
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, MissingExtraError
-from agonic.exports.ardupilot import ardupilot_parameters
+from agonic.exports.ardupilot import compute_ardupilot_parameters
 from agonic.exports.targets import compass_number
 from agonic.live.streams.clock import Clock
 from agonic.live.streams.device import ANSWER_S, Change
@@ -23,7 +23,7 @@ from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.live.streams.links import Packet
 from agonic.live.streams.parameters import Parameters
 from agonic.logs.ardupilot.dataflash_binary import Table
-from agonic.logs.ardupilot.parameters import recover
+from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.units import RAW
 
 ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8
@@ -182,7 +182,9 @@ class Vehicle:
         if self.parameters.missing(slot):
             return []
         columns = {f"Mag{axis}": field[:, k] for k, axis in enumerate("XYZ")}
-        found = recover(Table(np.arange(len(field)), columns), self.parameters.table, slot)
+        found = remove_correction(
+            Table(np.arange(len(field)), columns), self.parameters.table, slot
+        )
         time_s = self._clock.times(own, now, kind)
         return [Chunk(kind, time_s, found.raw, "nT", "b", found.device_id)]
 
@@ -191,7 +193,7 @@ class Vehicle:
     def changes(self, calibration: Calibration) -> tuple[list[Change], tuple[str, ...]]:
         """The parameters that a calibration sets, beside those in the vehicle."""
         number = compass_number(calibration.sensor)
-        parameters, warnings = ardupilot_parameters(calibration, compass=number)
+        parameters, warnings = compute_ardupilot_parameters(calibration, compass=number)
         values = self.parameters.values
         wanted = {**parameters, LEARN: 0.0}
         return [Change(name, values.get(name), new) for name, new in wanted.items()], warnings

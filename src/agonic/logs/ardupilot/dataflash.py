@@ -21,10 +21,10 @@ from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.ardupilot.dataflash_binary import Table, read_binary
 from agonic.logs.ardupilot.dataflash_text import read_text
-from agonic.logs.ardupilot.parameters import recover
+from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
 from agonic.logs.log import Log
-from agonic.logs.resample import ESTIMATED_ATTITUDE, misplaced, resample
+from agonic.logs.resample import ESTIMATED_ATTITUDE, find_misplaced, resample
 from agonic.provenance import Input
 from agonic.samples import Samples
 
@@ -72,7 +72,7 @@ def read(path: Path, source: Input) -> Log:
         text = FMT_TEXT.search(stream.read(HEAD_BYTES))
     content = (read_text if text else read_binary)(path, WANTED)
     tables = content.tables
-    sensors = tuple(_samples(*mag, tables, source) for mag in _magnetometers(tables))
+    sensors = tuple(_read_samples(*mag, tables, source) for mag in _find_magnetometers(tables))
     if not sensors:
         reasons = f" ({'; '.join(content.notes)})" if content.notes else ""
         raise LogError(
@@ -86,11 +86,11 @@ def read(path: Path, source: Input) -> Log:
         sensors=sensors,
         stack="ardupilot",
         streams=tuple(s for s in content.streams if s.name not in (*MAGNETOMETERS, *SCHEMA)),
-        notes=(*firmware(tables), *content.notes),
+        notes=(*find_firmware(tables), *content.notes),
     )
 
 
-def _magnetometers(tables: Tables) -> Iterator[tuple[str, str, Table]]:
+def _find_magnetometers(tables: Tables) -> Iterator[tuple[str, str, Table]]:
     """Name, number in the parameter names, and messages of each compass."""
     for name in MAGNETOMETERS:
         mag = tables.get(name)
@@ -112,13 +112,13 @@ def _parameters(tables: Tables) -> Table:
     return table
 
 
-def _samples(name: str, slot: str, mag: Table, tables: Tables, source: Input) -> Samples:
+def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Input) -> Samples:
     """One compass, with everything else at its rows."""
     boot = mag.time_s
-    wrong = np.zeros(len(mag), dtype=bool) if boot is None else misplaced(boot)
+    wrong = np.zeros(len(mag), dtype=bool) if boot is None else find_misplaced(boot)
     mag = mag.select(~wrong)
-    recovered = recover(mag, _parameters(tables), slot)
-    columns = alongside(mag, tables)
+    recovered = remove_correction(mag, _parameters(tables), slot)
+    columns = resample_columns(mag, tables)
     notes = [*recovered.notes]
     if columns["heading_deg"] is not None:
         notes.append(ESTIMATED_ATTITUDE)
@@ -141,27 +141,27 @@ def _samples(name: str, slot: str, mag: Table, tables: Tables, source: Input) ->
     )
 
 
-def alongside(mag: Table, tables: Tables) -> dict[str, Any]:
+def resample_columns(mag: Table, tables: Tables) -> dict[str, Any]:
     """Attitude, motion, power and place at the rows of the magnetometer."""
     attitude, control = tables.get("ATT"), tables.get("CTUN")
     imu, battery = _first_instance(tables, "IMU"), _first_instance(tables, "BAT", "CURR")
     throttle, full = _throttle(control)
     fixes = _fixes(tables)
     return {
-        "roll_deg": _onto(mag, attitude, "Roll", period=360.0),
-        "pitch_deg": _onto(mag, attitude, "Pitch", period=360.0),
-        "heading_deg": _onto(mag, attitude, "Yaw", period=360.0),
-        "acceleration": _onto(mag, imu, "AccX", "AccY", "AccZ"),
-        "rotation_rate": _onto(mag, imu, "GyrX", "GyrY", "GyrZ"),
-        "current_A": _onto(mag, battery, "Curr", per_unit=_per_ampere(battery)),
-        "throttle": _onto(mag, control, throttle, per_unit=full),
-        "latitude_deg": _onto(mag, fixes, "Lat"),
-        "longitude_deg": _onto(mag, fixes, "Lng", period=360.0),
-        "altitude_m": _onto(mag, fixes, "Alt"),
+        "roll_deg": _resample_onto(mag, attitude, "Roll", period=360.0),
+        "pitch_deg": _resample_onto(mag, attitude, "Pitch", period=360.0),
+        "heading_deg": _resample_onto(mag, attitude, "Yaw", period=360.0),
+        "acceleration": _resample_onto(mag, imu, "AccX", "AccY", "AccZ"),
+        "rotation_rate": _resample_onto(mag, imu, "GyrX", "GyrY", "GyrZ"),
+        "current_A": _resample_onto(mag, battery, "Curr", per_unit=_per_ampere(battery)),
+        "throttle": _resample_onto(mag, control, throttle, per_unit=full),
+        "latitude_deg": _resample_onto(mag, fixes, "Lat"),
+        "longitude_deg": _resample_onto(mag, fixes, "Lng", period=360.0),
+        "altitude_m": _resample_onto(mag, fixes, "Alt"),
     }
 
 
-def _onto(
+def _resample_onto(
     mag: Table,
     other: Table | None,
     *names: str,
@@ -235,7 +235,7 @@ def _utc_of_boot(gps: Table) -> datetime | None:
     return utc - timedelta(seconds=leap[-1]) if leap else None
 
 
-def firmware(tables: Tables) -> tuple[str, ...]:
+def find_firmware(tables: Tables) -> tuple[str, ...]:
     """The version of the autopilot, from its version or its first messages."""
     for name, column in (("VER", "FWS"), ("MSG", "Message")):
         if name in tables and column in tables[name].columns:

@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Stream
-from agonic.logs.resample import rate_Hz
+from agonic.logs.resample import compute_rate_Hz
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.int64]
@@ -98,10 +98,12 @@ class Content:
     notes: tuple[str, ...] = ()
 
 
-def stream_of(name: str, table: Table) -> Stream:
+def describe_stream(name: str, table: Table) -> Stream:
     """How many messages of a name there are, and how often they come."""
     time = table.time_s
-    return Stream(name=name, rows=len(table), rate_Hz=None if time is None else rate_Hz(time))
+    return Stream(
+        name=name, rows=len(table), rate_Hz=None if time is None else compute_rate_Hz(time)
+    )
 
 
 def read_binary(path: Path, wanted: Collection[str]) -> Content:
@@ -119,7 +121,7 @@ def read_binary(path: Path, wanted: Collection[str]) -> Content:
     for kind, fmt in formats.items():
         length[kind] = fmt.length
     starts = headers[length[data[headers + 2]] > 0]
-    starts = starts[chained(starts, starts + length[data[starts + 2]], size)]
+    starts = starts[find_chained(starts, starts + length[data[starts + 2]], size)]
     skipped = size - int(length[data[starts + 2]].sum())
     notes = [f"{skipped} bytes are damaged or cut off and were passed over"] if skipped else []
     for fmt in formats.values():
@@ -132,8 +134,8 @@ def read_binary(path: Path, wanted: Collection[str]) -> Content:
         if fmt.readable and fmt.name in wanted and len(rows) > len(tables.get(fmt.name, ())):
             tables[fmt.name] = _table(data, rows, fmt)
         elif fmt.readable:
-            streams.append(stream_of(fmt.name, _table(data, rows, fmt, ("TimeUS", "TimeMS"))))
-    streams += [stream_of(name, table) for name, table in tables.items()]
+            streams.append(describe_stream(fmt.name, _table(data, rows, fmt, ("TimeUS", "TimeMS"))))
+    streams += [describe_stream(name, table) for name, table in tables.items()]
     return Content(tables, tuple(streams), tuple(notes))
 
 
@@ -142,7 +144,7 @@ def load(path: Path) -> Bytes:
     return np.memmap(path, np.uint8, "r") if path.stat().st_size else np.empty(0, np.uint8)
 
 
-def chained(starts: Index, ends: Index, size: int) -> Mask:
+def find_chained(starts: Index, ends: Index, size: int) -> Mask:
     """Which of the places that look like a header are one, (n,).
 
     The marks also occur by chance within messages. A message therefore counts when it ends where
@@ -202,14 +204,14 @@ def _table(data: Bytes, starts: Index, fmt: Format, only: Collection[str] = ()) 
     for letter, name in zip(fmt.letters, fmt.columns, strict=False):
         dtype = np.dtype(DTYPES[letter])
         if not only or name in only:
-            values = values_at(data, starts, dtype, offset)
+            values = read_values(data, starts, dtype, offset)
             columns[name] = values if letter in TEXTS else _scaled(values, letter)
         offset += dtype.itemsize
     integer = (n for n, letter in zip(fmt.columns, fmt.letters, strict=False) if letter in INTEGERS)
     return Table(starts, columns, frozenset(integer))
 
 
-def values_at(data: Bytes, starts: Index, dtype: DTypeLike, offset: int) -> NDArray[Any]:
+def read_values(data: Bytes, starts: Index, dtype: DTypeLike, offset: int) -> NDArray[Any]:
     """What stands `offset` bytes after each start, by a view that steps single bytes."""
     places = max(len(data) - offset - np.dtype(dtype).itemsize + 1, 0)
     return np.ndarray(places, dtype, data, offset if places else 0, (1,))[starts]

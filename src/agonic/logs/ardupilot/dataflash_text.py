@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.ardupilot.dataflash_binary import INTEGERS, TEXTS, Content, Table, stream_of
+from agonic.logs.ardupilot.dataflash_binary import INTEGERS, TEXTS, Content, Table, describe_stream
 
 Lines = list[tuple[int, list[str]]]
 
@@ -30,7 +30,7 @@ def read_text(path: Path, wanted: Collection[str]) -> Content:
             tables[name] = _table(rows, letters, columns)
     return Content(
         {name: tables[name] for name in wanted if name in tables},
-        tuple(stream_of(name, table) for name, table in tables.items()),
+        tuple(describe_stream(name, table) for name, table in tables.items()),
     )
 
 

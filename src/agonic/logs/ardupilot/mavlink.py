@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
 from agonic.errors import MissingExtraError
-from agonic.logs.ardupilot.dataflash_binary import Bytes, Index, chained, values_at
+from agonic.logs.ardupilot.dataflash_binary import Bytes, Index, find_chained, read_values
 
 MARKS = (0xFE, 0xFD)
 STAMP, HEADERS, CHECKSUM, SIGNATURE = 8, (6, 10), 2, 13
@@ -77,10 +77,10 @@ def find_packets(data: Bytes) -> Packets:
     marks = data[STAMP : len(data) - longest + STAMP + 1]
     starts = np.flatnonzero((marks == MARKS[0]) | (marks == MARKS[1]))
     starts = starts[data[starts] == 0]
-    time = values_at(data, starts, ">u8", 0).astype(np.int64)
+    time = read_values(data, starts, ">u8", 0).astype(np.int64)
     plausible = (time >= EARLIEST_US) & (time < LATEST_US)
     starts, time = starts[plausible], time[plausible]
-    byte = partial(values_at, data, starts)
+    byte = partial(read_values, data, starts)
     second = byte("u1", STAMP) == MARKS[1]
     length = byte("u1", STAMP + 1).astype(np.int64)
     payload = starts + STAMP + np.where(second, HEADERS[1], HEADERS[0])
@@ -89,7 +89,7 @@ def find_packets(data: Bytes) -> Packets:
     kind = np.where(second, byte("<u4", STAMP + 6) >> 8, byte("u1", STAMP + 5)).astype(np.int64)
     sender = np.where(second, byte(">u2", STAMP + 5), byte(">u2", STAMP + 3)).astype(np.int64)
     columns = starts, payload, length, end, kind, sender, time
-    return Packets(*columns).select(chained(starts, end, len(data)))
+    return Packets(*columns).select(find_chained(starts, end, len(data)))
 
 
 def decode(data: Bytes, packets: Packets, message: Any) -> Messages:
@@ -97,8 +97,8 @@ def decode(data: Bytes, packets: Packets, message: Any) -> Messages:
 
     What a packet leaves out is zero: MAVLink 2 cuts trailing zeros off, MAVLink 1 the extensions.
     """
-    packets = packets.select(intact(data, packets, message.crc_extra))
-    layout = dtype_of(message)
+    packets = packets.select(check_intact(data, packets, message.crc_extra))
+    layout = make_dtype(message)
     column = np.arange(layout.itemsize)
     place = np.minimum(packets.payload[:, None] + column, len(data) - 1)
     payload = np.where(column < packets.length[:, None], data[place], np.uint8(0))
@@ -106,7 +106,7 @@ def decode(data: Bytes, packets: Packets, message: Any) -> Messages:
     return Messages(packets.start, packets.sender, packets.received_us / 1e6, values)
 
 
-def intact(data: Bytes, packets: Packets, extra: int) -> Mask:
+def check_intact(data: Bytes, packets: Packets, extra: int) -> Mask:
     """Whether the checksums are right: CRC-16/MCRF4XX of all behind the mark, and of `extra`."""
     first = packets.start + STAMP + 1
     size = packets.payload + packets.length - first
@@ -115,7 +115,7 @@ def intact(data: Bytes, packets: Packets, extra: int) -> Mask:
         rows = np.flatnonzero(size > k)
         crc[rows] = _accumulated(crc[rows], data[first[rows] + k])
     crc = _accumulated(crc, np.uint8(extra))
-    return np.asarray(crc == values_at(data, first + size, "<u2", 0))
+    return np.asarray(crc == read_values(data, first + size, "<u2", 0))
 
 
 def _accumulated(crc: NDArray[np.uint16], byte: Bytes | np.uint8) -> NDArray[np.uint16]:
@@ -126,7 +126,7 @@ def _accumulated(crc: NDArray[np.uint16], byte: Bytes | np.uint8) -> NDArray[np.
     return np.asarray((crc >> 8) ^ (wide << 8) ^ (wide << 3) ^ (wide >> 4))
 
 
-def dtype_of(message: Any) -> np.dtype[np.void]:
+def make_dtype(message: Any) -> np.dtype[np.void]:
     """The layout of a payload, without padding."""
     letters = message.native_format.decode()[1:]
     described = zip(message.ordered_fieldnames, letters, message.array_lengths, strict=True)
@@ -138,7 +138,7 @@ def dtype_of(message: Any) -> np.dtype[np.void]:
     )
 
 
-def definitions() -> dict[str, Any]:
+def load_definitions() -> dict[str, Any]:
     """What pymavlink knows of each message, by its name.
 
     Raises `MissingExtraError` without pymavlink.

@@ -121,11 +121,11 @@ class Timeline:
         return np.where(usable, unwrapped, seconds)
 
 
-def tables_of(heard: Mapping[str, Messages], timeline: Timeline) -> dict[str, Table]:
+def make_tables(heard: Mapping[str, Messages], timeline: Timeline) -> dict[str, Table]:
     """The messages as tables, each with its time on the clock of the vehicle."""
     tables = {}
     for name, (table, columns) in TABLES.items():
-        messages = _informative(heard[name])
+        messages = _keep_informative(heard[name])
         values: dict[str, NDArray[Any]] = {"TimeUS": timeline.seconds(messages) * 1e6}
         for column, (field, factor) in columns.items():
             found = messages.values[field]
@@ -135,7 +135,7 @@ def tables_of(heard: Mapping[str, Messages], timeline: Timeline) -> dict[str, Ta
     return tables
 
 
-def _informative(messages: Messages) -> Messages:
+def _keep_informative(messages: Messages) -> Messages:
     """The messages without those that repeat a reading or say that nothing measures it."""
     if "current_battery" in messages.names:
         return messages.select(messages.values["current_battery"] != _NOT_MEASURED)

@@ -39,20 +39,20 @@ class Recovered:
     notes: tuple[str, ...]
 
 
-def recover(mag: Table, parameters: Table, slot: str) -> Recovered:
+def remove_correction(mag: Table, parameters: Table, slot: str) -> Recovered:
     """Take the correction out of the readings of one compass.
 
     `mag` has its messages, `parameters` the PARM messages, and `slot` is the number in the
     parameter names: "" for the first compass, then "2" and "3".
     """
-    field = _vector(mag, ("Mag",))
+    field = _stack_vector(mag, ("Mag",))
     if field is None:
         raise LogError("the MAG messages name no MagX, MagY and MagZ; fetch the log again")
-    motor = _vector(mag, ("MO", "MOfs"))
+    motor = _stack_vector(mag, ("MO", "MOfs"))
     if motor is None:
         motor = np.zeros_like(field)
-    offset = _offset(mag, parameters, slot)
-    starts, matrices = soft_iron(parameters, slot, mag.position)
+    offset = _find_offset(mag, parameters, slot)
+    starts, matrices = find_soft_iron(parameters, slot, mag.position)
     inverse = np.repeat(np.linalg.inv(matrices), np.diff(starts, append=len(mag)), axis=0)
     uncorrected = correct(field[:, None], motor[:, None], inverse)
     per_mG = NANOTESLA_PER["mG"]
@@ -63,21 +63,21 @@ def recover(mag: Table, parameters: Table, slot: str) -> Recovered:
     )
     changed = len(matrices) > 1 or bool((offset != offset[0]).any())
     notes = _notes(mag, parameters, slot, motor, changed)
-    device = int(in_force(parameters, f"COMPASS_DEV_ID{slot}", mag.position[-1:])[0])
+    device = int(look_up(parameters, f"COMPASS_DEV_ID{slot}", mag.position[-1:])[0])
     return Recovered((uncorrected[:, 0] - offset) * per_mG, logged, device or None, notes)
 
 
-def soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, Array]:
+def find_soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, Array]:
     """The matrices M s (k, 3, 3) in force one after the other, and the row where each begins."""
     vectors = (f"COMPASS_{part}{slot}_{axis}" for part in ("DIA", "ODI") for axis in AXES)
     names = (*vectors, f"COMPASS_SCALE{slot}")
-    values = np.stack([in_force(parameters, name, at) for name in names], axis=1)
+    values = np.stack([look_up(parameters, name, at) for name in names], axis=1)
     values = np.where(np.abs(values) < LARGEST_ENTRY, values, 0.0)
     starts = np.flatnonzero((np.diff(values, axis=0, prepend=np.nan) != 0).any(axis=1))
-    return starts, np.stack([_matrix(row[:6], row[6]) for row in values[starts]])
+    return starts, np.stack([_make_matrix(row[:6], row[6]) for row in values[starts]])
 
 
-def _matrix(six: Array, scale: float) -> Array:
+def _make_matrix(six: Array, scale: float) -> Array:
     """M s; diagonals of zero mean that there is no M, and a scale out of bounds is not used."""
     matrix = unpack_symmetric(six) if six[:3].any() else np.eye(3)
     if abs(np.linalg.det(matrix)) < SMALLEST_DETERMINANT:
@@ -85,7 +85,7 @@ def _matrix(six: Array, scale: float) -> Array:
     return matrix * scale if 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE else matrix
 
 
-def in_force(parameters: Table, name: str, at: Index) -> Array:
+def look_up(parameters: Table, name: str, at: Index) -> Array:
     """The value of a parameter at each place in the file; 0 if it is not logged.
 
     Its first value holds from the start, for the list is written while the log already runs.
@@ -98,16 +98,16 @@ def in_force(parameters: Table, name: str, at: Index) -> Array:
     return values
 
 
-def _vector(mag: Table, stems: tuple[str, ...]) -> Array | None:
+def _stack_vector(mag: Table, stems: tuple[str, ...]) -> Array | None:
     columns = [c for axis in AXES if (c := mag.get(*(stem + axis for stem in stems))) is not None]
     return np.stack(columns, axis=1) if len(columns) == len(AXES) else None
 
 
-def _offset(mag: Table, parameters: Table, slot: str) -> Array:
+def _find_offset(mag: Table, parameters: Table, slot: str) -> Array:
     """OFS (n, 3), mG: the parameter, where the message holds its whole milligauss."""
     names = [f"COMPASS_OFS{slot}_{axis}" for axis in AXES]
-    precise = np.stack([in_force(parameters, n, mag.position) for n in names], axis=1)
-    coarse = _vector(mag, ("Ofs",))
+    precise = np.stack([look_up(parameters, n, mag.position) for n in names], axis=1)
+    coarse = _stack_vector(mag, ("Ofs",))
     if coarse is None:
         return precise
     return np.where(np.abs(precise - coarse) < 1.0, precise, coarse)

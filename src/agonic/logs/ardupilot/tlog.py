@@ -19,13 +19,13 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
-from agonic.logs.ardupilot.dataflash import alongside, firmware
+from agonic.logs.ardupilot.dataflash import find_firmware, resample_columns
 from agonic.logs.ardupilot.dataflash_binary import Table, load
-from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, definitions, find_packets
-from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, tables_of
-from agonic.logs.ardupilot.parameters import AXES, in_force, recover
+from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, find_packets, load_definitions
+from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, make_tables
+from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
 from agonic.logs.log import Log, Stream
-from agonic.logs.resample import ESTIMATED_ATTITUDE, misplaced, rate_Hz
+from agonic.logs.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
 from agonic.provenance import Input
 from agonic.samples import Logged, Samples
 from agonic.units import RAW
@@ -73,7 +73,7 @@ def read(path: Path, source: Input) -> Log:
     Raises `LogError` where the file holds no magnetometer, and `MissingExtraError` without
     pymavlink.
     """
-    known = definitions()
+    known = load_definitions()
     data = load(path)
     packets = find_packets(data)
     wanted = {name: packets.select(packets.kind == known[name].id) for name in WANTED}
@@ -85,7 +85,7 @@ def read(path: Path, source: Input) -> Log:
     vehicle, autopilot, others = _vehicle(heard)
     own = {name: messages.select(messages.sender == vehicle) for name, messages in heard.items()}
     timeline = Timeline.of(own)
-    tables = tables_of(own, timeline)
+    tables = make_tables(own, timeline)
     sensors = _sensors(tables, timeline.epoch, autopilot, source)
     if not sensors:
         reasons = f" ({'; '.join(damage)})" if damage else ""
@@ -103,7 +103,7 @@ def read(path: Path, source: Input) -> Log:
         sensors=sensors,
         stack=STACKS.get(autopilot, ""),
         streams=tuple(s for s in streams if s.name not in [sensor.name for sensor in sensors]),
-        notes=(*firmware(tables), *others, *damage),
+        notes=(*find_firmware(tables), *others, *damage),
     )
 
 
@@ -139,7 +139,7 @@ def _streams(packets: Packets, names: Mapping[int, str]) -> tuple[Stream, ...]:
         Stream(
             name=names.get(kind, f"message {kind}"),
             rows=n,
-            rate_Hz=rate_Hz(packets.received_us[packets.kind == kind] / 1e6),
+            rate_Hz=compute_rate_Hz(packets.received_us[packets.kind == kind] / 1e6),
         )
         for kind, n in zip(kinds.tolist(), rows.tolist(), strict=True)
     )
@@ -175,11 +175,11 @@ def _samples(
     """One magnetometer, with everything else at its rows."""
     sent = tables[name]
     answered = sent.select(_answered(sent))
-    wrong = misplaced(answered.columns["TimeUS"])
+    wrong = find_misplaced(answered.columns["TimeUS"])
     mag = answered.select(~wrong)
     found = _readings(name, mag, tables.get("PARM"), autopilot)
     notes = found.notes
-    columns = alongside(mag, tables)
+    columns = resample_columns(mag, tables)
     if columns["heading_deg"] is not None:
         columns["heading_deg"] %= 360.0
         notes = (*notes, ESTIMATED_ATTITUDE)
@@ -226,8 +226,8 @@ def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -
     slot = SLOTS[name]
     if parameters is None or not _loaded(parameters, slot):
         return _Readings(_field(mag), "mG", corrected=True, notes=(_CORRECTED_ARDUPILOT,))
-    recovered = recover(mag, parameters, slot)
-    motors = in_force(parameters, "COMPASS_MOTCT", mag.position).any()
+    recovered = remove_correction(mag, parameters, slot)
+    motors = look_up(parameters, "COMPASS_MOTCT", mag.position).any()
     notes = (*recovered.notes, *((_MOTORS_LEFT,) if motors else ()))
     return _Readings(
         recovered.raw, "nT", recovered.logged, recovered.device_id, corrected=False, notes=notes

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.logs import parquet
-from agonic.logs.clock import clock_of
-from agonic.logs.columns import identified
+from agonic.logs.clock import read_clock
+from agonic.logs.columns import identify_columns
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -70,13 +70,13 @@ class Layout:
     begun: float = 0.0
 
 
-def layout(table: Mapping[str, Column], head: Samples, unit: str | None) -> Layout | None:
+def find_layout(table: Mapping[str, Column], head: Samples, unit: str | None) -> Layout | None:
     """The layout of a file whose first rows are a table, read as `head` with the unit given.
 
     None where the columns need more than a factor and a steady clock: several sensors in one
     table, dates in texts, a clock that stands still.
     """
-    found = identified(table)
+    found = identify_columns(table)
     axes = found["field"].get(head.name.removeprefix("mag"))
     times = found.get("time", {})
     if axes is None or any(name in found for name in _BESIDE) or len(times) > 1:
@@ -92,7 +92,7 @@ def layout(table: Mapping[str, Column], head: Samples, unit: str | None) -> Layo
     stored = table[column.header]
     if stored.dtype.kind not in "fiuM" or len(stored) < 2:
         return None
-    seconds = clock_of(stored, column.quantity.units[column.unit][0] if column.unit else None)[0]
+    seconds = read_clock(stored, column.quantity.units[column.unit][0] if column.unit else None)[0]
     if seconds is None or not (np.diff(seconds) > 0).all():
         return None
     numbers = _numbers(stored)
@@ -114,23 +114,23 @@ def _numbers(stored: Column) -> Column:
     return stored.view(np.int64) if stored.dtype.kind == "M" else stored
 
 
-def swept(path: Path, of: Layout, size: int, *, timed: bool) -> Iterator[Strip]:
+def sweep(path: Path, of: Layout, size: int, *, timed: bool) -> Iterator[Strip]:
     """The strips of a Parquet file; rows that are not finite, or whose time does not increase, are
     left out and counted."""
     time = of.time if timed else None
     last = -np.inf
-    for table in parquet.ahead(path, size, [*of.axes, *([time] if time else [])]):
+    for table in parquet.read_ahead(path, size, [*of.axes, *([time] if time else [])]):
         x, y, z = (table[header] for header in of.axes)
         seconds = None
         if time is not None:
             seconds = (_numbers(table[time]) - of.first) * of.scale + of.begun
-        strip = kept(Strip((x, y, z), of.factor, seconds, {}), last)
+        strip = keep_usable(Strip((x, y, z), of.factor, seconds, {}), last)
         if strip.time is not None and len(strip):
             last = float(strip.time[-1])
         yield strip
 
 
-def kept(strip: Strip, last: float) -> Strip:
+def keep_usable(strip: Strip, last: float) -> Strip:
     """The rows of a strip that `Samples` would keep, after a row at the time `last`."""
     with np.errstate(invalid="ignore", over="ignore"):
         total = sum(float(column.sum(dtype=np.float64)) for column in strip.columns)

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
-from agonic.logs.columns import Column, Identified, identified, understood
+from agonic.logs.columns import Column, Identified, identify_column, identify_columns
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 
@@ -79,7 +79,7 @@ class Dataset:
     def found(self) -> Identified:
         """The columns that are understood, the one that names the sensor apart."""
         headers = [header for header in self.columns if header != self.sensor]
-        return identified(header for header in headers if self._kept(header))
+        return identify_columns(header for header in headers if self._kept(header))
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -119,7 +119,7 @@ class Dataset:
         return hashlib.sha256("".join(lines).encode()).hexdigest()
 
     def _kept(self, header: str) -> bool:
-        column, kind = understood(header), self.columns[header]
+        column, kind = identify_column(header), self.columns[header]
         if column is None:
             return False
         return column.quantity.column != "field" or kind.startswith(_NUMBERS)
@@ -161,7 +161,7 @@ def find_dataset(
     readable, damaged = _readable(_parquet_files(path) if files is None else sorted(files))
     if not readable:
         return None
-    with connected() as db:
+    with connect() as db:
         columns = _columns(db, path, readable)
     sensor = _sensor_column(columns, sensor_column, path)
     if sensor is None:
@@ -171,18 +171,18 @@ def find_dataset(
     )
 
 
-def without_damaged(dataset: Dataset) -> Dataset:
+def drop_damaged(dataset: Dataset) -> Dataset:
     """The dataset without those of its files that cannot be read to their end.
 
     Raises `LogError` where none is left.
     """
     damaged = list(dataset.damaged)
-    with connected() as db:
+    with connect() as db:
         for file in dataset.files:
             try:
-                used = ", ".join(map(quoted, (dataset.sensor, *dataset.headers)))
-                db.execute(f"select max(hash({used})) from {table([file])}").fetchall()
-            except database_error() as error:
+                used = ", ".join(map(quote, (dataset.sensor, *dataset.headers)))
+                db.execute(f"select max(hash({used})) from {select_table([file])}").fetchall()
+            except database_error_type() as error:
                 other = type(error).__name__ == "BinderException"
                 why = "it lacks columns of the others, give it by itself: " if other else ""
                 damaged.append((file, why + _first_line(error)))
@@ -194,39 +194,39 @@ def without_damaged(dataset: Dataset) -> Dataset:
 
 
 @contextmanager
-def connected(memory_MB: int = 400, threads: int = 2) -> Iterator[Any]:
+def connect(memory_MB: int = 400, threads: int = 2) -> Iterator[Any]:
     """A DuckDB in memory, with bounds; what does not fit goes to a temporary folder."""
     try:
         import duckdb
     except ImportError:
         raise MissingExtraError("a dataset of many sensors", "fleet") from None
     with TemporaryDirectory(prefix="agonic-") as folder, duckdb.connect() as db:
-        db.execute(f"set temp_directory = {literal(folder)}")
+        db.execute(f"set temp_directory = {quote_literal(folder)}")
         db.execute(f"set memory_limit = '{memory_MB}MB'; set threads = {threads}")
         db.execute("set preserve_insertion_order = false; set enable_progress_bar = false")
         db.execute("set TimeZone = 'UTC'")
         yield db
 
 
-def table(files: Sequence[str]) -> str:
+def select_table(files: Sequence[str]) -> str:
     """The SQL of all rows of these files, with `file_row_number` and `filename`."""
-    names = ", ".join(map(literal, files))
+    names = ", ".join(map(quote_literal, files))
     return (
         f"read_parquet([{names}], hive_partitioning = true, hive_types_autocast = false, "
         "file_row_number = true, filename = true)"
     )
 
 
-def quoted(name: str) -> str:
+def quote(name: str) -> str:
     """A column's name in SQL.
 
-    >>> quoted('mag "x"')
+    >>> quote('mag "x"')
     '"mag ""x""\"'
     """
     return '"' + name.replace('"', '""') + '"'
 
 
-def literal(text: str) -> str:
+def quote_literal(text: str) -> str:
     """A text in SQL."""
     return "'" + text.replace("'", "''") + "'"
 
@@ -267,8 +267,8 @@ def _readable(files: Sequence[str]) -> tuple[tuple[str, ...], tuple[tuple[str, s
 
 def _columns(db: Any, path: Path, files: Sequence[str]) -> dict[str, str]:
     try:
-        described = db.execute(f"describe select * from {table(files)}").fetchall()
-    except database_error() as error:
+        described = db.execute(f"describe select * from {select_table(files)}").fetchall()
+    except database_error_type() as error:
         raise LogError(f"its files make no one table: {_first_line(error)}", path=path) from None
     return {row[0]: str(row[1]) for row in described if row[0] not in _OURS}
 
@@ -299,7 +299,7 @@ def _first_line(error: Exception) -> str:
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
-def database_error() -> type[Exception]:
+def database_error_type() -> type[Exception]:
     import duckdb
 
     return duckdb.Error

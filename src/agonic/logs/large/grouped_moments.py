@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.logs.columns import Column
-from agonic.logs.large.dataset import Channel, Dataset, quoted, table
+from agonic.logs.large.dataset import Channel, Dataset, quote, select_table
 from agonic.maths.equation.moments import EXPONENTS
 
 _UNIX_SECONDS = (1e9, 4.1e9)
@@ -54,7 +54,7 @@ class Grouped:
         return len(self.sensors)
 
 
-def summed(db: Any, dataset: Dataset, channel: Channel) -> Grouped:
+def sum_moments(db: Any, dataset: Dataset, channel: Channel) -> Grouped:
     """The sums of each sensor's readings, in order of the sensors' names.
 
     Leaves the table `sensors` in the database `db`: id (0…n−1), sensor, count, centre, scale,
@@ -88,19 +88,19 @@ def summed(db: Any, dataset: Dataset, channel: Channel) -> Grouped:
     )
 
 
-def readings(dataset: Dataset, channel: Channel, *more: str) -> str:
+def select_readings(dataset: Dataset, channel: Channel, *more: str) -> str:
     """The SQL of the finite readings: sensor, x, y, z as doubles, and `more` expressions."""
     names = zip("xyz", channel.axes, strict=True)
-    axes = [f"{quoted(header)}::double as {axis}" for axis, header in names]
-    columns = ", ".join((f"{quoted(dataset.sensor)} as sensor", *axes, *more))
+    axes = [f"{quote(header)}::double as {axis}" for axis, header in names]
+    columns = ", ".join((f"{quote(dataset.sensor)} as sensor", *axes, *more))
     finite = " and ".join(f"isfinite({axis})" for axis in "xyz")
     return (
-        f"(select * from (select {columns} from {table(dataset.files)}) "
+        f"(select * from (select {columns} from {select_table(dataset.files)}) "
         f"where {finite} and sensor is not null)"
     )
 
 
-def clock(dataset: Dataset) -> str:
+def select_clock(dataset: Dataset) -> str:
     """The SQL of a number that grows with time: of the clock, or else the row's place in its file.
 
     It is in seconds, but for a numeric column, which is taken as it is.
@@ -110,22 +110,24 @@ def clock(dataset: Dataset) -> str:
         return "file_row_number::double"
     kind = dataset.columns[column.header]
     if kind.startswith(_NUMERIC):
-        return f"{quoted(column.header)}::double"
+        return f"{quote(column.header)}::double"
     if kind.startswith(("TIMESTAMP", "DATE")):
-        return f"epoch({quoted(column.header)})"
-    return f"epoch(try_cast({quoted(column.header)} as timestamptz))"
+        return f"epoch({quote(column.header)})"
+    return f"epoch(try_cast({quote(column.header)} as timestamptz))"
 
 
 def _first_pass(db: Any, dataset: Dataset, channel: Channel) -> None:
     """The table `sensors`: middle, spread, range, clock and temperature of each."""
     warm = dataset.column("temperature")
     numeric = warm is not None and dataset.columns[warm.header].startswith(_NUMERIC)
-    degrees = f"{quoted(warm.header)}::double" if warm and numeric else "null::double"
+    degrees = f"{quote(warm.header)}::double" if warm and numeric else "null::double"
     size = "sqrt(x * x + y * y + z * z)"
     ends = ", ".join(f"min({a}) as low_{a}, max({a}) as high_{a}" for a in "xyz")
     centre = ", ".join(f"avg({a}) as centre_{a}" for a in "xyz")
     scale = "sqrt(var_pop(x) + var_pop(y) + var_pop(z)) as scale"
-    source = readings(dataset, channel, f"{clock(dataset)} as t", f"{degrees} as warm")
+    source = select_readings(
+        dataset, channel, f"{select_clock(dataset)} as t", f"{degrees} as warm"
+    )
     db.execute("drop table if exists sensors")
     db.execute(
         "create temp table sensors as "
@@ -144,12 +146,12 @@ def _second_pass(db: Any, dataset: Dataset, channel: Channel, n: int) -> Array:
     about = ", ".join(f"(r.{a} - centre_{a}) / scale as {a}" for a in "xyz")
     ends = " or ".join(f"r.{a} = low_{a} or r.{a} = high_{a}" for a in "xyz")
     products = ", ".join(f"sum({_product(e)}) as m{k}" for k, e in enumerate(EXPONENTS) if k)
-    return per_sensor(
+    return group_by_sensor(
         db,
         n,
         "count(*) as m0, " + products + ", count_if(at_end) as m35",
         f"select *, {pairs} from (select id, {about}, {ends} as at_end "
-        f"from {readings(dataset, channel)} r join sensors using (sensor) where scale > 0)",
+        f"from {select_readings(dataset, channel)} r join sensors using (sensor) where scale > 0)",
     )
 
 
@@ -163,7 +165,7 @@ def _product(exponents: tuple[int, ...]) -> str:
     return " * ".join(filter(None, (letters[:2], letters[2:])))
 
 
-def per_sensor(db: Any, n: int, sums: str, source: str, by: str = "id") -> Array:
+def group_by_sensor(db: Any, n: int, sums: str, source: str, by: str = "id") -> Array:
     """What `sums` makes of the rows of `source` with the same `by`, 0…n−1; (n, k), 0 for none."""
     found = db.execute(f"select {by} as by_id, {sums} from ({source}) group by by_id").fetchnumpy()
     rows = _whole(found.pop("by_id"))
@@ -177,12 +179,14 @@ def _all_rows(
     db: Any, dataset: Dataset, count: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], tuple[tuple[str, int], ...], int]:
     """Rows of each sensor whatever they hold, sensors without a reading, and nameless rows."""
-    rows = db.execute(f"select count(*) from {table(dataset.files)}").fetchall()[0][0]
+    rows = db.execute(f"select count(*) from {select_table(dataset.files)}").fetchall()[0][0]
     if rows == count.sum():
         return count, (), 0
     n = len(count)
-    every = f"select {quoted(dataset.sensor)} as sensor from {table(dataset.files)}"
-    total = per_sensor(db, n, "count(*)", f"select id from ({every}) join sensors using (sensor)")
+    every = f"select {quote(dataset.sensor)} as sensor from {select_table(dataset.files)}"
+    total = group_by_sensor(
+        db, n, "count(*)", f"select id from ({every}) join sensors using (sensor)"
+    )
     empty = db.execute(
         f"select sensor::varchar, count(*) from ({every}) anti join sensors using (sensor) "
         "where sensor is not null group by sensor order by 1"

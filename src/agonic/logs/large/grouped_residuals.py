@@ -9,8 +9,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health.mounting import NEAR_GRAVITY, UPRIGHT_SD
-from agonic.logs.large.dataset import Channel, Dataset, quoted, table
-from agonic.logs.large.grouped_moments import clock, per_sensor, readings
+from agonic.logs.large.dataset import Channel, Dataset, quote, select_table
+from agonic.logs.large.grouped_moments import group_by_sensor, select_clock, select_readings
 
 BLOCKS = 8
 """Stretches of equal time into which each sensor's readings are cut."""
@@ -40,7 +40,7 @@ class GroupedResiduals:
         return np.asarray(np.sqrt(self.squares.sum(1) / np.maximum(self.count.sum(1), 1)))
 
 
-def residual_sums(
+def sum_residuals(
     db: Any, dataset: Dataset, channel: Channel, bias: Array, matrix: Array, magnitude: Array
 ) -> GroupedResiduals:
     """The residuals of sensors that `summed` listed; 0 for those whose calibration is NaN.
@@ -60,7 +60,7 @@ def residual_sums(
     db.register("given", pa.table(columns))
     db.execute("create or replace temp table fits as select * from given join sensors using (id)")
     db.unregister("given")
-    sums = per_sensor(
+    sums = group_by_sensor(
         db,
         n * BLOCKS,
         "count(*) as n, sum(r * r) as q, sum(r * r * r * r) as f, max(abs(r)) as m, "
@@ -90,7 +90,7 @@ def _residuals(db: Any, dataset: Dataset, channel: Channel) -> str:
     late = f"floor({BLOCKS} * (t - first) / (last - first))"
     block = f"coalesce(greatest(least({late}, {BLOCKS - 1}), 0), 0)::bigint as block"
     gravity, usual = _gravity(db, dataset, channel)
-    source = readings(dataset, channel, f"{clock(dataset)} as t", *gravity)
+    source = select_readings(dataset, channel, f"{select_clock(dataset)} as t", *gravity)
     matrix = ", ".join(f"w{i}{j}" for i in "xyz" for j in "xyz")
     kept = "id, block, ax, ay, az"
     moved = (
@@ -117,8 +117,8 @@ def _gravity(db: Any, dataset: Dataset, channel: Channel) -> tuple[tuple[str, ..
     columns = groups.get(channel.name.removeprefix("mag")) or groups.get("") or {}
     if set(columns) != set("xyz"):
         return tuple(f"null::double as a{axis}" for axis in "xyz"), 1.0
-    axes = tuple(f"{quoted(columns[a].header)}::double as a{a}" for a in "xyz")
+    axes = tuple(f"{quote(columns[a].header)}::double as a{a}" for a in "xyz")
     felt = "median(sqrt(ax * ax + ay * ay + az * az))"
-    some = f"(select {', '.join(axes)} from {table(dataset.files)} limit {_SOME})"
+    some = f"(select {', '.join(axes)} from {select_table(dataset.files)} limit {_SOME})"
     usual = db.execute(f"select {felt} from {some} where isfinite(ax + ay + az)").fetchall()[0][0]
     return axes, float(usual or 1.0)

@@ -12,12 +12,12 @@ import numpy as np
 from agonic.errors import LogError
 from agonic.field.decimal_year import parse_date
 from agonic.logs import parquet
-from agonic.logs.columns import identified
+from agonic.logs.columns import identify_columns
 from agonic.logs.formats import PARQUET
 from agonic.logs.large.blocks import ROWS as STRIP
-from agonic.logs.large.blocks import Strip, kept, layout, swept
+from agonic.logs.large.blocks import Strip, find_layout, keep_usable, sweep
 from agonic.logs.read import open_log
-from agonic.logs.table import log_of_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input, hash_file
 from agonic.samples import COLUMNS, Samples
 
@@ -57,7 +57,7 @@ class Mission:
         for path, source in zip(self.files, self.inputs, strict=True):
             for samples in self._of_file(path, source, without):
                 epoch = epoch or samples.epoch
-                shifted = _counted_from(samples, epoch, given=self.epoch is not None)
+                shifted = _count_from(samples, epoch, given=self.epoch is not None)
                 if shifted.time is None:
                     raise LogError("a mission needs times; this file has none", path=path)
                 if last is not None and shifted.time[0] <= last:
@@ -77,10 +77,10 @@ class Mission:
         path = self.files[0]
         if not _is_parquet(path):
             return tuple(samples.name for samples in open_log(path, unit=self.unit).sensors)
-        table = next(parquet.batches(path, _HEAD))
-        if "sensor" in identified(table):
+        table = next(parquet.read_batches(path, _HEAD))
+        if "sensor" in identify_columns(table):
             return ()
-        log = log_of_table(
+        log = build_log(
             table, path=path, source=self.inputs[0], format="Parquet table", unit=self.unit
         )
         return tuple(samples.name for samples in log.sensors)
@@ -96,7 +96,7 @@ class Mission:
         for path, source in zip(self.files, self.inputs, strict=True):
             head = self._head(path, source)
             epoch = epoch or head.epoch
-            shifted = _counted_from(head, epoch, given=self.epoch is not None)
+            shifted = _count_from(head, epoch, given=self.epoch is not None)
             shift = 0.0
             if head.time is not None and shifted.time is not None:
                 shift = float(shifted.time[0] - head.time[0])
@@ -114,15 +114,15 @@ class Mission:
     ) -> Iterator[Strip]:
         of = None
         if _is_parquet(path):
-            of = layout(next(parquet.batches(path, _HEAD)), head, self.unit)
+            of = find_layout(next(parquet.read_batches(path, _HEAD)), head, self.unit)
         if of is not None:
-            yield from swept(path, replace(of, begun=of.begun + shift), self.strip, timed=timed)
+            yield from sweep(path, replace(of, begun=of.begun + shift), self.strip, timed=timed)
             return
         last = -np.inf
         for samples in self._of_file(path, source, _COMPANIONS):
             time = None if samples.time is None or not timed else samples.time + shift
             x, y, z = samples.field.T
-            strip = kept(Strip((x, y, z), 1.0, time, samples.rejected), last)
+            strip = keep_usable(Strip((x, y, z), 1.0, time, samples.rejected), last)
             if strip.time is not None and len(strip):
                 last = float(strip.time[-1])
             yield strip
@@ -135,10 +135,8 @@ class Mission:
             for start in range(0, len(whole), self.piece):
                 yield whole.select(rows[start : start + self.piece])
             return
-        for table in parquet.batches(path, self.piece, without):
-            log = log_of_table(
-                table, path=path, source=source, format="Parquet table", unit=self.unit
-            )
+        for table in parquet.read_batches(path, self.piece, without):
+            log = build_log(table, path=path, source=source, format="Parquet table", unit=self.unit)
             yield log.sensor(chosen)
 
 
@@ -209,11 +207,11 @@ def is_long(paths: Sequence[Path], rows: int) -> bool:
     if len(paths) != 1:
         return True
     path = paths[0]
-    return path.is_file() and _is_parquet(path) and parquet.rows(path) > rows
+    return path.is_file() and _is_parquet(path) and parquet.count_rows(path) > rows
 
 
 def _rows(path: Path) -> int:
-    return parquet.rows(path) if _is_parquet(path) else len(open_log(path).sensors[0])
+    return parquet.count_rows(path) if _is_parquet(path) else len(open_log(path).sensors[0])
 
 
 def _is_parquet(path: Path) -> bool:
@@ -221,7 +219,7 @@ def _is_parquet(path: Path) -> bool:
         return PARQUET.accepts(stream.read(4))
 
 
-def _counted_from(samples: Samples, epoch: datetime | None, *, given: bool) -> Samples:
+def _count_from(samples: Samples, epoch: datetime | None, *, given: bool) -> Samples:
     """The samples with their times counted from an epoch; theirs must be known, unless given."""
     if samples.time is None or samples.epoch == epoch:
         return samples

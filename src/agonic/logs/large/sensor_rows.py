@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Index
-from agonic.logs.large.dataset import Dataset, quoted, table
-from agonic.logs.large.grouped_moments import clock
+from agonic.logs.large.dataset import Dataset, quote, select_table
+from agonic.logs.large.grouped_moments import select_clock
 
 Table = Mapping[str, NDArray[Any]]
 
 _BATCH = 50_000  # rows
 
 
-def tables_of(db: Any, dataset: Dataset, ids: Index) -> Iterator[tuple[int, Table]]:
+def read_tables(db: Any, dataset: Dataset, ids: Index) -> Iterator[tuple[int, Table]]:
     """The id of each of these sensors that `summed` listed, with its rows as a table, in its order.
 
     All columns that are understood, in order of time. DuckDB sorts the rows, on disk where they
@@ -30,10 +30,10 @@ def tables_of(db: Any, dataset: Dataset, ids: Index) -> Iterator[tuple[int, Tabl
     db.execute("create or replace temp table chosen as select * from wanted")
     db.unregister("wanted")
     headers = dataset.headers
-    columns = ", ".join(f"{quoted(header)} as c{k}" for k, header in enumerate(headers))
+    columns = ", ".join(f"{quote(header)} as c{k}" for k, header in enumerate(headers))
     rows = (
-        f"select {quoted(dataset.sensor)} as sensor, {clock(dataset)} as t, filename, "
-        f"file_row_number, {columns} from {table(dataset.files)}"
+        f"select {quote(dataset.sensor)} as sensor, {select_clock(dataset)} as t, filename, "
+        f"file_row_number, {columns} from {select_table(dataset.files)}"
     )
     kept = ", ".join(f"c{k}" for k in range(len(headers)))
     query = (

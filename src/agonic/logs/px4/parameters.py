@@ -45,7 +45,7 @@ class Recovered:
     corrected: bool = False
 
 
-def recover(
+def remove_correction(
     field: Array,
     parameters: Parameters,
     *,
@@ -58,40 +58,40 @@ def recover(
     `in_body` tells a corrected topic, in body axes, from `sensor_mag`; `device_id` names the
     sensor, `None` the primary one; `external` is true for a sensor that is not on the board.
     """
-    slot = slot_of(parameters, device_id)
-    logged = correction(parameters, slot) if slot else None
-    rotation_bm = mounting(parameters, slot, external)
+    slot = find_slot(parameters, device_id)
+    logged = read_correction(parameters, slot) if slot else None
+    rotation_bm = read_mounting(parameters, slot, external)
     notes: tuple[str, ...] = ()
     if in_body and (logged is None or rotation_bm is None):
         unknown = "already corrected by the autopilot, in a way that the log does not tell"
         return Recovered(field, "b", Rotation.identity(), None, (unknown,), corrected=True)
     if in_body and rotation_bm is not None:
         field = rotation_bm.apply(field, inverse=True)
-        if number(parameters, "CAL_MAG_COMP_TYP"):
+        if read_number(parameters, "CAL_MAG_COMP_TYP"):
             notes = (*notes, "the vehicle's compensation for power is still in the readings")
-    if logged is not None and (in_body or corrected_by_driver(parameters)):
+    if logged is not None and (in_body or is_corrected_by_driver(parameters)):
         inverse: Array = np.linalg.inv(logged.matrix).astype(np.float64)
         field = correct(field, np.zeros(3), inverse) + logged.bias
         notes = (*notes, f"the correction that {slot}_* describes was taken out")
     return Recovered(field, "m", rotation_bm, logged, notes)
 
 
-def slot_of(parameters: Parameters, device_id: int | None) -> str | None:
+def find_slot(parameters: Parameters, device_id: int | None) -> str | None:
     """The slot CAL_MAGn that a sensor uses; without a device id, that of the primary sensor."""
-    wanted = int(number(parameters, PRIMARY)) if device_id is None else device_id
+    wanted = int(read_number(parameters, PRIMARY)) if device_id is None else device_id
     for slot in SLOTS:
         # parameters are signed, device ids in topics are not
-        if wanted and (int(number(parameters, f"{slot}_ID")) - wanted) % 2**32 == 0:
+        if wanted and (int(read_number(parameters, f"{slot}_ID")) - wanted) % 2**32 == 0:
             return slot
     return None
 
 
-def correction(parameters: Parameters, slot: str) -> Logged | None:
+def read_correction(parameters: Parameters, slot: str) -> Logged | None:
     """OFF and S of a slot, or `None` where its numbers cannot be a calibration."""
-    bias = np.array([number(parameters, f"{slot}_{axis}OFF") for axis in AXES])
-    diagonal = [number(parameters, f"{slot}_{axis}SCALE", 1.0) for axis in AXES]
+    bias = np.array([read_number(parameters, f"{slot}_{axis}OFF") for axis in AXES])
+    diagonal = [read_number(parameters, f"{slot}_{axis}SCALE", 1.0) for axis in AXES]
     matrix = unpack_symmetric(
-        [*diagonal, *(number(parameters, f"{slot}_{axis}ODIAG") for axis in AXES)]
+        [*diagonal, *(read_number(parameters, f"{slot}_{axis}ODIAG") for axis in AXES)]
     )
     if max(np.abs(matrix).max(), np.abs(bias).max()) > 100 or abs(np.linalg.det(matrix)) < 1e-3:
         return None
@@ -100,7 +100,7 @@ def correction(parameters: Parameters, slot: str) -> Logged | None:
     )
 
 
-def corrected_by_driver(parameters: Parameters) -> bool:
+def is_corrected_by_driver(parameters: Parameters) -> bool:
     """Whether `sensor_mag` carries the correction already.
 
     Up to v1.11 the drivers applied it (src/lib/drivers/magnetometer/PX4Magnetometer.cpp there).
@@ -110,19 +110,19 @@ def corrected_by_driver(parameters: Parameters) -> bool:
     return PRIMARY in parameters and not off_diagonal
 
 
-def mounting(parameters: Parameters, slot: str | None, external: bool) -> Rotation | None:
+def read_mounting(parameters: Parameters, slot: str | None, external: bool) -> Rotation | None:
     """The rotation from sensor to body axes where it is no more than the levelling of the board.
 
     Larger turns are in the log as a mere number; they give `None`.
     """
-    own = number(parameters, f"{slot}_ROT", -1.0) if slot else 0.0 if external else -1.0
-    if (number(parameters, "SENS_BOARD_ROT") if own < 0 else own) != 0:
+    own = read_number(parameters, f"{slot}_ROT", -1.0) if slot else 0.0 if external else -1.0
+    if (read_number(parameters, "SENS_BOARD_ROT") if own < 0 else own) != 0:
         return None
-    roll, pitch, yaw = (number(parameters, f"SENS_BOARD_{axis}_OFF") for axis in AXES)
+    roll, pitch, yaw = (read_number(parameters, f"SENS_BOARD_{axis}_OFF") for axis in AXES)
     return Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
 
 
-def number(parameters: Parameters, name: str, missing: float = 0.0) -> float:
+def read_number(parameters: Parameters, name: str, missing: float = 0.0) -> float:
     """A parameter as a number; `missing` where it is absent or damaged."""
     value = parameters.get(name)
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else missing

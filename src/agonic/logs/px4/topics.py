@@ -36,7 +36,7 @@ _YEAR_2001_US, _YEAR_2096_US = 1e15, 4e15
 _LONGEST_RUN_US = 1e14  # three years; what lies above is damage
 
 
-def alongside(topics: Topics, time: Array, rotation_bm: Rotation | None) -> dict[str, Any]:
+def resample_columns(topics: Topics, time: Array, rotation_bm: Rotation | None) -> dict[str, Any]:
     """Attitude, motion, power and place at the times of the magnetometer.
 
     Acceleration and rotation rate are logged in body axes; they are turned into those of the
@@ -44,41 +44,43 @@ def alongside(topics: Topics, time: Array, rotation_bm: Rotation | None) -> dict
     """
     attitude, motion = topics.get(ATTITUDE, {}), topics.get(MOTION, {})
     columns: dict[str, Any] = dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"))
-    if (q := vector(attitude, *(f"q[{i}]" for i in range(4)))) is not None:
+    if (q := stack_vector(attitude, *(f"q[{i}]" for i in range(4)))) is not None:
         q[np.abs(np.linalg.norm(q, axis=1) - 1) > 0.1] = np.nan
-        for name, angle in zip(columns, euler_deg(q), strict=True):
-            columns[name] = resample(time_s(attitude), angle, time, period=360.0)
+        for name, angle in zip(columns, compute_euler_deg(q), strict=True):
+            columns[name] = resample(read_time_s(attitude), angle, time, period=360.0)
     for name, logged in (("acceleration", "accelerometer_m_s2"), ("rotation_rate", "gyro_rad")):
-        body = vector(motion, *(f"{logged}[{i}]" for i in range(3)))
+        body = stack_vector(motion, *(f"{logged}[{i}]" for i in range(3)))
         if body is not None and rotation_bm is not None:
-            columns[name] = resample(time_s(motion), rotation_bm.apply(body, inverse=True), time)
-    return columns | _power(topics, time) | _place(topics, time)
+            columns[name] = resample(
+                read_time_s(motion), rotation_bm.apply(body, inverse=True), time
+            )
+    return columns | _read_power(topics, time) | _read_place(topics, time)
 
 
-def _power(topics: Topics, time: Array) -> dict[str, Any]:
+def _read_power(topics: Topics, time: Array) -> dict[str, Any]:
     """Current of the first battery that measures one (negative: unknown), and throttle 0…1."""
     columns: dict[str, Any] = {}
     for name in sorted(name for name in topics if name.startswith(BATTERY)):
-        current = _scaled(topics[name], 1.0, "current_a")
+        current = _read_scaled(topics[name], 1.0, "current_a")
         if current is not None and (current > 0).any():
             known = np.where(current >= 0, current, np.nan)
-            columns["current_A"] = resample(time_s(topics[name]), known, time)
+            columns["current_A"] = resample(read_time_s(topics[name]), known, time)
             break
     controls, thrust = topics.get(CONTROLS, {}), topics.get(THRUST, {})
     if "control[3]" in controls:
-        columns["throttle"] = resample(time_s(controls), controls["control[3]"], time)
-    elif (xyz := vector(thrust, "xyz[0]", "xyz[1]", "xyz[2]")) is not None:
-        columns["throttle"] = resample(time_s(thrust), np.linalg.norm(xyz, axis=1), time)
+        columns["throttle"] = resample(read_time_s(controls), controls["control[3]"], time)
+    elif (xyz := stack_vector(thrust, "xyz[0]", "xyz[1]", "xyz[2]")) is not None:
+        columns["throttle"] = resample(read_time_s(thrust), np.linalg.norm(xyz, axis=1), time)
     return columns
 
 
-def _place(topics: Topics, time: Array) -> dict[str, Any]:
+def _read_place(topics: Topics, time: Array) -> dict[str, Any]:
     """Position from GPS where it has a three-dimensional fix, else the vehicle's estimate."""
     for name in (*GPS, ESTIMATED_PLACE):
         topic = topics.get(name, {})
-        latitude = _scaled(topic, 1e7, "lat", "latitude_deg")
-        longitude = _scaled(topic, 1e7, "lon", "longitude_deg")
-        altitude = _scaled(
+        latitude = _read_scaled(topic, 1e7, "lat", "latitude_deg")
+        longitude = _read_scaled(topic, 1e7, "lon", "longitude_deg")
+        altitude = _read_scaled(
             topic, 1e3, "alt_ellipsoid", "altitude_ellipsoid_m", "alt", "altitude_msl_m"
         )
         if latitude is None or longitude is None:
@@ -87,7 +89,7 @@ def _place(topics: Topics, time: Array) -> dict[str, Any]:
         if "fix_type" in topic:
             fixed &= topic["fix_type"] >= 3
         if fixed.any():
-            since = time_s(topic)[fixed]
+            since = read_time_s(topic)[fixed]
             return {
                 "latitude_deg": resample(since, latitude[fixed], time),
                 "longitude_deg": resample(since, longitude[fixed], time, period=360.0),
@@ -96,7 +98,7 @@ def _place(topics: Topics, time: Array) -> dict[str, Any]:
     return {}
 
 
-def _scaled(topic: Topic, per_unit: float, *names: str) -> Array | None:
+def _read_scaled(topic: Topic, per_unit: float, *names: str) -> Array | None:
     """The first of these columns that holds anything; older messages count whole numbers."""
     for name in names:
         if name in topic and topic[name].any():
@@ -105,27 +107,27 @@ def _scaled(topic: Topic, per_unit: float, *names: str) -> Array | None:
     return None
 
 
-def vector(topic: Topic, *names: str) -> Array | None:
+def stack_vector(topic: Topic, *names: str) -> Array | None:
     """These columns side by side, (n, …), if all are there."""
     if not set(names) <= set(topic):
         return None
     return np.stack([topic[name] for name in names], axis=1).astype(np.float64)
 
 
-def temperature(topic: Topic, time: Array) -> Array | None:
+def read_temperature(topic: Topic, time: Array) -> Array | None:
     """The sensor's own temperature, °C; zero throughout means that it has none."""
     values = topic.get("temperature", np.zeros(0))
     return resample(time, values, time) if np.nan_to_num(values).any() else None
 
 
-def time_s(topic: Topic) -> Array:
+def read_time_s(topic: Topic) -> Array:
     """Seconds since boot: when it was sampled where that is logged, else when it was published."""
     sampled = topic.get("timestamp_sample")
     chosen = topic["timestamp"] if sampled is None or not sampled.all() else sampled
     return chosen.astype(np.float64) / 1e6
 
 
-def utc_of_boot(topics: Topics) -> datetime | None:
+def find_utc_of_boot(topics: Topics) -> datetime | None:
     """The median over the GPS messages that know the time, less the seconds since boot."""
     for name in GPS:
         topic = topics.get(name, {})
@@ -138,12 +140,12 @@ def utc_of_boot(topics: Topics) -> datetime | None:
     return None
 
 
-def euler_deg(quat_wxyz: ArrayLike) -> tuple[Array, Array, Array]:
+def compute_euler_deg(quat_wxyz: ArrayLike) -> tuple[Array, Array, Array]:
     """Roll, pitch, heading in degrees, (n,) each, of q (n, 4) from body to north-east-down.
 
     heading 0…360, of the yaw-pitch-roll sequence; q may have any length but zero.
 
-    >>> [a.round(9).tolist() for a in euler_deg([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])]
+    >>> [a.round(9).tolist() for a in compute_euler_deg([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])]
     [[0.0], [0.0], [90.0]]
     """
     q = np.asarray(quat_wxyz, dtype=np.float64)

@@ -17,18 +17,18 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.log import Log, Stream
-from agonic.logs.px4.parameters import Parameters, recover
+from agonic.logs.px4.parameters import Parameters, remove_correction
 from agonic.logs.px4.topics import (
     BESIDE,
     Topic,
     Topics,
-    alongside,
-    temperature,
-    time_s,
-    utc_of_boot,
-    vector,
+    find_utc_of_boot,
+    read_temperature,
+    read_time_s,
+    resample_columns,
+    stack_vector,
 )
-from agonic.logs.resample import ESTIMATED_ATTITUDE, misplaced, rate_Hz
+from agonic.logs.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER
@@ -49,13 +49,13 @@ def read(path: Path, source: Input) -> Log:
     Topics that have no bearing on a magnetometer are neither decoded nor listed. Raises `LogError`
     where the file cannot be read or holds no magnetometer, `MissingExtraError` without pyulog.
     """
-    ulog = _parsed(path)
+    ulog = _parse(path)
     topics = {f"{d.name}[{d.multi_id}]": d.data for d in ulog.data_list if "timestamp" in d.data}
-    names = _magnetometers(topics)
+    names = _find_magnetometers(topics)
     sensors, left_out = [], []
     for name in names:
         try:
-            sensors.append(_samples(name, topics, ulog.initial_parameters, source))
+            sensors.append(_read_samples(name, topics, ulog.initial_parameters, source))
         except LogError as error:
             left_out.append(f"{name} was left out: {error}")
     if not sensors:
@@ -65,7 +65,9 @@ def read(path: Path, source: Input) -> Log:
             "log sensor_mag and record again",
             path=path,
         )
-    others = {name: time_s(topic) for name, topic in sorted(topics.items()) if name not in names}
+    others = {
+        name: read_time_s(topic) for name, topic in sorted(topics.items()) if name not in names
+    }
     return Log(
         path=path,
         format="PX4 ULog",
@@ -73,14 +75,14 @@ def read(path: Path, source: Input) -> Log:
         sensors=tuple(sensors),
         stack="px4",
         streams=tuple(
-            Stream(name=name, rows=len(time), rate_Hz=rate_Hz(time))
+            Stream(name=name, rows=len(time), rate_Hz=compute_rate_Hz(time))
             for name, time in others.items()
         ),
         notes=(*_notes(ulog), *left_out),
     )
 
 
-def _parsed(path: Path) -> Any:
+def _parse(path: Path) -> Any:
     """The log as pyulog understands it, without what it prints on the way."""
     try:
         from pyulog import ULog
@@ -118,7 +120,7 @@ class _Forward(io.BufferedReader):
         return super().seek(target, whence)
 
 
-def _magnetometers(topics: Topics) -> list[str]:
+def _find_magnetometers(topics: Topics) -> list[str]:
     """The raw topics; where there is none, the corrected ones."""
     for kind, columns in AXES.items():
         names = [n for n in topics if n.startswith(f"{kind}[") and {*columns} <= {*topics[n]}]
@@ -128,27 +130,27 @@ def _magnetometers(topics: Topics) -> list[str]:
 
 
 @np.errstate(all="ignore")  # damaged numbers overflow; Samples leaves out what is not finite
-def _samples(name: str, topics: Topics, parameters: Parameters, source: Input) -> Samples:
+def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Input) -> Samples:
     """One magnetometer, with everything else at its rows."""
-    topic, time, wrong = _readings(topics[name])
-    gauss = vector(topic, *AXES[name.split("[")[0]])
+    topic, time, wrong = _select_readings(topics[name])
+    gauss = stack_vector(topic, *AXES[name.split("[")[0]])
     if gauss is None or not len(time):
         raise LogError("it has no new readings")
     device_id = int(topic["device_id"][0]) if "device_id" in topic else None
-    recovered = recover(
+    recovered = remove_correction(
         gauss * NANOTESLA_PER["G"],
         parameters,
         in_body=not name.startswith(RAW),
         device_id=device_id,
         external="is_external" in topic and bool(topic["is_external"][0]),
     )
-    columns = alongside(topics, time, recovered.rotation_bm)
+    columns = resample_columns(topics, time, recovered.rotation_bm)
     attitude = () if columns["heading_deg"] is None else (ESTIMATED_ATTITUDE,)
     return Samples(
         field=recovered.raw,
         time=time,
-        epoch=utc_of_boot(topics),
-        temperature=temperature(topic, time),
+        epoch=find_utc_of_boot(topics),
+        temperature=read_temperature(topic, time),
         **columns,
         name=name,
         frame=recovered.frame,
@@ -162,12 +164,12 @@ def _samples(name: str, topics: Topics, parameters: Parameters, source: Input) -
     )
 
 
-def _readings(topic: Topic) -> tuple[Topic, Array, int]:
+def _select_readings(topic: Topic) -> tuple[Topic, Array, int]:
     """The new readings of one device, their times in seconds, and how many times made no sense.
 
     An instance may change hands between devices: the one with most readings is taken.
     """
-    time, rows = time_s(topic), np.arange(len(topic["timestamp"]))
+    time, rows = read_time_s(topic), np.arange(len(topic["timestamp"]))
     if "device_id" in topic:
         devices, counts = np.unique(topic["device_id"], return_counts=True)
         rows = np.flatnonzero(topic["device_id"] == devices[counts.argmax()])
@@ -175,7 +177,7 @@ def _readings(topic: Topic) -> tuple[Topic, Array, int]:
         time = time + behind / 1e6
         rows = np.flatnonzero(behind != _NO_NEW_READING)
         rows = rows[np.diff(time[rows], prepend=-np.inf) > _SHORTEST_STEP_S]
-    wrong = misplaced(time[rows])
+    wrong = find_misplaced(time[rows])
     rows = rows[~wrong]
     return {name: values[rows] for name, values in topic.items()}, time[rows], int(wrong.sum())
 

@@ -13,7 +13,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.columns import MOST_COLUMNS
 from agonic.logs.log import Log
-from agonic.logs.space.variables import log_of_variables
+from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input
 
 VERSION_3 = b"\xcd\xf3\x00\x01"
@@ -56,12 +56,12 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     notes: list[str] = []
     for name in names:
         try:
-            if (values := _values(file, name, path.stat().st_size)) is not None:
+            if (values := _read_values(file, name, path.stat().st_size)) is not None:
                 variables[name] = values
-                units[name] = _unit(file, name)
+                units[name] = _read_unit(file, name)
         except Exception as error:
             notes.append(f"{name} cannot be read ({type(error).__name__}): the file is damaged")
-    return log_of_variables(
+    return build_variables_log(
         variables, units, path=path, source=source, format="CDF", unit=unit, notes=tuple(notes)
     )
 
@@ -106,20 +106,20 @@ def _check(stream: BinaryIO) -> None:
     counts = [number(descriptor + 5 * size + 4 + 4 * k) for k in range(5)]
     r_variables, attributes, _, r_dimensions, z_variables = counts
     for count in (r_variables, z_variables, attributes):
-        _refuse(count, MOST_COLUMNS, "variables or attributes")
-    _refuse(r_dimensions, _MOST_DIMENSIONS, "dimensions")
+        _refuse_count(count, MOST_COLUMNS, "variables or attributes")
+    _refuse_count(r_dimensions, _MOST_DIMENSIONS, "dimensions")
     at = chains[1]
     for _ in range(z_variables):
-        _refuse(number(at + (340 if wide else 128)), _MOST_DIMENSIONS, "dimensions")
+        _refuse_count(number(at + (340 if wide else 128)), _MOST_DIMENSIONS, "dimensions")
         at = number(at + size + 4, offset)
 
 
-def _refuse(count: int, most: int, what: str) -> None:
+def _refuse_count(count: int, most: int, what: str) -> None:
     if not 0 <= count <= most:
         raise LogError(f"damaged, or no log: it claims {count} {what}; fetch it again")
 
 
-def _values(file: Any, name: str, size: int) -> NDArray[Any] | None:
+def _read_values(file: Any, name: str, size: int) -> NDArray[Any] | None:
     """The values of a variable, a row a record; moments as datetime64; `None` where it is none."""
     info = file.vdr_info(name)
     dimensions = [n for n, vary in zip(info.dim_sizes, info.dim_vary, strict=True) if vary]
@@ -128,24 +128,24 @@ def _values(file: Any, name: str, size: int) -> NDArray[Any] | None:
         raise ValueError("more records than the file can hold")
     if not info.record_vary or len(dimensions) > 1:
         return None
-    values = moments(np.asarray(file.varget(name)), info.data_type)
+    values = decode_moments(np.asarray(file.varget(name)), info.data_type)
     return values if values.ndim else None
 
 
-def moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
+def decode_moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
     """Values of one of CDF's three types of time as moments; those of other types as they are.
 
-    >>> moments(np.array([63_113_904_000_000.0, -1e31]), 31).tolist()
+    >>> decode_moments(np.array([63_113_904_000_000.0, -1e31]), 31).tolist()
     [datetime.datetime(2000, 1, 1, 0, 0), None]
     """
     if data_type == _TT2000:
-        return _of_tt2000(values)
+        return _decode_tt2000(values)
     if data_type == _EPOCH16:
-        return _of_epoch(values.real * 1e3 + values.imag * 1e-9)
-    return _of_epoch(values) if data_type == _EPOCH else values
+        return _decode_epoch(values.real * 1e3 + values.imag * 1e-9)
+    return _decode_epoch(values) if data_type == _EPOCH else values
 
 
-def _of_epoch(milliseconds: Array) -> NDArray[Any]:
+def _decode_epoch(milliseconds: Array) -> NDArray[Any]:
     """Milliseconds since year 0 as moments; what lies outside 0…9999 is no time."""
     known = (milliseconds > 0) & (milliseconds < _MILLISECONDS_10000)
     since_1970 = np.where(known, milliseconds, np.nan) - _YEAR_0_MS
@@ -155,7 +155,7 @@ def _of_epoch(milliseconds: Array) -> NDArray[Any]:
     return stamps
 
 
-def _of_tt2000(nanoseconds: NDArray[np.int64]) -> NDArray[np.datetime64]:
+def _decode_tt2000(nanoseconds: NDArray[np.int64]) -> NDArray[np.datetime64]:
     """TT2000 as UTC, by cdflib's table of leap seconds."""
     import cdflib
 
@@ -166,7 +166,7 @@ def _of_tt2000(nanoseconds: NDArray[np.int64]) -> NDArray[np.datetime64]:
     return np.asarray(stamps)
 
 
-def _unit(file: Any, name: str) -> str:
+def _read_unit(file: Any, name: str) -> str:
     """What the file says of a variable's unit."""
     said = {key.upper(): value for key, value in file.varattsget(name).items()}
     return str(said.get("UNITS", "")).strip()

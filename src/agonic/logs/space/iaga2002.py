@@ -19,7 +19,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.log import Log
 from agonic.logs.space import scalar
-from agonic.logs.table import log_of_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input
 
 MISSING = 88_880.0
@@ -44,7 +44,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     elements, others = _elements(header, rows)
     table, notes = _table(header, elements, len(rows))
     table["time"] = _moments(rows)
-    log = log_of_table(
+    log = build_log(
         table, path=path, source=source, format="IAGA-2002", others=others, remarks=tuple(notes)
     )
     first = log.sensors[0].with_columns(name=station)
@@ -136,7 +136,7 @@ def _table(
         notes.append("F was restored from G, the magnitude of the vector less F")
     table: dict[str, NDArray[Any]] = {"frame": np.full(n, frame, dtype=object)}
     if reading is not None:
-        field, beside, said = scalar.beside(field, reading)
+        field, beside, said = scalar.compare_scalar(field, reading)
         table |= {} if beside is None else {"scalar_nT": beside}
         notes += said
     table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}

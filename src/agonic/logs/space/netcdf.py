@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.clock import clock_of
+from agonic.logs.clock import read_clock
 from agonic.logs.columns import MOST_COLUMNS
 from agonic.logs.log import Log
 from agonic.logs.space.hdf5 import check_heaps
-from agonic.logs.space.variables import log_of_variables
+from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input
 
 CLASSIC = (b"CDF\x01", b"CDF\x02")
@@ -54,9 +54,9 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         raise LogError(f"cannot be read as netCDF ({reason}); fetch it again") from error
     variables: dict[str, NDArray[Any]] = {}
     for name, (values, attributes) in found.items():
-        variables[name] = _decoded(values, attributes)
+        variables[name] = _decode(values, attributes)
     units = {name: _text(attributes.get("units", "")) for name, (_, attributes) in found.items()}
-    return log_of_variables(
+    return build_variables_log(
         variables, units, path=path, source=source, format="netCDF", unit=unit, notes=tuple(notes)
     )
 
@@ -118,7 +118,7 @@ def _version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
         }, []
 
 
-def _decoded(values: NDArray[Any], attributes: Mapping[str, Any]) -> NDArray[Any]:
+def _decode(values: NDArray[Any], attributes: Mapping[str, Any]) -> NDArray[Any]:
     """What the numbers stand for: unscaled, fill values missing, moments as datetime64."""
     if values.dtype.kind in "OS":
         return np.array([_text(value) for value in values.ravel()], dtype=object).reshape(
@@ -142,7 +142,7 @@ def _moments(numbers: Array, since: re.Match[str]) -> NDArray[Any]:
     word = since["unit"].lower()
     name = next((ours for start, ours in _SPELLED.items() if word.startswith(start)), None)
     name = name or next((n for n in ("ms", "us", "ns", "d", "h", "s") if word.startswith(n)), "")
-    _, start, _ = clock_of(np.array([_clean(since["start"])], dtype=object), None)
+    _, start, _ = read_clock(np.array([_clean(since["start"])], dtype=object), None)
     if start is None or name not in _SECONDS:
         return numbers
     seconds = numbers * _SECONDS[name]

@@ -15,7 +15,7 @@ from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.worldfield import ELEMENTS
-from agonic.logs.columns import Column, understood
+from agonic.logs.columns import Column, identify_column
 from agonic.logs.contents import read_text
 
 _RANGES = {
@@ -96,16 +96,16 @@ def read_points(path: Path | str, date: str | None = None) -> Points:
 def write_points(
     points: Points, models: Sequence[str], answers: Mapping[str, Array], path: Path | str
 ) -> Path:
-    """Write `text_of_points` to a file, and return its path."""
-    return write_atomically(path, text_of_points(points, models, answers))
+    """Write `format_points` to a file, and return its path."""
+    return write_atomically(path, format_points(points, models, answers))
 
 
-def text_of_points(points: Points, models: Sequence[str], answers: Mapping[str, Array]) -> str:
+def format_points(points: Points, models: Sequence[str], answers: Mapping[str, Array]) -> str:
     """A row a place: where and when, the model, and the answers by name, nT to 0.1 pT."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(
-        ["latitude_deg", "longitude_deg", "altitude_m", "date", "model", *map(header_of, answers)]
+        ["latitude_deg", "longitude_deg", "altitude_m", "date", "model", *map(read_header, answers)]
     )
     columns = [
         [f"{value:.6f}" if "_deg" in name else f"{value:.4f}" for value in values]
@@ -117,10 +117,10 @@ def text_of_points(points: Points, models: Sequence[str], answers: Mapping[str, 
     return stream.getvalue()
 
 
-def header_of(name: str) -> str:
+def read_header(name: str) -> str:
     """The name of an answer with its unit.
 
-    >>> header_of("north"), header_of("north_per_year"), header_of("declination_deg_per_year")
+    >>> read_header("north"), read_header("north_per_year"), read_header("declination_deg_per_year")
     ('north_nT', 'north_nT_per_year', 'declination_deg_per_year')
     """
     element = name.removesuffix("_per_year")
@@ -132,7 +132,7 @@ def _columns(header: Sequence[str], path: Path, date: str | None) -> dict[str, t
     """Position and meaning of the columns that tell where and when."""
     found: dict[str, tuple[int, Column]] = {}
     for position, name in enumerate(header):
-        column = understood(name)
+        column = identify_column(name)
         wanted = column is not None and column.quantity.column in (*_RANGES, *_WHEN)
         if column is None or not wanted:
             continue

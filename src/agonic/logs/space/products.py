@@ -22,7 +22,7 @@ from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Log, Stream
 from agonic.logs.space import scalar
-from agonic.logs.table import log_of_table
+from agonic.logs.table import build_log
 from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.provenance import Input
@@ -52,7 +52,7 @@ def is_spacecraft(variables: Variables) -> bool:
     return bool(_vectors(variables))
 
 
-def log_of_spacecraft(
+def build_spacecraft_log(
     variables: Variables, *, path: Path, source: Input, format: str, notes: tuple[str, ...] = ()
 ) -> Log:
     """The log that the variables are, a sensor for each vector, those in sensor axes first.
@@ -67,7 +67,7 @@ def log_of_spacecraft(
     for name in _vectors(fitting):
         try:
             table, notes_of_it = _table(name, fitting, shared)
-            log = log_of_table(
+            log = build_log(
                 table, path=path, source=source, format=format, remarks=(*remarks, *notes_of_it)
             )
         except LogError as error:
@@ -152,7 +152,7 @@ def _table(
     if "F" in variables:
         reading = np.array(variables["F"], dtype=np.float64)
         reading[variables.get("Flags_F", np.zeros(len(reading))) == NO_DATA] = np.nan
-        field, beside, said = scalar.beside(field, reading)
+        field, beside, said = scalar.compare_scalar(field, reading)
         table |= {} if beside is None else {"scalar_nT": beside}
         notes += said
     table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}

@@ -12,7 +12,7 @@ SAME = 1e-3
 """nT; a magnitude this near to that of the vector was computed from it."""
 
 
-def beside(field: Array, scalar: Array) -> tuple[Array, Array | None, tuple[str, ...]]:
+def compare_scalar(field: Array, scalar: Array) -> tuple[Array, Array | None, tuple[str, ...]]:
     """The field (n, 3) and the scalar reading (n,), both nT, as they can stand beside each other.
 
     A reading that is not above zero is none. Rows without one lose their field where most rows
@@ -20,10 +20,10 @@ def beside(field: Array, scalar: Array) -> tuple[Array, Array | None, tuple[str,
     that is the magnitude of the vector itself.
 
     >>> field = np.array([[3.0, 4.0, 0.0], [6.0, 8.0, 0.0], [0.0, 0.0, 2.0]])
-    >>> _, scalar, notes = beside(field, np.array([5.1, 9.9, 0.0]))
+    >>> _, scalar, notes = compare_scalar(field, np.array([5.1, 9.9, 0.0]))
     >>> scalar.tolist(), notes
     ([5.1, 9.9, nan], ('no scalar reading in 1 of 3 rows: left out',))
-    >>> beside(field, np.array([5.0, 10.0, 2.0]))[1:]
+    >>> compare_scalar(field, np.array([5.0, 10.0, 2.0]))[1:]
     (None, ('F is the magnitude of the vector, not the reading of a scalar instrument',))
     """
     readings = np.asarray(np.isfinite(field).all(axis=1))

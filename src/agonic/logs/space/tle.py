@@ -74,7 +74,7 @@ def positions_from_tle(
         from sgp4.api import Satrec
     except ImportError:
         raise MissingExtraError("positions from two-line elements", "space") from None
-    sets = [Satrec.twoline2rv(*pair) for pair in _chosen(_pairs(_text(tle)), satellite)]
+    sets = [Satrec.twoline2rv(*pair) for pair in _choose(_pairs(_text(tle)), satellite)]
     start = epoch.replace(tzinfo=UTC) if epoch.tzinfo is None else epoch
     unix = start.timestamp() + np.asarray(time, dtype=np.float64)
     made = np.array([s.jdsatepoch + s.jdsatepochF - _UNIX_JULIAN_DATE for s in sets]) * _DAY_S
@@ -89,7 +89,7 @@ def positions_from_tle(
     position_i = np.empty((3, len(unix)))
     for k, elements in enumerate(sets):
         rows = nearest == k
-        position_i[:, rows] = _propagated(elements, unix[rows])
+        position_i[:, rows] = _propagate(elements, unix[rows])
     places = geodetic(rotate_about_third(position_i, sidereal_rad(unix)))
     return dict(zip(("latitude_deg", "longitude_deg", "altitude_m"), places, strict=True))
 
@@ -125,7 +125,7 @@ def _checksum(line: str) -> int:
     return sum(int(c) if c.isdecimal() else c == "-" for c in line[: LINE - 1]) % 10
 
 
-def _chosen(pairs: Sequence[tuple[str, str]], satellite: int | None) -> list[tuple[str, str]]:
+def _choose(pairs: Sequence[tuple[str, str]], satellite: int | None) -> list[tuple[str, str]]:
     """The elements of one satellite; an error naming those there are where that is not clear."""
     numbers = {one[2:7].strip().lstrip("0") for one, _ in pairs}
     wanted = str(satellite) if satellite is not None else next(iter(numbers))
@@ -134,7 +134,7 @@ def _chosen(pairs: Sequence[tuple[str, str]], satellite: int | None) -> list[tup
     return [pair for pair in pairs if pair[0][2:7].strip().lstrip("0") == wanted]
 
 
-def _propagated(elements: Any, unix: Array) -> Array:
+def _propagate(elements: Any, unix: Array) -> Array:
     """Positions (3, n), m, in TEME."""
     days = np.floor(unix / _DAY_S)
     errors, positions_km, _ = elements.sgp4_array(

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, UnitError
-from agonic.logs.columns import understood
+from agonic.logs.columns import identify_column
 from agonic.logs.log import Log
-from agonic.logs.space.products import is_spacecraft, log_of_spacecraft
-from agonic.logs.stacked import table_of_arrays
-from agonic.logs.table import log_of_table
+from agonic.logs.space.products import build_spacecraft_log, is_spacecraft
+from agonic.logs.stacked import build_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input
 from agonic.units import RAW, find_unit, nanotesla_per
 
@@ -44,7 +44,7 @@ _SPELLINGS = {
 _LENGTHS_M = {"m": 1.0, "km": 1e3}
 
 
-def log_of_variables(
+def build_variables_log(
     variables: Variables,
     units: Mapping[str, str],
     *,
@@ -61,18 +61,18 @@ def log_of_variables(
     """
     if not variables and notes:
         raise LogError(f"{notes[0]}; fetch it again")
-    known = {name: _without_fill(values) for name, values in variables.items() if values.ndim}
+    known = {name: _drop_fill(values) for name, values in variables.items() if values.ndim}
     spelled = {name: _SPELLINGS.get(text.strip().lower(), text) for name, text in units.items()}
     if not known:
         raise LogError("there are no variables in it; fetch the file again")
     if is_spacecraft(known):
-        ours = {name: _in_our_unit(name, known[name], spelled.get(name, "")) for name in known}
+        ours = {name: _convert_unit(name, known[name], spelled.get(name, "")) for name in known}
         return _of_spacecraft(ours, path=path, source=source, format=format, notes=notes)
     headed = {
         _header(name, values, spelled.get(name, "")): values for name, values in known.items()
     }
-    table, others = table_of_arrays(_with_clock(headed, "time"))
-    return log_of_table(
+    table, others = build_table(_add_clock(headed, "time"))
+    return build_log(
         table, path=path, source=source, format=format, unit=unit, others=others, notes=notes
     )
 
@@ -81,18 +81,18 @@ def _of_spacecraft(variables: Variables, **facts: Any) -> Log:
     """The log of a satellite's variables; numbers beyond all bounds are damage."""
     try:
         with np.errstate(all="ignore"):
-            return log_of_spacecraft(_with_clock(variables, "Timestamp"), **facts)
+            return build_spacecraft_log(_add_clock(variables, "Timestamp"), **facts)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         raise LogError(f"the numbers in it make no sense ({error}); fetch it again") from error
 
 
-def _without_fill(values: NDArray[Any]) -> NDArray[Any]:
+def _drop_fill(values: NDArray[Any]) -> NDArray[Any]:
     if values.dtype.kind != "f":
         return values
     return np.where(np.abs(values) < FILL, values, np.nan)
 
 
-def _in_our_unit(name: str, values: NDArray[Any], unit: str) -> NDArray[Any]:
+def _convert_unit(name: str, values: NDArray[Any], unit: str) -> NDArray[Any]:
     """Lengths in m and fields in nT; variables of other kinds as they are."""
     if name == "Radius":
         return values * _LENGTHS_M.get(unit, 1.0)
@@ -102,7 +102,7 @@ def _in_our_unit(name: str, values: NDArray[Any], unit: str) -> NDArray[Any]:
     return values
 
 
-def _with_clock(variables: Variables, name: str) -> dict[str, NDArray[Any]]:
+def _add_clock(variables: Variables, name: str) -> dict[str, NDArray[Any]]:
     """The variables with the first that holds moments under that name, unless it is taken."""
     moments = [n for n, values in variables.items() if values.dtype.kind == "M"]
     if not moments or name in moments:
@@ -114,4 +114,4 @@ def _header(name: str, values: NDArray[Any], unit: str) -> str:
     """The name with the unit behind it, where that can be understood, as a column's header."""
     headed = f"{name}_{unit}"
     axis = "[0]" if values.ndim == 2 else ""
-    return headed if unit and understood(headed + axis) is not None else name
+    return headed if unit and identify_column(headed + axis) is not None else name

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.clock import UNIX, clock_of
+from agonic.logs.clock import UNIX, read_clock
 from agonic.logs.columns import MOST_COLUMNS
 from agonic.logs.log import Log
-from agonic.logs.space.variables import log_of_variables
+from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input
 
 _TIME, _CRAFT = "Timestamp", "Spacecraft"
@@ -37,7 +37,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         name: _column(name, cells)
         for name, cells in zip(names, zip(*rows, strict=True), strict=True)
     }
-    return log_of_variables(
+    return build_variables_log(
         {name: values for name, values in variables.items() if values is not None},
         {},
         path=path,
@@ -53,7 +53,7 @@ def _column(name: str, cells: tuple[str, ...]) -> NDArray[Any] | None:
     if name == _CRAFT:
         return np.array(cells, dtype=object)
     if name == _TIME:
-        seconds, epoch, _ = clock_of(np.array(cells, dtype=object), None)
+        seconds, epoch, _ = read_clock(np.array(cells, dtype=object), None)
         if seconds is None or epoch is None:
             raise LogError(f"the time {cells[0][:40]!r} cannot be read; fetch the file again")
         start = np.datetime64(UNIX.replace(tzinfo=None), "us")

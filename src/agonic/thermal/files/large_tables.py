@@ -24,10 +24,10 @@ from agonic.arrays import Index
 from agonic.errors import LogError
 from agonic.logs import csv_text
 from agonic.logs import parquet as read_parquet
-from agonic.logs.columns import identified, positions, understood
+from agonic.logs.columns import find_columns, identify_column, identify_columns
 from agonic.logs.formats import PARQUET, TEXT
 from agonic.logs.read import open_log
-from agonic.logs.table import log_of_table
+from agonic.logs.table import build_log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 
@@ -99,12 +99,12 @@ def read_recording(path: Path, unit: str | None = None) -> RecordedFile:
 def _read_table(path: Path, head: bytes, parquet: bool) -> tuple[Table, tuple[str, ...]]:
     """The wanted columns of a file, and notes."""
     if parquet:
-        table, facts = read_parquet.tabulated(path)
+        table, facts = read_parquet.read_table(path)
     else:
         quick = _read_clean_table(path, head)
         if quick is not None:
             return quick
-        table, facts = csv_text.tabulated(path)
+        table, facts = csv_text.read_table(path)
     wanted = {
         header: values for header, values in table.items() if _find_quantity(header) in WANTED
     }
@@ -112,7 +112,7 @@ def _read_table(path: Path, head: bytes, parquet: bool) -> tuple[Table, tuple[st
 
 
 def _find_quantity(header: str) -> str:
-    column = understood(header)
+    column = identify_column(header)
     return "" if column is None else column.quantity.column
 
 
@@ -132,7 +132,9 @@ def _read_clean_table(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] 
     header = [cell.strip() for cell in next(csv.reader([first.rstrip("\r")]), [])]
     if not end or len(header) < 2 or first.startswith(("#", "%")):
         return None
-    wanted = {at: name for at, name in positions(header).items() if _find_quantity(name) in WANTED}
+    wanted = {
+        at: name for at, name in find_columns(header).items() if _find_quantity(name) in WANTED
+    }
     if not any(_find_quantity(name) == "field" for name in wanted.values()):
         return None
     try:
@@ -233,7 +235,7 @@ def _decode_texts(values: NDArray[Any], known: dict[bytes, str]) -> NDArray[Any]
 
 def _split_table(table: Table, path: Path, source: Input, unit: str | None) -> Iterator[Part]:
     """The readings by station."""
-    found = identified(table)
+    found = identify_columns(table)
     hot = _convert_to_celsius(table)
     stations = next(iter(found.get("station", {"": {}}).values())).get("")
     labels = next(iter(found.get("sensor", {"": {}}).values())).get("")
@@ -244,7 +246,7 @@ def _split_table(table: Table, path: Path, source: Input, unit: str | None) -> I
         for label, own in _split_by_sensor(rows, None if labels is None else labels.header):
             plain = {h: v for h, v in own.items() if _find_quantity(h) not in ("station", "sensor")}
             try:
-                log = log_of_table(plain, path=path, source=source, format="table", unit=unit)
+                log = build_log(plain, path=path, source=source, format="table", unit=unit)
             except LogError as error:
                 failures.append(f"{label}: {error}" if label else str(error))
                 continue
@@ -263,7 +265,7 @@ def _convert_to_celsius(table: Table) -> bool:
     """Take 273.15 off temperatures that are kelvin although nothing says so; whether there were."""
     hot = False
     for header, values in table.items():
-        column = understood(header)
+        column = identify_column(header)
         if (
             column is None
             or column.quantity.column != "temperature"

@@ -45,7 +45,7 @@ import msgspec
 from msgspec import Struct
 
 from agonic.errors import LogError
-from agonic.files.toml_sections import read_toml, section, tried
+from agonic.files.toml_sections import read_section, read_toml, try_to_make
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.thermal.campaign.description import Description, Station, find_repeated
 from agonic.thermal.campaign.profile import Profile
@@ -135,15 +135,15 @@ def _make_description(
 ) -> Description | None:
     """The description, with what is wrong added to `mistakes`."""
     plain = {key: value for key, value in table.items() if key not in SECTIONS}
-    head = section(plain, CampaignSection, "the file", mistakes, SECTIONS)
-    profile = section(table.get("profile"), ProfileSection, "[profile]", mistakes)
-    field = section(table.get("field", {}), FieldSection, "[field]", mistakes)
+    head = read_section(plain, CampaignSection, "the file", mistakes, SECTIONS)
+    profile = read_section(table.get("profile"), ProfileSection, "[profile]", mistakes)
+    field = read_section(table.get("field", {}), FieldSection, "[field]", mistakes)
     sensors = _read_sections(table.get("sensor", []), SensorSection, "sensor", mistakes)
     stations = _read_sections(table.get("station", []), StationSection, "station", mistakes)
     _check_names(sensors, stations, mistakes)
     _check_values(head, field, sensors, mistakes)
     _check_files(head, stations, folder, mistakes)
-    made = tried(
+    made = try_to_make(
         lambda: None if profile is None else Profile(**_collect_fields(profile)),
         "[profile]",
         mistakes,
@@ -172,7 +172,9 @@ def _read_sections(tables: Any, kind: type[Struct], what: str, mistakes: list[st
     if not isinstance(tables, list):
         mistakes.append(f"write [[{what}]] with two brackets: there may be several")
         return []
-    made = [section(table, kind, f"[[{what}]] {k}", mistakes) for k, table in enumerate(tables, 1)]
+    made = [
+        read_section(table, kind, f"[[{what}]] {k}", mistakes) for k, table in enumerate(tables, 1)
+    ]
     return [one for one in made if one is not None]
 
 
@@ -203,7 +205,7 @@ def _check_values(head: Any, field: Any, sensors: list[Any], mistakes: list[str]
     """Units that exist, and numbers above zero."""
     units = [("the file", head.unit if head else None), *((s.name, s.unit) for s in sensors)]
     for where, unit in units:
-        tried(lambda unit=unit: find_unit(unit) if unit else "", where, mistakes)  # type: ignore[misc]
+        try_to_make(lambda unit=unit: find_unit(unit) if unit else "", where, mistakes)  # type: ignore[misc]
     above = [("rate_Hz", head.rate_Hz if head else None)]
     above += [("magnitude_nT", field.magnitude_nT if field else None)]
     above += [(f"{sensor.name}: noise_nT", sensor.noise_nT) for sensor in sensors]

@@ -16,7 +16,7 @@ from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.samples import Samples
-from agonic.simulation.thermal import random_drifting, readings
+from agonic.simulation.thermal import make_readings, random_drifting
 from agonic.thermal.campaign.description import Description
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import MODELS, Sensor
@@ -96,7 +96,7 @@ class SimulatedCampaign:
         rng = np.random.default_rng(self.seeds[sensor.name, number])
         truth = self.truth[sensor.name]
         rate = np.gradient(level, time)
-        raw = readings(truth, field_b, level, rate)
+        raw = make_readings(truth, field_b, level, rate)
         raw += self.facts["noise"][sensor.name] * rng.standard_normal(raw.shape)
         add_spikes(raw, self.facts["anomalies"], rng)
         model = MODELS.get(sensor.model)

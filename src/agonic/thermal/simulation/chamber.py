@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from agonic.arrays import Array
-from agonic.simulation.draws import directions, knot_times
+from agonic.simulation.draws import draw_directions, make_knots
 from agonic.thermal.plan.plan import ThermalPlan
 
 TICK_S = 1.0
@@ -19,10 +19,10 @@ def draw_field(
 ) -> tuple[Array, Array]:
     """Knots of the chamber's field over the campaign: slow changes, and a steady drift."""
     total = plan.duration_s
-    knots = knot_times(total, pace_s)
+    knots = make_knots(total, pace_s)
     dip = np.radians(plan.inclination_deg)
     steady = plan.magnitude * np.array([np.cos(dip), 0.0, np.sin(dip)])
-    away = directions(rng, 1)[0] * drift
+    away = draw_directions(rng, 1)[0] * drift
     values = steady + sd * rng.standard_normal((len(knots), 3))
     return knots, values + np.outer(knots / total - 0.5, away)
 
@@ -40,4 +40,4 @@ def add_spikes(raw: Array, share: float, rng: np.random.Generator) -> None:
     """Add spikes to a share of the rows."""
     rows = np.flatnonzero(rng.random(len(raw)) < share)
     sizes = rng.uniform(*_SPIKE, len(rows))
-    raw[rows] += directions(rng, len(rows)) * sizes[:, None]
+    raw[rows] += draw_directions(rng, len(rows)) * sizes[:, None]

@@ -11,7 +11,7 @@ from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.simulation.thermal import readings
+from agonic.simulation.thermal import make_readings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +75,7 @@ def simulate_thermal_coil(
     )
     steps = magnitude * course.uniform(-1, 1, (-(-n // 40), 3))
     field = np.repeat(steps, 40, axis=0)[:n]
-    raw = readings(truth, field, level, np.zeros(n)) + noise * course.standard_normal((n, 3))
+    raw = make_readings(truth, field, level, np.zeros(n)) + noise * course.standard_normal((n, 3))
     samples = Samples(field=raw, temperature=level, time=np.arange(float(n)), notes=("simulated",))
     return SimulatedThermalCoil(
         samples=samples,
