@@ -30,9 +30,12 @@ def test_the_boxes_hold_the_moments_of_every_reading():
     assert len(np.unique(boxes.keys, axis=0)) == len(boxes.keys)
 
 
+WHOLE = put(SPHERE)
+
+
 @given(st.lists(st.integers(0, len(SPHERE)), max_size=6))
 def test_chunks_do_not_matter(cuts):
-    whole, place = put(SPHERE)
+    whole, place = WHOLE
     pieces, place_of_pieces = put(SPHERE, cuts)
     assert whole.edge == pieces.edge
     np.testing.assert_array_equal(whole.keys, pieces.keys)

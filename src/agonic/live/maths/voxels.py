@@ -125,9 +125,9 @@ def _number_boxes(keys: Keys) -> tuple[Index, Index]:
 
 
 def _sum(box: Index, sums: Array, boxes: int) -> Array:
-    total = np.zeros((boxes, 35))
-    np.add.at(total, box, sums)
-    return total
+    """The moments (n, 35) of each box, added one after the other, as they came."""
+    place = (35 * box[:, None] + np.arange(35)).ravel()
+    return np.asarray(np.bincount(place, sums.ravel(), 35 * boxes).reshape(boxes, 35))
 
 
 def _count_earlier(box: Index) -> Array:
