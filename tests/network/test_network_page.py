@@ -12,9 +12,9 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain, find_step
 from agonic.calibration.retraining import RetrainerParams
 from agonic.network.fit import choose_network, fit_network
-from agonic.network.report.page import network_file_page, network_page
-from agonic.network.report.retrain_page import retrain_page
+from agonic.network.report.document import describe_network, describe_network_file
 from agonic.network.retraining import Retrainer
+from agonic.network.retraining.document import describe_retraining
 from agonic.network.simulate import simulate_nonaffine, simulate_paper
 from agonic.report.digits import MINUS, NO_BREAK, THIN
 from agonic.verification import verify
@@ -39,7 +39,7 @@ def fit(made):
 
 @pytest.fixture(scope="module")
 def page(fit, made) -> str:
-    return network_page(fit, made.samples, title="bent.csv")
+    return describe_network(fit, made.samples, title="bent.csv").to_html()
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_guard_counts_readings_far_from_the_training(made, fit) -> None:
     with pytest.warns(ag.AgonicWarning):
         checked = verify(turned, samples, None)
     network = find_step(turned, ag.Network)
-    page = network_file_page(turned, network, samples=samples, verification=checked)
+    page = describe_network_file(turned, network, samples=samples, verification=checked).to_html()
     assert f"{100 * share:.2g} % of 3 000 readings lie so far" in words(page)
     assert 'class="guarded"' in page
 
@@ -108,7 +108,7 @@ def test_table_of_nodes_has_the_figures_of_the_choice() -> None:
     choice = choose_network(
         flat.samples, flat.reference, hidden=(3, 2), base=None, stopping="plain"
     )
-    text = words(network_page(choice.fit, flat.samples, choice=choice))
+    text = words(describe_network(choice.fit, flat.samples, choice=choice).to_html())
     for row in choice.table:
         assert f"{row.hidden} {row.regression:.5f} {row.maximum:.2f} {row.rms:.2f}" in text
         assert f"{row.unseen_regression:.5f}" in text
@@ -120,13 +120,15 @@ def test_magnitude_only_says_what_it_cannot_teach(made, page) -> None:
     assert "A magnitude cannot show" not in words(page)
     known = ag.Reference.magnitude(np.linalg.norm(made.field, axis=1))
     fit = fit_network(made.samples, known, target="magnitude")
-    assert "A magnitude cannot show" in words(network_page(fit, made.samples))
-    assert "A magnitude cannot show" in words(network_file_page(fit.calibration, fit.calibration))
+    assert "A magnitude cannot show" in words(describe_network(fit, made.samples).to_html())
+    assert "A magnitude cannot show" in words(
+        describe_network_file(fit.calibration, fit.calibration).to_html()
+    )
 
 
 def test_history_marks_every_retraining_where_it_was(followed) -> None:
     retrainer, seen = followed
-    page = retrain_page(retrainer, seen, title="flight.csv")
+    page = describe_retraining(retrainer, seen, title="flight.csv").to_html()
     text, count = words(page), len(seen.retrainings)
     accepted = sum(one.accepted for one in seen.retrainings)
     assert f"Accepted {accepted} of {count} retrainings" in text
@@ -147,7 +149,7 @@ def test_history_marks_every_retraining_where_it_was(followed) -> None:
 @pytest.mark.parametrize("width", [360, 1000])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_hold_in_a_browser(width, scheme, page, followed, opened) -> None:
-    for text in (page, retrain_page(*followed)):
+    for text in (page, describe_retraining(*followed).to_html()):
         view = opened(text, viewport={"width": width, "height": 800}, color_scheme=scheme)
         assert view.evaluate("document.documentElement.scrollWidth") <= width
         assert view.complaints == []

@@ -146,7 +146,7 @@ def _network(
     from agonic.atomic import write_atomically
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
-    from agonic.network.report.page import network_file_page
+    from agonic.network.report.document import describe_network_file
     from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.verification import verify
 
@@ -156,10 +156,10 @@ def _network(
         reference, _ = find_reference(samples, at, date, field)
         verification = verify(calibration, samples, reference)
     title = cal.name if samples is None else f"{cal.name} on {samples.name}"
-    page = network_file_page(
+    document = describe_network_file(
         calibration, network, title=title, samples=samples, verification=verification
     )
-    path = write_atomically(out or cal.with_suffix(".html"), page)
+    path = write_atomically(out or cal.with_suffix(".html"), document.to_html())
     good = verification is None or verification.passed
     if as_json:
         checks = [] if verification is None else [asdict(c) for c in verification.checks]

@@ -12,7 +12,6 @@ from agonic.console.parse import parse_names
 from agonic.console.sensors import open_sensor
 
 if TYPE_CHECKING:
-    from agonic.network.fit import NetworkChoice, NetworkFit
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -65,7 +64,7 @@ def network(
     at: At = None,
     date: Date = None,
     field: Magnitude = None,
-    robust: Annotated[bool, typer.Option(help="Meet outliers with Tukey's loss.")] = True,
+    robust: Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")] = True,
     seed: Annotated[int, typer.Option(help="Of the random starts.")] = 0,
     between: Between = None,
     report: Annotated[
@@ -75,12 +74,11 @@ def network(
 ) -> int:
     """A network where no affine calibration is enough; it is written only where it is better."""
     from agonic.atomic import write_atomically
-    from agonic.console.output import print_json, say
+    from agonic.console.finish import finish
     from agonic.console.progress import progress
-    from agonic.files.calibration import save
     from agonic.network.fit import choose_network, fit_network
     from agonic.network.report.chart import table_chart, training_chart
-    from agonic.network.report.page import network_page
+    from agonic.network.report.document import describe_network
 
     samples = open_sensor(log, sensor, unit, between)
     samples, known = _known(samples, reference, unit, (at, date, field))
@@ -98,20 +96,12 @@ def network(
             samples, known, progress=lambda nodes: progress(nodes, "Training"), **settings
         )
     fit = choice.fit if choice else fit_network(samples, known, hidden=hidden, **settings)
-    files = [str(save(fit.chosen, out))] if out and fit.verdict != "refused" else []
+    files = []
     if figure:
         drawn = table_chart(choice) if choice else training_chart(fit)
-        files.append(str(write_atomically(figure, drawn.encode())))
-    if report:
-        page = network_page(fit, samples, choice=choice, title=log.name)
-        files.append(str(write_atomically(report, page)))
-    if as_json:
-        values = {**record(fit, choice), "sensor": samples.name, "files": files}
-        print_json("agonic/fit-network@1", values)
-    else:
-        say(summary(fit, choice, samples.name))
-        say(f"\nWritten   {', '.join(files)}" if files else "\nNothing was written.")
-    return 0 if fit.verdict == "good" else 1
+        files.append(write_atomically(figure, drawn.encode()))
+    document = describe_network(fit, samples, choice=choice, title=log.name)
+    return finish(document, out=out, files=files, report=report, as_json=as_json)
 
 
 def _known(
@@ -177,71 +167,3 @@ def _target(samples: Samples, reference: Reference) -> str:
     turned = reference.frame == "n" and not samples.heading_estimated
     known = reference.frame in ("m", "b") or (turned and all(a is not None for a in attitude))
     return "vector" if reference.kind == "vector" and known else "magnitude"
-
-
-def summary(fit: NetworkFit, choice: NetworkChoice | None, name: str) -> str:
-    """The result in a few lines, with the table where one was made."""
-    import textwrap
-
-    from agonic.report.text import SIGNS
-    from agonic.report.verdict import MEANINGS
-
-    word = MEANINGS[fit.verdict][0].lower()
-    nodes = fit.calibration.shape.hidden
-    status = f"{choice.sentence}. {fit.status}" if choice else fit.status
-    status = status[:1].upper() + status[1:]
-    chosen = "network" if fit.chosen is fit.calibration else f"base ({fit.chosen.kind})"
-    return "\n".join(
-        [
-            *([table(choice), ""] if choice else []),
-            f"{SIGNS[fit.verdict]} {name}: {word} (network of {nodes} nodes taught by the "
-            f"{fit.calibration.target}, {fit.n} readings)",
-            *textwrap.wrap(status, 98, initial_indent="  ", subsequent_indent="  "),
-            f"  Chosen    the {chosen}",
-        ]
-    )
-
-
-def table(choice: NetworkChoice) -> str:
-    """The table of hidden nodes: R, largest and rms error, on all readings and on unseen ones."""
-    lines = [
-        "  nodes         R    max nT    rms nT   unseen R    max nT    rms nT",
-        *(
-            f"  {row.hidden:5d}  {row.regression:8.5f}  {row.maximum:8.2f}  {row.rms:8.2f}   "
-            f"{row.unseen_regression:8.5f}  {row.unseen_maximum:8.2f}  {row.unseen_rms:8.2f}"
-            for row in choice.table
-        ),
-    ]
-    if choice.base_rms is not None:
-        lines.append(f"   base  {'':38}{choice.base_maximum:8.2f}  {choice.base_rms:8.2f}")
-    return "\n".join(lines)
-
-
-def record(fit: NetworkFit, choice: NetworkChoice | None) -> dict[str, Any]:
-    """The fit as one flat object for programs."""
-    from dataclasses import asdict
-
-    comparison = fit.comparison
-    base = None if comparison is None or comparison.base is None else comparison.base
-    return {
-        "method": "network",
-        "verdict": fit.verdict,
-        "status": fit.status,
-        "n": fit.n,
-        "hidden": fit.calibration.shape.hidden,
-        "inputs": list(fit.calibration.inputs),
-        "target": fit.calibration.target,
-        "chosen": "network" if fit.chosen is fit.calibration else "base",
-        "calibration_kind": fit.chosen.kind,
-        "epochs": fit.iterations,
-        "mean_square": fit.mean_square,
-        "regression": fit.regression,
-        "noise_nT": fit.noise,
-        "residual_rms_nT": fit.rms,
-        "residual_max_nT": fit.maximum,
-        "unseen_rms_nT": None if comparison is None else comparison.network.rms,
-        "unseen_base_rms_nT": None if base is None else base.rms,
-        "bound_nT": fit.calibration.bound,
-        "table": [asdict(row) for row in choice.table] if choice else None,
-        "findings": [asdict(finding) for finding in fit.findings],
-    }

@@ -14,8 +14,7 @@ from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
-    from agonic.calibration.retraining import Retraining
-    from agonic.network.retraining import Correction, Retrainer
+    from agonic.network.retraining import Retrainer
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -84,10 +83,10 @@ def retrain(
     Readings that were seen before, or are flagged, are passed over. Exit status 1 where the last
     retraining was rejected because of its readings, a change is not learned yet, or nothing runs.
     """
-    from agonic.console.output import print_json, say
-    from agonic.files.calibration import save
+    from agonic.console.finish import finish
     from agonic.network.commands.fit_network import _known
     from agonic.network.retraining import Retrainer
+    from agonic.network.retraining.document import describe_retraining
 
     given = {
         "window": window,
@@ -111,17 +110,10 @@ def retrain(
     new, seen = _new(retrainer, samples), None
     if new.any():
         seen = retrainer.update(samples.select(new), known.select(new))
-    files = [str(retrainer.save(state))] if state is not None and seen is not None else []
-    if out is not None and retrainer.state.running is not None:
-        files.append(str(save(retrainer.calibration, out)))
-    if report is not None and seen is not None:
-        files.append(_page(report, retrainer, seen, log.name))
-    said = record(retrainer, seen, len(samples))
-    if as_json:
-        print_json("agonic/retrain@1", {**said, "files": files})
-    else:
-        say("\n".join([*sentences(said), *(f"Written   {file}" for file in files)]))
-    return 0 if retrainer.ok else 1
+    files = [retrainer.save(state)] if state is not None and seen is not None else []
+    document = describe_retraining(retrainer, seen, rows=len(samples), title=log.name)
+    page = None if seen is None else report
+    return finish(document, out=out, files=files, report=page, as_json=as_json)
 
 
 def span(text: str) -> tuple[str, float]:
@@ -191,77 +183,3 @@ def _new(retrainer: Retrainer, samples: Samples) -> Any:
     """The rows that are later than all that was seen."""
     state = retrainer.state
     return samples.seconds_since(state.epoch, known=state.n > 0) > state.time
-
-
-def _page(path: Path, retrainer: Retrainer, seen: Correction, title: str) -> str:
-    from agonic.atomic import write_atomically
-    from agonic.network.report.retrain_page import retrain_page
-
-    return str(write_atomically(path, retrain_page(retrainer, seen, title=title)))
-
-
-def record(retrainer: Retrainer, seen: Correction | None, rows: int) -> dict[str, Any]:
-    """What there is to say of a retrainer after a log."""
-    import numpy as np
-
-    state = retrainer.state
-    used = 0 if seen is None else len(seen.time)
-    residual = np.empty(0) if seen is None else seen.residual[np.isfinite(seen.residual[:, 0])]
-    return {
-        "sensor": state.sensor,
-        "verdict": retrainer.verdict,
-        "status": retrainer.status,
-        "kind": None if state.running is None else state.running.kind,
-        "target": retrainer.params.target,
-        "new": used,
-        "passed_over": rows - used,
-        "n": state.n,
-        "accepted": state.accepted,
-        "rejected": state.rejected,
-        "noise_nT": state.noise,
-        "residual_rms_nT": float(np.sqrt(np.mean(residual**2))) if residual.size else None,
-        "residual_max_nT": float(np.abs(residual).max()) if residual.size else None,
-        "retrainings": [_of(one) for one in (() if seen is None else seen.retrainings)],
-        "findings": [
-            {"name": f.name, "severity": f.severity, "sentence": f.sentence}
-            for f in retrainer.findings
-        ],
-    }
-
-
-def _of(one: Retraining) -> dict[str, Any]:
-    return {
-        "time_s": one.time,
-        "n": one.n,
-        "why": one.why,
-        "accepted": one.accepted,
-        "reason": one.reason,
-        "poisoned": one.poisoned,
-        "candidate": one.what,
-        "rows": one.rows,
-        "running_rms_nT": one.running_rms,
-        "candidate_rms_nT": one.candidate_rms,
-        "onset_s": one.onset,
-        "epochs": one.epochs,
-    }
-
-
-def sentences(said: dict[str, Any]) -> list[str]:
-    """The record for people, a line for each retraining."""
-    from agonic.report.text import SIGNS
-
-    passed = f", {said['passed_over']} passed over" if said["passed_over"] else ""
-    lines = [
-        f"{SIGNS[said['verdict']]} {said['sensor']}: {said['verdict']}",
-        f"  {said['status']}",
-        f"Readings  {said['new']} new{passed}; {said['n']} in all",
-    ]
-    if said["residual_rms_nT"] is not None:
-        lines.append(
-            f"Residual  {said['residual_rms_nT']:.4g} nT rms, each reading before it was learned; "
-            f"at most {said['residual_max_nT']:.4g}"
-        )
-    for one in said["retrainings"]:
-        word = "accepted" if one["accepted"] else "rejected"
-        lines.append(f"{one['time_s']:10.1f} s  {word}  {one['why']:8s}  {one['reason']}")
-    return lines

@@ -37,7 +37,7 @@ MIDDLE = 5.0
 """Readings in a column from which on its middle two thirds mean something."""
 
 
-def training(fit: NetworkFit) -> Markup:
+def draw_training(fit: NetworkFit) -> Markup:
     """The mean square error (scaled) after every epoch, in powers of ten."""
     shown = [
         np.array([e.mean_square for e in fit.epochs]),
@@ -60,7 +60,7 @@ def training(fit: NetworkFit) -> Markup:
     return plot(x, y, layers, "Mean square error after every epoch of the training")
 
 
-def unseen(comparison: Comparison, time: Array | None) -> Markup:
+def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
     """The rms error of unseen readings over time, by the base and by the network."""
     x, along = _along(time, comparison.rows)
     columns = Columns(x, along, min(BLOCKS, max(len(along) // 10, 1)))
@@ -76,7 +76,7 @@ def unseen(comparison: Comparison, time: Array | None) -> Markup:
     return plot(x, y, layers, "Rms error of unseen readings over time, base and network")
 
 
-def guarded(inside: Array, time: Array | None) -> Markup:
+def draw_guard(inside: Array, time: Array | None) -> Markup:
     """The share g of the correction that is applied, over time: 1 near the training, 0 far away."""
     x, along = _along(time, np.arange(len(inside)))
     columns = Columns(x, along, BINS)
@@ -89,7 +89,7 @@ def guarded(inside: Array, time: Array | None) -> Markup:
     return plot(x, y, layers, "How near the readings are to the training, over time", kind="short")
 
 
-def followed(residual: Array, time: Array, retrainings: Sequence[Retraining]) -> Markup:
+def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining]) -> Markup:
     """The residual (n, o) over time, each reading before it was learned, with the retrainings."""
     known = np.isfinite(residual[:, 0])
     values, at = residual[known].ravel(), np.repeat(time[known], residual.shape[1])
@@ -99,7 +99,7 @@ def followed(residual: Array, time: Array, retrainings: Sequence[Retraining]) ->
     columns = Columns(x, along, BINS)
     low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
     layers = [spread(columns, y, values, "range")]
-    if len(values) > MIDDLE * BINS:
+    if has_middle(residual):
         layers.append(band(columns, y, low, high, "middle"))
     layers += [level(y, 0.0, "zero"), line(columns, y, middle, "mean")]
     _, places = along_time(
@@ -113,6 +113,11 @@ def followed(residual: Array, time: Array, retrainings: Sequence[Retraining]) ->
         layers += [path(f"M{place:.1f} 0V1000", "onset") for place in right(x, begun)]
     signs = arrows(columns, y, values)
     return plot(x, y, layers, "Residual over time with the retrainings", signs)
+
+
+def has_middle(residual: Array) -> bool:
+    """Whether the middle two thirds of residuals (n, o) mean something in each column."""
+    return int(np.isfinite(residual).sum()) > MIDDLE * BINS
 
 
 def _along(time: Array | None, rows: Index) -> tuple[Axis, Array]:

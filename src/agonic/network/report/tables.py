@@ -10,17 +10,18 @@ from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
 from agonic.network.fit import Comparison, NetworkChoice
 from agonic.report.digits import counted, grouped, minused, percent, quantity, with_sd
-from agonic.report.markup import Markup, element, markup, table
+from agonic.report.document import Block, Table
+from agonic.report.markup import Markup, markup, table
 from agonic.report.tables import NOTHING
 
 MAGNITUDE_ONLY = (
-    "It was taught by the magnitude of the field alone. A magnitude cannot show by how much the "
+    "Its reference was the magnitude of the field alone. A magnitude cannot show by how much the "
     "field is turned, where the turn varies with its direction: only the length is corrected, "
     "along the field that the base gives, and direction errors of the base stay as they are."
 )
 
 
-def compared(comparison: Comparison, target: str) -> list[Markup]:
+def compare_errors(comparison: Comparison, target: str) -> list[Block]:
     """Base and network on the same unseen readings, in nT, and which won by how much."""
     named = {"base": comparison.base, "network": comparison.network}
     rows = [
@@ -29,29 +30,25 @@ def compared(comparison: Comparison, target: str) -> list[Markup]:
         if errors is not None
     ]
     of = "rms error on an axis" if target == "vector" else "rms error of the magnitude"
-    parts = [table(["Unseen readings", of, "largest"], rows, class_="nodes")]
-    if comparison.base is not None:
-        by = comparison.directions
-        worse = int(np.count_nonzero(by[:, 1] > by[:, 0])) if len(by) else 0
-        parts.append(
-            element(
-                "p",
-                f"{comparison.sentence[:1].upper()}{comparison.sentence[1:]}: "
-                f"{percent(comparison.ratio)} of the error of the base is left, a difference of "
-                f"{grouped(comparison.certainty, 1)} of its standard errors over the blocks. In "
-                f"{counted(worse, 'direction')} of {len(by)} the network is not better.",
-            )
-        )
-    return parts
+    shown = Table(["Unseen readings", of, "largest"], rows, "nodes")
+    if comparison.base is None:
+        return [shown]
+    by = comparison.directions
+    worse = int(np.count_nonzero(by[:, 1] > by[:, 0])) if len(by) else 0
+    said = (
+        f"{comparison.sentence[:1].upper()}{comparison.sentence[1:]}: "
+        f"{percent(comparison.ratio)} of the error of the base is left, a difference of "
+        f"{grouped(comparison.certainty, 1)} of its standard errors over the blocks. In "
+        f"{counted(worse, 'direction')} of {len(by)} the network is not better."
+    )
+    return [shown, said]
 
 
-def nodes(choice: NetworkChoice) -> Markup:
+def list_nodes(choice: NetworkChoice) -> Table:
     """R, largest and rms error by hidden nodes, of all readings and of unseen ones."""
-    head = ["Nodes", "R", "largest, nT", "rms, nT", "unseen R", "unseen largest", "unseen rms"]
     chosen = choice.fit.calibration.shape.hidden
-    lines = []
-    for row in choice.table:
-        cells = [
+    rows = [
+        [
             f"{row.hidden}",
             f"{row.regression:.5f}",
             grouped(row.maximum, 2),
@@ -59,27 +56,18 @@ def nodes(choice: NetworkChoice) -> Markup:
             f"{row.unseen_regression:.5f}",
             grouped(row.unseen_maximum, 2),
             grouped(row.unseen_rms, 2),
+            "chosen" if row.hidden == chosen else "",
         ]
-        lines.append(_line(cells, "chosen" if row.hidden == chosen else None))
+        for row in choice.table
+    ]
     if choice.base_rms is not None and choice.base_maximum is not None:
-        cells = [
-            "base",
-            *[NOTHING] * 4,
-            grouped(choice.base_maximum, 2),
-            grouped(choice.base_rms, 2),
-        ]
-        lines.append(_line(cells, None))
-    columns = element("tr", *(element("th", text, scope="col") for text in head))
-    return element("table", element("thead", columns), element("tbody", *lines), class_="nodes")
+        both = [grouped(choice.base_maximum, 2), grouped(choice.base_rms, 2)]
+        rows.append(["base", *[NOTHING] * 4, *both, ""])
+    head = ["Nodes", "R", "largest, nT", "rms, nT", "unseen R", "unseen largest", "unseen rms", ""]
+    return Table(head, rows, "nodes")
 
 
-def _line(cells: list[str], name: str | None) -> Markup:
-    first, *others = cells
-    head = element("th", first, scope="row")
-    return element("tr", head, *(element("td", cell) for cell in others), class_=name)
-
-
-def weights(network: Network) -> Markup:
+def list_weights(network: Network) -> Markup:
     """Every weight with its standard error: from the inputs to the nodes, and on to the outputs."""
     shape, sd = network.shape, network.sd
     cut = shape.hidden * (shape.inputs + 1)
@@ -104,7 +92,7 @@ def weights(network: Network) -> Markup:
     )
 
 
-def described(network: Network) -> dict[str, str | list[str]]:
+def describe_properties(network: Network) -> dict[str, str | list[str]]:
     """What the network takes, gives, and where it holds."""
     base = network.base
     below = "none: the network gives the whole field"
@@ -116,11 +104,11 @@ def described(network: Network) -> dict[str, str | list[str]]:
         for name, m, h in zip(signals(network.inputs), network.input_middle, size, strict=True)
     ]
     bound = "none" if network.bound is None else quantity(network.bound, network.unit_out)
-    taught = "vector" if network.target == "vector" else "magnitude, along the field only"
+    reference = "vector" if network.target == "vector" else "magnitude, along the field only"
     return {
         "Nodes": f"{network.shape.hidden} (tanh), {network.shape.size} weights",
         "Base": below,
-        "Taught by": f"the {taught}",
+        "Reference": f"the {reference}",
         "Inputs trained on": ranges,
         "Held at": [f"{name} = {value:g}" for name, value in network.held.items()],
         "Longest correction": bound,
@@ -133,7 +121,7 @@ def _decimals(half: float) -> int:
     return max(0, 2 - int(np.floor(np.log10(half)))) if half < 100 else 0
 
 
-def base_numbers(base: Affine) -> Markup:
+def list_base_numbers(base: Affine) -> Markup:
     """Bias and matrix of an affine base, with standard errors where they are known."""
     sd = base.sd
     bias = [

@@ -83,17 +83,21 @@ def judge(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN) 
     wrong = _doubt_reference(unseen, made, params)
     if wrong:
         return Judgement(False, wrong, True, before, made)
-    if running is None:
-        said = f"there was nothing before: unseen readings err by {figure(made, 3)} nT (rms)"
-        return Judgement(True, said, False, before, made)
-    both = f"{figure(made, 3)} nT with the candidate, {figure(before, 3)} nT without (rms)"
-    if is_better(candidate[fitting], running[fitting], certain):
-        return Judgement(
-            True, f"the candidate is better: unseen readings err by {both}", False, before, made
-        )
-    word = "no better" if made < 1.05 * before else "worse"
-    said = f"the candidate is {word}: unseen readings err by {both}"
-    return Judgement(False, said, False, before, made)
+    errors, accepted = f"{figure(made, 3)} nT (rms)", True
+    if running is not None:
+        errors = f"{figure(made, 3)} nT with the candidate, {figure(before, 3)} nT without (rms)"
+        accepted = is_better(candidate[fitting], running[fitting], certain)
+    said = f"{describe_outcome(accepted, before, made)}: unseen readings err by {errors}"
+    return Judgement(accepted, said, False, before, made)
+
+
+def describe_outcome(accepted: bool, running_rms: float, candidate_rms: float) -> str:
+    """What the held-out readings say of a candidate; the rms errors are those of a `Judgement`."""
+    if np.isnan(running_rms):
+        return "there was nothing before"
+    if accepted:
+        return "the candidate is better"
+    return f"the candidate is {'no better' if candidate_rms < 1.05 * running_rms else 'worse'}"
 
 
 def is_better(errors: Array, than: Array, certain: float = CERTAIN) -> bool:

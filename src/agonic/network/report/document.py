@@ -1,0 +1,230 @@
+"""What is said and shown of a network: how it was trained, and what it does."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration, select_columns
+from agonic.calibration.chain import Chain
+from agonic.calibration.network import Network
+from agonic.network.fit import NetworkChoice, NetworkFit
+from agonic.network.report import figures, tables
+from agonic.report import tables as common
+from agonic.report.digits import counted, grouped, percent, quantity
+from agonic.report.document import Document, Section
+from agonic.report.markup import Markup, element
+from agonic.report.strips import captioned
+from agonic.report.verdict import sentence
+from agonic.samples import Samples
+from agonic.verification import Verification
+
+KIND = "Calibration by a network"
+
+
+def describe_network(
+    fit: NetworkFit,
+    samples: Samples,
+    *,
+    choice: NetworkChoice | None = None,
+    title: str = "",
+) -> Document:
+    """A trained network, or its base where that is as good.
+
+    Parameters
+    ----------
+    fit : from `fit_network`. samples : the readings it was trained on. choice : the table that it
+        was chosen from, if one was made. title : of the page; default: the sensor.
+
+    >>> from agonic.network.fit import fit_network
+    >>> from agonic.network.simulate import simulate_nonaffine
+    >>> made = simulate_nonaffine(n=1000, hysteresis=0.0)
+    >>> found = describe_network(fit_network(made.samples, made.reference), made.samples)
+    >>> found.to_text().splitlines()[0]
+    '✓ bent: good (network of 3 nodes by the vector, 1000 readings)'
+    """
+    network, comparison = fit.calibration, fit.comparison
+    won = fit.chosen is network
+    chosen = "the network" if won else f"the base ({fit.chosen.kind})"
+    base = None if comparison is None else comparison.base
+    return Document(
+        schema="agonic/fit-network@1",
+        kind=KIND,
+        name=samples.name,
+        title=title,
+        method=f"network of {network.shape.hidden} nodes by the {network.target}, {fit.n} readings",
+        about=f"Chosen: {chosen}.",
+        verdict=fit.verdict,
+        status=fit.status,
+        findings=fit.findings,
+        key_figures=_key_figures(fit),
+        entries={"Chosen": f"{chosen}; {choice.sentence}" if choice else chosen},
+        entries_title="",
+        sections=[
+            *_compare(fit, samples),
+            *([_choice(choice)] if choice else []),
+            Section("Training", [lambda: _training(fit)]),
+            *caution(network),
+            Section("Where it holds", _guard(network, network, samples)),
+            *_numbers(network),
+        ],
+        values={
+            "method": "network",
+            "sensor": samples.name,
+            "n": fit.n,
+            "hidden": network.shape.hidden,
+            "inputs": list(network.inputs),
+            "target": network.target,
+            "chosen": "network" if won else "base",
+            "calibration_kind": fit.chosen.kind,
+            "epochs": fit.iterations,
+            "mean_square": fit.mean_square,
+            "regression": fit.regression,
+            "noise_nT": fit.noise,
+            "residual_rms_nT": fit.rms,
+            "residual_max_nT": fit.maximum,
+            "unseen_rms_nT": None if comparison is None else comparison.network.rms,
+            "unseen_base_rms_nT": None if base is None else base.rms,
+            "bound_nT": network.bound,
+            "table": [asdict(row) for row in choice.table] if choice else None,
+        },
+        calibration=fit.chosen,
+        samples=samples,
+        styles=("network.css",),
+    )
+
+
+def describe_network_file(
+    calibration: Calibration,
+    network: Network,
+    *,
+    title: str = "",
+    samples: Samples | None = None,
+    verification: Verification | None = None,
+) -> Document:
+    """A calibration file with a network in it, and what it does to readings.
+
+    Parameters
+    ----------
+    calibration : what is applied. network : it, or its step that is one.
+    samples, verification : readings that it was tried on, and what that showed.
+
+    >>> from agonic.network.fit import fit_network
+    >>> from agonic.network.simulate import simulate_paper
+    >>> made = simulate_paper(15.0)
+    >>> net = fit_network(made.samples, made.reference, compared=False).calibration
+    >>> describe_network_file(net, net).to_html().count("node 3")
+    2
+    """
+    sections = []
+    if samples is not None and verification is not None:
+        sections = [
+            Section("On the log", [common.checks(verification)]),
+            Section("Where it holds", _guard(calibration, network, samples)),
+        ]
+    return Document(
+        kind=KIND,
+        name=calibration.sensor,
+        title=title,
+        sections=[*sections, *caution(network), *_numbers(network)],
+        calibration=calibration,
+        samples=samples,
+        styles=("network.css",),
+    )
+
+
+def caution(network: Network) -> list[Section]:
+    """What a network that knows the magnitude alone cannot correct."""
+    if network.target == "vector":
+        return []
+    return [Section("What the magnitude cannot teach", [tables.MAGNITUDE_ONLY])]
+
+
+def _key_figures(fit: NetworkFit) -> list[tuple[str, str, str]]:
+    comparison, size = fit.comparison, fit.calibration.shape.size
+    of = "rms on an axis" if fit.calibration.target == "vector" else "rms of the magnitude"
+    if comparison is None:
+        errors = [("Residual", fit.rms, f"{of}, trained on")]
+    else:
+        errors = [("Unseen, network", comparison.network.rms, of)]
+        if comparison.base is not None:
+            errors.append(("Unseen, base", comparison.base.rms, of))
+    return [
+        *((name, quantity(value, "nT"), note) for name, value, note in errors),
+        ("Trained in", counted(fit.iterations, "epoch"), counted(fit.n, "reading")),
+        ("Weights determined", grouped(fit.effective, 1), f"of {size}, by the evidence"),
+    ]
+
+
+def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
+    """Base and network by cross-validation."""
+    comparison = fit.comparison
+    if comparison is None:
+        return []
+    keys = {"by-base": "base alone"} if comparison.base else {}
+    keys["by-network"] = "with the network" if comparison.base else "the network"
+    note = "Each block of time by what was trained on the other three of four."
+
+    def draw() -> Markup:
+        drawn = figures.draw_unseen_error(comparison, samples.time)
+        return captioned("Error over time", drawn, keys, note)
+
+    name = "Base against network" if comparison.base else "Unseen readings"
+    return [Section(name, [*tables.compare_errors(comparison, fit.calibration.target), draw])]
+
+
+def _choice(choice: NetworkChoice) -> Section:
+    said = (
+        f"{sentence(choice.sentence)} Unseen: by what was trained on the other three of four "
+        "blocks."
+    )
+    return Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)
+
+
+def _training(fit: NetworkFit) -> Markup:
+    keys = {"training": "trained on"} | ({} if fit.base else {"limit": "0.001, as published"})
+    if any(np.isfinite(epoch.held_out) for epoch in fit.epochs):
+        keys["held"] = "held out"
+    note = "It begins where the trials of several random starts have ended."
+    return captioned("Error after each epoch", figures.draw_training(fit), keys, note)
+
+
+def _guard(calibration: Calibration, network: Network, samples: Samples) -> list[str]:
+    """How many readings are like those it was trained on, and what the others get."""
+    raw = samples.field
+    if isinstance(calibration, Chain):
+        for step in calibration.steps[: calibration.steps.index(network)]:
+            raw = step.correct(raw, **select_columns(step, samples))
+    share = network.inside(raw, **select_columns(network, samples))
+    outside = percent(float((share < 0.5).mean()))
+    of = f"{outside} of {counted(len(share), 'reading')} lie so far from what the network was "
+    keys = {"range": "least to largest", "mean": "mean"}
+    if (share < 0.5).any():
+        keys["guarded"] = "mostly outside"
+    drawn = captioned(
+        "Where it was trained: 1, far away: 0", figures.draw_guard(share, samples.time), keys
+    )
+    if network.base is None:
+        said = "trained on that its field is a guess: there is no base to fall back to."
+    else:
+        said = (
+            "trained on that half of its correction or more is taken back; far away the base alone "
+            f"corrects. {percent(float((share > 0.999).mean()))} get all of it."
+        )
+    return [of + said, drawn]
+
+
+def _numbers(network: Network) -> list[Section]:
+    shown = [
+        common.definitions({k: v for k, v in tables.describe_properties(network).items() if v})
+    ]
+    if isinstance(network.base, Affine):
+        shown.append(tables.list_base_numbers(network.base))
+    said = "± is one standard error. Inputs and outputs are scaled to −1 … 1."
+    aside = element("p", said, class_="aside")
+    return [
+        Section("The network", shown),
+        Section("Weights", [tables.list_weights(network), aside]),
+    ]
