@@ -11,8 +11,8 @@ from agonic.thermal.fit.readings import Facts
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.stations import list_standard_rotations
 from agonic.thermal.simulation.campaign import Faults, simulate_campaign
-from agonic.thermal.simulation.coil import simulate_thermal_coil
 from tests.thermal.chambers import FIELD, KNOWN, campaign, efficient, nine
+from tests.thermal.coil import simulate_thermal_coil
 
 AT = np.linspace(-10.0, 50.0, 13)
 WIDE = {"bin_width_C": 2.0, "rate": False, "drift": False}
@@ -193,13 +193,12 @@ def test_hysteresis_is_found_as_a_term_in_the_rate() -> None:
 def test_sums_fed_in_pieces_give_the_same_fit() -> None:
     made = campaign(7)
     whole = fit_thermal(made.samples, KNOWN, stations="known", bin_width_C=2.0)
-    parts = [Binned(2.0), Binned(2.0)]
+    sums = Binned(2.0)
     for station in range(12, 0, -1):
         rows = made.samples.station == station
         part = made.samples.select(rows)
-        parts[station % 2].add(station, part.field, part.temperature, part.time)
-    parts[0].merge(parts[1])
-    fit = fit_binned(parts[0], Facts("mag"), KNOWN, stations="known")
+        sums.add(station, part.field, part.temperature, part.time)
+    fit = fit_binned(sums, Facts("mag"), KNOWN, stations="known")
     assert fit.calibration.bias == pytest.approx(whole.calibration.bias, abs=1e-6)
     assert fit.n == whole.n
 

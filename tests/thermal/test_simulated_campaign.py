@@ -10,7 +10,7 @@ from agonic.simulation.thermal import random_drifting
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.plan.plan import plan_thermal
 from agonic.thermal.simulation.campaign import Faults, simulate_campaign
-from agonic.thermal.simulation.coil import simulate_thermal_coil
+from tests.thermal.coil import simulate_thermal_coil
 
 QUIET = {
     "noise": 0.0,

@@ -14,7 +14,8 @@ from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.report.digits import MINUS, THIN
 from agonic.thermal import figures
 from agonic.thermal.all_sensors import calibrate_campaign
-from agonic.thermal.document import campaign_page, describe_calibration
+from agonic.thermal.calibration_document import describe_calibration
+from agonic.thermal.document import campaign_page
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 from agonic.thermal.simulation.campaign import simulate_campaign
 

@@ -93,7 +93,7 @@ def _thermal(
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
     from agonic.recording.calibration_and_log import open_calibration_and_log
-    from agonic.thermal.document import describe_calibration
+    from agonic.thermal.calibration_document import describe_calibration
     from agonic.verification import verify
 
     samples, verification = None, None

@@ -13,7 +13,9 @@ _TIME_UNITS = (
 )
 
 
-def along_time(time: Array, start: float, stop: float) -> tuple[Axis, Array]:
+def along_time(
+    time: Array, start: float, stop: float, since: str = "the first reading"
+) -> tuple[Axis, Array]:
     """An axis of the time since `start` in a unit that fits, and times as they lie along it.
 
     >>> import numpy as np
@@ -21,5 +23,5 @@ def along_time(time: Array, start: float, stop: float) -> tuple[Axis, Array]:
     (Axis(label='time since the first reading, min', low=0.0, high=10.0), array([ 0., 10.]))
     """
     seconds, name = next((s, n) for least, s, n in _TIME_UNITS if stop - start >= least)
-    label = f"time since the first reading, {name}"
+    label = f"time since {since}, {name}"
     return Axis(label, 0.0, (stop - start) / seconds), (time - start) / seconds

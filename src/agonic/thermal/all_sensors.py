@@ -27,7 +27,7 @@ from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 OrientationChoice = Literal["auto", "known", "unknown"]
 Rotations = Mapping[int, Rotation] | Literal["unknown"]
 CONTRADICTED = ("swapped stations", "turns")
-"""Findings after which the described turns are not believed."""
+"""Findings after which the described orientations are not used."""
 
 
 class _Task(NamedTuple):
@@ -63,8 +63,8 @@ def calibrate_campaign(
     Parameters
     ----------
     campaign : as `read_campaign` gives it.
-    turns : "known" lets the described turns of the stations teach the fits, "unknown" the magnitude
-        alone; "auto" the turns where they are described and the readings do not contradict them.
+    turns : "known" uses the described orientations of the stations, "unknown" the magnitude alone;
+        "auto" the orientations where they are described and the readings do not contradict them.
     magnitude : of the chamber's field, nT; default: that of the description.
     only : names of sensors; default: all. settings : further ones of `fit_thermal`.
     held_out : also fit every sensor without some of the stations, and try the result on those.

@@ -1,4 +1,4 @@
-"""`ChamberField`: what all sensors of a campaign saw alike was the chamber, not they."""
+"""The common mode of the sensors of a campaign: what all saw alike was the chamber, not they."""
 
 from __future__ import annotations
 
@@ -84,17 +84,17 @@ def find_chamber_field(
 
     Source: Grubbs 1948 for what is common and what is one's own.
     """
-    told = {
+    clocked = {
         name: seen
         for name, seen in sensors.items()
         if np.isfinite(seen.cells.time).all() and seen.fit.calibration.unit_out != RAW
     }
-    if len(told) < 2:
+    if len(clocked) < 2:
         return None
-    known = rotations is not None and all(seen.fit.fixture is not None for seen in told.values())
+    known = rotations is not None and all(seen.fit.fixture is not None for seen in clocked.values())
     turns = rotations if known else None
-    begun, width = _find_clock([seen.cells for seen in told.values()])
-    made = [_average_windows(seen, turns, begun, width) for seen in told.values()]
+    begun, width = _find_clock([seen.cells for seen in clocked.values()])
+    made = [_average_windows(seen, turns, begun, width) for seen in clocked.values()]
     keys = _find_shared([windows.key for windows in made])
     if not len(keys):
         return None
@@ -114,7 +114,7 @@ def find_chamber_field(
         common_sd=found.common_sd,
         shares=tuple(
             _describe_share(name, values, float(v), found.common, float(own))
-            for name, values, v, own in zip(told, series, noise, found.own_sd, strict=True)
+            for name, values, v, own in zip(clocked, series, noise, found.own_sd, strict=True)
         ),
     )
 

@@ -1,4 +1,4 @@
-"""`HeldOut`: what a fit to other stations makes of a station it has not seen."""
+"""Cross-validation: what a fit to other stations makes of a station it has not seen."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class HeldOut:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Whether the correction helps where it was not taught."""
+        """Whether the correction helps at stations that were held out."""
         before, after = (
             float(values[:, 3].max()) for values in (self.spread.before, self.spread.after)
         )
@@ -75,7 +75,7 @@ def cross_validate(
     fitted, or is refused, are not judged; `None` where that is so of all.
     """
     numbers = sorted(set(fit.station.tolist()))
-    told = {
+    chosen = {
         **settings,
         "degree": fit.calibration.degree,
         "drift": fit.drift is not None,
@@ -89,7 +89,7 @@ def cross_validate(
         kept = [number for number in numbers if number not in without]
         if stations == "unknown" and len(kept) < FEWEST:
             continue
-        calibration = _fit_part(sums.part(kept, coarser), facts, reference, stations, told)
+        calibration = _fit_part(sums.part(kept, coarser), facts, reference, stations, chosen)
         if calibration is not None:
             judged.append((cells.select(np.isin(cells.number, without)), calibration))
     if not judged:

@@ -1,4 +1,4 @@
-"""What is said and shown of calibrations over temperature: of a campaign, and of one file."""
+"""What is said and shown of a calibrated campaign."""
 
 from __future__ import annotations
 
@@ -6,25 +6,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from agonic.calibration.base import Calibration
-from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.health import sort_findings
-from agonic.report import tables as blocks
-from agonic.report.digits import counted, grouped, minused, quantity, with_sd
+from agonic.report.digits import counted, minused, quantity, with_sd
 from agonic.report.document import Block, Document, Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import element
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
-from agonic.samples import Samples
 from agonic.thermal import figures, tables, values
+from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures
 from agonic.thermal.common_mode import ChamberField
-from agonic.thermal.fit.evidence import find_worst_sd
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.names import join_numbers
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
-from agonic.verification import Verification
-
-STYLES = ("thermal.css",)
 
 
 def campaign_page(
@@ -95,46 +88,8 @@ def describe_campaign(
     )
 
 
-def describe_calibration(
-    calibration: Calibration,
-    thermal: Thermal,
-    *,
-    title: str = "",
-    samples: Samples | None = None,
-    verification: Verification | None = None,
-) -> Document:
-    """A calibration over temperature: coefficients with their band, validity, origin.
-
-    Parameters
-    ----------
-    calibration : what is applied. thermal : it, or its step that depends on temperature.
-    samples, verification : readings that it was tried on, and what that showed.
-
-    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
-    ...                centre_C=20.0, half_range_C=30.0)
-    >>> describe_calibration(warm, warm).to_html().count('class="plot small"')
-    9
-    """
-    sections = [
-        Section("Validity", [_describe_validity(thermal)]),
-        Section("Coefficients over temperature", [lambda: figures.draw_coefficients(thermal)]),
-        Section("Numbers", [tables.list_numbers(thermal)]),
-    ]
-    if samples is not None and verification is not None:
-        sections.insert(0, _show_log(calibration, thermal, samples, verification))
-    return Document(
-        kind="Calibration over temperature",
-        name=title or calibration.sensor,
-        key_figures=_list_key_figures(thermal, None),
-        sections=sections,
-        calibration=calibration,
-        samples=samples,
-        styles=STYLES,
-    )
-
-
 def _summarise(result: CalibratedCampaign) -> str:
-    """The result in words: all sensors, what taught the fits, and what was found."""
+    """The result in words: all sensors, what the fits rest on, and what was found."""
     doubted = [sensor.name for sensor in result.sensors if sensor.verdict != "good"]
     return " ".join(
         [
@@ -202,7 +157,7 @@ def _describe_sensor(result: CalibratedSensor, files: Sequence[str]) -> Document
         verdict=result.verdict,
         status=sentence(result.status),
         findings=None if fit is None else result.findings,
-        key_figures=() if fit is None else _list_key_figures(fit.calibration, fit),
+        key_figures=() if fit is None else list_key_figures(fit.calibration, fit),
         entries=None if fit is None else _list_entries(fit, files),
         entries_title="",
         sections=() if fit is None else _show_evidence(result, fit, files),
@@ -226,7 +181,7 @@ def _show_evidence(
         Section("Order of the polynomials", [lambda: figures.draw_orders(fit)]),
         Section("Cooling and heating", _compare_passes(fit)),
         Section("Anomalies", tables.list_anomalies(fit.anomalies)),
-        Section("Validity", [_describe_validity(calibration)]),
+        Section("Validity", [describe_validity(calibration)]),
     ]
     if files:
         sections.append(Section("Files", [element("p", element("code", ", ".join(files)))]))
@@ -263,23 +218,6 @@ def _compare_passes(fit: ThermalFit) -> list[Block]:
     return shown
 
 
-def _list_key_figures(calibration: Thermal, fit: ThermalFit | None) -> list[tuple[str, str, str]]:
-    """The four numbers to look at first."""
-    unit, unit_out = unit_label(calibration.unit_in), unit_label(calibration.unit_out)
-    bias, matrix = find_worst_sd(calibration)
-    low, high = calibration.range_C
-    shown = [
-        ("Range", minused(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
-        ("Bias known to", quantity(bias, unit, 2), "standard error at the worst temperature"),
-        ("Matrix × field known to", quantity(matrix, unit_out, 2), "the same"),
-    ]
-    if fit is not None:
-        shown.append(("Spread of |B|", tables.format_spread(fit), "largest of the stations"))
-    elif calibration.noise is not None:
-        shown.append(("Noise", quantity(calibration.noise, unit, 2), "one reading on one axis"))
-    return shown
-
-
 def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
     """The bias at both ends and in the middle of the range, and the improvement."""
     calibration = fit.calibration
@@ -293,48 +231,3 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
         entries["Spread before / after"] = "   ".join(f"{name} {r:.2f}" for name, r in ratios)
     entries["File"] = ", ".join(files)
     return entries
-
-
-def _describe_validity(calibration: Thermal) -> dict[str, str]:
-    """Where the calibration may be used."""
-    low, high = calibration.range_C
-    entries = {
-        "Temperature": f"{low:.1f} to {high:.1f} °C; more than {MARGIN_C:g} °C beyond, corrections "
-        "are extrapolated and warned of",
-        "Needs": "the temperature of each reading"
-        + ("" if calibration.rate is None else ", and its time for how fast that changes"),
-    }
-    if calibration.validity.largest_reading is not None:
-        unit = unit_label(calibration.unit_in)
-        entries["Largest reading"] = quantity(calibration.validity.largest_reading, unit, 4)
-    if calibration.magnitude is not None:
-        entries["Field"] = quantity(calibration.magnitude, unit_label(calibration.unit_out), 5)
-    return entries
-
-
-def _show_log(
-    calibration: Calibration, thermal: Thermal, samples: Samples, verification: Verification
-) -> Section:
-    """What the calibration does to a log: checks, magnitude over temperature and over time."""
-    assert samples.temperature is not None
-    beyond = thermal.outside(samples.temperature)
-    low, high = thermal.range_C
-    coldest, warmest = float(samples.temperature.min()), float(samples.temperature.max())
-    said = (
-        f"{counted(len(samples), 'reading')} of {samples.name} at {coldest:.1f} to "
-        f"{warmest:.1f} °C."
-    )
-    if beyond.any():
-        said += (
-            f" {grouped(int(beyond.sum()))} of them lie outside {low:.1f} to {high:.1f} °C, for "
-            "which the calibration was made: there it is extrapolated (marked at the foot)."
-        )
-    unit = unit_label(calibration.unit_out)
-    return Section(
-        "On the log",
-        [
-            said,
-            lambda: blocks.checks(verification),
-            lambda: figures.draw_magnitudes(samples, verification, beyond, unit),
-        ],
-    )

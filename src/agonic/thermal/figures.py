@@ -3,43 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.thermal import Thermal
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
-    BINS,
     Axis,
-    Columns,
     captioned,
     down,
     level,
-    marked,
     path,
     plot,
     points,
     right,
-    spread,
 )
 from agonic.report.time_axis import along_time
-from agonic.samples import Samples
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
 from agonic.thermal.fit.result import Bins, Spread, ThermalFit
-from agonic.verification import Verification
 
 COMPONENTS = ("x", "y", "z", "|B|")
 LEVELS = 61
 """Temperatures at which a curve is drawn."""
 MOST_DOTS = 240
 _ENTRIES = {"x": 0, "y": 1, "z": 2}
-_MOST = 180
-"""Columns along the temperature."""
 _LEAST_VARIANCE = 1e-3
 _OUTLIER = 8.0  # median distances from the curve
 
@@ -204,8 +197,8 @@ def _draw_variances(variances: Array, chosen: int) -> Markup:
 
 def _draw_chamber_axis(found: ChamberField, axis: int) -> Markup:
     """The field of the chamber along an axis over time, and what each sensor saw."""
-    x, along = along_time(found.time, 0.0, float(found.time.max()))
-    x = Axis(x.label.replace("first reading", "campaign began"), x.low, 1.01 * x.high)
+    x, along = along_time(found.time, 0.0, float(found.time.max()), since="the campaign began")
+    x = replace(x, high=1.01 * x.high)
     common = found.change[:, axis]
     each = [common + share.own[:, axis] for share in found.shares]
     reach = float(np.percentile(np.abs(np.concatenate([common, *each])), 99.0))
@@ -283,37 +276,3 @@ def draw_chamber(found: ChamberField) -> Markup:
     drawn = Markup("".join(_draw_chamber_axis(found, axis) for axis in range(len(found.axes))))
     keys = {"common": "common to all sensors", "each": "each sensor, mean of a window"}
     return captioned("Changes of the field at each station, less their mean", drawn, keys)
-
-
-def draw_magnitudes(
-    samples: Samples, verification: Verification, beyond: Mask, unit: str
-) -> list[Markup]:
-    """The magnitude of a log over temperature and time, before and after the correction."""
-    assert samples.temperature is not None
-    level_C, time = samples.temperature, samples.time
-    low, high = float(level_C.min()), float(level_C.max())
-    keys = {"before": "before", "after": "after the correction"}
-    if beyond.any():
-        keys["extrapolated"] = "extrapolated"
-    x = Axis("temperature, °C", low, high if high > low else low + 1.0)
-    drawn = _draw_magnitude(Columns(x, level_C, _MOST), x, verification, unit, beyond)
-    parts = [captioned("Magnitude over temperature", drawn, keys)]
-    if time is not None and len(samples) > 1:
-        x, along = along_time(time, float(time[0]), float(time[-1]))
-        drawn = _draw_magnitude(Columns(x, along, BINS), x, verification, unit, beyond)
-        parts.append(captioned("Magnitude over time", drawn, keys))
-    return parts
-
-
-def _draw_magnitude(
-    columns: Columns, x: Axis, verification: Verification, unit: str, beyond: Mask
-) -> Markup:
-    """Least to largest magnitude of each column, before and after."""
-    before, after = verification.magnitude_before, verification.magnitude_after
-    ends = np.percentile(np.concatenate([before, after]), (0.25, 99.75))
-    margin = max(0.05 * float(ends[1] - ends[0]), 1e-6 * float(ends[1]), 1e-9)
-    y = Axis(f"magnitude, {unit}", float(ends[0]) - margin, float(ends[1]) + margin)
-    layers = [spread(columns, y, before, "before"), spread(columns, y, after, "after")]
-    if beyond.any():
-        layers.append(marked(columns, beyond, "extrapolated"))
-    return plot(x, y, layers, f"Magnitude over {x.label}, before and after")

@@ -51,7 +51,7 @@ class CalibratedCampaign:
     """All sensors of a campaign.
 
     `campaign` is what could be used of it, `findings` what was not as planned; `turns` "known"
-    where the turns between the stations taught the fits, `reason` why. `chamber_field` is what
+    where the fits used the orientations of the stations, `reason` why. `chamber_field` is what
     several sensors saw alike while the stations were recorded; `None` without clocks or with fewer
     than two sensors.
     """

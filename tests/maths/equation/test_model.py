@@ -192,7 +192,7 @@ def test_mounting_and_exchanged_stations_are_found() -> None:
     order = np.arange(12)
     order[[2, 9]] = 9, 2
     assert fixture.find_mounting(seen[order], list_standard_rotations()).rms > np.radians(10)
-    swap = fixture.find_exchange(seen[order], list_standard_rotations())
+    swap = fixture.find_exchanged_directions(seen[order], list_standard_rotations())
     assert (swap.first, swap.second) == (2, 9)
     assert swap.rms < np.radians(1)
 
@@ -211,7 +211,7 @@ def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> Non
         bias, matrix = model.evaluate_local(truth, onto, phi)
         raw = bias + np.linalg.solve(matrix, field[:, :, None])[:, :, 0]
         raw = raw + 0.1 * rng.normal(size=raw.shape)
-        found = known_field.estimate(
+        found = known_field.estimate_known_field(
             known_field.KnownFieldProblem(raw, field, phi, 1), robust=False
         )
         assert found.noise.sd == pytest.approx(0.1, rel=0.05)

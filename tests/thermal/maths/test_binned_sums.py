@@ -44,18 +44,17 @@ def test_split_is_whole() -> None:
     field, t, time = recording()
     whole = Binned()
     whole.add(1, field, t, time, heating=np.arange(6000) >= 3000, keep_anomalies=True)
-    first, second = Binned(), Binned()
-    first.add(1, field[:3000], t[:3000], time[:3000], heating=False, keep_anomalies=True)
-    second.add(1, field[3000:], t[3000:], time[3000:], heating=True, keep_anomalies=True)
-    first.merge(second)
-    assert len(first) == len(whole) == 6000
-    ours, theirs = whole.cells(), first.cells()
+    parts = Binned()
+    parts.add(1, field[:3000], t[:3000], time[:3000], heating=False, keep_anomalies=True)
+    parts.add(1, field[3000:], t[3000:], time[3000:], heating=True, keep_anomalies=True)
+    assert len(parts) == len(whole) == 6000
+    ours, theirs = whole.cells(), parts.cells()
     for name in ("number", "heating", "bin", "n"):
         assert (getattr(ours, name) == getattr(theirs, name)).all()
     for name in ("temperature", "time", "mean"):
         assert getattr(theirs, name) == pytest.approx(getattr(ours, name), rel=1e-12)
     assert theirs.covariance == pytest.approx(ours.covariance, abs=1e-3)
-    assert whole.stations[1].coldest == first.stations[1].coldest
+    assert whole.stations[1].coldest == parts.stations[1].coldest
 
 
 def test_anomalies_are_left_out_and_listed() -> None:
@@ -69,9 +68,7 @@ def test_anomalies_are_left_out_and_listed() -> None:
     assert sums.cells().n.sum() == 5998
 
 
-def test_bins_of_other_widths_do_not_merge() -> None:
-    with pytest.raises(ValueError, match="do not merge"):
-        Binned(0.5).merge(Binned(1.0))
+def test_sums_that_hold_nothing_are_refused() -> None:
     with pytest.raises(ValueError, match="cannot hold"):
         Binned(0.0)
     with pytest.raises(ValueError, match="no readings"):

@@ -11,7 +11,8 @@ from agonic.arrays import Array
 from agonic.health import Finding, figure
 from agonic.samples import Samples
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.maths.response import Response, compute_misfit, find_exchange, fit_response
+from agonic.thermal.maths.response import Response, compute_misfit, fit_response
+from agonic.thermal.maths.stations import find_exchange
 from agonic.thermal.names import name_stations
 
 FEWEST = 8
@@ -125,7 +126,7 @@ def _interpolate(temperature: Array, values: Array, level: float) -> Array:
 
 def _judge_misfit(means: list[Array], rot_nb: Array, order: list[int], misfit: float) -> Finding:
     """Readings that the described turns do not explain; perhaps those of two stations exchanged."""
-    (i, j), left = find_exchange(means, rot_nb)
+    i, j, left = find_exchange(rot_nb, lambda order: compute_misfit(means, order))
     if left < _BETTER * misfit:
         return Finding(
             "swapped stations",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from agonic.thermal.names import name_stations
 END_C = 1.5
 """How far from its set point a chamber may hold, °C; also how far a sensor lags its rise."""
 HELD_SHARE = 0.8
-"""Share of a hold that must have been held."""
+"""Share of a planned hold that the chamber must have kept."""
 _RATE_MIN = 5
 """Minutes over which a rate is measured: a chamber's control swings faster."""
 _GAP_S = 5.0
@@ -92,23 +91,14 @@ def _format_hours(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-@dataclass(frozen=True)
-class _Alike:
-    """Stations with the same complaint, drawn into one sentence."""
-
-    numbers: list[int]
-    values: list[float]
-
-    @property
-    def worst(self) -> float:
-        return max(self.values, key=abs)
-
-
 def _measure_stations(
-    made: Mapping[int, Course], measure: Callable[[Course], float | None]
-) -> _Alike | None:
-    found = {number: value for number, c in made.items() if (value := measure(c)) is not None}
-    return _Alike(list(found), list(found.values())) if found else None
+    made: Mapping[int, Course],
+    measure: Callable[[Course], float],
+    fails: Callable[[float], bool],
+) -> dict[int, float]:
+    """What fails at each station where something does."""
+    values = {number: measure(course) for number, course in made.items()}
+    return {number: value for number, value in values.items() if fails(value)}
 
 
 def _judge_range(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
@@ -134,50 +124,44 @@ def _judge_holds(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     """The hold in the cold, and the one at the end."""
     need = HELD_SHARE * profile.hold_min
     findings = []
-    cold = _measure_stations(
-        made, lambda c: _keep_below(_measure_hold(c.level_C, float(np.nanmin(c.level_C))), need)
-    )
-    warm = _measure_stations(made, lambda c: _keep_below(_measure_last_hold(c.level_C), need))
-    for found, where in ((cold, "in the cold"), (warm, "at the end")):
+    for measure, where in ((_measure_cold_hold, "in the cold"), (_measure_last_hold, "at the end")):
+        found = _measure_stations(made, measure, lambda minutes: minutes < need)
         if found:
-            shortest = min(found.values)
             findings.append(
                 Finding(
                     "holds",
                     "check",
-                    f"the temperature was held {where} for {shortest:.0f} min at "
-                    f"{name_stations(found.numbers)} instead of {profile.hold_min:g} min",
-                    "hold longer: inside the box the temperature follows late",
+                    f"the temperature was held {where} for {min(found.values()):.0f} min at "
+                    f"{name_stations(found)} instead of {profile.hold_min:g} min",
+                    "hold longer: inside the box the temperature is delayed",
                 )
             )
     return findings
 
 
-def _keep_below(minutes: float, need: float) -> float | None:
-    return minutes if minutes < need else None
+def _measure_cold_hold(course: Course) -> float:
+    """Minutes within the tolerance of the lowest temperature."""
+    level = course.level_C
+    return float(np.sum(np.abs(level - np.nanmin(level)) <= END_C / 2))
 
 
-def _measure_hold(level: Array, at: float) -> float:
-    return float(np.sum(np.abs(level - at) <= END_C / 2))
-
-
-def _measure_last_hold(level: Array) -> float:
+def _measure_last_hold(course: Course) -> float:
     """Minutes at the end within the tolerance of the last temperature."""
-    known = level[np.isfinite(level)]
+    known = course.level_C[np.isfinite(course.level_C)]
     away = np.flatnonzero(np.abs(known - known[-1]) > END_C / 2)
     return float(len(known) - 1 - away[-1]) if len(away) else float(len(known))
 
 
 def _judge_cooling(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     limit = profile.cooling_limit_C_per_min
-    found = _measure_stations(made, lambda c: _keep_above(_find_fastest_fall(c.level_C), limit))
-    if found is None:
+    found = _measure_stations(made, _find_fastest_fall, lambda rate: rate > 1.1 * limit)
+    if not found:
         return []
     return [
         Finding(
             "cooling",
             "check",
-            f"{name_stations(found.numbers)} cooled at up to {found.worst:.1f} °C/min, faster than "
+            f"{name_stations(found)} cooled at up to {max(found.values()):.1f} °C/min, faster than "
             f"{limit:g}",
             "cool more slowly: the sensor is no longer as warm as its thermometer, and damp air "
             "condenses",
@@ -185,12 +169,9 @@ def _judge_cooling(made: Mapping[int, Course], profile: Profile) -> list[Finding
     ]
 
 
-def _keep_above(value: float, limit: float) -> float | None:
-    return value if value > 1.1 * limit else None
-
-
-def _find_fastest_fall(level: Array) -> float:
+def _find_fastest_fall(course: Course) -> float:
     """The fastest fall over five minutes, °C/min."""
+    level = course.level_C
     if len(level) <= _RATE_MIN:
         return 0.0
     rates = (level[:-_RATE_MIN] - level[_RATE_MIN:]) / _RATE_MIN
@@ -200,25 +181,20 @@ def _find_fastest_fall(level: Array) -> float:
 def _judge_steps(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     """Whether the heating stopped at its steps."""
     wanted = profile.steps - 1 if profile.step_hold_min else 0
-    if wanted < 1:
-        return []
-    found = _measure_stations(made, lambda c: _keep_fewer(_count_plateaus(c, profile), wanted))
-    if found is None:
+    found = _measure_stations(
+        made, lambda course: _count_plateaus(course, profile), lambda count: count < wanted / 2
+    )
+    if wanted < 1 or not found:
         return []
     return [
         Finding(
             "steps",
             "note",
-            f"the heating stopped {min(found.values):.0f} times at {name_stations(found.numbers)} "
-            f"instead "
-            f"of {wanted}",
+            f"the heating stopped {min(found.values()):.0f} times at {name_stations(found)} "
+            f"instead of {wanted}",
             "",
         )
     ]
-
-
-def _keep_fewer(count: int, wanted: int) -> float | None:
-    return float(count) if count < wanted / 2 else None
 
 
 def _count_plateaus(course: Course, profile: Profile) -> int:

@@ -63,8 +63,8 @@ def write_campaign(
         table = _make_table([recorded[sensor.name] for sensor in sensors])
         made = _format_parquet(table) if format == "parquet" else _format_csv(table)
         files.append(write_atomically(home / pattern.format(station=number), made))
-    told = replace(description, sensors=sensors, files=pattern)
-    return [*files, write_description(told, home / FILE_NAME)]
+    named = replace(description, sensors=sensors, files=pattern)
+    return [*files, write_description(named, home / FILE_NAME)]
 
 
 def _make_table(sensors: list[Samples]) -> dict[str, Array]:

@@ -12,8 +12,8 @@ from agonic.maths.estimation.series import compute_running_mean
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.result import Bins, Hysteresis
 from agonic.thermal.fit.settings import LARGEST_AUTO
-from agonic.thermal.maths import ellipsoids as thermal_bins
-from agonic.thermal.maths import station_residuals
+from agonic.thermal.maths.ellipsoids import Coefficients, fit_ellipsoids
+from agonic.thermal.maths.station_residuals import StationProblem
 
 _SMOOTH_C = 5.0
 
@@ -22,118 +22,122 @@ class EachTemperature(NamedTuple):
     """Normalised coefficients by temperature (t,), cooling and heating."""
 
     temperature: Array
-    cooling: thermal_bins.Coefficients
-    heating: thermal_bins.Coefficients
+    cooling: Coefficients
+    heating: Coefficients
 
 
 def fit_each_temperature(
-    of: ChamberReadings, problem: station_residuals.StationProblem, coefficients: Array
+    readings: ChamberReadings, problem: StationProblem, coefficients: Array
 ) -> EachTemperature:
     """Every temperature by itself, from the joint coefficients as a start.
 
     The mean temperature of a cell is not quite the middle of its bin, and not the same at all
     stations: each mean is carried to the middle along the joint model.
     """
-    bins = np.unique(of.cells.bin)
-    middle = np.asarray((bins + 0.5) * of.width_C, dtype=np.float64)
-    place = np.searchsorted(bins, of.cells.bin)
-    points = _move_to_middles(of, problem, coefficients, middle[place])
-    start = _evaluate_nine(problem, coefficients, of.scale.x(middle))
+    bins = np.unique(readings.cells.bin)
+    middle = np.asarray((bins + 0.5) * readings.width_C, dtype=np.float64)
+    place = np.searchsorted(bins, readings.cells.bin)
+    points = _move_to_middles(readings, problem, coefficients, middle[place])
+    start = _evaluate_nine(problem, coefficients, readings.scale.x(middle))
     made = [
-        _fit_direction(of, problem, points, place, len(bins), heating, start)
+        _fit_direction(readings, problem, points, place, len(bins), heating, start)
         for heating in (False, True)
     ]
     return EachTemperature(middle, *made)
 
 
 def _move_to_middles(
-    of: ChamberReadings, problem: station_residuals.StationProblem, coefficients: Array, to: Array
+    readings: ChamberReadings, problem: StationProblem, coefficients: Array, to: Array
 ) -> Array:
     """The normalised means as they would be at the middle of their bins."""
     onto = problem.layout
     bias, matrix = model.evaluate_local(coefficients, onto, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
     phi = model.build_covariates(
-        of.scale.x(to), 0.0, problem.degree, problem.phi[:, -1] if problem.rate else None
+        readings.scale.x(to), 0.0, problem.degree, problem.phi[:, -1] if problem.rate else None
     )
     bias_to, matrix_to = model.evaluate_local(coefficients, onto, phi)
     there = bias_to + np.linalg.solve(matrix_to, u[:, :, None])[:, :, 0]
     return np.asarray(there)
 
 
-def _evaluate_nine(
-    problem: station_residuals.StationProblem, coefficients: Array, x: Array
-) -> Array:
+def _evaluate_nine(problem: StationProblem, coefficients: Array, x: Array) -> Array:
     """The joint nine coefficients at temperatures that do not change, (t, 9)."""
     p = problem.degree + 1
     return np.asarray(polynomial.powers(x, problem.degree) @ coefficients[: 9 * p].reshape(9, p).T)
 
 
 def _fit_direction(
-    of: ChamberReadings,
-    problem: station_residuals.StationProblem,
+    readings: ChamberReadings,
+    problem: StationProblem,
     points: Array,
     place: Index,
     bins: int,
     heating: bool,
     start: Array,
-) -> thermal_bins.Coefficients:
+) -> Coefficients:
     """One direction, a row a temperature and a column a station."""
-    k = len(of.numbers)
-    rows = of.cells.heating == heating
+    k = len(readings.numbers)
+    rows = readings.cells.heating == heating
     at = (place[rows], problem.station[rows])
     table = np.zeros((bins, k, 3))
     spread = np.broadcast_to(np.eye(3), (bins, k, 3, 3)).copy()
     there = np.zeros((bins, k), dtype=bool)
     table[at], spread[at], there[at] = points[rows], problem.covariance[rows], True
     table[~there] = table[there].mean(axis=0) if there.any() else 0.0
-    return thermal_bins.fit_ellipsoids(table, spread, there, start)
+    return fit_ellipsoids(table, spread, there, start)
 
 
-def compute_variances(by: EachTemperature, of: ChamberReadings) -> Array | None:
+def compute_variances(separate: EachTemperature, readings: ChamberReadings) -> Array | None:
     """Variances of the scaled residuals of the nine by order, (9, d); None where too few hold."""
-    x, values, sd = _stack(by, of)
+    x, values, sd = _stack(separate, readings)
     if len(x) < 2 * (LARGEST_AUTO + 1):
         return None
     return polynomial.compute_variances(x, values, sd, LARGEST_AUTO)
 
 
-def choose_degree(by: EachTemperature, of: ChamberReadings, otherwise: int = 3) -> int:
+def choose_degree(separate: EachTemperature, readings: ChamberReadings, otherwise: int = 3) -> int:
     """The smallest order after which no variance falls markedly."""
-    found = compute_variances(by, of)
-    return otherwise if found is None else polynomial.choose_order(found, len(_stack(by, of)[0]))
+    found = compute_variances(separate, readings)
+    return (
+        otherwise
+        if found is None
+        else polynomial.choose_order(found, len(_stack(separate, readings)[0]))
+    )
 
 
-def _stack(by: EachTemperature, of: ChamberReadings) -> tuple[Array, Array, Array]:
+def _stack(separate: EachTemperature, readings: ChamberReadings) -> tuple[Array, Array, Array]:
     """All temperatures that hold, both directions: x (n,), values (n, 9), sd (n, 9)."""
-    x = of.scale.x(by.temperature)
+    x = readings.scale.x(separate.temperature)
     parts = [
         (x[c.determined], c.values[c.determined], _compute_sd(c)[c.determined])
-        for c in (by.cooling, by.heating)
+        for c in (separate.cooling, separate.heating)
     ]
     return tuple(np.concatenate(list(column)) for column in zip(*parts, strict=True))  # type: ignore[return-value]
 
 
-def _compute_sd(of: thermal_bins.Coefficients) -> Array:
-    return np.asarray(np.sqrt(np.maximum(np.einsum("tii->ti", of.covariance), 0.0)))
+def _compute_sd(found: Coefficients) -> Array:
+    return np.asarray(np.sqrt(np.maximum(np.einsum("tii->ti", found.covariance), 0.0)))
 
 
-def tabulate_bins(by: EachTemperature, of: ChamberReadings, factor: float, gain: float) -> Bins:
+def tabulate_bins(
+    separate: EachTemperature, readings: ChamberReadings, factor: float, gain: float
+) -> Bins:
     """In the units of the readings: bias by the size, matrix by `factor`/`gain`."""
-    sizes = np.concatenate([np.full(3, of.scale.size), np.full(6, factor / gain)])
-    shift = np.concatenate([of.scale.centre, np.zeros(6)])
+    sizes = np.concatenate([np.full(3, readings.scale.size), np.full(6, factor / gain)])
+    offset = np.concatenate([readings.scale.centre, np.zeros(6)])
 
-    def physical(c: thermal_bins.Coefficients) -> tuple[Array, Array]:
+    def physical(c: Coefficients) -> tuple[Array, Array]:
         holds = c.determined[:, None]
         return (
-            np.where(holds, c.values * sizes + shift, np.nan),
+            np.where(holds, c.values * sizes + offset, np.nan),
             np.where(holds, _compute_sd(c) * sizes, np.nan),
         )
 
-    cooling, cooling_sd = physical(by.cooling)
-    heating, heating_sd = physical(by.heating)
+    cooling, cooling_sd = physical(separate.cooling)
+    heating, heating_sd = physical(separate.heating)
     return Bins(
-        temperature=by.temperature,
+        temperature=separate.temperature,
         cooling=cooling,
         cooling_sd=cooling_sd,
         heating=heating,
@@ -141,16 +145,16 @@ def tabulate_bins(by: EachTemperature, of: ChamberReadings, factor: float, gain:
     )
 
 
-def compute_hysteresis(of: Bins) -> Hysteresis | None:
+def compute_hysteresis(bins: Bins) -> Hysteresis | None:
     """Cooling less heating, weighted over the temperatures that have both."""
-    both = np.isfinite(of.cooling[:, 0]) & np.isfinite(of.heating[:, 0])
+    both = np.isfinite(bins.cooling[:, 0]) & np.isfinite(bins.heating[:, 0])
     if both.sum() < 4:
         return None
-    difference = of.cooling[both] - of.heating[both]
-    variance = of.cooling_sd[both] ** 2 + of.heating_sd[both] ** 2
+    difference = bins.cooling[both] - bins.heating[both]
+    variance = bins.cooling_sd[both] ** 2 + bins.heating_sd[both] ** 2
     weight = 1 / variance
     total = weight.sum(axis=0)
-    step = float(np.median(np.diff(of.temperature[both])))
+    step = float(np.median(np.diff(bins.temperature[both])))
     smooth = compute_running_mean(difference, max(round(_SMOOTH_C / max(step, 1e-9)), 1))
     return Hysteresis(
         difference=(weight * difference).sum(axis=0) / total,

@@ -10,13 +10,13 @@ from agonic.calibration.thermal import Thermal
 from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.fit.scale import find_narrow_range
 from agonic.thermal.fit.solve import Orientations
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.names import name_stations
 
 UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
 REFUSED = 0.05
-NARROW_C = 10.0
 ODD_DEG = 3.0
 DRIFT_DOUBTFUL = 1e-3
 EXCESS_DOUBTFUL = 5e-3
@@ -25,18 +25,18 @@ HYSTERESIS_DOUBTFUL = 2e-3
 
 
 def judge_fit(
-    fit: ThermalFit, of: ChamberReadings, sums: Binned, turns: Orientations | None
+    fit: ThermalFit, readings: ChamberReadings, sums: Binned, orientations: Orientations | None
 ) -> list[Finding]:
     """What the fit says: what is not determined, turns, drift, scatter, hysteresis, anomalies."""
     found = [
-        _undetermined(fit),
-        _range(of),
-        _turns(turns),
-        _odd(fit),
-        _drift(fit),
-        _scatter(fit),
-        _hysteresis(fit),
-        _anomalies(fit, sums),
+        _judge_undetermined(fit),
+        *find_narrow_range(readings.scale.low_C, readings.scale.high_C, "cool and heat"),
+        _judge_orientations(orientations),
+        _judge_odd(fit),
+        _judge_drift(fit),
+        _judge_scatter(fit),
+        _judge_hysteresis(fit),
+        _judge_anomalies(fit, sums),
     ]
     return [finding for finding in found if finding is not None]
 
@@ -62,58 +62,47 @@ def _find_largest_sd(calibration: Thermal) -> Array:
     return np.asarray(calibration.sd_at(np.linspace(*calibration.range_C, 25)).max(axis=0))
 
 
-def _undetermined(fit: ThermalFit) -> Finding | None:
+def _judge_undetermined(fit: ThermalFit) -> Finding | None:
     relative = compute_relative_sd(fit.calibration)
     poor = [name for name, sd in zip(PARAMETERS, relative, strict=True) if sd > UNKNOWN]
     if not poor:
         return None
-    held = [name for name in PARAMETERS if name not in poor]
+    determined = [name for name in PARAMETERS if name not in poor]
     worst = float(relative.max())
     return Finding(
         "undetermined",
         "refuse" if worst > REFUSED else "check",
         f"{', '.join(poor)} {'are' if len(poor) > 1 else 'is'} known to {figure(100 * worst)} % of "
-        f"the field only; {', '.join(held) or 'nothing'} remain{'s' if len(held) == 1 else ''} "
-        "determined",
+        f"the field only; {', '.join(determined) or 'nothing'} "
+        f"remain{'s' if len(determined) == 1 else ''} determined",
         "record the missing stations, or describe how the stations stood (stations='known')",
     )
 
 
-def _range(of: ChamberReadings) -> Finding | None:
-    low, high = of.scale.low_C, of.scale.high_C
-    if high - low >= NARROW_C:
-        return None
-    return Finding(
-        "small range",
-        "check",
-        f"the temperature only runs from {low:.1f} to {high:.1f} °C",
-        "cool and heat over the range of use; beyond it the correction is a guess",
-    )
-
-
-def _turns(turns: Orientations | None) -> Finding | None:
+def _judge_orientations(orientations: Orientations | None) -> Finding | None:
     """Described turns that the readings contradict."""
-    if turns is None or turns.believed:
+    if orientations is None or orientations.agree:
         return None
-    if turns.exchange is not None:
+    rms = f"{figure(orientations.rms_deg)}°"
+    if orientations.exchange is not None:
         return Finding(
             "swapped stations",
             "check",
-            f"{name_stations(turns.exchange)} look exchanged in the description: with them "
-            f"exchanged the directions fit the turns to {figure(turns.exchanged_rms_deg)}°, as "
-            f"described only to {figure(turns.rms_deg)}°; only the magnitude was used",
+            f"{name_stations(orientations.exchange)} look exchanged in the description: with them "
+            f"exchanged the directions fit the turns to {figure(orientations.exchanged_rms_deg)}°, "
+            f"as described only to {rms}; only the magnitude was used",
             "exchange them in the description and fit again",
         )
     return Finding(
         "turns",
         "check",
-        f"the readings do not fit the described turns of the stations: {figure(turns.rms_deg)}° "
-        "are left; only the magnitude was used",
+        f"the readings do not fit the described turns of the stations: {rms} are left; only the "
+        "magnitude was used",
         "check how the box stood at each station",
     )
 
 
-def _odd(fit: ThermalFit) -> Finding | None:
+def _judge_odd(fit: ThermalFit) -> Finding | None:
     """Stations that stood elsewhere than described."""
     if fit.fixture is None:
         return None
@@ -129,7 +118,7 @@ def _odd(fit: ThermalFit) -> Finding | None:
     )
 
 
-def _drift(fit: ThermalFit) -> Finding | None:
+def _judge_drift(fit: ThermalFit) -> Finding | None:
     if fit.drift is None or fit.calibration.magnitude is None:
         return None
     size = float(np.linalg.norm(fit.drift))
@@ -144,7 +133,7 @@ def _drift(fit: ThermalFit) -> Finding | None:
     )
 
 
-def _scatter(fit: ThermalFit) -> Finding | None:
+def _judge_scatter(fit: ThermalFit) -> Finding | None:
     """A field that changed slowly, or means of bins that scatter beyond the noise."""
     if fit.calibration.magnitude is None or fit.excess == fit.field_sd == 0.0:
         return None
@@ -167,7 +156,7 @@ def _scatter(fit: ThermalFit) -> Finding | None:
     )
 
 
-def _hysteresis(fit: ThermalFit) -> Finding | None:
+def _judge_hysteresis(fit: ThermalFit) -> Finding | None:
     h = fit.hysteresis
     magnitude = fit.calibration.magnitude
     if h is None or magnitude is None or fit.drift is not None:
@@ -189,7 +178,7 @@ def _hysteresis(fit: ThermalFit) -> Finding | None:
     )
 
 
-def _anomalies(fit: ThermalFit, sums: Binned) -> Finding | None:
+def _judge_anomalies(fit: ThermalFit, sums: Binned) -> Finding | None:
     count = sum(anomaly.count for anomaly in fit.anomalies)
     if not count:
         return None

@@ -15,10 +15,10 @@ from agonic.health import Finding, figure, sort_findings
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.thermal.fit import each_temperature as by_bins
-from agonic.thermal.fit import evidence, recordings
+from agonic.thermal.fit import each_temperature, evidence, recordings
+from agonic.thermal.fit.calibration import make_chamber_calibration
 from agonic.thermal.fit.known_field import fit_known_field
-from agonic.thermal.fit.problem import ChamberReadings, make_calibration, select_readings
+from agonic.thermal.fit.problem import ChamberReadings, select_readings
 from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
 from agonic.thermal.fit.result import Anomaly, Fixture, ThermalFit
 from agonic.thermal.fit.settings import Settings
@@ -41,10 +41,11 @@ def fit_thermal(
 
     From recordings at turned stations in a chamber whose field is constant: anomalous readings are
     dropped; the means of each station are taken per temperature, cooling and heating apart; all
-    stations and temperatures are solved at once, weighted. The magnitude of the field teaches, and
-    where the turns of the stations are known, its direction too: one unknown vector in the chamber,
-    the stations' turns to be estimated with a prior on their errors. With a vector for each reading
-    (`Reference.vector` in the axes m or b, as in a coil) no stations are needed.
+    stations and temperatures are solved at once, weighted. The reference is the magnitude of the
+    field, and where the orientations of the stations are known, its direction too: one unknown
+    vector in the chamber, the orientations to be estimated with a prior on their errors. With a
+    vector for each reading (`Reference.vector` in the axes m or b, as in a coil) no stations are
+    needed.
 
     Parameters
     ----------
@@ -69,11 +70,11 @@ def fit_thermal(
     Returns a `ThermalFit`; `fit.ok` and `fit.status` say whether to use it. Raises `LogError`
     without temperature or station, `CoverageError` where nothing can be determined.
 
-    Source: Nikolaev et al. 2023, sections 2 and 3; the joint refinement and the known turns are
-    maximum likelihood with Huber's (1981) covariance, the width of the belief in the fixture
-    MacKay's (1992); slow changes of the chamber's field are found by restricted likelihood
-    (Patterson & Thompson 1971), a steady one is averaged over being there or not (Hoeting et al.
-    1999).
+    Source: Nikolaev et al. 2023, sections 2 and 3; the joint estimate and the known orientations
+    are maximum likelihood with Huber's (1981) covariance, the width of the prior of the fixture
+    MacKay's (1992); slow changes of the chamber's field are a Gaussian process found by restricted
+    likelihood (Patterson & Thompson 1971), a steady one is averaged over being there or not
+    (Hoeting et al. 1999).
 
     Examples
     --------
@@ -114,32 +115,34 @@ def fit_binned(
     if not sums.stations:
         raise AgonicError("no readings were added; add the recordings of the stations first")
     left_out = recordings.find_still_thermometers(sums)
-    of = select_readings(sums, left_out, reference, facts.unit)
-    result = solve(of, chosen)
+    readings = select_readings(sums, left_out, reference, facts.unit)
+    result = solve(readings, chosen)
     largest = max(seen.largest for seen in sums.stations.values())
     provenance = Provenance(
         inputs=() if facts.source is None else (facts.source,),
-        settings=_record_settings(chosen, reference, result, of),
+        settings=_record_settings(chosen, reference, result, readings),
         method=_list_methods(result),
     )
-    calibration = make_calibration(result.estimate, result.problem, of, facts, largest, provenance)
-    fit = _assemble(calibration, result, of, sums)
+    calibration = make_chamber_calibration(
+        result.estimate, result.problem, readings, facts, largest, provenance
+    )
+    fit = _assemble(calibration, result, readings, sums)
     findings = [
         *found,
         *recordings.judge_recordings(sums, left_out, chosen),
-        *evidence.judge_fit(fit, of, sums, result.turns),
+        *evidence.judge_fit(fit, readings, sums, result.orientations),
     ]
     fit = replace(fit, findings=sort_findings(findings))
     return fit if fit.verdict == "refused" else replace(fit, remarks=_make_remarks(fit, reference))
 
 
 def _record_settings(
-    settings: Settings, reference: Reference | None, result: Solution, of: ChamberReadings
+    settings: Settings, reference: Reference | None, result: Solution, readings: ChamberReadings
 ) -> dict[str, Any]:
     """What was chosen, for the provenance."""
     words = "none: mean gain at the centre of the range set to 1"
     if reference is not None:
-        words = f"{of.scale.magnitude:g} nT ({reference.source})"
+        words = f"{readings.scale.magnitude:g} nT ({reference.source})"
     taught = "magnitude" if result.problem.rot_nb is None else "turns"
     return {"fit": "thermal", "taught_by": taught, "reference": words, **settings.recorded()}
 
@@ -156,35 +159,35 @@ def _list_methods(result: Solution) -> tuple[str, ...]:
 
 
 def _assemble(
-    calibration: Thermal, result: Solution, of: ChamberReadings, sums: Binned
+    calibration: Thermal, result: Solution, readings: ChamberReadings, sums: Binned
 ) -> ThermalFit:
     """The fit with everything but its findings."""
-    estimate, scale = result.estimate, of.scale
+    estimate, scale = result.estimate, readings.scale
     gain, unit = _find_gain(result), scale.magnitude or calibration.magnitude or scale.size
     factor = scale.size if scale.magnitude is None else scale.magnitude
     divisor = gain if scale.magnitude is None else 1.0
-    bins = by_bins.tabulate_bins(result.separate, of, factor / scale.size, divisor)
+    bins = each_temperature.tabulate_bins(result.separate, readings, factor / scale.size, divisor)
     drift = estimate.drift * unit if result.drifts else None
     return ThermalFit(
         calibration=calibration,
         taught_by="magnitude" if result.problem.rot_nb is None else "turns",
-        n=int(of.cells.n.sum()),
+        n=int(readings.cells.n.sum()),
         residuals=estimate.residuals * scale.size,
         weights=estimate.weights,
-        temperature=of.cells.temperature,
-        station=of.cells.number,
-        heating=of.cells.heating,
-        noise=float(np.sqrt(np.trace(of.noise) / 3)),
+        temperature=readings.cells.temperature,
+        station=readings.cells.number,
+        heating=readings.cells.heating,
+        noise=float(np.sqrt(np.trace(readings.noise) / 3)),
         excess=float(np.sqrt(estimate.excess)) * scale.size,
         correlation=estimate.correlation,
         condition=estimate.condition,
         iterations=estimate.iterations,
         converged=estimate.converged,
         bins=bins,
-        variances=by_bins.compute_variances(result.separate, of),
-        hysteresis=by_bins.compute_hysteresis(bins),
-        spread=compute_spread(of.cells, calibration),
-        fixture=_describe_fixture(result, of, unit),
+        variances=each_temperature.compute_variances(result.separate, readings),
+        hysteresis=each_temperature.compute_hysteresis(bins),
+        spread=compute_spread(readings.cells, calibration),
+        fixture=_describe_fixture(result, readings, unit),
         drift=drift,
         drift_sd=None if drift is None else np.sqrt(np.diag(estimate.drift_covariance)) * unit,
         field_sd=estimate.slow.sd * unit if estimate.slow.gain > UNREST else 0.0,
@@ -198,7 +201,7 @@ def _find_gain(result: Solution) -> float:
     return float(result.estimate.coefficients[[3 * p, 4 * p, 5 * p]].mean())
 
 
-def _describe_fixture(result: Solution, of: ChamberReadings, unit: float) -> Fixture | None:
+def _describe_fixture(result: Solution, readings: ChamberReadings, unit: float) -> Fixture | None:
     estimate = result.estimate
     if estimate.poses is None or estimate.turned is None:
         return None
@@ -206,7 +209,7 @@ def _describe_fixture(result: Solution, of: ChamberReadings, unit: float) -> Fix
     return Fixture(
         mounting=Rotation.from_matrix(estimate.poses.mount),
         field_n=estimate.poses.field * unit,
-        turned_deg=dict(zip(of.numbers, angles, strict=True)),
+        turned_deg=dict(zip(readings.numbers, angles, strict=True)),
         sd_deg=float(np.degrees(estimate.fixture_sd)),
     )
 

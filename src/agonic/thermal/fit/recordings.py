@@ -80,7 +80,7 @@ def _went_one_way(seen: StationRecord) -> bool:
 
 def _find_missing(sums: Binned, settings: Settings, left_out: set[int]) -> list[Finding]:
     """Stations that were described and are not there."""
-    described = settings.turns
+    described = settings.orientations
     used = set(sums.stations) - left_out
     expected = set(described) if described is not None else set(range(1, STANDARD + 1))
     absent = expected - set(sums.stations)

@@ -64,7 +64,7 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fixture:
-    """What the turns of the stations taught beside the coefficients.
+    """What the orientations of the stations gave beside the coefficients.
 
     `mounting` turns the axes of the sensor into those of the box; `field_n` (3,) is the chamber's
     field in its axes; `turned_deg` by station how far it stood off, `sd_deg` their standard

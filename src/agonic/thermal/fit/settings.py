@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -53,7 +53,7 @@ class Settings:
             )
 
     @property
-    def turns(self) -> dict[int, Array] | None:
+    def orientations(self) -> dict[int, Array] | None:
         """The described rotation (3, 3), box to chamber, by number; `None` where unknown."""
         if isinstance(self.stations, str):
             if self.stations == "unknown":
@@ -63,22 +63,10 @@ class Settings:
 
     def recorded(self) -> Mapping[str, Any]:
         """The settings for the provenance."""
-        described = self.stations
-        if not isinstance(described, str):
-            described_text: Any = {
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        if not isinstance(self.stations, str):
+            values["stations"] = {
                 str(number): np.roll(turn.as_quat(), 1).round(9).tolist()
-                for number, turn in described.items()
+                for number, turn in self.stations.items()
             }
-        else:
-            described_text = described
-        return {
-            "bin_width_C": self.bin_width_C,
-            "degree": self.degree,
-            "stations": described_text,
-            "fixture_sd_deg": self.fixture_sd_deg,
-            "fixture_known": self.fixture_known,
-            "rate": self.rate,
-            "drift": self.drift,
-            "soft_iron_sd": self.soft_iron_sd,
-            "robust": self.robust,
-        }
+        return values

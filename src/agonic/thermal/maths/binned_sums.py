@@ -1,7 +1,7 @@
 """`Binned`: readings of turned stations added up by station, direction and temperature.
 
 All that a temperature calibration needs is seventeen sums of each cell, so recordings of any length
-can be fed piece by piece, and what several workers added up can be merged.
+can be fed piece by piece.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class StationRecord(NamedTuple):
 
 
 class Binned:
-    """Sums of readings by station, direction and temperature; grows by `add` and `merge`.
+    """Sums of readings by station, direction and temperature; grows by `add`.
 
     >>> sums = Binned(width_C=0.5)
     >>> t = np.concatenate([np.linspace(50, -10, 500), np.linspace(-10, 50, 500)])
@@ -127,11 +127,11 @@ class Binned:
         ----------
         station : its number. field : (n, 3). temperature : (n,) °C. time : (n,) s; the same clock
             for all stations, or None.
-        heating : which rows were taken while it grew warmer; by default told from the temperature,
+        heating : which rows were taken while it grew warmer; by default found from the temperature,
             for which a piece should hold a station's whole recording.
         keep_anomalies : leave readings in that stand out of the running median.
         """
-        stray = (
+        outlier = (
             series.find_anomalies(field) if not keep_anomalies else np.zeros(len(field), dtype=bool)
         )
         if heating is None:
@@ -140,21 +140,21 @@ class Binned:
         rate = np.zeros(len(field)) if time is None else series.compute_rates(time, temperature)
         clock = np.full(len(field), np.nan) if time is None else time
         seen = StationRecord(
-            int((~stray).sum()),
-            int(stray.sum()),
+            int((~outlier).sum()),
+            int(outlier.sum()),
             float(temperature.min()),
             float(temperature.max()),
-            float(np.abs(field[~stray]).max(initial=0.0)),
+            float(np.abs(field[~outlier]).max(initial=0.0)),
             _measure_standstill(temperature),
             int(rising.sum()),
         )
         self.stations[station] = (
             self.stations[station].with_(seen) if station in self.stations else seen
         )
-        if stray.any():
-            rows = np.flatnonzero(stray)
+        if outlier.any():
+            rows = np.flatnonzero(outlier)
             self.anomalies.append(LeftOut(station, rows, clock[rows]))
-            kept = ~stray
+            kept = ~outlier
             field, temperature, rising = field[kept], temperature[kept], rising[kept]
             rate, clock = rate[kept], clock[kept]
         self._put(station, field, temperature, rising, rate, clock)
@@ -201,17 +201,6 @@ class Binned:
         keys = np.stack([np.full(len(there), station), there % 2, there // 2 + low], axis=1)
         self._keys.append(keys.astype(np.int64))
         self._sums.append(sums)
-
-    def merge(self, other: Binned) -> None:
-        """Add what another has added up, with bins of the same width."""
-        if other.width_C != self.width_C:
-            raise ValueError(f"bins of {self.width_C} and {other.width_C} °C do not merge")
-        for number, seen in other.stations.items():
-            own = self.stations.get(number)
-            self.stations[number] = seen if own is None else own.with_(seen)
-        self.anomalies += other.anomalies
-        self._keys += other._keys
-        self._sums += other._sums
 
     def part(self, stations: Iterable[int], coarser: int = 1) -> Binned:
         """What was added of some stations, in bins `coarser` times as wide.

@@ -1,9 +1,10 @@
 """W(T) and b(T) from the mean readings of turned stations in a field of unknown direction.
 
-The magnitude of the field teaches as on an ellipsoid; where the turns between the stations are
-known, the direction at a station is one unknown too and does not change with temperature, and a
-prior ties it to the described turn. What scatters, how far stations stand off, and how much the
-field changed slowly is told by the readings themselves.
+The reference is the magnitude of the field, as on an ellipsoid; where the orientations of the
+stations are known, the direction at a station is one unknown too and does not change with
+temperature, and a prior ties it to the described orientation. What scatters, how far stations stand
+off, and how much the field changed slowly is estimated from the readings themselves (empirical
+Bayes).
 """
 
 from __future__ import annotations
@@ -37,14 +38,14 @@ RARE, LIKELY = 0.05, 0.5
 _IMPLAUSIBLE = 0.015
 _ROUNDS = 25
 _FREE = 4
-_STRAY = 5.0
-_LEAST_TURN = 1e-7  # rad: the fixture is never believed to be better than this
+_OUTLIER = 5.0
+_LEAST_ANGLE = 1e-7  # rad: the prior of the fixture is never narrower than this
 
 
 class StationEstimate(NamedTuple):
     """The most probable coefficients (a,) and their covariance, and what the cells say.
 
-    `residuals` are (m,) where the magnitude taught and (m, 3) where the vector did, in the
+    `residuals` are (m,) from the magnitude and (m, 3) from the vector, in the
     normalised unit, and `weights` (m,) what the robust loss left of each mean; `excess` is the
     variance by which means scatter beyond their noise; `drift` (1,) or (3,) how the field changed
     over the campaign (along itself, or in the chamber's axes), with its covariance; `slow` its
@@ -70,14 +71,14 @@ class StationEstimate(NamedTuple):
 
 
 def estimate_by_magnitude(problem: StationProblem, start: Array) -> StationEstimate:
-    """The coefficients that the magnitude alone teaches, from a start near enough."""
+    """The coefficients from the magnitude alone, from a start near enough."""
     return _iterate(problem._replace(rot_nb=None), start, None)
 
 
 def estimate_by_orientations(
     problem: StationProblem, start: Array, slow: gaussian_process.GaussianProcess | None = None
 ) -> StationEstimate:
-    """The coefficients that magnitude and known turns teach, from those of the magnitude.
+    """The coefficients from magnitude and known orientations, from those of the magnitude.
 
     `slow` are the changes that the magnitude showed, near whose kind those of all axes are looked
     for.
@@ -95,7 +96,7 @@ def _iterate(
     poses: Poses | None,
     kinds: tuple[gaussian_process.Kind, ...] = gaussian_process.KINDS,
 ) -> StationEstimate:
-    """Solve, renew weights, directions, slow changes, excess and beliefs, until nothing changes."""
+    """Solve, renew weights, directions, slow changes, excess and prior, until nothing changes."""
     axes = 1 if poses is None else 3
     none = np.zeros((len(problem.points), axes))
     state = State(
@@ -151,14 +152,14 @@ def _renew_slow_changes(
     z, jacobian = next(
         iter(make_pieces(problem, state._replace(slow=gaussian_process.GaussianProcess()))(params))
     )
-    held_to, by = make_prior(problem, state)(params)
-    held = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
-    step = -held @ (z @ jacobian + held_to @ by)
-    least = z + jacobian @ step  # strays can be told where the rest fits
-    limit = _STRAY * max(leastsq.robust_scale(least), 1.0)
+    expected, by = make_prior(problem, state)(params)
+    covariance = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
+    step = -covariance @ (z @ jacobian + expected @ by)
+    least = z + jacobian @ step  # outliers stand out where the rest fits
+    limit = _OUTLIER * max(leastsq.robust_scale(least), 1.0)
     kept, of = np.clip(least, -limit, limit), project_changes(problem, state)
     slow, axes = gaussian_process.estimate_process(
-        of, kept, jacobian, (held_to + by @ step, by), kinds
+        of, kept, jacobian, (expected + by @ step, by), kinds
     )
     if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
         return state._replace(
@@ -177,7 +178,7 @@ def _count_parameters(solution: leastsq.Solution) -> int:
 def _estimate_excess(left: Array, variance: Array, parameters: int) -> float:
     """The variance τ² that brings Σ r²/(v + τ²) to the degrees of freedom; 0 where none is needed.
 
-    Strays, far beyond the median, do not count.
+    Outliers, far beyond the median, do not count.
     """
     r, v = left.ravel(), np.broadcast_to(variance, left.shape).ravel()
     freedom = max(len(r) - parameters, 1)
@@ -211,29 +212,29 @@ def _move(problem: StationProblem, state: State, params: Array) -> State:
 
 
 def _renew(problem: StationProblem, state: State, solution: leastsq.Solution) -> State:
-    """The state at a solution, with the belief in the fixture that its residuals call for."""
+    """The state at a solution, with the prior of the fixture as wide as its residuals call for."""
     new = _move(problem, state, solution.params)
     if state.poses is None or problem.fixture_known:
         return new
     z, rows = make_prior(problem, state)(solution.params)
     sd = _estimate_prior_width(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
-    return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_TURN))
+    return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_ANGLE))
 
 
 def _estimate_prior_width(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> float:
-    """By what some of the beliefs should be loosened, for them to be as large as they look.
+    """By what the width of a part of the prior should be multiplied, for it to fit its residuals.
 
-    MacKay's (1992) update of a prior's width, s² ← Σz²/γ with γ the number of beliefs that the
-    readings contradict freely, repeated on the linearised problem until it stands.
+    MacKay's (1992) update of a prior's width, s² ← Σz²/γ with γ the effective number of parameters
+    that the readings determine, repeated on the linearised problem until it stands.
     """
     rest = np.ones(len(z), dtype=bool)
     rest[own] = False
     others, count = np.flatnonzero(rest), own.stop - own.start
-    gradient = -(z @ rows)  # of the readings: at the minimum the beliefs balance it
-    held = solution.information + rows[others].T @ rows[others]
+    gradient = -(z @ rows)  # of the readings: at the minimum the prior balances it
+    fixed = solution.information + rows[others].T @ rows[others]
     pull, scale = rows[own].T @ rows[own], 1.0
     for _ in range(30):
-        covariance = leastsq.inverse(held + pull / scale**2)
+        covariance = leastsq.inverse(fixed + pull / scale**2)
         step = -covariance @ (gradient + z[others] @ rows[others] + z[own] @ rows[own] / scale**2)
         left = z[own] + rows[own] @ step
         free = count - float(np.trace(covariance @ pull)) / scale**2

@@ -9,13 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.maths.rotations.vectors import find_best_rotation
+from agonic.thermal.maths.stations import MOUNTINGS, Exchange, find_exchange
 
 _ROUNDS = 200
-_AXES = Rotation.create_group("O").as_matrix()
 
 
 class Mounting(NamedTuple):
@@ -32,7 +31,7 @@ def find_mounting(directions: Array, rot_nb: Array) -> Mounting:
     M and f in turn, each by least squares (M: Kabsch 1976), from all 24 ways to mount a sensor
     along the axes of the box.
     """
-    tried = [_settle(directions, rot_nb, axes) for axes in _AXES]
+    tried = [_settle(directions, rot_nb, axes) for axes in MOUNTINGS]
     return min(tried, key=lambda found: found.rms)
 
 
@@ -51,29 +50,13 @@ def _settle(directions: Array, rot_nb: Array, mount: Array) -> Mounting:
     return Mounting(mount, field, float(np.sqrt(left / len(directions))))
 
 
-class Exchange(NamedTuple):
-    """Two stations (their places in the list) and the rms angle left when they change places."""
-
-    first: int
-    second: int
-    rms: float
-
-
-def find_exchange(directions: Array, rot_nb: Array) -> Exchange:
-    """The two stations whose exchange explains the directions best.
+def find_exchanged_directions(directions: Array, rot_nb: Array) -> Exchange:
+    """The two stations whose exchange explains the directions (k, 3) best, the rms in rad.
 
     The others outvote them, so the mounting found with them as described is a start near enough.
     """
-    k = len(rot_nb)
     start = find_mounting(directions, rot_nb).mount
-    best = Exchange(0, 0, np.inf)
-    for i in range(k):
-        for j in range(i + 1, k):
-            order = np.arange(k)
-            order[[i, j]] = j, i
-            rms = _settle(directions, rot_nb[order], start).rms
-            best = min(best, Exchange(i, j, rms), key=lambda e: e.rms)
-    return best
+    return find_exchange(rot_nb, lambda order: _settle(directions, order, start).rms)
 
 
 def find_tangents(unit: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Slow changes of the field while stations are recorded: correlated noise that tells its own size.
+"""Slow changes of the field while stations are recorded, as a Gaussian process.
 
 The change is a stationary process of the time, the same on all axes, followed within a station as
 far as polynomials of sixth order go, and from station to station by its correlation. It is smooth,
@@ -89,15 +89,15 @@ class StationSpaces(NamedTuple):
         return [slice(a, b) for a, b in pairwise(edges.tolist())]
 
 
-def list_near_kinds(by: GaussianProcess) -> tuple[Kind, ...]:
+def list_near_kinds(process: GaussianProcess) -> tuple[Kind, ...]:
     """The kinds near one that was found; every other where none was.
 
     >>> list_near_kinds(GaussianProcess(0.001, ("smooth", 0.5), 20.0))
     (('smooth', 0.25), ('smooth', 0.35), ('smooth', 0.5), ('smooth', 0.7), ('smooth', 1.0))
     """
-    if by.sd == 0.0:
+    if process.sd == 0.0:
         return KINDS[::2]
-    at = KINDS.index(by.kind)
+    at = KINDS.index(process.kind)
     return KINDS[max(at - 2, 0) : at + 3]
 
 
@@ -118,10 +118,10 @@ def make_time_basis(time: Array, station: Index) -> TimeBasis:
     return TimeBasis(np.polynomial.legendre.legvander(s, ORDER).astype(np.float64), times)
 
 
-def compute_covariance(of: TimeBasis, kind: Kind) -> Array:
+def compute_covariance(basis: TimeBasis, kind: Kind) -> Array:
     """Covariance (k, s, k, s) of the polynomials' coefficients, for a process of unit variance."""
     shape, length = kind
-    flat = of.times.ravel()
+    flat = basis.times.ravel()
     away = np.abs(flat[:, None] - flat) / length
     if shape == "smooth":
         a = np.sqrt(5.0) * away
@@ -129,14 +129,14 @@ def compute_covariance(of: TimeBasis, kind: Kind) -> Array:
     else:
         a = np.sqrt(3.0) * away
         process = (1 + a) * np.exp(-a)
-    k = len(of.times)
+    k = len(basis.times)
     grid = np.linspace(-1.0, 1.0, _POINTS)
     project = np.linalg.pinv(np.polynomial.legendre.legvander(grid, ORDER))
     blocks = process.reshape(k, _POINTS, k, _POINTS)
     return np.asarray(np.einsum("ia,kalb,jb->kilj", project, blocks, project, optimize=True))
 
 
-def project_on_stations(by_field: Array, of: TimeBasis, station: Index) -> StationSpaces:
+def project_on_stations(by_field: Array, basis: TimeBasis, station: Index) -> StationSpaces:
     """The spaces of all stations.
 
     Parameters: by_field (m, a, a), the whitened residuals by the field at each mean, in the axes in
@@ -147,50 +147,50 @@ def project_on_stations(by_field: Array, of: TimeBasis, station: Index) -> Stati
     rows = tuple((np.arange(axes)[:, None] * m + c).ravel() for c in cells)
     split = [
         np.linalg.qr(
-            np.einsum("mij,ms->imjs", by_field[c], of.functions[c]).reshape(axes * len(c), -1)
+            np.einsum("mij,ms->imjs", by_field[c], basis.functions[c]).reshape(axes * len(c), -1)
         )
         for c in cells
     ]
-    return StationSpaces(of, cells, rows, tuple(q for q, _ in split), tuple(r for _, r in split))
+    return StationSpaces(basis, cells, rows, tuple(q for q, _ in split), tuple(r for _, r in split))
 
 
-def whiten(of: StationSpaces, sd: float, axes: tuple[Array, Array], values: Array) -> Array:
+def whiten(spaces: StationSpaces, sd: float, axes: tuple[Array, Array], values: Array) -> Array:
     """Residuals (n,) or a Jacobian (n, p) over the noise and the changes together.
 
     `axes` are those of `principal`.
     """
     size, axis = axes
     less = 1 - 1 / np.sqrt(1 + sd**2 * size)
-    part = axis @ (less * (axis.T @ of.within(values)).T).T
+    part = axis @ (less * (axis.T @ spaces.within(values)).T).T
     out = values.copy()
-    for at, rows, basis in zip(of.parts, of.rows, of.bases, strict=True):
+    for at, rows, basis in zip(spaces.parts, spaces.rows, spaces.bases, strict=True):
         out[rows] -= basis @ part[at]
     return out
 
 
-def find_principal_axes(of: StationSpaces, kind: Kind) -> tuple[Array, Array]:
+def find_principal_axes(spaces: StationSpaces, kind: Kind) -> tuple[Array, Array]:
     """Variances (c,) of a process of unit variance in the bases, and their directions (c, c)."""
-    size, axis = eigh(_project_covariance(of, kind), check_finite=False, driver="evd")
+    size, axis = eigh(_project_covariance(spaces, kind), check_finite=False, driver="evd")
     return np.maximum(size, 0.0), axis
 
 
-def _project_covariance(of: StationSpaces, kind: Kind) -> Array:
+def _project_covariance(spaces: StationSpaces, kind: Kind) -> Array:
     """Covariance (c, c) in the bases of a process of unit variance."""
-    blocks = compute_covariance(of.course, kind)
+    blocks = compute_covariance(spaces.course, kind)
     k, s = blocks.shape[:2]
-    axes = of.triangles[0].shape[1] // s
-    total = np.zeros((of.parts[-1].stop,) * 2)
+    axes = spaces.triangles[0].shape[1] // s
+    total = np.zeros((spaces.parts[-1].stop,) * 2)
     for a in range(axes):
-        own = [r[:, a * s : (a + 1) * s] for r in of.triangles]
+        own = [r[:, a * s : (a + 1) * s] for r in spaces.triangles]
         wide = np.zeros((sum(map(len, own)), k * s))
-        for n, (at, r) in enumerate(zip(of.parts, own, strict=True)):
+        for n, (at, r) in enumerate(zip(spaces.parts, own, strict=True)):
             wide[at, n * s : (n + 1) * s] = r
         total += wide @ blocks.reshape(k * s, k * s) @ wide.T
     return total
 
 
 def predict_changes(
-    of: StationSpaces, by: GaussianProcess, axes: tuple[Array, Array], z: Array, m: int
+    spaces: StationSpaces, process: GaussianProcess, axes: tuple[Array, Array], z: Array, m: int
 ) -> tuple[Array, float]:
     """The most probable changes (m, a) behind the residuals, and how many numbers they took.
 
@@ -198,32 +198,35 @@ def predict_changes(
     """
     many = len(z) // m
     changes = np.zeros((m, many))
-    if by.sd == 0.0:
+    if process.sd == 0.0:
         return changes, 0.0
     size, axis = axes
-    share = 1 / (1 + by.sd**2 * size)
-    seen = axis @ (share * (axis.T @ of.within(z)))
-    blocks = compute_covariance(of.course, by.kind)
+    share = 1 / (1 + process.sd**2 * size)
+    seen = axis @ (share * (axis.T @ spaces.within(z)))
+    blocks = compute_covariance(spaces.course, process.kind)
     s = blocks.shape[1]
     pulled = np.array(
-        [(r.T @ seen[at]).reshape(many, s) for at, r in zip(of.parts, of.triangles, strict=True)]
+        [
+            (r.T @ seen[at]).reshape(many, s)
+            for at, r in zip(spaces.parts, spaces.triangles, strict=True)
+        ]
     )
-    coefficients = -(by.sd**2) * np.einsum("kilj,laj->kai", blocks, pulled)
-    for cells, c in zip(of.cells, coefficients, strict=True):
-        changes[cells] = of.course.functions[cells] @ c.T
+    coefficients = -(process.sd**2) * np.einsum("kilj,laj->kai", blocks, pulled)
+    for cells, c in zip(spaces.cells, coefficients, strict=True):
+        changes[cells] = spaces.course.functions[cells] @ c.T
     return changes, float(np.sum(1 - share))
 
 
 def estimate_process(
-    of: StationSpaces,
+    spaces: StationSpaces,
     z: Array,
     jacobian: Array,
     prior: tuple[Array, Array],
     kinds: tuple[Kind, ...] = KINDS,
 ) -> tuple[GaussianProcess, tuple[Array, Array]]:
-    """The changes that residuals (n,) call for, with their Jacobian (n, p) and beliefs of unit sd.
+    """The changes that residuals (n,) call for, with their Jacobian (n, p) and prior of unit sd.
 
-    With C the covariance of the residuals, and A = JᵀC⁻¹J, b = JᵀC⁻¹z (beliefs among them), twice
+    With C the covariance of the residuals, and A = JᵀC⁻¹J, b = JᵀC⁻¹z (prior among them), twice
     the negative logarithm of the restricted likelihood is
 
         ln|C| + ln|A| + zᵀC⁻¹z − bᵀA⁻¹b
@@ -231,7 +234,7 @@ def estimate_process(
     C differs from one in the stations' spaces only; the rest is added up once. Returns the changes
     and the axes (`principal`) of their kind.
     """
-    own_z, own = of.within(z), of.within(jacobian)
+    own_z, own = spaces.within(z), spaces.within(jacobian)
     rest = _Rest(
         jacobian.T @ jacobian - own.T @ own + prior[1].T @ prior[1],
         jacobian.T @ z - own.T @ own_z + prior[1].T @ prior[0],
@@ -239,7 +242,7 @@ def estimate_process(
     none = _compute_cost(rest, np.zeros(len(own_z)), own_z, own, 0.0)
     tried = []
     for kind in kinds:
-        size, axis = find_principal_axes(of, kind)
+        size, axis = find_principal_axes(spaces, kind)
         turned = (size, axis.T @ own_z, axis.T @ own, axis)
         costs = [_compute_cost(rest, *turned[:3], float(np.exp(at))) for at in _GRID]
         unlikely = UNLIKELY if kind[1] > LONG else 0.0
@@ -274,10 +277,10 @@ def _compute_cost(rest: _Rest, size: Array, y: Array, x: Array, sd: float) -> fl
     residuals (c,), and the Jacobian (c, p).
     """
     weight = 1 / (1 + sd**2 * size)
-    held = rest.information + x.T @ (weight[:, None] * x)
+    information = rest.information + x.T @ (weight[:, None] * x)
     b = rest.gradient + x.T @ (weight * y)
-    scale = np.sqrt(np.maximum(np.diag(held), 1e-300))
-    scaled = held / np.outer(scale, scale)
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled = information / np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-13
     lower = np.linalg.cholesky(scaled)
     b = solve_triangular(lower, b / scale, lower=True, check_finite=False)

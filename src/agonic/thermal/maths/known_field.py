@@ -76,7 +76,7 @@ def find_start(problem: KnownFieldProblem) -> Array:
     return np.asarray(np.linalg.lstsq(problem.layout, local.ravel(), rcond=None)[0])
 
 
-def estimate(problem: KnownFieldProblem, *, robust: bool = True) -> KnownFieldEstimate:
+def estimate_known_field(problem: KnownFieldProblem, *, robust: bool = True) -> KnownFieldEstimate:
     """The most probable coefficients, and the noise, taken from the residuals."""
     params = find_start(problem)
     first = leastsq.solve(

@@ -1,4 +1,4 @@
-"""What is believed of a sensor at turned stations before its readings are seen, for the solver."""
+"""The prior of a sensor at turned stations, for the solver: soft iron, drift, fixture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from agonic.thermal.maths.station_residuals import Poses, State, StationProblem
 
 
 def make_prior(problem: StationProblem, state: State) -> leastsq.Prior:
-    """Beliefs on soft iron, on the drift, and on the fixture where turns are known, at a state."""
+    """Prior on soft iron, drift, and the fixture where orientations are known, at a state."""
     if state.poses is None:
         return _make_common_prior(problem, state, 0)
     return _make_fixture_prior(problem, state, state.poses)
@@ -37,7 +37,7 @@ def _make_common_prior(problem: StationProblem, state: State, more: int) -> leas
 
 
 def _make_fixture_prior(problem: StationProblem, state: State, poses: Poses) -> leastsq.Prior:
-    """That, and that each station stands as described, to the standard deviation believed now.
+    """That, and that each station stands as described, to the standard deviation of the state.
 
     Tangential parts of M p_k − R_kᵀ f, over their standard deviation.
     """
@@ -53,9 +53,9 @@ def _make_fixture_prior(problem: StationProblem, state: State, poses: Poses) -> 
     def prior(params: Array) -> tuple[Array, Array]:
         base, by = soft(params)
         steps = params[first : first + 2 * k].reshape(k, 2)
-        turn, shift = params[first + 2 * k : first + 2 * k + 3], params[first + 2 * k + 3 :]
+        turn, tilt = params[first + 2 * k : first + 2 * k + 3], params[first + 2 * k + 3 :]
         seen, sway = fixture.move_on_sphere(poses.directions, seen_tangent, steps)
-        field, lean = fixture.move_on_sphere(poses.field, field_tangent, shift)
+        field, lean = fixture.move_on_sphere(poses.field, field_tangent, tilt)
         in_box = seen @ poses.mount.T
         small = np.eye(3) + skew(turn)
         r = in_box @ small.T - back @ field

@@ -7,13 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.thermal.maths.stations import MOUNTINGS
 
 _ROUNDS = 12
-AXES = Rotation.create_group("O").as_matrix()
-"""The 24 ways in which the axes of a sensor can lie along those of the box."""
 
 
 class Response(NamedTuple):
@@ -38,7 +36,7 @@ def fit_response(readings: Array, rot_nb: Array) -> Response:
 
     Parameters: readings (k, 3) in any unit, rot_nb (k, 3, 3) from box to chamber.
 
-    >>> turns = AXES[[0, 3, 7, 9, 12, 15, 18, 20]]
+    >>> turns = MOUNTINGS[[0, 3, 7, 9, 12, 15, 18, 20]]
     >>> field = np.array([0.4, 0.0, 0.9165151389911681])
     >>> seen = np.swapaxes(turns, 1, 2) @ field @ np.diag([2.0, 2.1, 1.9]) + [5.0, 6.0, 7.0]
     >>> fit_response(seen, turns).rms < 1e-3
@@ -65,7 +63,7 @@ def _normalise(vector: NDArray[Any]) -> Array:
 def _find_start(readings: Array, turned: Array) -> tuple[Array, Array, Array]:
     """The mounting along the axes that leaves least, with its field and bias."""
     best: tuple[float, Array, Array, Array] | None = None  # what is left, and the three
-    for axes in AXES:
+    for axes in MOUNTINGS:
         design = np.concatenate([axes @ turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2)
         solution = np.linalg.lstsq(design.reshape(-1, 6), readings.ravel(), rcond=None)[0]
         left = readings - design @ solution
@@ -76,25 +74,11 @@ def _find_start(readings: Array, turned: Array) -> tuple[Array, Array, Array]:
     return best[1:]
 
 
-def find_exchange(readings: Sequence[Array], rot_nb: Array) -> tuple[tuple[int, int], float]:
-    """The two stations whose exchange explains the readings of all sensors best, and the rms then.
-
-    A sensor's readings are (k, 3), or NaN where it has none.
-    """
-    k = len(rot_nb)
-    best, least = (0, 0), np.inf
-    for i in range(k):
-        for j in range(i + 1, k):
-            swapped = rot_nb.copy()
-            swapped[[i, j]] = swapped[[j, i]]
-            rms = compute_misfit(readings, swapped)
-            if rms < least:
-                best, least = (i, j), rms
-    return best, float(least)
-
-
 def compute_misfit(readings: Sequence[Array], rot_nb: Array) -> float:
-    """The rms over sensors of what is left, as a share of the field."""
+    """The rms over sensors of what is left, as a share of the field.
+
+    The readings of a sensor are (k, 3), NaN where it has none.
+    """
     left = []
     for own in readings:
         there = np.isfinite(own[:, 0])

@@ -1,7 +1,7 @@
 """The readings of turned stations as residuals for the solver, with their Jacobians.
 
-A sensor with W(φ) and b(φ) is turned from station to station in a field of magnitude one. Taught by
-the magnitude, unknown beside the coefficients is only how the field changed; taught by the turns,
+A sensor with W(φ) and b(φ) is turned from station to station in a field of magnitude one. With the
+magnitude alone, unknown beside the coefficients is only how the field changed; with orientations,
 also its direction at each station (two small steps), the mounting of the sensor in the box (three),
 and the direction of the field in the chamber (two). Points are centred and scaled to about one.
 """
@@ -27,9 +27,9 @@ class StationProblem(NamedTuple):
     where it may change slowly, or None; the drift is averaged over being there or not unless it is
     `drifting` for sure.
 
-    `degree`, `gauge` and `rate` make the layout; `soft_iron_sd` the prior that holds what the
-    stations leave open; `rot_nb` (k, 3, 3) the described turns, or None, and `fixture_sd` how well
-    they are believed at first, rad; `fixture_known` keeps that belief whatever the readings say.
+    `degree`, `gauge` and `rate` make the layout; `soft_iron_sd` is the prior of what the stations
+    leave open; `rot_nb` (k, 3, 3) the described orientations, or None, and `fixture_sd` how well
+    they are known at first, rad; `fixture_known` keeps that prior whatever the readings say.
     """
 
     points: Array
@@ -72,7 +72,7 @@ class Poses(NamedTuple):
 
 
 class State(NamedTuple):
-    """What is held while the solver runs, and renewed after."""
+    """What is fixed while the solver runs, and renewed after."""
 
     coefficients: Array
     drift: Array  # (d,) along the field or (3d,) in the chamber's axes
@@ -179,7 +179,7 @@ def project_changes(problem: StationProblem, state: State) -> gaussian_process.S
 
 
 def _make_whitener(problem: StationProblem, state: State) -> Callable[[Array], Array]:
-    """What whitens residuals and Jacobians with the slow changes that are believed in."""
+    """What whitens residuals and Jacobians with the slow changes of the state."""
     if state.slow.sd == 0.0:
         return lambda values: values
     of = project_changes(problem, state)

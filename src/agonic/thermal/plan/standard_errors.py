@@ -35,7 +35,7 @@ class ExpectedErrors(NamedTuple):
 def expect_errors_by_magnitude(
     fields: Array, basis: Array, readings: Array, noise: float, chamber_sd: float = 0.0
 ) -> ExpectedErrors:
-    """What is to be expected where the stations teach by the magnitude alone.
+    """What is to be expected from the magnitude alone.
 
     The nine coefficients are linear in `basis`; each reading gives the distance from the ellipsoid
     (`affine.magnitude_residual`), so the information is Σ (n/σ²) (J Jᵀ) ⊗ (φ φᵀ) over

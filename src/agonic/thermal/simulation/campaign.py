@@ -196,8 +196,8 @@ def simulate_campaign(
             inclination_deg=inclination_deg,
         )
     )
-    profile, told = plan.profile, faults or Faults()
-    _check_faults(told, plan)
+    profile, spoilt = plan.profile, faults or Faults()
+    _check_faults(spoilt, plan)
     truth_rng, fixture_rng, field_rng = np.random.default_rng(seed).spawn(3)
     half = profile.span_C / 2
     rate = profile.cooling_C_per_min / 60.0
@@ -221,13 +221,13 @@ def simulate_campaign(
     }
     made = np.random.SeedSequence(seed)
     pairs = [(sensor.name, s.number) for sensor in plan.sensors for s in plan.stations]
-    knots, values = draw_field(field_rng, plan, field_sd, field_pace_s, told.drift)
+    knots, values = draw_field(field_rng, plan, field_sd, field_pace_s, spoilt.drift)
     noises = {s.name: _find_noise(s, noise) for s in plan.sensors}
     return SimulatedCampaign(
-        description=_describe(plan, told.swapped, noises, quantised),
+        description=_describe(plan, spoilt.swapped, noises, quantised),
         truth=MappingProxyType(truth),
         rotations=MappingProxyType(rotations),
-        faults=told,
+        faults=spoilt,
         facts=MappingProxyType(
             {
                 "rate_Hz": plan.rate_Hz if given else rate_Hz,

@@ -1,0 +1,159 @@
+"""What is said and shown of one calibration over temperature, alone or tried on a log."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Mask
+from agonic.calibration.base import Calibration
+from agonic.calibration.thermal import MARGIN_C, Thermal
+from agonic.report import tables as blocks
+from agonic.report.digits import counted, grouped, minused, quantity
+from agonic.report.document import Document, Section
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup
+from agonic.report.strips import BINS, Axis, Columns, captioned, marked, plot, spread
+from agonic.report.time_axis import along_time
+from agonic.samples import Samples
+from agonic.thermal import figures, tables
+from agonic.thermal.fit.evidence import find_worst_sd
+from agonic.thermal.fit.result import ThermalFit
+from agonic.verification import Verification
+
+STYLES = ("thermal.css",)
+_MOST = 180
+"""Columns along the temperature."""
+
+
+def describe_calibration(
+    calibration: Calibration,
+    thermal: Thermal,
+    *,
+    title: str = "",
+    samples: Samples | None = None,
+    verification: Verification | None = None,
+) -> Document:
+    """A calibration over temperature: coefficients with their band, validity, origin.
+
+    Parameters
+    ----------
+    calibration : what is applied. thermal : it, or its step that depends on temperature.
+    samples, verification : readings that it was tried on, and what that showed.
+
+    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
+    ...                centre_C=20.0, half_range_C=30.0)
+    >>> describe_calibration(warm, warm).to_html().count('class="plot small"')
+    9
+    """
+    sections = [
+        Section("Validity", [describe_validity(thermal)]),
+        Section("Coefficients over temperature", [lambda: figures.draw_coefficients(thermal)]),
+        Section("Numbers", [tables.list_numbers(thermal)]),
+    ]
+    if samples is not None and verification is not None:
+        sections.insert(0, _show_log(calibration, thermal, samples, verification))
+    return Document(
+        kind="Calibration over temperature",
+        name=title or calibration.sensor,
+        key_figures=list_key_figures(thermal, None),
+        sections=sections,
+        calibration=calibration,
+        samples=samples,
+        styles=STYLES,
+    )
+
+
+def list_key_figures(calibration: Thermal, fit: ThermalFit | None) -> list[tuple[str, str, str]]:
+    """The four numbers to look at first."""
+    unit, unit_out = unit_label(calibration.unit_in), unit_label(calibration.unit_out)
+    bias, matrix = find_worst_sd(calibration)
+    low, high = calibration.range_C
+    shown = [
+        ("Range", minused(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
+        ("Bias known to", quantity(bias, unit, 2), "standard error at the worst temperature"),
+        ("Matrix × field known to", quantity(matrix, unit_out, 2), "the same"),
+    ]
+    if fit is not None:
+        shown.append(("Spread of |B|", tables.format_spread(fit), "largest of the stations"))
+    elif calibration.noise is not None:
+        shown.append(("Noise", quantity(calibration.noise, unit, 2), "one reading on one axis"))
+    return shown
+
+
+def describe_validity(calibration: Thermal) -> dict[str, str]:
+    """Where the calibration may be used."""
+    low, high = calibration.range_C
+    entries = {
+        "Temperature": f"{low:.1f} to {high:.1f} °C; more than {MARGIN_C:g} °C beyond, corrections "
+        "are extrapolated and warned of",
+        "Needs": "the temperature of each reading"
+        + ("" if calibration.rate is None else ", and its time for how fast that changes"),
+    }
+    if calibration.validity.largest_reading is not None:
+        unit = unit_label(calibration.unit_in)
+        entries["Largest reading"] = quantity(calibration.validity.largest_reading, unit, 4)
+    if calibration.magnitude is not None:
+        entries["Field"] = quantity(calibration.magnitude, unit_label(calibration.unit_out), 5)
+    return entries
+
+
+def _show_log(
+    calibration: Calibration, thermal: Thermal, samples: Samples, verification: Verification
+) -> Section:
+    """What the calibration does to a log: checks, magnitude over temperature and over time."""
+    assert samples.temperature is not None
+    beyond = thermal.outside(samples.temperature)
+    low, high = thermal.range_C
+    coldest, warmest = float(samples.temperature.min()), float(samples.temperature.max())
+    said = (
+        f"{counted(len(samples), 'reading')} of {samples.name} at {coldest:.1f} to "
+        f"{warmest:.1f} °C."
+    )
+    if beyond.any():
+        said += (
+            f" {grouped(int(beyond.sum()))} of them lie outside {low:.1f} to {high:.1f} °C, for "
+            "which the calibration was made: there it is extrapolated (marked at the foot)."
+        )
+    unit = unit_label(calibration.unit_out)
+    return Section(
+        "On the log",
+        [
+            said,
+            lambda: blocks.checks(verification),
+            lambda: _draw_magnitudes(samples, verification, beyond, unit),
+        ],
+    )
+
+
+def _draw_magnitudes(
+    samples: Samples, verification: Verification, beyond: Mask, unit: str
+) -> list[Markup]:
+    """The magnitude of a log over temperature and time, before and after the correction."""
+    assert samples.temperature is not None
+    level_C, time = samples.temperature, samples.time
+    low, high = float(level_C.min()), float(level_C.max())
+    keys = {"before": "before", "after": "after the correction"}
+    if beyond.any():
+        keys["extrapolated"] = "extrapolated"
+    x = Axis("temperature, °C", low, high if high > low else low + 1.0)
+    drawn = _draw_magnitude(Columns(x, level_C, _MOST), x, verification, unit, beyond)
+    parts = [captioned("Magnitude over temperature", drawn, keys)]
+    if time is not None and len(samples) > 1:
+        x, along = along_time(time, float(time[0]), float(time[-1]))
+        drawn = _draw_magnitude(Columns(x, along, BINS), x, verification, unit, beyond)
+        parts.append(captioned("Magnitude over time", drawn, keys))
+    return parts
+
+
+def _draw_magnitude(
+    columns: Columns, x: Axis, verification: Verification, unit: str, beyond: Mask
+) -> Markup:
+    """Least to largest magnitude of each column, before and after."""
+    before, after = verification.magnitude_before, verification.magnitude_after
+    ends = np.percentile(np.concatenate([before, after]), (0.25, 99.75))
+    margin = max(0.05 * float(ends[1] - ends[0]), 1e-6 * float(ends[1]), 1e-9)
+    y = Axis(f"magnitude, {unit}", float(ends[0]) - margin, float(ends[1]) + margin)
+    layers = [spread(columns, y, before, "before"), spread(columns, y, after, "after")]
+    if beyond.any():
+        layers.append(marked(columns, beyond, "extrapolated"))
+    return plot(x, y, layers, f"Magnitude over {x.label}, before and after")
