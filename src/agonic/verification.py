@@ -129,62 +129,66 @@ def _spread(magnitude: Array) -> float:
     return float(kept.std() / kept.mean())
 
 
+def _judge(
+    name: str, value: float, limit: float, unit: str, good: bool, well: str, badly: str
+) -> Check:
+    """A check with what it means when it is passed, and when it failed."""
+    meaning = well if good else badly
+    return Check(name=name, value=value, limit=limit, unit=unit, passed=good, meaning=meaning)
+
+
+def _inform(name: str, value: float, meaning: str) -> Check:
+    """An angle that informs but does not judge."""
+    return Check(name=name, value=value, limit=None, unit="°", passed=None, meaning=meaning)
+
+
 def _spread_check(spread: float) -> Check:
-    good = spread <= SPREAD_LIMIT
-    return Check(
-        name="spread of the magnitude",
-        value=100 * spread,
-        limit=100 * SPREAD_LIMIT,
-        unit="%",
-        passed=good,
-        meaning="the calibrated field keeps its magnitude in every direction"
-        if good
-        else "the magnitude still varies: record away from steel and currents, or the calibration "
+    return _judge(
+        "spread of the magnitude",
+        100 * spread,
+        100 * SPREAD_LIMIT,
+        "%",
+        spread <= SPREAD_LIMIT,
+        "the calibrated field keeps its magnitude in every direction",
+        "the magnitude still varies: record away from steel and currents, or the calibration "
         "does not belong to this sensor",
     )
 
 
 def _improvement_check(before: float, after: float) -> Check:
-    ratio = after / before if before > 0 else 1.0
-    good = after <= max(before, 0.005)
-    return Check(
-        name="spread after over before",
-        value=ratio,
-        limit=1.0,
-        unit="",
-        passed=good,
-        meaning="the calibration makes the magnitude steadier"
-        if good
-        else "the calibration makes these readings worse: do not use it for them",
+    return _judge(
+        "spread after over before",
+        after / before if before > 0 else 1.0,
+        1.0,
+        "",
+        after <= max(before, 0.005),
+        "the calibration makes the magnitude steadier",
+        "the calibration makes these readings worse: do not use it for them",
     )
 
 
 def _noise_check(ratio: float) -> Check:
-    good = ratio <= NOISE_LIMIT
-    return Check(
-        name="held-out residual over noise",
-        value=ratio,
-        limit=NOISE_LIMIT,
-        unit="",
-        passed=good,
-        meaning="unseen readings fit as well as those of the fit"
-        if good
-        else "unseen readings fit worse than those of the fit: parts of the log disagree; record "
+    return _judge(
+        "held-out residual over noise",
+        ratio,
+        NOISE_LIMIT,
+        "",
+        ratio <= NOISE_LIMIT,
+        "unseen readings fit as well as those of the fit",
+        "unseen readings fit worse than those of the fit: parts of the log disagree; record "
         "again in one undisturbed place",
     )
 
 
 def _magnitude_check(error: float, source: str) -> Check:
-    good = abs(error) <= MAGNITUDE_LIMIT
-    return Check(
-        name="magnitude against the reference",
-        value=100 * error,
-        limit=100 * MAGNITUDE_LIMIT,
-        unit="%",
-        passed=good,
-        meaning=f"the magnitude agrees with the reference ({source})"
-        if good
-        else f"the magnitude differs from the reference ({source}): iron nearby, a wrong place or "
+    return _judge(
+        "magnitude against the reference",
+        100 * error,
+        100 * MAGNITUDE_LIMIT,
+        "%",
+        abs(error) <= MAGNITUDE_LIMIT,
+        f"the magnitude agrees with the reference ({source})",
+        f"the magnitude differs from the reference ({source}): iron nearby, a wrong place or "
         "a wrong unit",
     )
 
@@ -212,16 +216,14 @@ def _attitude_checks(
 
 
 def _dip_check(error: float) -> Check:
-    good = error <= DIP_LIMIT_DEG
-    return Check(
-        name="dip against the reference",
-        value=error,
-        limit=DIP_LIMIT_DEG,
-        unit="°",
-        passed=good,
-        meaning="the field dips as it should, by the roll and pitch of the log"
-        if good
-        else "the field does not dip as it should: roll and pitch are wrong or delayed, or the "
+    return _judge(
+        "dip against the reference",
+        error,
+        DIP_LIMIT_DEG,
+        "°",
+        error <= DIP_LIMIT_DEG,
+        "the field dips as it should, by the roll and pitch of the log",
+        "the field does not dip as it should: roll and pitch are wrong or delayed, or the "
         "field is disturbed",
     )
 
@@ -229,24 +231,15 @@ def _dip_check(error: float) -> Check:
 def _heading_check(difference: Array, estimated: bool) -> Check:
     rms = float(np.sqrt(np.mean(difference**2)))
     whose = "the autopilot's own, which follows its compasses" if estimated else "the log's"
-    return Check(
-        name="heading against the log",
-        value=rms,
-        limit=None,
-        unit="°",
-        passed=None,
-        meaning=f"rms difference between the true heading and {whose}; its mean is "
+    return _inform(
+        "heading against the log",
+        rms,
+        f"rms difference between the true heading and {whose}; its mean is "
         f"{float(difference.mean()):.1f}°",
     )
 
 
 def _change_check(new: Array, old: Array, source: str) -> Check:
     turn = float(np.sqrt(np.mean(angle_deg(new, old) ** 2)))
-    return Check(
-        name="turn against the logged calibration",
-        value=turn,
-        limit=None,
-        unit="°",
-        passed=None,
-        meaning=f"rms angle between the field as corrected now and by {source}",
-    )
+    meaning = f"rms angle between the field as corrected now and by {source}"
+    return _inform("turn against the logged calibration", turn, meaning)

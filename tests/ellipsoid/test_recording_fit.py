@@ -18,7 +18,7 @@ from agonic.ellipsoid.maths import block_sums
 from agonic.logs.large.mission import Mission, open_mission
 from agonic.maths.equation import likelihood
 from agonic.maths.equation.symmetric import pack_symmetric
-from agonic.maths.estimation import batch_scores, leastsq
+from agonic.maths.estimation import batch_means, leastsq
 from agonic.recording import out_of_core
 
 F = 50_000.0
@@ -269,12 +269,12 @@ def test_commands_read_a_long_table_piece_by_piece(write, tmp_path, monkeypatch,
 def test_batches_see_only_what_lasts() -> None:
     rng = np.random.default_rng(5)
     told = [
-        batch_scores.compute_scatter(rng.normal(size=(2000, 9)), 2000 * np.eye(9))
+        batch_means.compute_scatter(rng.normal(size=(2000, 9)), 2000 * np.eye(9))
         for _ in range(200)
     ]
     assert np.mean([one.correlation > 1 for one in told]) < 0.02
     breaks = [
-        batch_scores.find_change_point(
+        batch_means.find_change_point(
             rng.normal(size=(2000, 9)), 2000 * np.eye(9), 2000 * np.eye(9)
         )
         for _ in range(200)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.maths.equation import model, polynomial
+from agonic.maths.equation import polynomial, temperature_model
 from agonic.maths.estimation import leastsq
 from agonic.simulation.thermal import make_readings, random_drifting
 from agonic.thermal.maths.stations import list_standard_rotations
@@ -93,16 +93,21 @@ def _linearised(made: Made, part: slice, turned: np.ndarray | None):
     """Jacobian and noise of the residuals of a station at the truth."""
     truth, field_m, noise = made.truth, made.field_m[part], made.noise[part]
     t = made.samples.temperature[part]
-    phi, onto = polynomial.powers(polynomial.scale(t, 20.0, 30.0), 3), model.build_layout(3)
+    phi, onto = (
+        polynomial.powers(polynomial.scale(t, 20.0, 30.0), 3),
+        temperature_model.build_layout(3),
+    )
     bias, matrix = truth.bias_at(t), truth.matrix_at(t)
     clean = bias + np.linalg.solve(matrix, field_m[:, :, None])[:, :, 0]
     if turned is None:
-        _, by = model.size_residual(clean, bias, matrix, np.full(len(t), FIELD))
+        _, by = temperature_model.size_residual(clean, bias, matrix, np.full(len(t), FIELD))
         size = np.linalg.norm(by[:, :3], axis=1)
-        rows = model.chain_to_coefficients(by, onto, phi) / size[:, None]
+        rows = temperature_model.chain_to_coefficients(by, onto, phi) / size[:, None]
         return rows, -np.einsum("ni,ni->n", by[:, :3], noise) / size
-    _, by, inverse = model.reading_residual(clean, bias, matrix, field_m)
-    rows = model.chain_to_coefficients(by.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0))
+    _, by, inverse = temperature_model.reading_residual(clean, bias, matrix, field_m)
+    rows = temperature_model.chain_to_coefficients(
+        by.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0)
+    )
     tangent = np.linalg.svd(made.field_n[None])[2][1:].T
     crossed = np.swapaxes(np.cross(np.eye(3)[None], field_m[:, None, :]), 1, 2) / FIELD
     across = np.broadcast_to(turned.T @ tangent, (len(t), 3, 2))

@@ -13,8 +13,8 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.base import Validity, read_only, require_covariance
 from agonic.errors import AgonicError, AgonicWarning
-from agonic.maths.equation import model as kernel
 from agonic.maths.equation import polynomial
+from agonic.maths.equation import temperature_model as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
 

@@ -14,7 +14,7 @@ from agonic.ellipsoid.maths.block_sums import Assumed, Frame, Sums
 from agonic.ellipsoid.solve import Fixed, Found
 from agonic.maths.equation import gauge, likelihood
 from agonic.maths.equation.affine import model_basis, split
-from agonic.maths.estimation import batch_scores, leastsq
+from agonic.maths.estimation import batch_means, leastsq
 
 MOST_PASSES = 12
 NEAR = 0.3
@@ -36,7 +36,7 @@ class Whole(NamedTuple):
     noise: Assumed
     n: int
     strays: int
-    moved: batch_scores.ChangePoint | None
+    moved: batch_means.ChangePoint | None
 
 
 def maximised(
@@ -68,7 +68,7 @@ def maximised(
         step = -leastsq.inverse(curved) @ (normal.gradient / lasts + pull)
         params = params + step
         scores, white = sums.score @ change / assumed.sd, _white(normal, len(params))
-        scatter = batch_scores.compute_scatter(scores, white)
+        scatter = batch_means.compute_scatter(scores, white)
         lasts = scatter.correlation
         seen = _seen(sums, assumed, robust, len(params))
         # noise moves the result by its effect on a curved surface, σ²/F, over σ/√n
@@ -78,7 +78,7 @@ def maximised(
         if converged:
             break
         assumed = seen
-    steady = batch_scores.compute_scatter(scores, white, steady=True)
+    steady = batch_means.compute_scatter(scores, white, steady=True)
     covariance, data = _sandwich(normal, scatter, held, len(params))
     bias, matrix = split(model_basis(model) @ params)
     found = Found(
@@ -97,7 +97,7 @@ def maximised(
         seen,
         normal.total,
         round(float(sums.facts[6])),
-        batch_scores.find_change_point(-scores, data * lasts, steady.matrix),
+        batch_means.find_change_point(-scores, data * lasts, steady.matrix),
     )
 
 
@@ -111,7 +111,7 @@ def _summed(
     told: Progress,
 ) -> Sums:
     """One pass."""
-    sums = Sums.empty(batch_scores.STRETCHES)
+    sums = Sums.empty(batch_means.STRETCHES)
     compiled = scan.rows >= COMPILE_FROM
     for part in segments(recording, scan, lambda done: told(f"iteration {number}", done)):
         frame = Frame(scale.centre, scale.size, part.factor)
@@ -147,7 +147,7 @@ def _white(normal: leastsq.Normal, parameters: int) -> Array:
 
 
 def _sandwich(
-    normal: leastsq.Normal, scatter: batch_scores.Scatter, held: Array, parameters: int
+    normal: leastsq.Normal, scatter: batch_means.Scatter, held: Array, parameters: int
 ) -> tuple[Array, Array]:
     """A⁻¹BA⁻¹ and the readings' part D of A = D/ν + H, B = S/ν² + H, as `leastsq` has them; S the
     scatter of the gradient."""

@@ -20,7 +20,7 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference, stack_sources
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.maths.equation import model, polynomial
+from agonic.maths.equation import polynomial, temperature_model
 from agonic.maths.equation.affine import expand_covariates, model_basis
 
 
@@ -58,7 +58,7 @@ def _root(step: Affine | Thermal | Alignment) -> Array | None:
     if isinstance(step, Alignment):
         return np.asarray(root)
     if isinstance(step, Thermal):
-        onto = model.build_layout(step.degree, step.gauge, step.rate is not None)
+        onto = temperature_model.build_layout(step.degree, step.gauge, step.rate is not None)
         return np.asarray(onto @ root)
     local = model_basis("full", step.gauge)
     spread = np.zeros((len(local) + len(root) - local.shape[1], len(root)))
@@ -135,7 +135,7 @@ def _thermal_row(
         bias = bias + rate[:, None] * step.rate
     reach = (given - bias).T
     local = np.concatenate([-before, (gradient[:, None] * reach[None]).reshape(9, -1)])
-    phi = model.build_covariates(x, 0.0, step.degree, rate)
+    phi = temperature_model.build_covariates(x, 0.0, step.degree, rate)
     return np.asarray(expand_covariates(local.T, phi).T)
 
 

@@ -52,21 +52,22 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     shape = _static(evidence) or _flat(evidence)
     if shape is not None:
         return (shape,)
-    changed = _second_population(evidence) or _changed(evidence) or _crowded_outliers(evidence)
-    if changed is not None and changed.severity == "refuse":
-        return (changed,)
-    others = (_noisy(evidence), _outliers(evidence)) if changed is None else (changed,)
-    found = (check_coverage(evidence.coverage), *others)
-    return tuple(finding for finding in found if finding is not None)
+    return _examine(evidence, _second_population(evidence))
 
 
 def examine_attitude_aided(evidence: Evidence) -> tuple[Finding, ...]:
     """The findings of an attitude-aided fit: readings in a plane are no fault there."""
-    changed = _changed(evidence) or _crowded_outliers(evidence)
+    return _examine(evidence, None)
+
+
+def _examine(evidence: Evidence, second: Finding | None) -> tuple[Finding, ...]:
+    changed = second or _changed(evidence) or _crowded_outliers(evidence)
     if changed is not None and changed.severity == "refuse":
         return (changed,)
-    others = (_noisy(evidence), _outliers(evidence)) if changed is None else (changed,)
-    found = (check_coverage(evidence.coverage), *others)
+    found = [check_coverage(evidence.coverage), changed]
+    if changed is None:
+        outliers = int((evidence.weights == 0.0).sum())
+        found += [_noisy(evidence), check_outliers(outliers, len(evidence.weights))]
     return tuple(finding for finding in found if finding is not None)
 
 
@@ -252,10 +253,6 @@ def _noisy(e: Evidence) -> Finding | None:
         "calibration: the field was not the same everywhere",
         "record away from steel, magnets and currents, keeping the sensor in one place",
     )
-
-
-def _outliers(e: Evidence) -> Finding | None:
-    return check_outliers(int(np.count_nonzero(e.weights == 0.0)), len(e.weights))
 
 
 def check_outliers(count: int, total: int) -> Finding | None:

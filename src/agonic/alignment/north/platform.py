@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from agonic.alignment.maths import session as kernel
+from agonic.alignment.maths.session import SIZE, Given, Unknowns
 from agonic.alignment.session.north import NorthSession, Platform
 from agonic.alignment.session.session import unix_of
 from agonic.arrays import Array, Index
 from agonic.calibration.base import select_columns
 from agonic.errors import AgonicError
-from agonic.maths.equation import alignment as kernel
-from agonic.maths.equation.alignment import SIZE, Given, Unknowns
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
@@ -71,15 +71,17 @@ def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> 
     assert platform is not None, "asked for only with a platform"
     heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
     given = _given(session, platform, heading)
-    at = kernel.start()._replace(offset=np.asarray(session.pier.difference, dtype=np.float64))
-    at = at._replace(rot_mc=find_best_rotation(kernel.expected_c(at, given), given.field))
+    at = kernel.start_unknowns()._replace(
+        offset=np.asarray(session.pier.difference, dtype=np.float64)
+    )
+    at = at._replace(rot_mc=find_best_rotation(kernel.predict_field_c(at, given), given.field))
     magnitude = float(np.linalg.norm(given.reference, axis=1).mean())
     held = _held(session, north_sd_arcsec)
     free = np.flatnonzero(held != np.inf)
-    unit = kernel.units(magnitude)[free]
+    unit = kernel.find_unit_sizes(magnitude)[free]
     base, start = at, at
     for _ in range(ROUNDS):
-        white = kernel.whitener(kernel.spread(at, given))
+        white = kernel.compute_whitener(kernel.compute_covariance(at, given))
         solution = leastsq.solve(
             partial(_pieces, base, given, white, free, unit),
             np.zeros(len(free)),
@@ -87,7 +89,7 @@ def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> 
             prior=partial(_prior, held[free], unit, _away(base, start)[free]),
             tolerance=1e-6,
         )
-        at = base = base.moved(_whole(solution.params / unit, free))
+        at = base = base.add_step(_whole(solution.params / unit, free))
         if np.abs(solution.params).max() < 1e-7 * magnitude:
             break
     return _result(at, start, given, held, free, heading, platform)
@@ -102,10 +104,10 @@ def _result(
     heading: Array,
     platform: Platform,
 ) -> Aligned:
-    known = kernel.information(at, given)[np.ix_(free, free)] + np.diag(held[free])
-    residuals, _ = kernel.residual(at, given)
-    spread = kernel.spread(at, given)
-    white = (kernel.whitener(spread) @ residuals[:, :, None])[:, :, 0]
+    known = kernel.compute_information(at, given)[np.ix_(free, free)] + np.diag(held[free])
+    residuals, _ = kernel.compute_residual(at, given)
+    spread = kernel.compute_covariance(at, given)
+    white = (kernel.compute_whitener(spread) @ residuals[:, :, None])[:, :, 0]
     chi2 = float((white**2).sum() + (held[free] * _away(at, start)[free] ** 2).sum())
     freedom = residuals.size - 3
     wider = max(chi2 / freedom, 1.0) if freedom > 0 and chdtrc(freedom, chi2) < 0.01 else 1.0
@@ -148,7 +150,7 @@ def _prior(held: Array, unit: Array, away: Array, params: Array) -> tuple[Array,
 def _pieces(
     base: Unknowns, given: Given, white: Array, free: Index, unit: Array, params: Array
 ) -> list[tuple[Array, Array]]:
-    residuals, jacobian = kernel.residual(base.moved(_whole(params / unit, free)), given)
+    residuals, jacobian = kernel.compute_residual(base.add_step(_whole(params / unit, free)), given)
     scaled = white @ (jacobian[:, :, free] / unit)
     return [((white @ residuals[:, :, None]).ravel(), scaled.reshape(-1, len(free)))]
 

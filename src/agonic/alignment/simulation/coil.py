@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session import Site
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
-from agonic.maths.equation.alignment import turned
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.samples import Samples
@@ -71,11 +71,11 @@ def simulate_coil(
     """
     rng = np.random.default_rng(seed)
     place = site or Site(latitude_deg=52.0725, longitude_deg=12.6750)
-    rot_bm = turned(rng.uniform(-0.5, 0.5, 3))
+    rot_bm = make_rotation(rng.uniform(-0.5, 0.5, 3))
     rot_bn = rot_nb(0.4, -0.7, 63.0).T
     drawn = np.array([0.0, 0.0, 1.0])
     off = np.radians(tilt_deg) * rng.standard_normal(2)
-    axis_b = turned(np.array([*off, 0.0])) @ drawn
+    axis_b = make_rotation(np.array([*off, 0.0])) @ drawn
     vector = constant * rot_bm.T @ axis_b
     share = np.tile(np.repeat(np.asarray(levels, dtype=np.float64), 2), reversals)[: reversals + 1]
     current = field / constant * share * np.where(np.arange(reversals + 1) % 2, -1.0, 1.0)
@@ -85,8 +85,8 @@ def simulate_coil(
     beside = np.asarray(FIELD_N) + MOST_VARIATION * waves
     rising = even * (flowing * constant / field) ** 2
     true = beside @ (rot_bm.T @ rot_bn).T + np.outer(flowing, vector) + rising[:, None]
-    known = turned(alignment_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bm
-    stood = turned(attitude_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bn
+    known = make_rotation(alignment_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bm
+    stood = make_rotation(attitude_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bn
     return SimulatedCoil(
         session=CoilSession(
             name="simulated",

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
+from agonic.alignment.maths.session import make_rotation
 from agonic.arrays import Array
-from agonic.maths.equation.alignment import turned
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -51,7 +51,7 @@ def simulate_gravity(
     (401, 3)
     """
     rng = np.random.default_rng(seed)
-    rot_bm = turned(np.radians(turn_deg) * rng.standard_normal(3))
+    rot_bm = make_rotation(np.radians(turn_deg) * rng.standard_normal(3))
     begin = np.arange(orientations) * (still_s + turn_s)
     if tilt_deg is None:
         poses = Rotation.random(orientations, rng=rng)

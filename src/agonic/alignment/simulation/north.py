@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from agonic.alignment.maths.north import swung_deg
+from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
-from agonic.maths.equation.alignment import turned
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.samples import Samples
 
@@ -190,7 +190,7 @@ def _platform(
     rng: np.random.Generator,
 ) -> tuple[Array, Platform | None, Samples | None, Samples | None]:
     """A platform turned about the vertical, with its magnetometer and the reference."""
-    rot_mb = turned(rng.uniform(-0.5, 0.5, 3))
+    rot_mb = make_rotation(rng.uniform(-0.5, 0.5, 3))
     if not count:
         return rot_mb, None, None, None
     heading = np.arange(count) * 360.0 / count + rng.uniform(-5, 5, count)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session import (
     Mounting,
     Pier,
@@ -20,7 +21,6 @@ from agonic.alignment.session import (
 )
 from agonic.alignment.session.observed import seen_turn
 from agonic.arrays import Array
-from agonic.maths.equation.alignment import turned
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.samples import Samples
 
@@ -95,7 +95,7 @@ def simulate_session(
     rng = np.random.default_rng(seed)
     rot = _orientations(orientations, lowest_elevation_deg, rng)
     nominal = from_323_deg(*mounting_deg)
-    rot_mc = turned(np.radians(mounting_sd_deg) * rng.standard_normal(3)) @ nominal
+    rot_mc = make_rotation(np.radians(mounting_sd_deg) * rng.standard_normal(3)) @ nominal
     w = np.eye(3) if matrix is None else np.asarray(matrix, dtype=np.float64)
     turn = np.asarray(reference_turn_arcsec, dtype=np.float64) * ARCSEC_RAD
     number = np.repeat(np.arange(len(rot)), readings).astype(np.int64)
@@ -103,7 +103,7 @@ def simulate_session(
     seconds = clock.astype(np.float64)
     beside = np.asarray(field_n) + _varied(np.arange(clock[-1] + TURN_S, dtype=np.float64), rng)
     offset, zero = np.asarray(pier, dtype=np.float64), np.asarray(bias, dtype=np.float64)
-    true_c = np.einsum("nij,jk,nk->ni", rot[number], turned(turn), beside[clock] + offset)
+    true_c = np.einsum("nij,jk,nk->ni", rot[number], make_rotation(turn), beside[clock] + offset)
     raw = true_c @ rot_mc.T @ np.linalg.inv(w).T + zero
     session = Session(
         name="simulated",

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from agonic.alignment.figures import draw_residuals
+from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_dome, draw_sky
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
-from agonic.maths.equation.alignment import GROUPS
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.report.digits import MINUS, grouped, minused, quantity, significant, with_sd

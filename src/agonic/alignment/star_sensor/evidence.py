@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
+from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.maths.session import find_unit_sizes as units_of
 from agonic.alignment.session import published_earth_rotation
 from agonic.alignment.star_sensor.likely_causes import likely_mistakes, misfit
 from agonic.alignment.star_sensor.orientations import (
@@ -18,8 +20,6 @@ from agonic.alignment.star_sensor.orientations import (
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.alignment.star_sensor.solve import UNDETERMINED, Solved, rotation_vector
 from agonic.health import Finding, figure
-from agonic.maths.equation.alignment import GROUPS
-from agonic.maths.equation.alignment import units as units_of
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
 RARE = 1e-4

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.session import Session, check_session, observe
 from agonic.alignment.star_sensor.evidence import judged
 from agonic.alignment.star_sensor.result import AlignmentFit
@@ -18,7 +19,6 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Validity
 from agonic.calibration.chain import Chain
 from agonic.errors import check_choice
-from agonic.maths.equation.alignment import GROUPS
 from agonic.provenance import Input, Provenance
 
 METHOD = ("harbin-2018", "iers-2010")

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.alignment.maths import session as kernel
 from agonic.alignment.session import Session, observe
 from agonic.alignment.star_sensor.known_mistakes import Mistake, mistakes
 from agonic.alignment.star_sensor.solve import Solved, given_of, rotation_vector, solved
 from agonic.arrays import Index
 from agonic.errors import AgonicError
-from agonic.maths.equation import alignment as kernel
 from agonic.maths.rotations.vectors import find_best_rotation
 
 FAR_BETTER = 0.5
@@ -96,8 +96,10 @@ def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
         given = given_of(observe(changed))
     except (AgonicError, ValueError, np.linalg.LinAlgError):
         return np.inf
-    at = kernel.start()._replace(offset=np.asarray(changed.pier.difference, dtype=np.float64))
-    expected = kernel.expected_c(at, given)
+    at = kernel.start_unknowns()._replace(
+        offset=np.asarray(changed.pier.difference, dtype=np.float64)
+    )
+    expected = kernel.predict_field_c(at, given)
     turn = find_best_rotation(expected, given.field)
     away = 0.0
     if changed.mounting is not None:

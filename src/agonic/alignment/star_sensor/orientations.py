@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from agonic.alignment.maths import session as kernel
+from agonic.alignment.maths.session import GROUPS, Given, Unknowns
 from agonic.arrays import Array, Mask
 from agonic.health import figure
-from agonic.maths.equation import alignment as kernel
-from agonic.maths.equation.alignment import GROUPS, Given, Unknowns
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import rot_cn
 
@@ -46,11 +46,11 @@ def added_information(at: Unknowns, like: Given, chosen: list[Orientation]) -> A
         noise=np.full(count, np.median(like.noise)),
         reference_noise=np.full(count, np.median(like.reference_noise)),
     )
-    expected = kernel.expected_c(at, one) @ at.rot_mc.T
+    expected = kernel.predict_field_c(at, one) @ at.rot_mc.T
     field = expected @ np.linalg.inv(at.matrix).T + at.bias
     made = one._replace(field=field)
-    _, jacobian = kernel.residual(at, made)
-    white = kernel.whitener(kernel.spread(at, made)) @ jacobian
+    _, jacobian = kernel.compute_residual(at, made)
+    white = kernel.compute_whitener(kernel.compute_covariance(at, made)) @ jacobian
     return np.asarray(np.einsum("jir,jis->jrs", white, white))
 
 
@@ -67,7 +67,7 @@ def best_additions(
     `information` (18, 18) is what is known already, `enough(added, worst)` says when to stop, the
     worst being the largest standard error, nT, of a combination of the free unknowns.
     """
-    units = kernel.units(magnitude)[free]
+    units = kernel.find_unit_sizes(magnitude)[free]
     scale = np.outer(units, units)
     known = information[np.ix_(free, free)] / scale
     parts = each[:, free][:, :, free] / scale
@@ -88,7 +88,7 @@ def best_additions(
 
 def alignment_sd(information: Array, free: Mask, magnitude: float) -> float:
     """The largest standard error of the alignment, rad."""
-    units = kernel.units(magnitude)[free]
+    units = kernel.find_unit_sizes(magnitude)[free]
     covariance = leastsq.inverse(information[np.ix_(free, free)] / np.outer(units, units))
     return float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]) / magnitude)
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from agonic.alignment.maths import session as kernel
+from agonic.alignment.maths.session import GROUPS, SIZE, Given
 from agonic.alignment.star_sensor.orientations import (
     Orientation,
     added_information,
@@ -17,8 +19,6 @@ from agonic.alignment.star_sensor.orientations import (
 )
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.maths.equation import alignment as kernel
-from agonic.maths.equation.alignment import GROUPS, SIZE, Given
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg
 
 FEWEST, MOST = 4, 120
@@ -100,7 +100,7 @@ def plan_alignment(
         check_choice("solve", group, tuple(GROUPS))
     field = np.asarray(field_n, dtype=np.float64)
     magnitude = float(np.linalg.norm(field))
-    at = kernel.start()._replace(rot_mc=from_323_deg(*mounting_deg))
+    at = kernel.start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
     like = _like(field, readings, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
     held = _held(pier_sd, reference_sd_arcsec)
     free = np.zeros(SIZE, dtype=bool)
@@ -169,7 +169,7 @@ def _errors(information: Array, free: Mask, magnitude: float) -> Array:
     """Standard errors (18,), 0 for what is not solved for."""
     from agonic.maths.estimation.leastsq import inverse
 
-    units = kernel.units(magnitude)[free]
+    units = kernel.find_unit_sizes(magnitude)[free]
     inside = inverse(information[np.ix_(free, free)] / np.outer(units, units))
     errors = np.zeros(SIZE)
     errors[free] = np.sqrt(np.diag(inside)) / units

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.star_sensor.figures import draw_dome
 from agonic.alignment.star_sensor.plan import AlignmentPlan
-from agonic.maths.equation.alignment import GROUPS
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
 from agonic.report.digits import minused, quantity, significant
 from agonic.report.document import Document, Section, Table

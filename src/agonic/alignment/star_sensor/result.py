@@ -8,14 +8,14 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths import session as kernel
+from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.session import Observed, Session
 from agonic.alignment.star_sensor.solve import Solved, rotation_vector
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, Judged
-from agonic.maths.equation import alignment as kernel
-from agonic.maths.equation.alignment import GROUPS
 from agonic.maths.rotations.frames import (
     ARCSEC_RAD,
     angles_232_deg,
@@ -133,12 +133,12 @@ class AlignmentFit(Judged):
     @cached_property
     def residuals(self) -> Array:
         """(k, 3) of each orientation, nT, magnetometer axes."""
-        return kernel.residual(self.solution.unknowns, self.solution.given)[0]
+        return kernel.compute_residual(self.solution.unknowns, self.solution.given)[0]
 
     @property
     def residuals_sd(self) -> Array:
         """What each should be, (k, 3), nT, by the stated noise."""
-        spread = kernel.spread(self.solution.unknowns, self.solution.given)
+        spread = kernel.compute_covariance(self.solution.unknowns, self.solution.given)
         return np.asarray(np.sqrt(np.diagonal(spread, axis1=1, axis2=2)))
 
     @property

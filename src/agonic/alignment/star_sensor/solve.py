@@ -10,10 +10,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
+from agonic.alignment.maths import session as kernel
+from agonic.alignment.maths.session import GROUPS, SIZE, Given, Unknowns
 from agonic.alignment.session import Observed, Session
 from agonic.arrays import Array, Mask
-from agonic.maths.equation import alignment as kernel
-from agonic.maths.equation.alignment import GROUPS, SIZE, Given, Unknowns
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.maths.rotations.vectors import find_best_rotation
@@ -61,14 +61,14 @@ class Solved:
     @property
     def known(self) -> Array:
         """Information of observations and beliefs on the free unknowns, per nT², (m, m)."""
-        units = kernel.units(self.magnitude)[self.free]
+        units = kernel.find_unit_sizes(self.magnitude)[self.free]
         whole = self.information + np.diag(self.held)
         return np.asarray(whole[np.ix_(self.free, self.free)] / np.outer(units, units))
 
     @property
     def covariance(self) -> Array:
         """Of all unknowns (18, 18), rad and nT, 0 where nothing was solved for."""
-        units = kernel.units(self.magnitude)[self.free]
+        units = kernel.find_unit_sizes(self.magnitude)[self.free]
         whole = np.zeros((SIZE, SIZE))
         inside = self.inflation * leastsq.inverse(self.known) / np.outer(units, units)
         whole[np.ix_(self.free, self.free)] = inside
@@ -126,19 +126,26 @@ def solved(session: Session, observed: Observed, solve: Collection[str]) -> Solv
         free[GROUPS[group]] = True
     at = _start(session, given, groups)
     magnitude = float(np.linalg.norm(given.reference, axis=1).mean())
-    units = kernel.units(magnitude)[free]
+    units = kernel.find_unit_sizes(magnitude)[free]
     iterations, converged, cost = 0, False, np.inf
     for _ in range(ROUNDS):
         base = at
         solution = leastsq.solve(
-            partial(_pieces, base, given, kernel.whitener(kernel.spread(at, given)), free, units),
+            partial(
+                _pieces,
+                base,
+                given,
+                kernel.compute_whitener(kernel.compute_covariance(at, given)),
+                free,
+                units,
+            ),
             np.zeros(int(free.sum())),
             scale=1.0,
             prior=_prior(session, base, held, free, units),
             tolerance=1e-6,
             max_iterations=STEPS,
         )
-        at = base.moved(_whole(solution.params / units, free))
+        at = base.add_step(_whole(solution.params / units, free))
         iterations += solution.iterations
         converged = solution.converged
         settled = np.abs(solution.params).max() < 1e-7 * magnitude
@@ -161,8 +168,8 @@ def _assembled(
     converged: bool,
 ) -> Solved:
     """The result with its test of the residuals."""
-    residuals, _ = kernel.residual(at, given)
-    white = kernel.whitener(kernel.spread(at, given)) @ residuals[:, :, None]
+    residuals, _ = kernel.compute_residual(at, given)
+    white = kernel.compute_whitener(kernel.compute_covariance(at, given)) @ residuals[:, :, None]
     beliefs = _departure(session, at) * np.sqrt(held)
     count = 3 * len(residuals) + int((held[free] > 0).sum()) - int(free.sum())
     return Solved(
@@ -170,7 +177,7 @@ def _assembled(
         given=given,
         groups=groups,
         free=free,
-        information=kernel.information(at, given),
+        information=kernel.compute_information(at, given),
         held=held,
         magnitude=magnitude,
         chi2=float((white**2).sum() + (beliefs**2).sum()),
@@ -182,8 +189,10 @@ def _assembled(
 
 def _start(session: Session, given: Given, groups: tuple[str, ...]) -> Unknowns:
     """The rotation that fits best without anything else; a bias is taken out as the mean."""
-    at = kernel.start()._replace(offset=np.asarray(session.pier.difference, dtype=np.float64))
-    expected, field = kernel.expected_c(at, given), given.field
+    at = kernel.start_unknowns()._replace(
+        offset=np.asarray(session.pier.difference, dtype=np.float64)
+    )
+    expected, field = kernel.predict_field_c(at, given), given.field
     if "bias" in groups and len(field) > 3:
         expected, field = expected - expected.mean(axis=0), field - field.mean(axis=0)
     return at._replace(rot_mc=find_best_rotation(expected, field))
@@ -198,8 +207,8 @@ def _pieces(
     params: Array,
 ) -> Iterable[tuple[Array, Array]]:
     """Whitened residuals and their Jacobian by the free unknowns, in nT of field moved."""
-    at = base.moved(_whole(params / units, free))
-    residuals, jacobian = kernel.residual(at, given)
+    at = base.add_step(_whole(params / units, free))
+    residuals, jacobian = kernel.compute_residual(at, given)
     scaled = jacobian[:, :, free] / units
     yield (white @ residuals[:, :, None]).ravel(), (white @ scaled).reshape(-1, int(free.sum()))
 

@@ -107,22 +107,22 @@ def start_filter(state: Array, covariance: Array, time: float) -> FilterState:
     return FilterState(np.array(state, dtype=np.float64), columns, diagonal, watch)
 
 
-def add_variance(belief: FilterState, sd: ArrayLike) -> FilterState:
+def add_variance(before: FilterState, sd: ArrayLike) -> FilterState:
     """The filter with standard deviations, one or (3,), added to those of the bias."""
-    _, columns, diagonal, _ = _lists(belief)
+    _, columns, diagonal, _ = _lists(before)
     for i, variance in enumerate(np.broadcast_to(np.square(sd), 3).tolist(), start=1):
         ud_filter.add_variance(i, variance, columns, diagonal, [0.0] * 10)
-    return belief._replace(columns=np.array(columns), diagonal=np.array(diagonal))
+    return before._replace(columns=np.array(columns), diagonal=np.array(diagonal))
 
 
-def widen_for_jump(belief: FilterState, jump_sd: float) -> FilterState:
+def widen_for_jump(before: FilterState, jump_sd: float) -> FilterState:
     """The filter after a possible jump: `jump_sd` added to each bias, the test restarted."""
-    watch = np.array([*[0.0] * ud_filter.SCALE, *belief.watch[ud_filter.SCALE :]])
-    return add_variance(belief, jump_sd)._replace(watch=watch)
+    watch = np.array([*[0.0] * ud_filter.SCALE, *before.watch[ud_filter.SCALE :]])
+    return add_variance(before, jump_sd)._replace(watch=watch)
 
 
 def advance(
-    belief: FilterState,
+    before: FilterState,
     model: Model,
     rows: Array,
     *,
@@ -142,16 +142,16 @@ def advance(
     wanted = is_worth_compiling(n) if compiled is None else compiled
     run = ud_filter.compiled() if wanted else None
     fixed = linearised is not None
-    about = belief.state if linearised is None else linearised
+    about = before.state if linearised is None else linearised
     if run is None:
-        parts = _lists(belief)
+        parts = _lists(before)
         seen: Any = [[0.0] * 7 for _ in range(n)]
         room: Any = [[0.0] * 10 for _ in range(3)]
         about = about.tolist()
         done, jump = ud_filter.run(rows.tolist(), *parts, tuple(model), about, fixed, seen, room)
         after = FilterState(*(np.array(part) for part in parts))
     else:
-        after = FilterState(*(np.array(part) for part in belief))
+        after = FilterState(*(np.array(part) for part in before))
         seen, room = np.zeros((n, 7)), np.zeros((3, 10))
         done, jump = run(np.ascontiguousarray(rows), *after, tuple(model), about, fixed, seen, room)
     table = np.array(seen[:done]).reshape(-1, 7)
@@ -184,10 +184,10 @@ def find_onset(seen: Seen) -> int:
     return len(z) - 1 - int(np.argmax(statistic))
 
 
-def _lists(belief: FilterState) -> tuple[Any, Any, Any, Any]:
+def _lists(before: FilterState) -> tuple[Any, Any, Any, Any]:
     return (
-        belief.state.tolist(),
-        belief.columns.tolist(),
-        belief.diagonal.tolist(),
-        belief.watch.tolist(),
+        before.state.tolist(),
+        before.columns.tolist(),
+        before.diagonal.tolist(),
+        before.watch.tolist(),
     )

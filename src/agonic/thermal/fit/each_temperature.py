@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.equation import model, polynomial
+from agonic.maths.equation import polynomial, temperature_model
 from agonic.maths.estimation.series import compute_running_mean
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.result import Bins, Hysteresis
@@ -51,12 +51,12 @@ def _move_to_middles(
 ) -> Array:
     """The normalised means as they would be at the middle of their bins."""
     onto = problem.layout
-    bias, matrix = model.evaluate_local(coefficients, onto, problem.phi)
+    bias, matrix = temperature_model.evaluate_local(coefficients, onto, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
-    phi = model.build_covariates(
+    phi = temperature_model.build_covariates(
         readings.scale.x(to), 0.0, problem.degree, problem.phi[:, -1] if problem.rate else None
     )
-    bias_to, matrix_to = model.evaluate_local(coefficients, onto, phi)
+    bias_to, matrix_to = temperature_model.evaluate_local(coefficients, onto, phi)
     there = bias_to + np.linalg.solve(matrix_to, u[:, :, None])[:, :, 0]
     return np.asarray(there)
 

@@ -12,7 +12,7 @@ from agonic.errors import AgonicError, CoverageError
 from agonic.fit import ModelTest
 from agonic.health import Finding, figure
 from agonic.maths.equation.affine import FREE
-from agonic.maths.equation.model import build_covariates
+from agonic.maths.equation.temperature_model import build_covariates
 from agonic.maths.estimation import series
 from agonic.maths.estimation.wald import wald
 from agonic.provenance import Provenance

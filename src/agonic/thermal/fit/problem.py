@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.errors import CoverageError
-from agonic.maths.equation import model
+from agonic.maths.equation import temperature_model
 from agonic.reference import Reference
 from agonic.thermal.fit.scale import Scale, require_range
 from agonic.thermal.maths.binned_sums import Binned, Cells
@@ -102,7 +102,9 @@ def make_problem(
     """The problem of the solver, without orientations of the stations."""
     cells, scale = readings.cells, readings.scale
     x, spread = scale.x(cells.temperature), cells.variance / scale.half_C**2
-    phi = model.build_covariates(x, spread, degree, cells.rate / scale.pace if rate else None)
+    phi = temperature_model.build_covariates(
+        x, spread, degree, cells.rate / scale.pace if rate else None
+    )
     clock = cells.time
     timed = bool(np.isfinite(clock).all())
     pace = (clock - (clock.min() + clock.max()) / 2) / max(float(np.ptp(clock)), 1e-9)

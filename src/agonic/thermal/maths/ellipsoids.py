@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.equation import model
+from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import model_basis, split
 
 FEWEST = 9
@@ -44,7 +44,7 @@ def fit_ellipsoids(points: Array, covariance: Array, there: Mask, start: Array) 
     flat = points.reshape(-1, 3)
     for _ in range(_ROUNDS):
         bias, matrix = split(np.repeat(params @ basis.T, k, axis=0))
-        r, jacobian = model.size_residual(flat, bias, matrix, np.ones(len(flat)))
+        r, jacobian = temperature_model.size_residual(flat, bias, matrix, np.ones(len(flat)))
         s = jacobian[:, :3]
         spread = np.einsum("ni,nij,nj->n", s, covariance.reshape(-1, 3, 3), s)
         weight = np.where(there.ravel(), 1 / np.sqrt(spread), 0.0)

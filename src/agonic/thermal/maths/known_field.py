@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.equation import model
+from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import Noise, estimate_noise
@@ -32,7 +32,7 @@ class KnownFieldProblem(NamedTuple):
     @property
     def layout(self) -> Array:
         """From the coefficients to the local numbers: all nine entries of the matrix are free."""
-        return model.build_layout(self.degree, FREE, self.rate)
+        return temperature_model.build_layout(self.degree, FREE, self.rate)
 
 
 class KnownFieldEstimate(NamedTuple):
@@ -52,11 +52,11 @@ def make_pieces(problem: KnownFieldProblem) -> leastsq.Pieces:
         for start in range(0, len(problem.points), _ROWS):
             rows = slice(start, start + _ROWS)
             phi = problem.phi[rows]
-            bias, matrix = model.evaluate_local(params, onto, phi)
-            r, jacobian, _ = model.reading_residual(
+            bias, matrix = temperature_model.evaluate_local(params, onto, phi)
+            r, jacobian, _ = temperature_model.reading_residual(
                 problem.points[rows], bias, matrix, problem.field[rows]
             )
-            by = model.chain_to_coefficients(
+            by = temperature_model.chain_to_coefficients(
                 jacobian.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0)
             )
             yield r.ravel(), by

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.equation import model
+from agonic.maths.equation import temperature_model
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.vectors import skew
 from agonic.thermal.maths import fixture
@@ -24,7 +24,7 @@ def _make_common_prior(problem: StationProblem, state: State, more: int) -> leas
     with `more` others last.
     """
     width = len(state.drift)
-    rows = model.weak_prior(problem.gauge, problem.degree, problem.soft_iron_sd)
+    rows = temperature_model.weak_prior(problem.gauge, problem.degree, problem.soft_iron_sd)
     a = problem.layout.shape[1]
     jacobian = np.zeros((len(rows) + width, a + width + more))
     jacobian[: len(rows), : rows.shape[1]] = rows

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.equation import model
+from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.vectors import find_smallest_rotation
@@ -50,7 +50,7 @@ class StationProblem(NamedTuple):
     @property
     def layout(self) -> Array:
         """From the coefficients to the local numbers."""
-        return model.build_layout(self.degree, self.gauge, self.rate)
+        return temperature_model.build_layout(self.degree, self.gauge, self.rate)
 
     @property
     def stations(self) -> int:
@@ -85,7 +85,7 @@ class State(NamedTuple):
 
 def find_directions(problem: StationProblem, coefficients: Array) -> Array:
     """The mean direction (k, 3) of the corrected field at each station."""
-    bias, matrix = model.evaluate_local(coefficients, problem.layout, problem.phi)
+    bias, matrix = temperature_model.evaluate_local(coefficients, problem.layout, problem.phi)
     u = np.einsum("mij,mj->mi", matrix, problem.points - bias)
     total = np.zeros((problem.stations, 3))
     np.add.at(total, problem.station, u)
@@ -102,7 +102,7 @@ def collect_parameters(state: State, a: int) -> Array:
 
 def compute_residuals(problem: StationProblem, state: State) -> tuple[Array, Array]:
     """Residuals as they are, (m, 1) or (m, 3), and the variance of the noise in each."""
-    bias, matrix = model.evaluate_local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = temperature_model.evaluate_local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
         unit, spread = _find_directions_and_variance(problem, bias, matrix)
         changed = problem.clock @ state.drift + state.followed[:, 0]
@@ -112,7 +112,7 @@ def compute_residuals(problem: StationProblem, state: State) -> tuple[Array, Arr
         gain = np.einsum("mi,mi->m", s, s)
         return (r / np.sqrt(gain))[:, None], (spread / gain)[:, None]
     field = state.poses.directions[problem.station] + _change_field(problem, state, state.poses)
-    r, _, _ = model.reading_residual(problem.points, bias, matrix, field)
+    r, _, _ = temperature_model.reading_residual(problem.points, bias, matrix, field)
     return r, np.einsum("mii->mi", problem.covariance)
 
 
@@ -144,7 +144,7 @@ def _compute_log_residual(
     holds the noise, and where slow changes leave the gain open that noise would shrink it.
     """
     none = np.zeros(len(wanted))
-    size, jacobian = model.size_residual(problem.points, bias, matrix, none)
+    size, jacobian = temperature_model.size_residual(problem.points, bias, matrix, none)
     return np.log(size / wanted), jacobian / size[:, None]
 
 
@@ -169,7 +169,7 @@ def _rotate_to_sensor(problem: StationProblem, poses: Poses) -> Array:
 def project_changes(problem: StationProblem, state: State) -> gaussian_process.StationSpaces:
     """What slow changes of the field look like in the whitened residuals of each station."""
     assert problem.course is not None
-    bias, matrix = model.evaluate_local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = temperature_model.evaluate_local(state.coefficients, problem.layout, problem.phi)
     if state.poses is None:
         by_field = -_weigh_magnitudes(problem, state, bias, matrix)[:, None, None]
     else:
@@ -210,17 +210,17 @@ def _make_magnitude_pieces(problem: StationProblem, state: State) -> leastsq.Pie
     """Residuals of the magnitude over their standard deviations at the state."""
     onto = problem.layout
     a = onto.shape[1]
-    bias, matrix = model.evaluate_local(state.coefficients, onto, problem.phi)
+    bias, matrix = temperature_model.evaluate_local(state.coefficients, onto, problem.phi)
     unit, _ = _find_directions_and_variance(problem, bias, matrix)
     weight, clock = _weigh_magnitudes(problem, state, bias, matrix), problem.clock
     calmed = _make_whitener(problem, state)
     wanted = _expect_magnitude(problem, matrix, unit)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = model.evaluate_local(params[:a], onto, problem.phi)
+        bias, matrix = temperature_model.evaluate_local(params[:a], onto, problem.phi)
         expected = wanted + clock @ params[a:]
         r, jacobian = _compute_log_residual(problem, bias, matrix, expected)
-        by = model.chain_to_coefficients(jacobian, onto, problem.phi)
+        by = temperature_model.chain_to_coefficients(jacobian, onto, problem.phi)
         rows = np.concatenate([by, -clock / expected[:, None]], axis=1) * weight[:, None]
         yield calmed(r * weight), calmed(rows)
 
@@ -238,16 +238,18 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
     places = np.arange(m)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = model.evaluate_local(params[:a], onto, problem.phi)
+        bias, matrix = temperature_model.evaluate_local(params[:a], onto, problem.phi)
         steps = params[a + width : a + width + 2 * k].reshape(k, 2)
         seen, sway = fixture.move_on_sphere(poses.directions, tangent, steps)
         field = seen[problem.station]
         changed = clock @ params[a : a + width].reshape(-1, 3)
         field = field + np.einsum("mij,mj->mi", turning, changed)
-        r, by_local, inverse = model.reading_residual(problem.points, bias, matrix, field)
+        r, by_local, inverse = temperature_model.reading_residual(
+            problem.points, bias, matrix, field
+        )
         jacobian = np.zeros((m, 3, len(params)))
         phi = np.repeat(problem.phi, 3, axis=0)
-        jacobian[:, :, :a] = model.chain_to_coefficients(
+        jacobian[:, :, :a] = temperature_model.chain_to_coefficients(
             by_local.reshape(-1, 12), onto, phi
         ).reshape(m, 3, a)
         by_field = -inverse @ turning

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.maths.equation import model
+from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis
 from agonic.maths.estimation import leastsq
 from agonic.thermal.maths import (
@@ -23,9 +23,9 @@ RNG = np.random.default_rng(0)
 
 def drawn(gauge: str = SYMMETRIC, degree: int = 2, rate: bool = True, n: int = 30):
     rng = np.random.default_rng(1)
-    onto = model.build_layout(degree, gauge, rate)
+    onto = temperature_model.build_layout(degree, gauge, rate)
     x = rng.uniform(-1, 1, n)
-    phi = model.build_covariates(x, 0.0, degree, rng.normal(size=n) if rate else None)
+    phi = temperature_model.build_covariates(x, 0.0, degree, rng.normal(size=n) if rate else None)
     p = degree + 1
     coefficients = 0.05 * rng.normal(size=onto.shape[1])
     coefficients[[3 * p, 4 * p, 5 * p]] += 1.0
@@ -37,12 +37,12 @@ def test_the_jacobian_of_the_magnitude_is_its_derivative(gauge: str, derivative)
     onto, phi, start, raw = drawn(gauge)
 
     def r(coefficients):
-        bias, matrix = model.evaluate_local(coefficients, onto, phi)
-        return model.size_residual(raw, bias, matrix, np.ones(30))[0]
+        bias, matrix = temperature_model.evaluate_local(coefficients, onto, phi)
+        return temperature_model.size_residual(raw, bias, matrix, np.ones(30))[0]
 
-    bias, matrix = model.evaluate_local(start, onto, phi)
-    by = model.chain_to_coefficients(
-        model.size_residual(raw, bias, matrix, np.ones(30))[1], onto, phi
+    bias, matrix = temperature_model.evaluate_local(start, onto, phi)
+    by = temperature_model.chain_to_coefficients(
+        temperature_model.size_residual(raw, bias, matrix, np.ones(30))[1], onto, phi
     )
     assert by == pytest.approx(derivative(r, start, 1e-6), abs=1e-7)
 
@@ -53,21 +53,21 @@ def test_the_jacobians_of_readings_and_field_are_their_derivatives(gauge: str, d
     field = RNG.normal(size=(30, 3))
 
     def r(coefficients):
-        bias, matrix = model.evaluate_local(coefficients, onto, phi)
-        return model.reading_residual(raw, bias, matrix, field)[0].ravel()
+        bias, matrix = temperature_model.evaluate_local(coefficients, onto, phi)
+        return temperature_model.reading_residual(raw, bias, matrix, field)[0].ravel()
 
     def u(coefficients):
-        bias, matrix = model.evaluate_local(coefficients, onto, phi)
+        bias, matrix = temperature_model.evaluate_local(coefficients, onto, phi)
         return np.einsum("nij,nj->ni", matrix, raw - bias).ravel()
 
-    bias, matrix = model.evaluate_local(start, onto, phi)
+    bias, matrix = temperature_model.evaluate_local(start, onto, phi)
     thrice = np.repeat(phi, 3, axis=0)
-    by = model.reading_residual(raw, bias, matrix, field)[1].reshape(-1, 12)
-    assert model.chain_to_coefficients(by, onto, thrice) == pytest.approx(
+    by = temperature_model.reading_residual(raw, bias, matrix, field)[1].reshape(-1, 12)
+    assert temperature_model.chain_to_coefficients(by, onto, thrice) == pytest.approx(
         derivative(r, start, 1e-6), abs=1e-7
     )
-    by = model.field_jacobian(raw, bias, matrix).reshape(-1, 12)
-    assert model.chain_to_coefficients(by, onto, thrice) == pytest.approx(
+    by = temperature_model.field_jacobian(raw, bias, matrix).reshape(-1, 12)
+    assert temperature_model.chain_to_coefficients(by, onto, thrice) == pytest.approx(
         derivative(u, start, 1e-6), abs=1e-7
     )
 
@@ -78,8 +78,8 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
     x = np.tile(np.linspace(-1, 1, 11), 24)
     station = np.repeat(np.arange(12), 22)
     lag = np.tile(np.repeat([-1.0, 1.0], 11), 12) if rate else None
-    phi = model.build_covariates(x, 0.0, 2, lag)
-    onto = model.build_layout(2, SYMMETRIC, rate)
+    phi = temperature_model.build_covariates(x, 0.0, 2, lag)
+    onto = temperature_model.build_layout(2, SYMMETRIC, rate)
     truth = 0.03 * rng.normal(size=onto.shape[1])
     truth[[9, 12, 15]] += 1.0
     field = np.array([0.42, 0.1, 0.0])
@@ -89,7 +89,7 @@ def campaign(noise: float = 0.0, *, rate: bool = False, fixture_deg: float = 1.0
     seen = np.array(
         [mount.T @ (r @ e).T @ field for r, e in zip(list_standard_rotations(), off, strict=True)]
     )
-    bias, matrix = model.evaluate_local(truth, onto, phi)
+    bias, matrix = temperature_model.evaluate_local(truth, onto, phi)
     points = bias + np.linalg.solve(matrix, seen[station][:, :, None])[:, :, 0]
     points = points + noise * rng.normal(size=points.shape)
     problem = station_residuals.StationProblem(
@@ -160,7 +160,7 @@ def test_each_temperature_by_itself_agrees_with_one_solved_alone() -> None:
 
     def pieces(params):
         bias, matrix = (basis @ params)[:3], (basis @ params)[3:].reshape(3, 3)
-        r, j = model.size_residual(
+        r, j = temperature_model.size_residual(
             points[4], np.tile(bias, (12, 1)), np.tile(matrix, (12, 1, 1)), np.ones(12)
         )
         weight = 1 / np.linalg.norm(j[:, :3], axis=1)
@@ -204,11 +204,11 @@ def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> Non
     for _ in range(8):
         n = 6000
         x, field = rng.uniform(-1, 1, n), rng.normal(size=(n, 3)) / np.sqrt(3)
-        phi = model.build_covariates(x, 0.0, 1)
-        onto = model.build_layout(1, FREE)
+        phi = temperature_model.build_covariates(x, 0.0, 1)
+        onto = temperature_model.build_layout(1, FREE)
         truth = np.concatenate([0.1 * rng.normal(size=6), 0.03 * rng.normal(size=18)])
         truth[[6, 8, 10]] += 1.0
-        bias, matrix = model.evaluate_local(truth, onto, phi)
+        bias, matrix = temperature_model.evaluate_local(truth, onto, phi)
         raw = bias + np.linalg.solve(matrix, field[:, :, None])[:, :, 0]
         raw = raw + 0.1 * rng.normal(size=raw.shape)
         found = known_field.estimate_known_field(

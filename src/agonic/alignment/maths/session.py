@@ -36,11 +36,11 @@ class Unknowns(NamedTuple):
     bias: Array
     matrix: Array
 
-    def moved(self, step: Array) -> Unknowns:
+    def add_step(self, step: Array) -> Unknowns:
         """After a step (18,): rotation vectors on the left, the others added."""
         return Unknowns(
-            turned(step[:3]) @ self.rot_mc,
-            turned(step[3:6]) @ self.rot_nr,
+            make_rotation(step[:3]) @ self.rot_mc,
+            make_rotation(step[3:6]) @ self.rot_nr,
             self.offset + step[6:9],
             self.bias + step[9:12],
             unpack_symmetric(pack_symmetric(self.matrix) + step[12:18]),
@@ -61,25 +61,25 @@ class Given(NamedTuple):
     reference_noise: Array
 
 
-def start() -> Unknowns:
+def start_unknowns() -> Unknowns:
     """Nothing turned, nothing added."""
     return Unknowns(np.eye(3), np.eye(3), np.zeros(3), np.zeros(3), np.eye(3))
 
 
-def turned(vector: Array) -> Array:
+def make_rotation(vector: Array) -> Array:
     """The rotation matrix of a rotation vector."""
     return np.asarray(Rotation.from_rotvec(vector).as_matrix())
 
 
-def expected_c(at: Unknowns, given: Given) -> Array:
+def predict_field_c(at: Unknowns, given: Given) -> Array:
     """The field (k, 3) that the star sensor would read, were it a magnetometer."""
     return np.asarray(given.rot_cn @ at.rot_nr @ (given.reference + at.offset)[:, :, None])[:, :, 0]
 
 
-def residual(at: Unknowns, given: Given) -> tuple[Array, Array]:
+def compute_residual(at: Unknowns, given: Given) -> tuple[Array, Array]:
     """Residuals (k, 3), nT, magnetometer axes, and the Jacobian (k, 3, 18) of a small step."""
     d = given.field - at.bias
-    expected = expected_c(at, given) @ at.rot_mc.T
+    expected = predict_field_c(at, given) @ at.rot_mc.T
     onto_m = at.rot_mc @ given.rot_cn
     beside = (given.reference + at.offset) @ at.rot_nr.T
     jacobian = np.empty((len(d), 3, SIZE))
@@ -92,31 +92,31 @@ def residual(at: Unknowns, given: Given) -> tuple[Array, Array]:
     return d @ at.matrix - expected, jacobian
 
 
-def spread(at: Unknowns, given: Given) -> Array:
+def compute_covariance(at: Unknowns, given: Given) -> Array:
     """Covariance (k, 3, 3) of the residuals, nT²: magnetometer, reference and attitude.
 
     An attitude that is off by the small rotation ε sees the field v off by ε × v.
     """
-    across = at.rot_mc @ skew(expected_c(at, given))
+    across = at.rot_mc @ skew(predict_field_c(at, given))
     stars = across @ given.star_covariance @ np.swapaxes(across, 1, 2)
     own = given.noise[:, None, None] ** 2 * (at.matrix @ at.matrix)
     beside = given.reference_noise[:, None, None] ** 2 * np.eye(3)
     return np.asarray(own + beside + stars)
 
 
-def whitener(covariance: Array) -> Array:
+def compute_whitener(covariance: Array) -> Array:
     """L⁻¹ (k, 3, 3) of covariances L Lᵀ: what turns residuals into independent ones of sd 1."""
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def information(at: Unknowns, given: Given) -> Array:
+def compute_information(at: Unknowns, given: Given) -> Array:
     """JᵀC⁻¹J (18, 18) of all unknowns."""
-    _, jacobian = residual(at, given)
-    white = whitener(spread(at, given)) @ jacobian
+    _, jacobian = compute_residual(at, given)
+    white = compute_whitener(compute_covariance(at, given)) @ jacobian
     return np.asarray(np.einsum("kir,kis->rs", white, white))
 
 
-def units(magnitude: float) -> Array:
+def find_unit_sizes(magnitude: float) -> Array:
     """How many nT a unit of each unknown moves the field by, (18,): rad and matrix by its size."""
     scale = np.ones(SIZE)
     for group in ("alignment", "reference", "matrix"):
