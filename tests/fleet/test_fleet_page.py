@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agonic.fleet.report.page import fleet_page
-from agonic.population import Population, Row, find_outliers
+from agonic.fleet.document import describe_population
+from agonic.population import Population, find_outliers
 from agonic.report.digits import MINUS, NO_BREAK, THIN
 from tests.population.drawn import changed, drawn, joined, refused, with_bias
 
@@ -24,6 +24,10 @@ def words(page: str) -> str:
     body = re.sub(r"<(style|script).*?</\1>", " ", page, flags=re.DOTALL)
     text = unescape(re.sub(r"<[^>]*>", " ", body))
     return re.sub(r"\s+", " ", text.replace(THIN, " ").replace(NO_BREAK, " ")).replace(MINUS, "-")
+
+
+def page_of(population: Population, **settings: Any) -> str:
+    return describe_population(population, **settings).to_html()
 
 
 def boards(n: int) -> Population:
@@ -62,7 +66,7 @@ def fleet() -> Population:
 
 @pytest.fixture(scope="module")
 def page(fleet: Population) -> str:
-    return fleet_page(fleet, title="Boards of May")
+    return page_of(fleet, title="Boards of May")
 
 
 @pytest.fixture
@@ -157,7 +161,7 @@ def test_within_sensors_the_slope_is_far_sharper() -> None:
         for row in drawn(20, seed=3)
         for k, t in enumerate((0.0, 15.0, 30.0, 45.0))
     ]
-    text = words(fleet_page(Population.of(rows), title="four times"))
+    text = words(page_of(Population.of(rows), title="four times"))
     found = re.search(r"x \+([\d.]+) ± ([\d.]+), .{5,60} per °C \(within 20 sensors", text)
     assert found
     assert float(found[2]) < 0.1
@@ -165,23 +169,16 @@ def test_within_sensors_the_slope_is_far_sharper() -> None:
 
 
 def test_few_sensors_are_said_to_be_few() -> None:
-    text = words(fleet_page(drawn(4), title="four"))
+    text = words(page_of(drawn(4), title="four"))
     assert "4 sensors (readings in nT) cannot tell what is usual" in text
     assert "sensors differ by" not in text
-    nothing = words(fleet_page(Population.of([]), title="none"))
+    nothing = words(page_of(Population.of([]), title="none"))
     assert "Sensors 0" in nothing
 
 
 def test_the_same_rows_give_the_same_bytes(page: str, fleet: Population) -> None:
     again = Population.of(reversed(list(fleet)))
-    assert fleet_page(again, title="Boards of May") == page
-
-
-def test_remarks_stand_on_the_page() -> None:
-    row = Row(sensor="a", source="a.csv", verdict="refused", status="empty")
-    page = fleet_page(Population.of([row]), title="one", remarks=["a <left> its population"])
-    assert "A <left> its population." in words(page.replace("&lt;left&gt;", "&lt;left&gt;"))
-    assert "<left>" not in page
+    assert page_of(again, title="Boards of May") == page
 
 
 # ---- in a browser --------------------------------------------------------------------------------
@@ -333,7 +330,7 @@ def test_a_hundred_thousand_stay_fluent(opened: Any) -> None:
     """
     n = 100_000
     many = boards(n)
-    page = fleet_page(many, title="many", outliers=())
+    page = page_of(many, title="many", outliers=())
     assert len(page) < 15e6
     view = opened(page, viewport={"width": 1200, "height": 800})
     session = view.context.new_cdp_session(view)

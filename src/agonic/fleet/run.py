@@ -15,12 +15,12 @@ import numpy as np
 
 from agonic.atomic import make_folder, write_atomically
 from agonic.fleet.dataset import calibrate_dataset
+from agonic.fleet.document import describe_population
 from agonic.fleet.engine import Engine, Lost
 from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find_inputs, name_sensors
 from agonic.fleet.journal import Journal, State
 from agonic.fleet.local import Processes
 from agonic.fleet.one_log import Done, calibrate_log, explain, report_unread
-from agonic.fleet.report.page import fleet_page
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.population import (
     Compared,
@@ -325,5 +325,5 @@ def _hash_file(path: str) -> str | None:
 def _write_page(compared: Compared, folder: Path) -> Path:
     """The report of the fleet."""
     title = folder.resolve().name
-    page = fleet_page(compared.population, title=title, outliers=compared.outliers)
-    return write_atomically(folder / PAGE, page)
+    page = describe_population(compared.population, title=title, outliers=compared.outliers)
+    return write_atomically(folder / PAGE, page.to_html())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,11 +15,9 @@ from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.fleet.engine import Engine
-    from agonic.fleet.run import FleetRun, Progress
+    from agonic.fleet.run import Progress
 
 FAIL_ABOVE = 0.05
-REASONS = 5
-"""How many reasons are told to people; programs are told all."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -100,6 +97,7 @@ def fleet(
     """
     from agonic.console.output import print_json, say
     from agonic.console.parse import parse_position
+    from agonic.fleet.document import describe_run
     from agonic.fleet.run import run_fleet
     from agonic.fleet.settings import FleetSettings
 
@@ -120,11 +118,14 @@ def fleet(
         run = run_fleet(
             inputs, out, settings=settings, engine=chosen, store=store, progress=progress
         )
+    made = describe_run(run)
     if as_json:
-        print_json("agonic/fleet@1", _make_record(run))
+        print_json(made.schema, made.to_record())
     else:
-        say(_make_text(run))
-    return 1 if _count_failed(run) > fail_above * len(run.population) else 0
+        say(made.to_text())
+        say(f"\nTable     {run.table}\nReport    {run.page}")
+    failed = int((~run.population.fitted).sum())
+    return 1 if failed > fail_above * len(run.population) else 0
 
 
 def _choose_engine(engine: str | None, scheduler: str | None, workers: int | None) -> Engine:
@@ -190,84 +191,3 @@ def _handle(
     for number in before:
         signal.signal(number, handler)
     return before
-
-
-def _count_failed(run: FleetRun) -> int:
-    return int((~run.population.fitted).sum())
-
-
-def _make_record(run: FleetRun) -> dict[str, Any]:
-    """What programs are told."""
-    verdicts = Counter(run.population["verdict"].tolist())
-    return {
-        "logs": run.logs,
-        "datasets": run.datasets,
-        "rows": len(run.population),
-        "verdicts": {word: verdicts[word] for word in ("good", "check", "refused")},
-        "reasons": [{"reason": reason, "rows": rows} for reason, rows in _count_reasons(run)],
-        "outliers": [
-            {"sensor": o.sensor, "source": o.source, "quantity": o.quantity, "sentence": o.sentence}
-            for o in run.outliers
-        ],
-        "duplicates": [
-            {"sources": d.sources, "sensors": d.sensors, "sentence": d.sentence}
-            for d in run.duplicates
-        ],
-        "calibrated": run.calibrated,
-        "resumed": run.resumed,
-        "repeated": run.repeated,
-        "skipped": run.skipped,
-        "seconds": run.seconds,
-        "logs_per_second": run.calibrated / run.seconds if run.seconds else 0.0,
-        "rows_per_second": run.rate,
-        "table": str(run.table),
-        "page": str(run.page),
-    }
-
-
-def _count_reasons(run: FleetRun) -> list[tuple[str, int]]:
-    """Why rows are not good, the most frequent first: the gravest finding, or what was said."""
-    columns = (run.population[name].tolist() for name in ("verdict", "findings", "status"))
-    counts = Counter(
-        findings[0] if findings else status
-        for verdict, findings, status in zip(*columns, strict=True)
-        if verdict != "good"
-    )
-    return sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
-
-
-def _make_text(run: FleetRun) -> str:
-    """What people are told."""
-    from agonic.report.digits import counted
-
-    told = _make_record(run)
-    words = ", ".join(f"{count} {word}" for word, count in told["verdicts"].items())
-    read = [counted(run.logs, "log")] if run.logs or not run.datasets else []
-    read += [counted(run.datasets, "dataset")] if run.datasets else []
-    lines = [f"{' and '.join(read)}, {counted(len(run.population), 'calibration')}: {words}"]
-    parts = {
-        "calibrated": f"{run.made} made in {run.seconds:.1f} s ({run.rate:.3g} a second)",
-        "resumed": f"{run.resumed} were finished before",
-        "repeated": f"{run.repeated} have the content of another",
-        "skipped": f"{run.skipped} other files were left aside",
-    }
-    lines.append("; ".join(text for name, text in parts.items() if told[name]))
-    reasons = _count_reasons(run)
-    if reasons:
-        lines += ["", "Not good, because of"]
-        lines += [f"{rows:>8}  {_shorten(reason)}" for reason, rows in reasons[:REASONS]]
-        others = sum(rows for _, rows in reasons[REASONS:])
-        lines += [f"{others:>8}  other reasons"] if others else []
-    sensors = {outlier.sensor for outlier in run.outliers}
-    if sensors or run.duplicates:
-        lines.append("")
-    if sensors:
-        names = _shorten(", ".join(sorted(sensors)))
-        lines.append(f"{counted(len(sensors), 'sensor')} unlike the others: {names}")
-    if run.duplicates:
-        lines.append(f"{counted(len(run.duplicates), 'log')} more than once")
-    return "\n".join([*lines, "", f"Table     {run.table}", f"Report    {run.page}"])
-
-
-def _shorten(text: str, most: int = 88) -> str:
-    return text if len(text) <= most else text[: most - 1].rstrip() + "…"

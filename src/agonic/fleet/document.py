@@ -1,85 +1,181 @@
-"""`fleet_page`: the calibrations of many sensors as one HTML file, to look at and to search."""
+"""What is said and shown of the calibrations of many sensors: a page, and the end of a run."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Index, Mask
-from agonic.fleet.report import figures, words
-from agonic.fleet.report.data import count_days, embed_rows, get_numbers, has_values
-from agonic.fleet.report.related import draw_relation, find_relation
-from agonic.population import Outlier, Population, find_duplicates
-from agonic.population import find_outliers as standing_out
+from agonic.fleet import figures
+from agonic.fleet import summary_tables as tables
+from agonic.fleet.embedded_rows import count_days, embed_rows, get_numbers, has_values
+from agonic.fleet.relations import draw_relation, find_relation
+from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.peers import Peers, find_peers
-from agonic.report.blocks import header, part
 from agonic.report.digits import counted
-from agonic.report.documents import document, static
+from agonic.report.document import Document, Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
-from agonic.report.verdict import sentence
 
-KICKER = "Calibrations of many magnetometers"
-_SCRIPTS = ("fleet_rows.js", "fleet_table.js", "fleet_figures.js", "fleet.js")
+if TYPE_CHECKING:
+    from agonic.fleet.run import FleetRun
+
 MOST_GROUPS = 4
+REASONS = 5
+"""How many reasons are told to people; programs are told all."""
 _SHOWN = ("bias", "axes")  # quantities that a figure of biases shows
 _LEAST_RANGE_C = 3.0
 _LEAST_DAYS = 2.0
 _YEAR = 365.25
 
 
-def fleet_page(
-    population: Population,
-    *,
-    title: str,
-    outliers: Sequence[Outlier] | None = None,
-    remarks: Sequence[str] = (),
-) -> str:
-    """The calibrations of many sensors as one self-contained HTML page.
+def describe_population(
+    population: Population, *, title: str, outliers: Sequence[Outlier] | None = None
+) -> Document:
+    """The calibrations of many sensors as a page to look at and to search.
 
     Parameters
     ----------
     population : the rows; their reports and calibration files are linked where they are named.
     title : what the page is about.
-    outliers : sensors that stand out, from `outliers`; by default they are looked for.
-    remarks : more sentences to show, such as what the history of the sensors says.
+    outliers : sensors that stand out, from `find_outliers`; by default they are looked for.
 
-    Returns the page: no network, dark and light, the same bytes for the same rows.
+    Its page is dark and light, and has the same bytes for the same rows.
 
     >>> from agonic.population import Row
     >>> row = Row(sensor="<a>", source="a.csv", verdict="refused", status="the file is empty")
-    >>> page = fleet_page(Population.of([row]), title="Boards of May")
+    >>> page = describe_population(Population.of([row]), title="Boards of May").to_html()
     >>> "&lt;a&gt;" in page or "<a>" in page, "The file is empty." in page
     (False, True)
     """
-    found = standing_out(population) if outliers is None else outliers
+    found = find_outliers(population) if outliers is None else outliers
     groups, same = find_peers(population), find_duplicates(population)
-    notes = words.collect_notes(found)
+    notes = tables.collect_notes(found)
     noted = _mark_rows(len(population), found)
     belongs = _assign_groups(population, groups)
-    body = markup(
-        header(
-            KICKER, title, words.make_headline(population, found, same), _draw_verdicts(population)
-        ),
-        element(
-            "main",
-            *_list_remarks(remarks),
-            part("What stands out", words.list_outliers(population, found, groups)),
-            part("Refused, and to be checked", words.list_reasons(population)),
-            *(
-                _draw_group(population, g, k, belongs, noted == 2)
-                for k, g in enumerate(groups[:MOST_GROUPS])
-            ),
-            *_list_others(groups[MOST_GROUPS:]),
-            *([part("Duplicates", words.list_duplicates(population, same))] if same else []),
-            part("All calibrations", _place_table(population)),
-        ),
-        embed_rows(population, belongs, notes, noted),
+    verdicts = tables.count_verdicts(population)
+    shares = markup(figures.draw_verdicts(verdicts), tables.describe_verdicts(verdicts))
+    drawn = enumerate(groups[:MOST_GROUPS])
+    rows = embed_rows(population, belongs, notes, noted)
+    return Document(
+        kind="Calibrations of many magnetometers",
+        name=title,
+        key_figures=tables.list_key_figures(population, found, same),
+        sections=[
+            Section("", [shares]),
+            Section("What stands out", [tables.list_outliers(population, found, groups)]),
+            Section("Refused, and to be checked", [tables.list_reasons(population)]),
+            *(_draw_group(population, g, k, belongs, noted == 2) for k, g in drawn),
+            Section("", [_list_others(groups[MOST_GROUPS:])]),
+            *([Section("Duplicates", [tables.list_duplicates(same)])] if same else []),
+            Section("All calibrations", [_place_table(population), rows]),
+        ],
+        styles=["fleet.css"],
+        scripts=["fleet_rows.js", "fleet_table.js", "fleet_figures.js", "fleet.js"],
     )
-    style = static("report.css") + static("fleet.css")
-    return document(f"{KICKER}: {title}", body, style=style, script="".join(map(static, _SCRIPTS)))
+
+
+def describe_run(run: FleetRun) -> Document:
+    """What a run over a fleet came to, for people and for programs."""
+    verdicts = tables.count_verdicts(run.population)
+    reasons = count_reasons(run.population)
+    words = ", ".join(f"{count} {word}" for word, count in verdicts.items())
+    read = [counted(run.logs, "log")] if run.logs or not run.datasets else []
+    read += [counted(run.datasets, "dataset")] if run.datasets else []
+    return Document(
+        schema="agonic/fleet@1",
+        name="fleet",
+        status=f"{' and '.join(read)}, {counted(len(run.population), 'calibration')}: {words}",
+        sections=[
+            Section("", [_describe_work(run)], printed=True),
+            *_list_reasons(reasons),
+            *_list_unusual(run),
+        ],
+        values={
+            "logs": run.logs,
+            "datasets": run.datasets,
+            "rows": len(run.population),
+            "verdicts": verdicts,
+            "reasons": [{"reason": reason, "rows": rows} for reason, rows in reasons],
+            "outliers": [
+                {
+                    "sensor": one.sensor,
+                    "source": one.source,
+                    "quantity": one.quantity,
+                    "sentence": one.sentence,
+                }
+                for one in run.outliers
+            ],
+            "duplicates": [
+                {"sources": one.sources, "sensors": one.sensors, "sentence": one.sentence}
+                for one in run.duplicates
+            ],
+            "calibrated": run.calibrated,
+            "resumed": run.resumed,
+            "repeated": run.repeated,
+            "skipped": run.skipped,
+            "seconds": run.seconds,
+            "logs_per_second": run.calibrated / run.seconds if run.seconds else 0.0,
+            "rows_per_second": run.rate,
+            "table": str(run.table),
+            "page": str(run.page),
+        },
+    )
+
+
+# ---- the end of a run ----------------------------------------------------------------------------
+
+
+def count_reasons(population: Population) -> list[tuple[str, int]]:
+    """Why rows are not good, the most frequent first: the gravest finding, or what was said."""
+    columns = (population[name].tolist() for name in ("verdict", "findings", "status"))
+    counts = Counter(
+        findings[0] if findings else status
+        for verdict, findings, status in zip(*columns, strict=True)
+        if verdict != "good"
+    )
+    return sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))
+
+
+def _describe_work(run: FleetRun) -> str:
+    parts = (
+        (run.calibrated, f"{run.made} made in {run.seconds:.1f} s ({run.rate:.3g} a second)"),
+        (run.resumed, f"{run.resumed} were finished before"),
+        (run.repeated, f"{run.repeated} have the content of another"),
+        (run.skipped, f"{run.skipped} other files were left aside"),
+    )
+    return "; ".join(text for count, text in parts if count)
+
+
+def _list_reasons(reasons: Sequence[tuple[str, int]]) -> list[Section]:
+    if not reasons:
+        return []
+    lines = [f"{rows:>6}  {_shorten(reason)}" for reason, rows in reasons[:REASONS]]
+    others = sum(rows for _, rows in reasons[REASONS:])
+    lines += [f"{others:>6}  other reasons"] if others else []
+    return [Section("Not good, because of", lines, printed=True)]
+
+
+def _list_unusual(run: FleetRun) -> list[Section]:
+    sensors = sorted({outlier.sensor for outlier in run.outliers})
+    lines = []
+    if sensors:
+        names = _shorten(", ".join(sensors))
+        lines.append(f"{counted(len(sensors), 'sensor')} unlike the others: {names}")
+    if run.duplicates:
+        lines.append(f"{counted(len(run.duplicates), 'log')} more than once")
+    return [Section("", lines, printed=True)] if lines else []
+
+
+def _shorten(text: str, most: int = 88) -> str:
+    return text if len(text) <= most else text[: most - 1].rstrip() + "…"
+
+
+# ---- the page ------------------------------------------------------------------------------------
 
 
 def _mark_rows(rows: int, found: Sequence[Outlier]) -> NDArray[np.uint8]:
@@ -88,17 +184,6 @@ def _mark_rows(rows: int, found: Sequence[Outlier]) -> NDArray[np.uint8]:
     for one in found:
         noted[one.row] = max(int(noted[one.row]), 2 if one.quantity in _SHOWN else 1)
     return noted
-
-
-def _draw_verdicts(population: Population) -> Markup:
-    number = words.count_verdicts(population)
-    return markup(figures.draw_verdicts(number), words.describe_verdicts(number))
-
-
-def _list_remarks(remarks: Sequence[str]) -> list[Markup]:
-    if not remarks:
-        return []
-    return [part("Of their history", element("ul", *(element("li", sentence(r)) for r in remarks)))]
 
 
 def _assign_groups(population: Population, groups: Sequence[Peers]) -> NDArray[np.int8]:
@@ -117,11 +202,11 @@ def _assign_groups(population: Population, groups: Sequence[Peers]) -> NDArray[n
     return belongs
 
 
-def _list_others(groups: Sequence[Peers]) -> list[Markup]:
+def _list_others(groups: Sequence[Peers]) -> Markup:
     if not groups:
-        return []
+        return Markup("")
     said = "; ".join(f"{group.name}: {counted(len(group), 'sensor')}" for group in groups)
-    return [element("p", f"Not drawn, for they are few: {said}.", class_="aside")]
+    return element("p", f"Not drawn, for they are few: {said}.", class_="aside")
 
 
 # ---- one group of sensors ------------------------------------------------------------------------
@@ -133,10 +218,10 @@ def _draw_group(
     k: int,
     belongs: NDArray[np.int8],
     noted: Mask,
-) -> Markup:
+) -> Section:
     rows = np.flatnonzero(belongs == k)
     if not len(rows):
-        return Markup("")
+        return Section("", [])
     parts = [
         element("h3", "Distributions"),
         element("p", _USUAL if group.enough else "", class_="aside"),
@@ -146,7 +231,7 @@ def _draw_group(
         *_draw_time(population, group, rows, noted),
     ]
     name = f"{counted(len(group), 'sensor')}: {group.name}"
-    return part(name, *parts)
+    return Section(name, parts)
 
 
 _USUAL = (

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from agonic.fleet.report.data import VERDICTS, make_link
+from agonic.fleet.embedded_rows import VERDICTS, make_link
 from agonic.population import Duplicate, Outlier, Population
 from agonic.population.peers import LEAST, Peers
-from agonic.report.blocks import key_figures
 from agonic.report.digits import counted, grouped, minused, percent
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.tables import mark
@@ -30,32 +29,27 @@ def count_verdicts(population: Population) -> dict[str, int]:
     return {name: int((population["verdict"] == name).sum()) for name in VERDICTS}
 
 
-def make_headline(
+def list_key_figures(
     population: Population, found: Sequence[Outlier], same: Sequence[Duplicate]
-) -> Markup:
+) -> list[tuple[str, str, str]]:
     """Sensors, logs, verdicts and what stands out, the numbers to look at first."""
     number, n = count_verdicts(population), max(len(population), 1)
+    sensors, logs = (len(set(population[name].tolist())) for name in ("sensor", "source"))
     standing = len({one.sensor for one in found})
-    return key_figures(
-        [
-            ("Sensors", grouped(len(set(population["sensor"].tolist()))), "by their names"),
+    return [
+        ("Sensors", grouped(sensors), "by their names"),
+        ("Logs", grouped(logs), counted(len(population), "calibration")),
+        *(
             (
-                "Logs",
-                grouped(len(set(population["source"].tolist()))),
-                counted(len(population), "calibration"),
-            ),
-            *(
-                (
-                    MEANINGS[name][0],
-                    grouped(number[name]),
-                    f"{percent(number[name] / n)}, {MEANINGS[name][1]}",
-                )
-                for name in VERDICTS
-            ),
-            ("Stand out", grouped(standing), "sensors unlike the others"),
-            ("Duplicates", grouped(len(same)), "logs that are there more than once"),
-        ]
-    )
+                MEANINGS[name][0],
+                grouped(number[name]),
+                f"{percent(number[name] / n)}, {MEANINGS[name][1]}",
+            )
+            for name in VERDICTS
+        ),
+        ("Stand out", grouped(standing), "sensors unlike the others"),
+        ("Duplicates", grouped(len(same)), "logs that are there more than once"),
+    ]
 
 
 # ---- sensors that stand out ----------------------------------------------------------------------
@@ -170,7 +164,7 @@ def describe_verdicts(number: Mapping[str, int]) -> Markup:
     return element("p", *parts, class_="legend verdicts")
 
 
-def list_duplicates(population: Population, same: Sequence[Duplicate]) -> Markup:
+def list_duplicates(same: Sequence[Duplicate]) -> Markup:
     """The logs that are there more than once."""
     shown = [element("li", f"{one.sentence}.") for one in same[:MOST_DUPLICATES]]
     left = len(same) - len(shown)
