@@ -19,7 +19,6 @@ from agonic.logs.large.mission import Mission, open_mission
 from agonic.maths.equation import likelihood
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import batch_means, leastsq
-from agonic.recording import out_of_core
 
 F = 50_000.0
 REFERENCE = ag.Reference.constant(F)
@@ -251,7 +250,7 @@ def test_a_magnitude_for_each_row_is_refused(write) -> None:
 
 
 def test_commands_read_a_long_table_piece_by_piece(write, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(out_of_core, "IN_MEMORY", 10_000)
+    monkeypatch.setattr("agonic.logs.large.mission.IN_MEMORY", 10_000)
     monkeypatch.setattr(large_scan, "MOST", 5000)
     log = str(write(readings(30_000, 21)).files[0])
     folder = tmp_path / "out"

@@ -12,7 +12,6 @@ from agonic.cli import run
 from agonic.exports.targets import TARGETS
 
 ROOT = Path(__file__).parents[2]
-WRITER = re.compile(r"^def (write_\w+)\(\s*calibration: Calibration,\s*path", re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", TARGETS)

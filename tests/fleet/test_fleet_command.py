@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from agonic.cli import run
-from agonic.fleet import one_log
 from agonic.fleet import run as fleet_run
 from agonic.fleet.journal import Journal
 from agonic.population import History, read_population
@@ -182,7 +181,7 @@ def test_a_long_table_is_read_piece_by_piece(capsys, monkeypatch) -> None:
     raw += draw.normal(size=raw.shape) * 100
     columns = {f"mag_{axis}_nT": raw[:, i] for i, axis in enumerate("xyz")}
     parquet.write_table(pa.table({"time_s": np.arange(20_000) * 0.02, **columns}), "long.parquet")
-    monkeypatch.setattr(one_log, "IN_MEMORY", 10_000)
+    monkeypatch.setattr("agonic.logs.large.mission.IN_MEMORY", 10_000)
     _, said = answer(capsys, "long.parquet", "--field", "50000")
     (row,) = read_population(said["table"])
     assert row.rows == 20_000

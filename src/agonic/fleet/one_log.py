@@ -27,9 +27,6 @@ from agonic.recording.report.folder import file_stem, write_folder
 from agonic.samples import Samples
 from agonic.version import __version__
 
-IN_MEMORY = 5_000_000
-"""Rows of a Parquet table from which it is read piece by piece, as `agonic calibrate` does."""
-
 
 @dataclass(frozen=True, slots=True)
 class Done:
@@ -80,7 +77,7 @@ def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
 
 def _is_long(path: str) -> bool:
     try:
-        return is_long([Path(path)], IN_MEMORY)
+        return is_long([Path(path)])
     except Exception:  # opening it tells what is wrong with it
         return False
 

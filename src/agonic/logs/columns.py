@@ -90,6 +90,13 @@ MOST_COLUMNS = 4096
 """A table of more columns is not a log."""
 
 
+def refuse_many(count: int, what: str = "") -> None:
+    """Raise `LogError` for a table of more than `MOST_COLUMNS`, or so many arrays or variables."""
+    if count > MOST_COLUMNS:
+        many = f"it holds more than {MOST_COLUMNS} {what}: this is no log"
+        raise LogError(many if what else f"{count} columns: more than {MOST_COLUMNS} are no log")
+
+
 @lru_cache(maxsize=MOST_COLUMNS)
 def identify_column(header: str) -> Column | None:
     """What a header says, or `None` where it is not one of the names above.
@@ -144,8 +151,7 @@ def find_columns(headers: Sequence[str]) -> dict[int, str]:
     >>> find_columns(["no", "mag_x", "mag_y"])
     {1: 'mag_x', 2: 'mag_y'}
     """
-    if len(headers) > MOST_COLUMNS:
-        raise LogError(f"{len(headers)} columns: more than {MOST_COLUMNS} are no log")
+    refuse_many(len(headers))
     found = {i: header for i, header in enumerate(headers) if identify_column(header) is not None}
     for header, times in Counter(found.values()).items():
         if times > 1:

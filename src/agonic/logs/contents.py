@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from agonic.errors import LogError
@@ -27,3 +28,15 @@ def read_text(path: Path | str, needed: str = "a text table") -> str:
     except UnicodeDecodeError:
         raise LogError(f"this is not text; {needed} is needed", path=path) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def to_number(text: str | bytes) -> float:
+    """A text as a number, NaN where it is none.
+
+    >>> to_number("12.5"), to_number("n/a")
+    (12.5, nan)
+    """
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

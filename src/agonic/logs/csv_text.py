@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.columns import MOST_COLUMNS, find_columns, identify_column
+from agonic.logs.columns import find_columns, identify_column, refuse_many
+from agonic.logs.contents import to_number
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
 from agonic.provenance import Input
@@ -108,8 +109,7 @@ def _find_layout(lines: Sequence[str], sample: Sequence[int]) -> _Layout:
     separator = _find_separator([lines[i] for i in sample])
     counts = [_count_cells(lines[i], separator) for i in sample]
     width = Counter(counts).most_common(1)[0][0]
-    if width > MOST_COLUMNS:
-        raise LogError(f"{width} columns: more than {MOST_COLUMNS} are no log")
+    refuse_many(width)
     widths = (width,) if separator is None else (width, width - 1)  # rows may end in a separator
     at = next(k for k, count in enumerate(counts) if count in widths)
     notes = (f"{at} lines before the table skipped",) * (at > 0)
@@ -157,15 +157,8 @@ def _count_cells(line: str, separator: str | None) -> int:
 
 def _is_header(cells: Sequence[str]) -> bool:
     """Whether most of the cells that are not empty are words."""
-    words = [math.isnan(_to_number(cell)) and cell.lower() != "nan" for cell in cells if cell]
+    words = [math.isnan(to_number(cell)) and cell.lower() != "nan" for cell in cells if cell]
     return 2 * sum(words) > len(words)
-
-
-def _to_number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan
 
 
 def _make_table(
@@ -212,7 +205,7 @@ def _read_numbers(rows: Sequence[str], separator: str | None, columns: Sequence[
 
 def _read_one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
     cells = (_split_cells(row, separator) for row in rows)
-    values = (_to_number(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
+    values = (to_number(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
     return np.fromiter(values, np.float64).reshape(len(rows), len(columns))
 
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.provenance import Input
-from agonic.samples import Samples
+from agonic.samples import Logged, Samples
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,14 +24,32 @@ class Stream:
     rate_Hz: float | None = None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """What an autopilot's sensor measured, as far as its log tells, and what was done to it.
+
+    `field` (n, 3) in `unit` and the axes of `frame`, free of the correction that `logged` holds;
+    `corrected` says that a correction is still in it, which the log does not tell. `rotation_bm`
+    turns components in that frame into body axes; `None` where it is not known.
+    """
+
+    field: Array
+    unit: str = "nT"
+    frame: str = "b"
+    rotation_bm: Rotation | None = None
+    logged: Logged | None = None
+    device_id: int | None = None
+    corrected: bool = False
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Log:
     """A file that was read: a `Samples` for each magnetometer, and what else is there.
 
-    `format` names the kind of file ("ArduPilot dataflash"); `stack` is where
-    exports go ("ardupilot",
-    "px4" or ""); `notes` are sentences on oddities of the file itself (truncated, gaps in the
-    clock, times that were restored).
+    `format` names the kind of file ("ArduPilot dataflash"); `stack` is where exports go
+    ("ardupilot", "px4" or ""); `notes` are sentences on oddities of the file itself (truncated,
+    gaps in the clock, times that were restored).
     """
 
     path: Path

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.errors import LogError, MissingExtraError
+from agonic.errors import MissingExtraError
 from agonic.logs import broad
-from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.columns import MOST_COLUMNS, refuse_many
 from agonic.logs.log import Log
 from agonic.logs.stacked import build_table
 from agonic.logs.table import build_log
@@ -49,7 +49,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 def _version_5(path: Path) -> dict[str, NDArray[Any]]:
     from scipy.io import loadmat
 
-    _refuse_many(_count_version_5(path))
+    refuse_many(_count_version_5(path), "variables")
     return _flat(loadmat(path, simplify_cells=True))
 
 
@@ -76,7 +76,7 @@ def _version_7_3(path: Path) -> dict[str, NDArray[Any]]:
 
 def _contents(group: Any, depth: int = 0) -> dict[str, Any]:
     """The numeric data sets of an HDF5 group; MATLAB stores them with their axes reversed."""
-    _refuse_many(len(group))
+    refuse_many(len(group), "variables")
     contents: dict[str, Any] = {}
     for name, item in group.items():
         if hasattr(item, "items"):
@@ -84,11 +84,6 @@ def _contents(group: Any, depth: int = 0) -> dict[str, Any]:
         elif item.dtype.kind in "fiu" and item.attrs.get("MATLAB_class") != b"char":
             contents[name] = item[()].T
     return contents
-
-
-def _refuse_many(count: int) -> None:
-    if count > MOST_COLUMNS:
-        raise LogError(f"it holds more than {MOST_COLUMNS} variables: this is no log")
 
 
 def _flat(contents: Mapping[str, Any], depth: int = 0) -> dict[str, NDArray[Any]]:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agonic.errors import LogError
-from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.columns import refuse_many
 from agonic.logs.log import Log
 from agonic.logs.stacked import build_table
 from agonic.logs.table import build_log
@@ -18,8 +17,7 @@ _END_BYTES = 22
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that an archive is; `unit` is that of the field where no array names one."""
-    if _count(path) > MOST_COLUMNS:
-        raise LogError(f"it holds more than {MOST_COLUMNS} arrays: this is no log")
+    refuse_many(_count(path), "arrays")
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
     table, others = build_table(arrays)

@@ -21,7 +21,7 @@ from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples
 from agonic.units import RAW, find_unit, nanotesla_per
 
-COMPANIONS = tuple(name for name in COLUMNS if name not in ("time", "field"))
+AUXILIARY = tuple(name for name in COLUMNS if name not in ("time", "field"))
 YAW = "a heading called yaw was taken for the estimate of a filter, which follows its magnetometer"
 
 _CLOCK_SHARE = 0.9
@@ -117,7 +117,7 @@ def _read_sensor(part: _Part, name: str, number: str) -> Samples:
     columns: dict[str, Any] = {}
     estimated = False
     notes = [*part.remarks, *unit_notes, *time_notes]
-    for column in COMPANIONS:
+    for column in AUXILIARY:
         if group := _pick(part.found.get(column, {}), number):
             columns[column], remarks = convert_column(group, part.values(group), time, readings)
             notes.extend(remarks)

@@ -10,9 +10,6 @@ if TYPE_CHECKING:
     from agonic.logs.log import Log
     from agonic.recording.calibrated import Calibrated
 
-IN_MEMORY = 5_000_000
-"""Rows of a Parquet table from which it is read piece by piece."""
-
 
 def missions(
     log: Path, sensor: str | None, unit: str | None, unfit: dict[str, object]
@@ -27,7 +24,7 @@ def missions(
     from agonic.errors import AgonicError
     from agonic.logs.large.mission import is_long, open_mission
 
-    if not is_long([log], IN_MEMORY):
+    if not is_long([log]):
         return ()
     mission = open_mission([log], sensor=sensor, unit=unit)
     names = mission.sensors()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-IN_MEMORY = 2_000_000
+MOST_ROWS = 2_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
 
 
@@ -109,7 +109,7 @@ def inflight(
         "gain_sd": gain_sd,
         "robust": robust,
     }
-    if is_long(logs, IN_MEMORY):
+    if is_long(logs, MOST_ROWS):
         given = {"--at": at, "--between": between, "--within": within}
         given["--attitude"] = None if attitude == "none" else attitude
         unfit = [name for name, value in given.items() if value is not None]

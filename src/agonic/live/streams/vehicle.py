@@ -186,7 +186,7 @@ class Vehicle:
             Table(np.arange(len(field)), columns), self.parameters.table, slot
         )
         time_s = self._clock.times(own, now, kind)
-        return [Chunk(kind, time_s, found.raw, "nT", "b", found.device_id)]
+        return [Chunk(kind, time_s, found.field, "nT", "b", found.device_id)]
 
     # ---- writing -----------------------------------------------------------------------------
 

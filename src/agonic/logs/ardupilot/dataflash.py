@@ -117,24 +117,24 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
     boot = mag.time_s
     wrong = np.zeros(len(mag), dtype=bool) if boot is None else find_misplaced(boot)
     mag = mag.select(~wrong)
-    recovered = remove_correction(mag, _parameters(tables), slot)
+    found = remove_correction(mag, _parameters(tables), slot)
     columns = resample_columns(mag, tables)
-    notes = [*recovered.notes]
+    notes = [*found.notes]
     if columns["heading_deg"] is not None:
         notes.append(ESTIMATED_ATTITUDE)
     if boot is None:
         notes.append("the messages carry no time: columns meet by place in the file")
     gps = tables.get("GPS")
     return Samples(
-        field=recovered.raw,
+        field=found.field,
         time=mag.time_s,
         epoch=None if gps is None else _utc_of_boot(gps),
         **columns,
         name=name,
         frame="b",
-        device_id=recovered.device_id,
+        device_id=found.device_id,
         heading_estimated=columns["heading_deg"] is not None,
-        logged=recovered.logged,
+        logged=found.logged,
         notes=tuple(notes),
         source=replace(source, count=len(mag)),
         rejected={"time out of sequence": int(wrong.sum())} if wrong.any() else {},

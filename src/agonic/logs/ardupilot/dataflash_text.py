@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.logs.ardupilot.dataflash_binary import INTEGERS, TEXTS, Content, Table, describe_stream
+from agonic.logs.contents import to_number
 
 Lines = list[tuple[int, list[str]]]
 
@@ -53,11 +54,4 @@ def _numbers(column: list[str]) -> list[float]:
     try:
         return [float(value) for value in column]
     except ValueError:
-        return [_number(value) for value in column]
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
+        return [to_number(value) for value in column]

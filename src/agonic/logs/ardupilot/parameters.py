@@ -9,13 +9,12 @@ ArduPilot, libraries/AP_Compass/AP_Compass_Backend.cpp (correct_field) and LogSt
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.ardupilot.dataflash_binary import Index, Table
+from agonic.logs.log import Readings
 from agonic.maths.equation.affine import correct
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.samples import Logged
@@ -29,17 +28,7 @@ LARGEST_ENTRY, SMALLEST_DETERMINANT = 100.0, 1e-3
 AXES = "XYZ"
 
 
-@dataclass(frozen=True, eq=False)
-class Recovered:
-    """Readings (n, 3) before any correction, nT; the correction that was on them; and remarks."""
-
-    raw: Array
-    logged: Logged
-    device_id: int | None
-    notes: tuple[str, ...]
-
-
-def remove_correction(mag: Table, parameters: Table, slot: str) -> Recovered:
+def remove_correction(mag: Table, parameters: Table, slot: str) -> Readings:
     """Take the correction out of the readings of one compass.
 
     `mag` has its messages, `parameters` the PARM messages, and `slot` is the number in the
@@ -64,7 +53,12 @@ def remove_correction(mag: Table, parameters: Table, slot: str) -> Recovered:
     changed = len(matrices) > 1 or bool((offset != offset[0]).any())
     notes = _notes(mag, parameters, slot, motor, changed)
     device = int(look_up(parameters, f"COMPASS_DEV_ID{slot}", mag.position[-1:])[0])
-    return Recovered((uncorrected[:, 0] - offset) * per_mG, logged, device or None, notes)
+    return Readings(
+        field=(uncorrected[:, 0] - offset) * per_mG,
+        logged=logged,
+        device_id=device or None,
+        notes=notes,
+    )
 
 
 def find_soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, Array]:

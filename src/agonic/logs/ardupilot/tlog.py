@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,10 +23,10 @@ from agonic.logs.ardupilot.dataflash_binary import Table, load
 from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, find_packets, load_definitions
 from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, make_tables
 from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
-from agonic.logs.log import Log, Stream
+from agonic.logs.log import Log, Readings, Stream
 from agonic.logs.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
 from agonic.provenance import Input
-from agonic.samples import Logged, Samples
+from agonic.samples import Samples
 from agonic.units import RAW
 
 Heard = Mapping[str, Messages]
@@ -205,33 +204,19 @@ def _samples(
     )
 
 
-class _Readings(NamedTuple):
-    """What the sensor measured as far as that is known, and what was done to it."""
-
-    field: Array
-    unit: str
-    logged: Logged | None = None
-    device_id: int | None = None
-    corrected: bool = False
-    notes: tuple[str, ...] = ()
-
-
-def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -> _Readings:
+def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -> Readings:
     """The readings of one sensor, the autopilot's correction taken out where the log tells it."""
     if autopilot != ARDUPILOT:
         corrected = autopilot == PX4 and name == "HIGHRES_IMU"
         unit = RAW if name == "RAW_IMU" else "mG"  # the standard gives this one no unit
         notes = (_CORRECTED_PX4,) if corrected else ()
-        return _Readings(_field(mag), unit, corrected=corrected, notes=notes)
+        return Readings(field=_field(mag), unit=unit, corrected=corrected, notes=notes)
     slot = SLOTS[name]
     if parameters is None or not _loaded(parameters, slot):
-        return _Readings(_field(mag), "mG", corrected=True, notes=(_CORRECTED_ARDUPILOT,))
-    recovered = remove_correction(mag, parameters, slot)
+        return Readings(field=_field(mag), unit="mG", corrected=True, notes=(_CORRECTED_ARDUPILOT,))
+    found = remove_correction(mag, parameters, slot)
     motors = look_up(parameters, "COMPASS_MOTCT", mag.position).any()
-    notes = (*recovered.notes, *((_MOTORS_LEFT,) if motors else ()))
-    return _Readings(
-        recovered.raw, "nT", recovered.logged, recovered.device_id, corrected=False, notes=notes
-    )
+    return replace(found, notes=(*found.notes, _MOTORS_LEFT)) if motors else found
 
 
 def _loaded(parameters: Table, slot: str) -> bool:

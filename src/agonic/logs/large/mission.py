@@ -17,16 +17,18 @@ from agonic.logs.formats import PARQUET
 from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, find_layout, keep_usable, sweep
 from agonic.logs.read import open_log
-from agonic.logs.table import build_log
+from agonic.logs.table import AUXILIARY, build_log
 from agonic.provenance import Input, hash_file
-from agonic.samples import COLUMNS, Samples
+from agonic.samples import Samples
 
 ROWS = 262_144
 """Rows in a piece: some tens of megabytes with all that is computed from them."""
 
+IN_MEMORY = 5_000_000
+"""Rows of one recording that are read at once; longer ones are read piece by piece."""
+
 _HEAD = 16_384
 """Rows that tell what the columns are."""
-_COMPANIONS = tuple(name for name in COLUMNS if name not in ("time", "field"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +72,7 @@ class Mission:
         return self._head(self.files[0], self.inputs[0])
 
     def _head(self, path: Path, source: Input) -> Samples:
-        return next(replace(self, piece=_HEAD)._of_file(path, source, _COMPANIONS))
+        return next(replace(self, piece=_HEAD)._of_file(path, source, AUXILIARY))
 
     def sensors(self) -> tuple[str, ...]:
         """The magnetometers that have columns of their own; none where a column names them."""
@@ -119,7 +121,7 @@ class Mission:
             yield from sweep(path, replace(of, begun=of.begun + shift), self.strip, timed=timed)
             return
         last = -np.inf
-        for samples in self._of_file(path, source, _COMPANIONS):
+        for samples in self._of_file(path, source, AUXILIARY):
             time = None if samples.time is None or not timed else samples.time + shift
             x, y, z = samples.field.T
             strip = keep_usable(Strip((x, y, z), 1.0, time, samples.rejected), last)
@@ -202,12 +204,13 @@ def _out_of_order(path: Path) -> LogError:
     )
 
 
-def is_long(paths: Sequence[Path], rows: int) -> bool:
-    """Whether files are several, or a Parquet table of more than so many rows."""
+def is_long(paths: Sequence[Path], rows: int | None = None) -> bool:
+    """Whether files are several, or a Parquet table of more rows than these, or `IN_MEMORY`."""
+    most = IN_MEMORY if rows is None else rows
     if len(paths) != 1:
         return True
     path = paths[0]
-    return path.is_file() and _is_parquet(path) and parquet.count_rows(path) > rows
+    return path.is_file() and _is_parquet(path) and parquet.count_rows(path) > most
 
 
 def _rows(path: Path) -> int:

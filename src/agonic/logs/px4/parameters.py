@@ -10,13 +10,13 @@ src/lib/sensor_calibration/Magnetometer.hpp (Correct) and Magnetometer.cpp (Para
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.logs.log import Readings
 from agonic.maths.equation.affine import correct
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.samples import Logged
@@ -29,22 +29,6 @@ PRIMARY = "CAL_MAG_PRIME"
 AXES = "XYZ"
 
 
-@dataclass(frozen=True, eq=False)
-class Recovered:
-    """Readings (n, 3) in `frame`, nT, free of the correction that `logged` holds; and remarks.
-
-    `rotation_bm` turns components in that frame into body axes; `None` where it is not known.
-    `corrected` says that a correction is still in them, which the log does not tell.
-    """
-
-    raw: Array
-    frame: str
-    rotation_bm: Rotation | None
-    logged: Logged | None
-    notes: tuple[str, ...]
-    corrected: bool = False
-
-
 def remove_correction(
     field: Array,
     parameters: Parameters,
@@ -52,7 +36,7 @@ def remove_correction(
     in_body: bool,
     device_id: int | None,
     external: bool,
-) -> Recovered:
+) -> Readings:
     """Take out of the readings (n, 3) of one sensor, nT, what the vehicle had done to them.
 
     `in_body` tells a corrected topic, in body axes, from `sensor_mag`; `device_id` names the
@@ -64,7 +48,9 @@ def remove_correction(
     notes: tuple[str, ...] = ()
     if in_body and (logged is None or rotation_bm is None):
         unknown = "already corrected by the autopilot, in a way that the log does not tell"
-        return Recovered(field, "b", Rotation.identity(), None, (unknown,), corrected=True)
+        return Readings(
+            field=field, rotation_bm=Rotation.identity(), notes=(unknown,), corrected=True
+        )
     if in_body and rotation_bm is not None:
         field = rotation_bm.apply(field, inverse=True)
         if read_number(parameters, "CAL_MAG_COMP_TYP"):
@@ -73,7 +59,7 @@ def remove_correction(
         inverse: Array = np.linalg.inv(logged.matrix).astype(np.float64)
         field = correct(field, np.zeros(3), inverse) + logged.bias
         notes = (*notes, f"the correction that {slot}_* describes was taken out")
-    return Recovered(field, "m", rotation_bm, logged, notes)
+    return Readings(field=field, frame="m", rotation_bm=rotation_bm, logged=logged, notes=notes)
 
 
 def find_slot(parameters: Parameters, device_id: int | None) -> str | None:

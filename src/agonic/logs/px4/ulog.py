@@ -137,28 +137,28 @@ def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Inp
     if gauss is None or not len(time):
         raise LogError("it has no new readings")
     device_id = int(topic["device_id"][0]) if "device_id" in topic else None
-    recovered = remove_correction(
+    found = remove_correction(
         gauss * NANOTESLA_PER["G"],
         parameters,
         in_body=not name.startswith(RAW),
         device_id=device_id,
         external="is_external" in topic and bool(topic["is_external"][0]),
     )
-    columns = resample_columns(topics, time, recovered.rotation_bm)
+    columns = resample_columns(topics, time, found.rotation_bm)
     attitude = () if columns["heading_deg"] is None else (ESTIMATED_ATTITUDE,)
     return Samples(
-        field=recovered.raw,
+        field=found.field,
         time=time,
         epoch=find_utc_of_boot(topics),
         temperature=read_temperature(topic, time),
         **columns,
         name=name,
-        frame=recovered.frame,
+        frame=found.frame,
         device_id=device_id,
         heading_estimated=bool(attitude),
-        corrected=recovered.corrected,
-        logged=recovered.logged,
-        notes=(*recovered.notes, *attitude),
+        corrected=found.corrected,
+        logged=found.logged,
+        notes=(*found.notes, *attitude),
         source=replace(source, count=len(time)),
         rejected={"time out of sequence": wrong} if wrong else {},
     )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.contents import to_number
 from agonic.logs.log import Log
 from agonic.logs.space import scalar
 from agonic.logs.table import build_log
@@ -94,14 +95,7 @@ def _numbers(texts: list[str]) -> Array:
     try:
         return split.astype(np.float64)
     except ValueError:
-        return np.array([[_number(cell) for cell in row] for row in split])
-
-
-def _number(cell: bytes) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan
+        return np.array([[to_number(cell) for cell in row] for row in split])
 
 
 def _moments(rows: list[str]) -> NDArray[Any]:
@@ -146,7 +140,7 @@ def _table(
         ("ELEVATION", "altitude_m"),
     )
     for label, column in places:
-        value = _number(header.get(label, "").encode("latin-1", "replace"))
+        value = to_number(header.get(label, "").encode("latin-1", "replace"))
         if abs(value) < MISSING:
             table[column] = np.full(n, value)
     return table, notes
@@ -156,7 +150,7 @@ def _field(
     kind: str, elements: dict[str, Array], header: dict[str, str]
 ) -> tuple[Array, str, list[str]]:
     """The three components (n, 3), the letter of their axes, and notes."""
-    base = _number(header.get("DECBAS", "").encode("latin-1", "replace")) / 10.0  # minutes
+    base = to_number(header.get("DECBAS", "").encode("latin-1", "replace")) / 10.0  # minutes
     if kind in _OWN:
         names = "HEZ" if "H" in kind else "UVW"
         notes = [f"{', '.join(names)} are components in the variometer's own axes"]

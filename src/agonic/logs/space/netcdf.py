@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.clock import read_clock
-from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.columns import refuse_many
 from agonic.logs.log import Log
 from agonic.logs.space.hdf5 import check_heaps
 from agonic.logs.space.variables import build_variables_log
@@ -74,8 +74,7 @@ def _version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
         items = dict(file.items())
         for group in [name for name, item in items.items() if isinstance(item, h5py.Group)]:
             items |= {f"{group}.{name}": item for name, item in items.pop(group).items()}
-        if len(items) > MOST_COLUMNS:
-            raise LogError(f"it holds more than {MOST_COLUMNS} variables: this is no log")
+        refuse_many(len(items), "variables")
         for name, item in items.items():
             if isinstance(name, bytes):
                 continue  # its name is no text: it is damaged

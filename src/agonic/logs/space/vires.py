@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.clock import UNIX, read_clock
-from agonic.logs.columns import MOST_COLUMNS
+from agonic.logs.columns import refuse_many
+from agonic.logs.contents import to_number
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input
@@ -26,8 +27,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """
     header, *lines = path.read_bytes().decode("latin-1").replace("\r\n", "\n").split("\n")
     names = header.split(",")
-    if len(names) > MOST_COLUMNS:
-        raise LogError(f"{len(names)} columns: more than {MOST_COLUMNS} are no log")
+    refuse_many(len(names))
     rows = [cells for line in lines if len(cells := line.split(",")) == len(names)]
     lost = sum(bool(line.strip()) for line in lines) - len(rows)
     if not rows:
@@ -60,7 +60,7 @@ def _column(name: str, cells: tuple[str, ...]) -> NDArray[Any] | None:
         return start + _microseconds(seconds + (epoch - UNIX).total_seconds())
     parts = [cell.strip("{} ").split(";") for cell in cells]
     width = max(set(map(len, parts)), key=[len(p) for p in parts].count)
-    values = [[_number(x) for x in p] if len(p) == width else [np.nan] * width for p in parts]
+    values = [[to_number(x) for x in p] if len(p) == width else [np.nan] * width for p in parts]
     return np.array(values)[:, 0] if width == 1 else np.array(values)
 
 
@@ -68,10 +68,3 @@ def _microseconds(seconds: Array) -> NDArray[Any]:
     steps = np.round(np.nan_to_num(seconds) * 1e6).astype("timedelta64[us]")
     steps[~np.isfinite(seconds)] = np.timedelta64("NaT")
     return np.asarray(steps)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
