@@ -1,4 +1,4 @@
-"""Orbits with a scalar instrument and a star camera, and the bound of what they can teach."""
+"""Orbits with a scalar instrument and a star camera, and the bound of what they can determine."""
 
 from __future__ import annotations
 

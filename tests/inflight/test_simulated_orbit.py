@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.errors import AgonicError
-from agonic.inflight.simulation.kepler import EQUATOR_M, GRAVITATION_M3_S2, Orbit, state_i
+from agonic.inflight.simulation.kepler import EQUATOR_M, GRAVITATION_M3_S2, Orbit, compute_state_i
 from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.maths.earth.geodesy import directions, earth_fixed, earth_fixed_position
 from agonic.maths.rotations.attitude import rot_nb
@@ -110,7 +110,7 @@ def test_a_given_sensor_is_the_one_that_flies() -> None:
 def test_circular_orbits_keep_their_height_speed_and_period() -> None:
     orbit = Orbit(altitude_m=700e3, inclination_deg=60.0)
     time = np.linspace(0, orbit.period_s, 1000)
-    position, velocity = state_i(orbit, time)
+    position, velocity = compute_state_i(orbit, time)
     radius = EQUATOR_M + 700e3
     np.testing.assert_allclose(np.linalg.norm(position, axis=0), radius)
     np.testing.assert_allclose(
@@ -123,7 +123,7 @@ def test_circular_orbits_keep_their_height_speed_and_period() -> None:
 
 def test_eccentric_orbits_keep_energy_and_angular_momentum() -> None:
     orbit = Orbit(altitude_m=2_000e3, eccentricity=0.15, perigee_deg=40.0, anomaly_deg=10.0)
-    position, velocity = state_i(orbit, np.linspace(0, orbit.period_s, 500))
+    position, velocity = compute_state_i(orbit, np.linspace(0, orbit.period_s, 500))
     radius, speed = np.linalg.norm(position, axis=0), np.linalg.norm(velocity, axis=0)
     energy = speed**2 / 2 - GRAVITATION_M3_S2 / radius
     np.testing.assert_allclose(energy, -GRAVITATION_M3_S2 / (2 * orbit.semi_major_m))
@@ -137,7 +137,7 @@ def test_eccentric_orbits_keep_energy_and_angular_momentum() -> None:
 def test_a_sun_synchronous_orbit_turns_once_a_year() -> None:
     """800 km and 98.6°: the node moves by 0.9856° a day (Vallado, section 11.4.1)."""
     orbit = Orbit(altitude_m=800e3, inclination_deg=98.6, node_deg=0.0)
-    position, velocity = state_i(orbit, np.array([0.0, 86_400.0]))
+    position, velocity = compute_state_i(orbit, np.array([0.0, 86_400.0]))
     normal = np.cross(position, velocity, axis=0)
     node = np.degrees(np.arctan2(normal[0], -normal[1]))
     assert node[1] - node[0] == pytest.approx(0.9856, abs=0.01)
@@ -165,7 +165,7 @@ def test_against_sgp4_for_a_day() -> None:
     )
     days = satellite.jdsatepochF + np.array([0.0, 1.0])
     _, theirs, speeds = satellite.sgp4_array(np.full(2, satellite.jdsatepoch), days)
-    ours = state_i(orbit, np.array([0.0, 86_400.0]))
+    ours = compute_state_i(orbit, np.array([0.0, 86_400.0]))
     plane = np.cross(*ours, axis=0).T
     for k, theirs_too in enumerate(np.cross(theirs, speeds)):
         cosine = plane[k] @ theirs_too / np.linalg.norm(plane[k]) / np.linalg.norm(theirs_too)

@@ -82,8 +82,8 @@ def test_without_walk_it_equals_the_batch_fit(n: int) -> None:
         truth = np.concatenate([made.truth.bias, pack_symmetric(made.truth.matrix)])
         solution = batch(made.samples, 50_000.0, truth)
         sd = np.sqrt(np.diag(np.linalg.inv(solution.information)))
-        assert np.abs((state.belief.state[1:] - solution.params) / sd).max() < 0.05
-        assert np.sqrt(np.diag(state.belief.covariance)[1:]) == pytest.approx(sd, rel=0.08)
+        assert np.abs((state.estimate.state[1:] - solution.params) / sd).max() < 0.05
+        assert np.sqrt(np.diag(state.estimate.covariance)[1:]) == pytest.approx(sd, rel=0.08)
 
 
 @pytest.mark.parametrize("kind", ["held still", "walking", "external", "all"])
@@ -166,7 +166,9 @@ def test_split_is_whole(cuts: list[int], tmp_path: Path) -> None:
     for rows in np.split(np.arange(len(samples)), cuts):
         found.append(pieces.update(samples.select(rows), reference.select(rows)).residual)
         pieces = Tracker.resume(pieces.save(tmp_path / "state.json"))
-    assert pieces.state.belief.state == pytest.approx(whole.state.belief.state, rel=1e-9, abs=1e-6)
+    assert pieces.state.estimate.state == pytest.approx(
+        whole.state.estimate.state, rel=1e-9, abs=1e-6
+    )
     assert pieces.calibration.covariance == pytest.approx(
         whole.calibration.covariance, rel=1e-6, abs=1e-14
     )
@@ -200,7 +202,7 @@ def test_one_reading_at_a_time_is_the_same() -> None:
     state = start(None, params)
     for time, raw, magnitude in zip(samples.time, samples.field, reference.values, strict=True):
         state, found = update(state, params, time, raw, magnitude)
-    assert state.belief.state == pytest.approx(whole.belief.state, rel=1e-9)
+    assert state.estimate.state == pytest.approx(whole.estimate.state, rel=1e-9)
     assert found.residual[0] == pytest.approx(expected.residual[-1], abs=1e-6)
 
 

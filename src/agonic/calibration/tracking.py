@@ -140,15 +140,15 @@ class TrackerState:
     """Where a followed calibration stands: everything that the next reading needs.
 
     `base` is the calibration it started from; where that changed with temperature, `ground` is it
-    and `base` what it is at its middle temperature. `belief` is the estimate with its covariance,
-    `noise` of one reading on one axis; `n` readings were seen, `refused` of them not used; `jumps`
-    are all jumps so far; `epoch` is the UTC moment of time zero, if known; `magnitude` the last
-    reference magnitude, nT.
+    and `base` what it is at its middle temperature. `estimate` is the filter's, with its
+    covariance, `noise` of one reading on one axis; `n` readings were seen, `refused` of them not
+    used; `jumps` are all jumps so far; `epoch` is the UTC moment of time zero, if known;
+    `magnitude` the last reference magnitude, nT.
     """
 
     base: Affine
     turned: RotationPart
-    belief: FilterState
+    estimate: FilterState
     noise: float
     noise_known: bool = True
     opening: Opening | None = None
@@ -163,17 +163,17 @@ class TrackerState:
     @property
     def time(self) -> float:
         """Seconds since `epoch` of the last reading; −infinity before the first."""
-        return float(self.belief.watch[TIME]) if self.n else -np.inf
+        return float(self.estimate.watch[TIME]) if self.n else -np.inf
 
     @property
     def bias(self) -> Array:
         """The bias now, (3,), in the unit of the readings."""
-        return self.belief.state[1:4]
+        return self.estimate.state[1:4]
 
     @property
     def bias_sd(self) -> Array:
         """Its standard error, (3,)."""
-        return np.asarray(np.sqrt(np.diag(self.belief.covariance)[1:4]))
+        return np.asarray(np.sqrt(np.diag(self.estimate.covariance)[1:4]))
 
     @property
     def settled(self) -> bool:
@@ -183,17 +183,17 @@ class TrackerState:
     @property
     def consistency(self) -> float:
         """Innovations over their stated standard deviations, rms of the last thousand; about 1."""
-        return float(np.sqrt(self.belief.watch[SCALE] / CLIPPED_SQUARE))
+        return float(np.sqrt(self.estimate.watch[SCALE] / CLIPPED_SQUARE))
 
     @property
     def calibration(self) -> Affine:
         """The calibration now, with its covariance, in the gauge of the one it started from."""
-        bias, kept = self.belief.state[1:4], self.turned.covariance
+        bias, kept = self.estimate.state[1:4], self.turned.covariance
         covariance = np.zeros((9, 9))
         covariance[3:, 3:] = kept[3:9, 3:9]
-        m = len(self.belief.diagonal) - 1
-        covariance[:m, :m] = self.belief.covariance[1:, 1:]
-        symmetric = unpack_symmetric(self.belief.state[4:])
+        m = len(self.estimate.diagonal) - 1
+        covariance[:m, :m] = self.estimate.covariance[1:, 1:]
+        symmetric = unpack_symmetric(self.estimate.state[4:])
         if self.base.gauge == "triangular":
             matrix, covariance = gauge.make_triangular(symmetric, covariance)
         elif self.base.gauge == "free":

@@ -153,8 +153,8 @@ def _mission(
     mission = open_mission(logs, sensor=sensor, unit=unit, date=date)
     if scalar is None:
         scalar = next(mission.pieces()).scalar is not None
-    with counting(mission.rows) as told:
-        return fit_mission(mission, scalar=scalar, progress=told, **settings)
+    with counting(mission.rows) as progress:
+        return fit_mission(mission, scalar=scalar, progress=progress, **settings)
 
 
 def _reference(

@@ -143,9 +143,9 @@ def _reference(
     from agonic.console.place import find_reference, find_scalar_reference
     from agonic.field.place import describe_missing
 
-    taught = None if field is not None else find_scalar_reference(samples, scalar)
-    if taught is not None:
-        return taught
+    recorded = None if field is not None else find_scalar_reference(samples, scalar)
+    if recorded is not None:
+        return recorded
     reference, _ = find_reference(samples, at, date, field)
     if reference is None:
         raise AgonicError(

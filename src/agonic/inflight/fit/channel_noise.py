@@ -7,7 +7,7 @@ import numpy as np
 from agonic.maths.estimation.noise import Noise
 
 
-def attitude_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:
+def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:
     """The noise of the readings, and for what is across the field that of the attitude over it.
 
     What a kind scatters by beyond the magnitude, σ²(1 + κ²) with the field about one, is the
@@ -22,7 +22,7 @@ def attitude_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[
     return found
 
 
-def mean_correlation(noise: dict[str, Noise]) -> float:
+def compute_mean_correlation(noise: dict[str, Noise]) -> float:
     """One length for all kinds, so that they are weighted by their noise alone: how long errors
     last is known too poorly to choose between kinds, but each has its own in the covariance."""
     return float(np.mean([of.correlation for of in noise.values()]))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SUSPICIOUS = 0.003
 """Scatter over the field's magnitude from which the usual mistakes are tried."""
 MOSTLY = 0.8
-"""Share of the residual that lasts from which the same is done, however small it is."""
+"""Share of the residual that is correlated, from which the same is done, however small it is."""
 LARGE = 0.015
 """Scatter over the field's magnitude from which the reference itself is doubted."""
 UNDETERMINED = 0.02
@@ -158,7 +158,7 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
 
 
 def _lasts(fit: InflightFit) -> str:
-    """What of the residuals lasts, and what that costs."""
+    """How much of the residuals is correlated, and what that costs."""
     if fit.correlation < 1.05:
         return ""
     of = (

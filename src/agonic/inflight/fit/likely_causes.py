@@ -176,7 +176,7 @@ def _shift_time(seconds: float) -> Callable[[Samples], Samples]:
         then = samples.time + seconds
         within = (then >= samples.time[0]) & (then <= samples.time[-1])
         if within.sum() < 0.3 * len(then):
-            raise ValueError("the shift leaves too little of the track")
+            raise ValueError("moving the times leaves too little of the track")
         moved = {
             name: np.interp(then, samples.time, np.unwrap(values, period=360.0))
             for name in ("latitude_deg", "longitude_deg", "altitude_m")

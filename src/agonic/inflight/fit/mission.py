@@ -21,6 +21,7 @@ from agonic.inflight.fit.large_scan import (
     read_known,
     scan_recording,
 )
+from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, Settings, Solve, require_enough
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import (
@@ -28,7 +29,6 @@ from agonic.inflight.fit.solve import (
     add_covariance,
     compute_residuals_of,
     find_estimate,
-    prior_of,
 )
 from agonic.inflight.maths.residuals import Rows, residual_pieces
 from agonic.maths.estimation import leastsq
@@ -161,7 +161,7 @@ def _solve_whole(
     solution = leastsq.solve_together(
         [channel],
         estimate.solution.params,
-        prior=prior_of(problem, estimate.layout),
+        prior=build_prior(problem, estimate.layout),
         tolerance=3e-2,
     )
     time = problem.time[problem.used]

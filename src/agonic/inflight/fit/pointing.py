@@ -50,7 +50,7 @@ def _logged(samples: Samples) -> Array:
     if samples.heading_estimated:
         raise LogError(
             f"{samples.name}: the heading is a filter's estimate that follows the magnetometer; "
-            "it cannot teach it"
+            "it cannot be the reference"
         )
     if any(angle is None for angle in angles):
         raise LogError(

@@ -7,6 +7,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
+from agonic.inflight.fit.problem import Problem
 from agonic.inflight.maths.residuals import Layout
 from agonic.maths.equation.affine import model_basis
 from agonic.maths.estimation import leastsq
@@ -35,26 +36,21 @@ def compute_matrix_sd(ground: Calibration | None, solve: str, gain_sd: float) ->
     return sd
 
 
-def build_prior(
-    layout: Layout,
-    ground: Calibration | None,
-    solve: str,
-    gain_sd: float,
-    soft_iron_sd: float | None,
-) -> leastsq.Prior:
+def build_prior(problem: Problem, layout: Layout) -> leastsq.Prior:
     """Gaussian prior on the matrix and on all terms; bias and turn are free.
 
     Residuals (S − identity)/sd over the six symmetric entries with a ground calibration,
     (S/g − identity)/soft_iron_sd with g = tr S/3 without, and coefficients over their own.
     """
+    ground, asked = problem.ground, problem.settings
     m, c = layout.parameters, layout.constants
     shape = np.zeros((6, m))
     shape[:, :c] = _symmetric() @ model_basis("full", layout.gauge)
     mean = shape[:3].mean(axis=0)
-    sd = np.full(6, soft_iron_sd or np.inf)
+    sd = np.full(6, asked.soft_iron_sd or np.inf)
     if ground is not None:
-        sd = compute_matrix_sd(ground, solve, gain_sd)
-    matrix_term_sd = np.where(np.arange(6) < FREED[solve], MATRIX_TERM_SD, FIXED)
+        sd = compute_matrix_sd(ground, asked.solve, asked.gain_sd)
+    matrix_term_sd = np.where(np.arange(6) < FREED[asked.solve], MATRIX_TERM_SD, FIXED)
     term_sd = np.concatenate(
         [np.full(3 * layout.bias_terms, TERM_SD), np.repeat(matrix_term_sd, layout.matrix_terms)]
     )

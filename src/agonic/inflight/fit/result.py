@@ -60,8 +60,9 @@ class InflightFit(Judged):
         columns for "second"), and standard errors.
     noise : standard deviation of a residual, nT: the sensor's noise and the model's error together.
     correlation, correlation_s : how many readings, and seconds, count as one for the bias, for
-        errors of the model last.
-    lasting_nT, lasting_s : of the noise the part that lasts, and how long; 0 where none was seen.
+        errors of the model are correlated in time (the effective sample size is n over it).
+    lasting_nT, lasting_s : of the noise the correlated part, and how long it lasts; 0 where
+        none was seen.
     solve : what was estimated: "bias", "gains" or "full".
     held_out : rms of residuals that the fit had not seen, nT, by the number of knots tried.
     """
@@ -184,7 +185,7 @@ def _build_channels(problem: Problem, estimate: Estimate) -> dict[str, Channel]:
 
 
 def _sum_correlated_errors(estimate: Estimate, noise: float) -> tuple[float, float]:
-    """Standard deviation of what lasts in the magnitude, nT, and how long it does, s."""
+    """Standard deviation of the correlated errors of the magnitude, nT, and their time, s."""
     errors = estimate.errors.get("magnitude", ())
     variance = sum(error.variance for error in errors)
     if not variance:

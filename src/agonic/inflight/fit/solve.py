@@ -11,7 +11,11 @@ from scipy.linalg import polar
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError
 from agonic.inflight.fit import drift
-from agonic.inflight.fit.channel_noise import attitude_spreads, mean_correlation, rescale_noise
+from agonic.inflight.fit.channel_noise import (
+    compute_mean_correlation,
+    compute_spreads,
+    rescale_noise,
+)
 from agonic.inflight.fit.covariance import Clock, compute_covariance
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
@@ -98,7 +102,7 @@ def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: 
     if clock.count < FEWEST_STRETCHES:
         return estimate
     params, layout, noise = estimate.solution.params, estimate.layout, estimate.noise
-    _, jacobian = prior_of(problem, layout)(params)
+    _, jacobian = build_prior(problem, layout)(params)
     information = jacobian.T @ jacobian
     found = compute_covariance(
         source,
@@ -107,7 +111,7 @@ def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: 
         noise,
         estimate.sds,
         information,
-        mean_correlation(noise),
+        compute_mean_correlation(noise),
         clock,
         earth_fixed=problem.direction_e is not None,
     )
@@ -167,7 +171,7 @@ def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: A
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
     kinds = KINDS if problem.direction is not None else KINDS[:1]
-    prior = prior_of(problem, layout)
+    prior = build_prior(problem, layout)
 
     def source() -> list[Rows]:
         return [rows]
@@ -176,16 +180,16 @@ def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: A
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
-        before, sds = sds, attitude_spreads(noise, sds)
+        before, sds = sds, compute_spreads(noise, sds)
         noise = {kind: rescale_noise(of, kind, before, sds) for kind, of in noise.items()}
-        lasts = mean_correlation(noise)
+        correlation = compute_mean_correlation(noise)
         channels = [
             leastsq.Channel(
                 residual_pieces(source, kind, layout, sds[kind]),
                 of.sd,
                 of.loss,
-                lasts,
-                spread=of.correlation / lasts,
+                correlation,
+                spread=of.correlation / correlation,
             )
             for kind, of in noise.items()
         ]
@@ -197,16 +201,10 @@ def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: A
         if all(again[kind].settled(noise[kind]) for kind in noise) and len(kinds) == 1:
             break
         if all(
-            abs(v / max(sds[k], 1e-12) - 1) < 0.02 for k, v in attitude_spreads(again, sds).items()
+            abs(v / max(sds[k], 1e-12) - 1) < 0.02 for k, v in compute_spreads(again, sds).items()
         ):
             break
     return Estimate(solution, layout, terms, noise, sds, seen, {}, {})
-
-
-def prior_of(problem: Problem, layout: Layout) -> leastsq.Prior:
-    """The prior on the parameters of a layout."""
-    asked = problem.settings
-    return build_prior(layout, problem.ground, asked.solve, asked.gain_sd, asked.soft_iron_sd)
 
 
 def compute_residuals_of(problem: Problem, estimate: Estimate, kind: str) -> Array:

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Mask
-from agonic.inflight.simulation.kepler import Orbit, state_i
+from agonic.inflight.simulation.kepler import Orbit, compute_state_i
 from agonic.maths.earth.earth_rotation import is_in_shadow, rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
 from agonic.maths.earth.geodesy import directions as place
@@ -46,11 +46,11 @@ class Way:
         return north_east_down(vectors_e, there)
 
 
-def way_of(orbit: Orbit, time: Array, epoch: datetime) -> Way:
+def find_way(orbit: Orbit, time: Array, epoch: datetime) -> Way:
     """Where the orbit leads from that moment on."""
     start = epoch.replace(tzinfo=UTC) if epoch.tzinfo is None else epoch
     unix = start.timestamp() + time
-    position, velocity = state_i(orbit, time)
+    position, velocity = compute_state_i(orbit, time)
     sidereal = sidereal_rad(unix)
     places = geodetic(rotate_about_third(position, sidereal))
     names = ("latitude_deg", "longitude_deg", "altitude_m")
@@ -63,7 +63,7 @@ def way_of(orbit: Orbit, time: Array, epoch: datetime) -> Way:
     )
 
 
-def attitude_nb(
+def draw_attitude_nb(
     rng: np.random.Generator, time: Array, way: Way, pointing: Pointing, pace_s: float
 ) -> Rotation:
     """The attitude along the way.
@@ -92,7 +92,7 @@ def _in_n(rot_ib: Array, way: Way) -> Rotation:
     return Rotation.from_matrix(np.moveaxis(np.stack(axes_n, axis=1), -1, 0))
 
 
-def external_n(
+def draw_external_n(
     rng: np.random.Generator, time: Array, way: Way, sd: float, correlation_s: float
 ) -> Array:
     """The field of the ring current (n, 3), north-east-down, nT.
@@ -116,7 +116,7 @@ def gauss_markov(rng: np.random.Generator, time: Array, correlation_s: float) ->
     return np.asarray(lfilter([1.0], [1.0, -kept], white, axis=0))
 
 
-def temperature_C(
+def follow_temperature(
     way: Way, time: Array, equilibrium_C: tuple[float, float], settling_s: float
 ) -> Array:
     """The temperature (n,), begun half-way, that follows shadow and sunlight with a lag.
@@ -131,7 +131,7 @@ def temperature_C(
     return np.asarray(followed)
 
 
-def drifted(
+def draw_drift(
     rng: np.random.Generator, time: Array, *, drift: float, walk_nT_h: float, jump: float, at: float
 ) -> Array:
     """How the bias has moved (n, 3) since the first row, nT: steadily, at random and in a step."""
@@ -143,7 +143,9 @@ def drifted(
     return np.outer(share, drift * steady) + np.outer(share >= at, jump * step) + walk
 
 
-def pulses(rng: np.random.Generator, time: Array, size: float, share: float) -> tuple[Array, Mask]:
+def draw_pulses(
+    rng: np.random.Generator, time: Array, size: float, share: float
+) -> tuple[Array, Mask]:
     """What torquers add (n, 3), nT, in pulses of 20 s of random direction, and when they are on."""
     number = (time // _PULSE_S).astype(np.intp)
     on = rng.uniform(size=number[-1] + 1) < share

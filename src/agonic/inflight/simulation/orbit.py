@@ -21,12 +21,12 @@ from agonic.field.place import choose_model
 from agonic.inflight.simulation.aboard import (
     Pointing,
     Way,
-    attitude_nb,
-    drifted,
-    external_n,
-    pulses,
-    temperature_C,
-    way_of,
+    draw_attitude_nb,
+    draw_drift,
+    draw_external_n,
+    draw_pulses,
+    find_way,
+    follow_temperature,
 )
 from agonic.inflight.simulation.kepler import Orbit
 from agonic.maths.rotations.attitude import angles_deg
@@ -151,19 +151,19 @@ def simulate_orbit(
     _check(facts)
     rngs = _Generators(*np.random.default_rng(seed).spawn(len(_Generators._fields)))
     time = np.arange(n) / rate_Hz
-    way = way_of(orbit or Orbit(), time, epoch)
-    rot_nb = attitude_nb(rngs.attitude, time, way, pointing, pace_s)
+    way = find_way(orbit or Orbit(), time, epoch)
+    rot_nb = draw_attitude_nb(rngs.attitude, time, way, pointing, pace_s)
     rot_bm = Rotation.from_rotvec(np.radians(mounting_deg) * draw_directions(rngs.mounting, 1)[0])
-    temperature = temperature_C(way, time, equilibrium_C, settling_s)
-    outside_n = external_n(rngs.external, time, way, external, correlation_s)
+    temperature = follow_temperature(way, time, equilibrium_C, settling_s)
+    outside_n = draw_external_n(rngs.external, time, way, external, correlation_s)
     field_n = _main_field(way, time, epoch) + outside_n
 
-    ground = _on_ground(sensor, rngs.sensor, bias, thermal)
-    truth = _moved(ground, moved * draw_directions(rngs.moved, 1)[0])
-    moving = drifted(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
+    ground = _draw_ground(sensor, rngs.sensor, bias, thermal)
+    truth = _move_bias(ground, moved * draw_directions(rngs.moved, 1)[0])
+    moving = draw_drift(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
-    stray, on = pulses(rngs.torquer, time, torquer, torquer_share)
-    raw = _readings(truth, field_m, temperature) + moving + stray
+    pulsed, on = draw_pulses(rngs.torquer, time, torquer, torquer_share)
+    raw = _simulate_readings(truth, field_m, temperature) + moving + pulsed
     raw = raw + noise * rngs.noise.standard_normal((n, 3))
     scalar = np.linalg.norm(field_n, axis=1) + (scalar_sd or 0) * rngs.scalar.standard_normal(n)
     samples = Samples(
@@ -175,7 +175,7 @@ def simulate_orbit(
         flagged=on.astype(float) if torquer else None,
         notes=("simulated",),
     )
-    aside = {**way.columns, **_recorded(rngs.star, rot_nb, attitude_sd_deg)}
+    aside = {**way.columns, **_record_attitude(rngs.star, rot_nb, attitude_sd_deg)}
     return SimulatedOrbit(
         samples=samples.with_columns(**aside),
         ground=ground,
@@ -218,7 +218,7 @@ def _check(facts: Mapping[str, Any]) -> None:
             raise AgonicError(f"{name} is {facts[name]}; it needs a share from 0 to 1")
 
 
-def _on_ground(
+def _draw_ground(
     sensor: Affine | Thermal | None, rng: np.random.Generator, bias: float, thermal: float
 ) -> Thermal:
     """The calibration as a function of temperature: the given one, or one that is drawn."""
@@ -248,12 +248,12 @@ def _on_ground(
     )
 
 
-def _moved(sensor: Thermal, shift: Array) -> Thermal:
+def _move_bias(sensor: Thermal, shift: Array) -> Thermal:
     """The same calibration with another constant part of its bias."""
     return replace(sensor, bias=np.vstack([sensor.bias[:1] + shift, sensor.bias[1:]]))
 
 
-def _readings(truth: Thermal, field_m: Array, temperature: Array) -> Array:
+def _simulate_readings(truth: Thermal, field_m: Array, temperature: Array) -> Array:
     """What the sensor reads of a field in its own axes: matrix⁻¹(T) @ field + bias(T)."""
     seen = np.linalg.solve(truth.matrix_at(temperature), field_m[:, :, None])[:, :, 0]
     return np.asarray(seen + truth.bias_at(temperature))
@@ -266,7 +266,9 @@ def _main_field(way: Way, time: Array, epoch: datetime) -> Array:
     return np.array(model.along(track.with_columns(**way.columns)).values)
 
 
-def _recorded(rng: np.random.Generator, rot_nb: Rotation, sd_deg: float | None) -> dict[str, Array]:
+def _record_attitude(
+    rng: np.random.Generator, rot_nb: Rotation, sd_deg: float | None
+) -> dict[str, Array]:
     """Roll, pitch and heading as a star camera gives them."""
     if sd_deg is None:
         return {}

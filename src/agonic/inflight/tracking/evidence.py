@@ -58,7 +58,7 @@ def list_findings(state: TrackerState) -> tuple[Finding, ...]:
 
 def _is_nonlinear(state: TrackerState) -> bool:
     """Whether the bias is so uncertain that its standard error, which is a line's, says little."""
-    return compute_nonlinearity(state.belief, state.magnitude or 0.0) > state.noise
+    return compute_nonlinearity(state.estimate, state.magnitude or 0.0) > state.noise
 
 
 def _describe_jumps(jumps: tuple[Jump, ...], unit: str) -> Finding:

@@ -61,7 +61,7 @@ class ThermalRecord(Struct, frozen=True, kw_only=True):
     temperature_C: tuple[float, float] | None
 
 
-class BeliefRecord(Struct, frozen=True):
+class FilterRecord(Struct, frozen=True):
     """State, factors of its covariance, and what the filter watches."""
 
     state: Row
@@ -73,9 +73,9 @@ class BeliefRecord(Struct, frozen=True):
 class OpeningRecord(Struct, frozen=True, rename={"outliers": "strays"}):
     """First readings, not yet settled."""
 
-    prior: BeliefRecord
+    prior: FilterRecord
     rows: Rows
-    before: BeliefRecord | None
+    before: FilterRecord | None
     outliers: int | None
     learns: bool
 
@@ -83,8 +83,8 @@ class OpeningRecord(Struct, frozen=True, rename={"outliers": "strays"}):
 class RecentRecord(Struct, frozen=True):
     """The last readings, to go back to the beginning of a jump."""
 
-    before: BeliefRecord
-    middle: BeliefRecord
+    before: FilterRecord
+    middle: FilterRecord
     rows: Rows
 
 
@@ -97,12 +97,12 @@ class JumpRecord(Struct, frozen=True):
     shift_sd: Row
 
 
-class StateRecord(Struct, frozen=True, kw_only=True):
+class StateRecord(Struct, frozen=True, kw_only=True, rename={"estimate": "belief"}):
     """Where it stands."""
 
     base: BaseRecord
     ground: ThermalRecord | None
-    belief: BeliefRecord
+    estimate: FilterRecord
     noise: float
     noise_known: bool
     opening: OpeningRecord | None
@@ -126,7 +126,7 @@ class TrackFile(Struct, frozen=True):
 _RECORDS: dict[type, type[Struct]] = {
     Affine: BaseRecord,
     Thermal: ThermalRecord,
-    FilterState: BeliefRecord,
+    FilterState: FilterRecord,
     Opening: OpeningRecord,
     Recent: RecentRecord,
     Jump: JumpRecord,
@@ -193,23 +193,23 @@ def _restore_state(record: StateRecord) -> TrackerState:
         base=base,
         ground=_restore_ground(record.ground, base),
         turned=split_rotation(base.matrix, base.covariance, base.gauge)[1],
-        belief=_restore_belief(record.belief),
+        estimate=_restore_filter(record.estimate),
         noise=record.noise,
         noise_known=record.noise_known,
         opening=None
         if opening is None
         else Opening(
-            prior=_restore_belief(opening.prior),
+            prior=_restore_filter(opening.prior),
             rows=_restore_rows(opening.rows),
-            before=None if opening.before is None else _restore_belief(opening.before),
+            before=None if opening.before is None else _restore_filter(opening.before),
             outliers=opening.outliers,
             learns=opening.learns,
         ),
         recent=None
         if recent is None
         else Recent(
-            before=_restore_belief(recent.before),
-            middle=_restore_belief(recent.middle),
+            before=_restore_filter(recent.before),
+            middle=_restore_filter(recent.middle),
             rows=_restore_rows(recent.rows),
         ),
         n=record.n,
@@ -238,13 +238,13 @@ def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | Non
     return Thermal(**values, **named, validity=validity)
 
 
-def _restore_belief(record: BeliefRecord) -> FilterState:
-    belief = FilterState(*(np.array(part) for part in msgspec.structs.astuple(record)))
-    m = len(belief.diagonal)
-    shapes = [part.shape for part in belief]
+def _restore_filter(record: FilterRecord) -> FilterState:
+    estimate = FilterState(*(np.array(part) for part in msgspec.structs.astuple(record)))
+    m = len(estimate.diagonal)
+    shapes = [part.shape for part in estimate]
     if shapes != [(10,), (m, m), (m,), (11,)]:
-        raise LogError(f"a belief has parts of shapes {shapes}")
-    return belief
+        raise LogError(f"an estimate has parts of shapes {shapes}")
+    return estimate
 
 
 def _restore_rows(rows: Rows) -> Array:

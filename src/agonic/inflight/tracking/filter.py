@@ -98,7 +98,7 @@ def start(
     return TrackerState(
         base=base,
         turned=rest,
-        belief=kalman.FilterState(
+        estimate=kalman.FilterState(
             np.concatenate([[0.0], base.bias, six]), np.eye(1), np.zeros(1), watch
         ),
         noise=noise or 0.0,
@@ -191,7 +191,7 @@ def _rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
 def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
     """The state with its prior, now that the field is known; opened where it is not yet linear."""
     m = kalman.STATES[params.solve]
-    six = state.belief.state[4:]
+    six = state.estimate.state[4:]
     gain = float(np.mean(six[:3]))
     size = float(row[4]) / gain
     fresh = state.base.covariance is None
@@ -203,13 +203,13 @@ def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
     covariance += np.diag(spread) + np.diag(least)
     noise = state.noise if state.noise_known else 0.01 * size
-    prior = kalman.start_filter(state.belief.state, covariance[:m, :m], float(row[0]))
+    prior = kalman.start_filter(state.estimate.state, covariance[:m, :m], float(row[0]))
     opened = Opening(prior=prior, rows=np.empty((0, 6)))
     recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
     ready = state.noise_known and openings.is_nearly_linear(prior, float(row[4]), noise)
     return replace(
         state,
-        belief=prior,
+        estimate=prior,
         noise=noise,
         opening=None if ready else opened,
         recent=recent if ready else None,
@@ -244,9 +244,9 @@ def _step(
     opening, recent = state.opening, state.recent
     model = params.model(state.noise)
     if opening is None:
-        belief, seen, jumped = kalman.advance(state.belief, model, rows, compiled=fast)
+        estimate, seen, jumped = kalman.advance(state.estimate, model, rows, compiled=fast)
     else:
-        belief, seen = openings.predict(state.belief, model, rows, opening.learns, fast)
+        estimate, seen = openings.predict(state.estimate, model, rows, opening.learns, fast)
         jumped = False
     taken = rows[: len(seen.residual)]
     refused = len(seen.used) - int(np.count_nonzero(seen.used))
@@ -257,10 +257,10 @@ def _step(
     elif recent is not None:
         rows = np.concatenate([recent.rows, taken])
         recent = Recent(before=recent.before, middle=recent.middle, rows=rows)
-        recent = recent if jumped else keep_recent(recent, belief)
+        recent = recent if jumped else keep_recent(recent, estimate)
     after = replace(
         state,
-        belief=belief,
+        estimate=estimate,
         opening=opening,
         recent=recent,
         n=state.n + len(taken),

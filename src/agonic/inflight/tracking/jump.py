@@ -14,12 +14,12 @@ from agonic.maths.estimation import kalman
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 
 
-def keep_recent(recent: Recent, belief: kalman.FilterState) -> Recent:
+def keep_recent(recent: Recent, estimate: kalman.FilterState) -> Recent:
     """The recent readings, the first half of them forgotten once there are two strides of them."""
     if len(recent.rows) == STRIDE:
-        return replace(recent, middle=belief)
+        return replace(recent, middle=estimate)
     if len(recent.rows) == 2 * STRIDE:
-        return Recent(before=recent.middle, middle=belief, rows=recent.rows[STRIDE:])
+        return Recent(before=recent.middle, middle=estimate, rows=recent.rows[STRIDE:])
     return recent
 
 
@@ -32,13 +32,13 @@ def settle_before_jump(state: TrackerState, params: TrackerParams, since: int) -
     shorter = replace(opening, rows=opening.rows[:-since], outliers=None)
     settled = openings.solve_opening(replace(state, opening=shorter), params)
     model = params.model(settled.noise)._replace(jump_level=0.0)
-    belief, seen, _ = kalman.advance(settled.belief, model, rows)
+    estimate, seen, _ = kalman.advance(settled.estimate, model, rows)
     return replace(
         settled,
-        belief=belief,
+        estimate=estimate,
         noise_known=True,
         opening=None,
-        recent=Recent(before=settled.belief, middle=settled.belief, rows=rows),
+        recent=Recent(before=settled.estimate, middle=settled.estimate, rows=rows),
         refused=settled.refused + int((~seen.used).sum()),
     )
 
@@ -90,14 +90,14 @@ def _open(
     recent = state.recent
     assert recent is not None, "only a settled state has recent readings"
     before, since = recent.rows[:first], recent.rows[first:]
-    belief = kalman.advance(recent.before, model, before)[0] if first else recent.before
-    _, seen, _ = kalman.advance(belief, model, since)
-    gain = float(np.mean(belief.state[4:7]))
+    estimate = kalman.advance(recent.before, model, before)[0] if first else recent.before
+    _, seen, _ = kalman.advance(estimate, model, since)
+    gain = float(np.mean(estimate.state[4:7]))
     size = 2 * float(np.median(np.abs(seen.residual))) / gain
-    prior = kalman.widen_for_jump(belief, max(params.jump_sd, size))
+    prior = kalman.widen_for_jump(estimate, max(params.jump_sd, size))
     return replace(
         state,
-        belief=kalman.advance(prior, model, since)[0],
-        opening=Opening(prior=prior, rows=since, before=belief),
+        estimate=kalman.advance(prior, model, since)[0],
+        opening=Opening(prior=prior, rows=since, before=estimate),
         recent=None,
     )

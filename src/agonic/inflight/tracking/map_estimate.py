@@ -22,7 +22,7 @@ def find_most_probable(
     it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
     another component of the noise, whose sum of squares over n readings differs by so much."""
     m = len(prior.diagonal) - 1
-    held = GaussianPrior(prior)
+    gaussian = GaussianPrior(prior)
     found = []
     for first in _starts(state, prior, rows):
         scale = max(
@@ -34,13 +34,13 @@ def find_most_probable(
                 first[1 : m + 1],
                 scale=scale,
                 loss=loss,
-                prior=held,
+                prior=gaussian,
             )
             first = _with_params(first, solution.params)
             scale = _scale(state, params, rows, first, m)
         found.append((scale, first))
     common = min(scale for scale, _ in found)
-    costs = [_cost(rows, about, held, common) for _, about in found]
+    costs = [_cost(rows, about, gaussian, common) for _, about in found]
     best = found[int(np.argmin(costs))][1]
     near = [
         about
@@ -59,9 +59,9 @@ def compute_total_sd(params: TrackerParams, noise: float, about: Array) -> float
     return float(np.hypot(noise, params.external_sd / float(np.mean(about[4:7]))))
 
 
-def _cost(rows: Array, about: Array, held: GaussianPrior, scale: float) -> float:
+def _cost(rows: Array, about: Array, prior: GaussianPrior, scale: float) -> float:
     """How improbable a state is: a robust sum over the rows, and the prior."""
-    away, _ = held(about[1 : 1 + len(held.centre)])
+    away, _ = prior(about[1 : 1 + len(prior.centre)])
     q = (residuals_at(rows, about) / scale) ** 2
     return float(leastsq.cauchy().value(q).sum() + away @ away / 2)
 
@@ -74,8 +74,8 @@ def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array
 
 
 def _starts(state: TrackerState, prior: kalman.FilterState, rows: Array) -> Iterator[Array]:
-    """Where to begin: what is believed, and, where little is known, the sphere that most lie on."""
-    yield state.belief.state
+    """Where to begin: the estimate, and, where little is known, the sphere that most lie on."""
+    yield state.estimate.state
     magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
     size = float(np.mean(magnitude)) / gain
     if np.sqrt(np.diag(prior.covariance)[1:4].max()) < _CERTAIN * size:

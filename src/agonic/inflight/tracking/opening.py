@@ -1,6 +1,6 @@
 """The first readings after a start or a jump, taken together until the bias has settled.
 
-A filter takes each residual as linear about what it believes then. At first it believes little, and
+A filter takes each residual as linear about its estimate then. At first it knows little, and
 what was taken wrongly is never taken again. So the first readings are kept: the one solver finds
 the most probable bias and matrix of all of them, robustly, and the filter runs again from the
 prior with every residual linear about that. Without walk this is the batch fit.
@@ -27,7 +27,7 @@ MOMENTS = tuple(sorted({n << k for n in (2, 3) for k in range(3, 12)} | {8192}))
 """Numbers of readings at which an opening is solved: 16, 24, 32, 48 … 8192; at the last it is
 closed, settled or not, which at 1 Hz is more than an orbit."""
 STRIDE = 128
-"""Readings between the beliefs that are kept to go back to; a jump is dated within twice this."""
+"""Readings between the estimates that are kept to go back to; a jump is dated within twice this."""
 DOUBT = 2.0
 """Difference of log-likelihoods that dates nothing."""
 
@@ -59,38 +59,38 @@ def count_since_jump(
     last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
     if last < _PATIENT:
         return 0
-    then = leastsq.robust_scale(residuals_at(opening.rows[:last], before.belief.state))
-    then = max(then, compute_total_sd(params, now.noise, now.belief.state))
-    new = residuals_at(opening.rows[last:], now.belief.state)
+    then = leastsq.robust_scale(residuals_at(opening.rows[:last], before.estimate.state))
+    then = max(then, compute_total_sd(params, now.noise, now.estimate.state))
+    new = residuals_at(opening.rows[last:], now.estimate.state)
     far = 4 * np.count_nonzero(np.abs(new) > params.gate * then) > len(new)
     return len(new) if far or leastsq.robust_scale(new) > 2 * then else 0
 
 
-def compute_nonlinearity(belief: kalman.FilterState, magnitude: float) -> float:
-    """How far residuals are from linear within the belief, δ²/2F, in the unit of the readings.
+def compute_nonlinearity(estimate: kalman.FilterState, magnitude: float) -> float:
+    """How far residuals are from linear within the standard errors, δ²/2F, in their unit.
 
     δ² = tr P over bias and matrix, the matrix times the field.
     """
-    gain = float(np.mean(belief.state[4:7]))
+    gain = float(np.mean(estimate.state[4:7]))
     field = magnitude / gain
-    variances = np.diag(belief.covariance)
+    variances = np.diag(estimate.covariance)
     spread = variances[1:4].sum() + (field / gain) ** 2 * variances[4:].sum()
     return float(spread / (2 * field))
 
 
-def is_nearly_linear(belief: kalman.FilterState, magnitude: float, noise: float) -> bool:
+def is_nearly_linear(estimate: kalman.FilterState, magnitude: float, noise: float) -> bool:
     """Whether the filter may run on its own."""
-    return compute_nonlinearity(belief, magnitude) < _CURVED * noise
+    return compute_nonlinearity(estimate, magnitude) < _CURVED * noise
 
 
 def widen_for_nonlinearity(
-    belief: kalman.FilterState,
+    estimate: kalman.FilterState,
     prior: kalman.FilterState,
     apart: Array,
     magnitude: float,
     noise: float,
 ) -> kalman.FilterState:
-    """A belief whose residuals may not be linear within it, with standard errors that say so.
+    """An estimate with wider standard errors, as residuals may not be linear within its own.
 
     Linear standard errors hold about one solution; while δ²/2F is above the noise σ there are
     others as good, on a surface that is not flat. So the readings count for less, and each bias
@@ -100,26 +100,26 @@ def widen_for_nonlinearity(
     """
     known = prior.diagonal > 0
     block = np.ix_(known, known)
-    share = (1.0 + compute_nonlinearity(belief, magnitude) / noise) ** -2
-    covariance = belief.covariance
+    share = (1.0 + compute_nonlinearity(estimate, magnitude) / noise) ** -2
+    covariance = estimate.covariance
     information = share * leastsq.inverse(covariance[block])
     information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
     covariance[block] = leastsq.inverse(information)
-    wide = kalman.start_filter(belief.state, covariance, 0.0)._replace(watch=belief.watch)
+    wide = kalman.start_filter(estimate.state, covariance, 0.0)._replace(watch=estimate.watch)
     return kalman.add_variance(wide, np.hypot(compute_nonlinearity(wide, magnitude), apart))
 
 
 def predict(
-    belief: kalman.FilterState, model: kalman.Model, rows: Array, learns: bool, compiled: bool
+    estimate: kalman.FilterState, model: kalman.Model, rows: Array, learns: bool, compiled: bool
 ) -> tuple[kalman.FilterState, kalman.Seen]:
-    """The belief after rows that come before the next solution, and what it predicted of them.
+    """The estimate after rows that come before the next solution, and what it predicted of them.
 
-    A wide belief learns nothing from them: linearised at one reading after the other it would take
-    its own errors for knowledge, and state standard errors that are too small by far.
+    A wide estimate learns nothing from them: linearised at one reading after the other it would
+    take its own errors for knowledge, and state standard errors that are too small by far.
     """
     model = model._replace(jump_level=0.0)
     taken = rows if learns else np.column_stack([rows[:, :5], np.zeros(len(rows))])
-    later, seen, _ = kalman.advance(belief, model, taken, compiled=compiled)
+    later, seen, _ = kalman.advance(estimate, model, taken, compiled=compiled)
     return later, seen._replace(used=np.abs(seen.residual) <= model.gate * seen.sd)
 
 
@@ -136,22 +136,22 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
     earlier = max(len(rows) - STRIDE, 0)
     before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
-    belief, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
-    after = replace(state, belief=belief, noise=noise)
+    estimate, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
+    after = replace(state, estimate=estimate, noise=noise)
     after = replace(after, jumps=_measure_jump(after, opening.before))
     fitting = opening.outliers is not None and 4 * opening.outliers <= len(rows)
     alone = bool((apart < params.gate * after.bias_sd).all())
     closed = fitting and alone and _has_settled(after, params, total)
     if not closed and len(rows) < MOMENTS[-1]:
         magnitude = float(rows[-1, 4])
-        wide = widen_for_nonlinearity(belief, prior, apart, magnitude, noise)
+        wide = widen_for_nonlinearity(estimate, prior, apart, magnitude, noise)
         learns = compute_nonlinearity(wide, magnitude) < _NONLINEAR * noise
-        return replace(after, belief=wide, opening=replace(opening, outliers=0, learns=learns))
+        return replace(after, estimate=wide, opening=replace(opening, outliers=0, learns=learns))
     return replace(
         after,
         opening=None,
         noise_known=True,
-        recent=_keep_recent(before, belief, rows[earlier:]),
+        recent=_keep_recent(before, estimate, rows[earlier:]),
         refused=state.refused + int((~fits).sum()),
     )
 
@@ -160,12 +160,12 @@ def _has_settled(state: TrackerState, params: TrackerParams, total: float) -> bo
     """Whether the filter may run on its own; `total` is the sd of a residual."""
     opening = state.opening
     assert opening is not None, "the caller has one"
-    rows, belief = opening.rows, state.belief
+    rows, estimate = opening.rows, state.estimate
     if not state.noise_known and len(rows) < _FEWEST:
         return False
     limit = _CURVED * state.noise if len(rows) < _PATIENT else _NONLINEAR * total
-    return compute_nonlinearity(belief, float(rows[-1, 4])) < limit or _has_walked(
-        belief, rows, params
+    return compute_nonlinearity(estimate, float(rows[-1, 4])) < limit or _has_walked(
+        estimate, rows, params
     )
 
 
@@ -199,10 +199,10 @@ def _keep_recent(before: kalman.FilterState, now: kalman.FilterState, rows: Arra
     return Recent(before=before, middle=now, rows=rows)
 
 
-def _has_walked(belief: kalman.FilterState, rows: Array, params: TrackerParams) -> bool:
+def _has_walked(estimate: kalman.FilterState, rows: Array, params: TrackerParams) -> bool:
     """Whether the bias walked further during these rows than it is unknown."""
     variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
-    return bool(variance > np.trace(belief.covariance[1:4, 1:4]))
+    return bool(variance > np.trace(estimate.covariance[1:4, 1:4]))
 
 
 def _measure_jump(state: TrackerState, before: kalman.FilterState | None) -> tuple[Jump, ...]:

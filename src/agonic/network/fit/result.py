@@ -158,10 +158,10 @@ class NetworkFit(Estimated):
 
     @property
     def maximum(self) -> float:
-        """The largest error of a component among the readings that were believed, nT."""
+        """The largest error of a component among the readings that took part, nT."""
         return float(np.abs(self.residuals[self.weights > 0]).max())
 
     @property
     def rms(self) -> float:
-        """Root mean square error on an axis of the readings that were believed, nT."""
+        """Root mean square error on an axis of the readings that took part, nT."""
         return float(np.sqrt(np.mean(self.residuals[self.weights > 0] ** 2)))

@@ -15,9 +15,9 @@ from agonic.maths.estimation.leastsq import correlation_length, robust_scale
 CERTAIN = 3.0
 """A candidate wins when the difference of square errors is so many of its standard errors."""
 OUTLIERS = 0.1
-"""Share of readings that fit nothing, from which on a window is not believed."""
+"""Share of readings that fit nothing, from which on a window is doubted."""
 OUTLIER = 6.0
-"""Standard deviations from which on a reading is a stray."""
+"""Standard deviations from which on a reading is an outlier."""
 STUCK = 0.1
 """A reading that stays the same for so much of a window is that of a stuck sensor."""
 _FEWEST_STUCK = 20

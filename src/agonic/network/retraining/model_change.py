@@ -2,7 +2,7 @@
 
     field' = field + P [field/F, 1],   P = [P_m, p] (3, 4) nT
 
-with a prior on P about zero, so that what the window does not show stays as it was believed. Of an
+with a prior on P about zero, so that what the window does not show stays as it was. Of an
 affine base, matrix and bias become
 
     W' = (I + P_m/F) W,   b' = b − W'⁻¹ p

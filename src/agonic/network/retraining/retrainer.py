@@ -183,8 +183,8 @@ class Retrainer(Judged):
             state = replace(state, running=chosen.calibration)
         state = schedule.close_retraining(state, self.params, done)
         unseen = rows.select(hold_out(len(rows)))
-        told = not verdict.poisoned and (verdict.accepted or done.onset is None)
-        if told and (state.noise is None or len(unseen) >= ENOUGH):
+        trusted = not verdict.poisoned and (verdict.accepted or done.onset is None)
+        if trusted and (state.noise is None or len(unseen) >= ENOUGH):
             left = compute_errors(correct(state.running, unseen), unseen.wanted)
             noise, correlation = acceptance.estimate_noise(left)
             state = replace(state, noise=noise, correlation=correlation)
@@ -213,7 +213,7 @@ class Retrainer(Judged):
         moves = 0.0
         if state.running is not None:
             moves = float(np.sqrt(np.mean(((then - now) ** 2).sum(axis=1)))) / strength
-        told = Unseen(
+        unseen_errors = Unseen(
             running=None if state.running is None else compute_errors(now, unseen.wanted),
             candidate=left[best],
             moves=moves,
@@ -222,7 +222,7 @@ class Retrainer(Judged):
         )
         # what runs after a change was trained on fewer of the same readings: no proof is needed
         certain = 0.0 if why == "settling" else acceptance.CERTAIN
-        return acceptance.judge(told, params, certain=certain), offered[best]
+        return acceptance.judge(unseen_errors, params, certain=certain), offered[best]
 
     @property
     def calibration(self) -> Running:
