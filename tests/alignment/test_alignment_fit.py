@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import Pier, observe, published_earth_rotation
+from agonic.alignment.session import Pier, load_earth_rotation, observe
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session, unknown_pier
 from agonic.alignment.star_sensor import AlignmentFit, error_budget, fit_alignment, plan_alignment
 from agonic.errors import AgonicError, CoverageError, UnitError, ValidityError
@@ -59,7 +59,7 @@ def test_the_model_is_that_of_the_patent() -> None:
     """Eqs. 8 to 11 from elementary matrices, angle by angle, without any code of the fit."""
     made = simulate_session(**QUIET, seed=4, refraction="removed", aberration="removed")
     session, alpha = made.session, np.radians(angles_323_deg(made.rot_mc))
-    earth = published_earth_rotation()
+    earth = load_earth_rotation()
     for row in (0, 100, 333):
         a, b, c = np.radians(angles_323_deg(session.star.rot_ci[row]))
         cis_sim = erfa.rz(c, erfa.ry(b, erfa.rz(a, np.eye(3))))
@@ -271,7 +271,7 @@ def test_geodetic_coordinates_are_doubted() -> None:
 
 
 def test_predictions_of_the_earths_rotation_are_noted() -> None:
-    earth = published_earth_rotation()
+    earth = load_earth_rotation()
     made = simulate_session(seed=8)
     ahead = earth.measured_until + 20 * 86_400 - made.session.middle
     fit = fit_alignment(at_other_times(made.session, ahead), wanted_sd_arcsec=1e9)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import Pier, Session, Site, published_earth_rotation
+from agonic.alignment.session import Pier, Session, Site, load_earth_rotation
 from agonic.alignment.simulation.session import simulate_session
 from agonic.alignment.star_sensor import fit_alignment
 from tests.alignment.nights import MATRIX, at_other_times, names
@@ -50,7 +50,7 @@ def through_earth(session: Session, origin: Callable, matrix: Callable) -> Sessi
             )
         ]
     )
-    right = published_earth_rotation().rot_ei(session.star.time)
+    right = load_earth_rotation().rot_ei(session.star.time)
     return with_attitudes(session, session.star.rot_ci @ np.swapaxes(right, 1, 2) @ wrong)
 
 
@@ -111,7 +111,7 @@ MISTAKES: dict[str, Callable[[Session], Session]] = {
     ),
     "attitudes in Earth-fixed axes, not J2000": lambda s: with_attitudes(
         s,
-        s.star.rot_ci @ np.swapaxes(published_earth_rotation().rot_ei(s.star.time), 1, 2),
+        s.star.rot_ci @ np.swapaxes(load_earth_rotation().rot_ei(s.star.time), 1, 2),
     ),
     "refraction left in by the sensor": lambda s: replace(
         s, star=replace(s.star, refraction="removed")

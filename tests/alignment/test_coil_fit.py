@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agonic.alignment.coil import fit_coil
-from agonic.alignment.session import published_earth_rotation
+from agonic.alignment.session import load_earth_rotation
 from agonic.alignment.simulation.coil import simulate_coil
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.angles import angle_deg
@@ -59,7 +59,7 @@ def test_axes_in_earth_fixed_and_inertial_frames() -> None:
         e.axis, rot_en(site.latitude_deg, site.longitude_deg) @ fit.directions["n"].axis, atol=1e-15
     )
     # the whole chain of the IAU in one call of ERFA
-    ut1_tai, x, y = (float(v[0]) for v in published_earth_rotation().at(fit.time))
+    ut1_tai, x, y = (float(v[0]) for v in load_earth_rotation().at(fit.time))
     tai = fit.time + 37.0
     rot_ei = erfa.c2t06a(
         2_440_587.5, (tai + 32.184) / 86_400, 2_440_587.5, (tai + ut1_tai) / 86_400, x, y

@@ -120,11 +120,11 @@ def test_the_theodolites_jacobian() -> None:
     rng = np.random.default_rng(0)
     at = kernel.Settings(*rng.uniform(0, 6, (3, 12)), np.arange(12) % 3 == 0)
     params = np.array([0.3, 1.1, 2e-3, -3e-3, 1e-4, 48_000.0])
-    _, jacobian = kernel.expected(params, at)
+    _, jacobian = kernel.predict(params, at)
     for k in range(6):
         step = np.zeros(6)
         step[k] = 1e-6 * max(abs(params[k]), 1.0)
-        slope = (kernel.expected(params + step, at)[0] - kernel.expected(params - step, at)[0]) / (
+        slope = (kernel.predict(params + step, at)[0] - kernel.predict(params - step, at)[0]) / (
             2 * step[k]
         )
         np.testing.assert_allclose(jacobian[:, k], slope, rtol=1e-6, atol=1e-4)

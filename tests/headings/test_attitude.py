@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError, MissingExtraError
-from agonic.headings.attitude import attitude
+from agonic.headings.attitude import find_attitude
 from agonic.headings.compute import heading
 from agonic.logs.read import read
 from agonic.maths.rotations.angles import angle_deg
@@ -24,7 +24,7 @@ GRAVITY = 9.80665
 
 
 def tilt_error_deg(samples: Samples, **settings) -> np.ndarray:
-    found = attitude(samples, setup_for(plain(), **settings), plain())
+    found = find_attitude(samples, setup_for(plain(), **settings), plain())
     return angle_deg(
         down_b(found.roll_deg, found.pitch_deg), down_b(samples.roll_deg, samples.pitch_deg)
     )
@@ -53,7 +53,7 @@ def test_a_quarter_turn_ends_where_it_should(axis, down) -> None:
     """Right side down after rolling right, tail down after pitching up, level after yawing."""
     samples = quarter_turn(axis)
     for source in ("accelerometer", "gyro"):
-        found = attitude(samples, setup_for(plain(), tilt=source), plain())
+        found = find_attitude(samples, setup_for(plain(), tilt=source), plain())
         ends = down_b(found.roll_deg, found.pitch_deg)[[0, -1]]
         assert angle_deg(ends, np.array([[0.0, 0, 1], down])).max() < 0.5
         halfway = down_b(found.roll_deg, found.pitch_deg)[1050]
@@ -69,7 +69,7 @@ def test_a_quarter_turn_ends_where_it_should(axis, down) -> None:
 def test_the_accelerometer_is_turned_with_the_sensor() -> None:
     turn = Rotation.from_euler("ZYX", [120.0, 20.0, 90.0], degrees=True)
     rest = turn.apply([[0.0, 0.0, -GRAVITY]], inverse=True)
-    found = attitude(
+    found = find_attitude(
         Samples(field=[[1.0, 0, 0]], acceleration=rest),
         setup_for(plain(), tilt="accelerometer"),
         Alignment(rotation=turn),
@@ -91,12 +91,12 @@ def test_the_filter_holds_where_the_accelerometer_is_fooled() -> None:
 def test_turns_are_taken_out_at_the_speed_that_they_tell() -> None:
     """Half of this flight is turns at 18 m/s; believed, they pull the vertical by 8°."""
     s = flight(n=4000).samples.with_columns(latitude_deg=None, longitude_deg=None, altitude_m=None)
-    found = attitude(s, setup_for(plain(), tilt="gyro"), plain())
+    found = find_attitude(s, setup_for(plain(), tilt="gyro"), plain())
     told = re.search(r"turns are reckoned at ([0-9.]+) m/s", " ".join(found.notes))
     assert told is not None
     assert float(told[1]) == pytest.approx(18.0, rel=0.05)
     assert np.sqrt(np.mean(tilt_error_deg(s, tilt="gyro") ** 2)) < 0.5
-    by_force = attitude(s, setup_for(plain(), tilt="accelerometer"), plain())
+    by_force = find_attitude(s, setup_for(plain(), tilt="accelerometer"), plain())
     error = tilt_error_deg(s, tilt="accelerometer")
     assert 0.3 < by_force.unsure.mean() < 0.8
     assert error[by_force.unsure].mean() > 10 * error[~by_force.unsure].mean()
@@ -108,7 +108,7 @@ def test_a_hand_has_no_speed() -> None:
     s = made.samples
     rate = np.sqrt((s.rotation_rate**2).sum(axis=1))[:, None]
     swung = s.with_columns(acceleration=s.acceleration * (1 + 0.05 * rate**2))
-    found = attitude(swung, setup_for(plain(), tilt="gyro"), plain())
+    found = find_attitude(swung, setup_for(plain(), tilt="gyro"), plain())
     assert not any("reckoned" in note for note in found.notes)
     assert np.sqrt(np.mean(tilt_error_deg(swung, tilt="gyro") ** 2)) < 1.5
 
@@ -117,15 +117,15 @@ def test_auto_takes_the_best_there_is(monkeypatch) -> None:
     s = flight(n=500).samples
     bare = s.with_columns(roll_deg=None, pitch_deg=None)
     setup = setup_for(plain())
-    assert attitude(s, setup, plain()).source == "log"
-    by_gyro = attitude(bare, setup, plain())
+    assert find_attitude(s, setup, plain()).source == "log"
+    by_gyro = find_attitude(bare, setup, plain())
     assert by_gyro.source == "gyro"
     assert "no roll and pitch: tilt is by the gyro filter" in by_gyro.notes[0]
-    by_force = attitude(bare.with_columns(rotation_rate=None), setup, plain())
+    by_force = find_attitude(bare.with_columns(rotation_rate=None), setup, plain())
     assert by_force.source == "accelerometer"
     assert "nor gyros: tilt is from the accelerometer alone" in by_force.notes[0]
     monkeypatch.setattr("agonic.headings.attitude.find_spec", lambda name: None)
-    without = attitude(bare, setup, plain())
+    without = find_attitude(bare, setup, plain())
     assert without.source == "accelerometer"
     assert "agonic[gyro]" in without.notes[0]
 
@@ -133,7 +133,7 @@ def test_auto_takes_the_best_there_is(monkeypatch) -> None:
 def test_a_missing_filter_is_one_friendly_sentence(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "vqf", None)
     with pytest.raises(MissingExtraError, match=r"agonic\[gyro\]"):
-        attitude(flight(n=500).samples, setup_for(plain(), tilt="gyro"), plain())
+        find_attitude(flight(n=500).samples, setup_for(plain(), tilt="gyro"), plain())
 
 
 def test_free_fall_and_acceleration_have_no_tilt() -> None:
@@ -148,12 +148,12 @@ def test_free_fall_and_acceleration_have_no_tilt() -> None:
 def test_pauses_start_the_filter_anew() -> None:
     s = quarter_turn(0)
     late = s.select((s.time < 9.0) | (s.time > 15.0))
-    found = attitude(late, setup_for(plain(), tilt="gyro"), plain())
+    found = find_attitude(late, setup_for(plain(), tilt="gyro"), plain())
     expected = np.where(late.time < 12, 0.0, 90.0)
     assert np.abs(found.roll_deg - expected).max() < 0.5
     crumbs = s.with_columns(time=np.arange(len(s)) * 5.0)
     with pytest.raises(LogError, match="pauses"):
-        attitude(crumbs, setup_for(plain(), tilt="gyro"), plain())
+        find_attitude(crumbs, setup_for(plain(), tilt="gyro"), plain())
 
 
 def test_headings_by_gyro_follow_the_truth() -> None:
@@ -181,7 +181,7 @@ def test_tilt_by_gyro_agrees_with_optical_truth(recordings: Path, trial, limit_d
     fooled = tilt_error_deg(samples, tilt="accelerometer")
     assert np.sqrt(np.mean(fooled**2)) > 5 * np.sqrt(np.mean(error**2))
     for tilt, angle in (("gyro", error), ("accelerometer", fooled)):
-        sd = attitude(samples, setup_for(plain(), tilt=tilt), plain()).sd_deg
+        sd = find_attitude(samples, setup_for(plain(), tilt=tilt), plain()).sd_deg
         assert np.sqrt(np.mean((angle / sd) ** 2) / 2) < 1.0  # both level axes
 
 
@@ -191,7 +191,7 @@ def test_tilt_by_gyro_beside_an_autopilot_s(recordings: Path) -> None:
     whole = read(recordings / "vehicle" / "ardupilot" / "log171.bin")
     samples = whole.select((whole.time >= 84) & (whole.time <= 236))
     error = tilt_error_deg(samples, tilt="gyro")
-    sd = attitude(samples, setup_for(plain(), tilt="gyro"), plain()).sd_deg
+    sd = find_attitude(samples, setup_for(plain(), tilt="gyro"), plain()).sd_deg
     assert np.sqrt(np.mean((error / sd) ** 2) / 2) < 1.6
 
 

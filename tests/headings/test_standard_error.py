@@ -18,7 +18,7 @@ from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.ellipsoid import fit_ellipsoid
 from agonic.headings.compute import heading
-from agonic.headings.propagation import passed, steps_of, variances
+from agonic.headings.propagation import apply_steps, list_steps, propagate
 from agonic.reference import Reference
 from agonic.simulation import simulate
 from tests.headings.flights import FIELD, flight, off_deg, plain, setup_for, truth_of
@@ -153,8 +153,8 @@ def test_what_is_carried_back_is_the_covariance_of_the_field() -> None:
         motors,
     ):
         columns = {"current_A": current}
-        steps = steps_of(step)
-        lasting, _ = variances(steps, passed(steps, raw, columns), columns, gradient)
+        steps = list_steps(step)
+        lasting, _ = propagate(steps, apply_steps(steps, raw, columns), columns, gradient)
         full = step.uncertainty(raw, **columns)
         assert lasting == pytest.approx(np.einsum("in,nij,jn->n", gradient, full, gradient))
 
@@ -165,9 +165,9 @@ def test_steps_of_a_chain_add_up() -> None:
     made = simulate("tumble", n=5, noise=100.0, seed=2)
     mounting = Alignment(rotation=turn, covariance=np.diag([1e-4, 4e-4, 9e-4]))
     first = replace(made.truth, covariance=np.diag([900.0] * 3 + [1e-6] * 6), noise=100.0)
-    steps = steps_of(Chain(steps=(first, mounting)))
+    steps = list_steps(Chain(steps=(first, mounting)))
     raw, gradient = made.samples.field, rng.standard_normal((3, 5))
-    lasting, noise = variances(steps, passed(steps, raw, {}), {}, gradient)
+    lasting, noise = propagate(steps, apply_steps(steps, raw, {}), {}, gradient)
     draws = []
     for _ in range(4000):
         bent = Rotation.from_rotvec([0.01, 0.02, 0.03] * rng.standard_normal(3)) * turn

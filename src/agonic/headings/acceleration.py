@@ -40,18 +40,18 @@ TRACK_SHARE = 0.5
 class Speed(NamedTuple):
     """The square of the speed ahead in turns, (m/s)², its sd, and the specific force at rest.
 
-    `believed` where nothing speaks against it.
+    `trusted` where nothing speaks against it.
     """
 
     square: float
     square_sd: float
     gravity: float
-    believed: bool = True
+    trusted: bool = True
 
     @property
     def taken(self) -> float:
         """The speed to reckon with, m/s; 0 where it does not stand out by two sds."""
-        clear = self.believed and self.square > 2 * self.square_sd
+        clear = self.trusted and self.square > 2 * self.square_sd
         return float(np.sqrt(self.square)) if clear else 0.0
 
     @property
@@ -65,10 +65,10 @@ class Speed(NamedTuple):
 AT_REST = Speed(0.0, 0.0, STANDARD_GRAVITY_M_S2)
 
 
-def turning(rotation_rate: Array) -> Array:
+def compute_turn_axis(rotation_rate: Array) -> Array:
     """ω × x̂ (n, 3): acceleration in body axes for each m/s ahead, of rates (n, 3) in rad/s.
 
-    >>> turning(np.array([[0.0, 0.0, 0.5]])).tolist()
+    >>> compute_turn_axis(np.array([[0.0, 0.0, 0.5]])).tolist()
     [[0.0, 0.5, 0.0]]
     """
     return np.stack(
@@ -76,16 +76,16 @@ def turning(rotation_rate: Array) -> Array:
     )
 
 
-def turn_rate(time: Array, specific_force: Array, rotation_rate: Array) -> Array:
+def compute_turn_rate(time: Array, specific_force: Array, rotation_rate: Array) -> Array:
     """The rate (n,) of turning about the vertical, rad/s, without gusts: −ω·f/g.
 
     A level turn leans f by tan φ = v Ω/g, so its size is g/cos φ and ω·f = −Ω g whatever the bank.
     """
     about = np.einsum("ij,ij->i", rotation_rate, specific_force)
-    return -smoothed(about, _rows(time, SMOOTHED_S)) / STANDARD_GRAVITY_M_S2
+    return -smooth(about, _rows(time, SMOOTHED_S)) / STANDARD_GRAVITY_M_S2
 
 
-def speed_in_turns(
+def estimate_speed(
     time: Array, specific_force: Array, rotation_rate: Array, track_square: float | None = None
 ) -> Speed:
     """The speed that a log's own turns tell: |f|² = g² + v² Ω², by least squares.
@@ -94,11 +94,11 @@ def speed_in_turns(
     v apart; priors (`SCALE_SD`, `FASTEST_M_S`, or the speed of the track) hold what they do not.
 
     Parameters: time (n,) s, specific_force (n, 3) m/s² and rotation_rate (n, 3) rad/s in body axes,
-    `track_square` (m/s)² the square of the speed over ground in turns.
+    `compute_track_square` (m/s)² the square of the speed over ground in turns.
     """
     width = _rows(time, SMOOTHED_S)
-    felt = smoothed((specific_force**2).sum(axis=1), width) - STANDARD_GRAVITY_M_S2**2
-    turn = turn_rate(time, specific_force, rotation_rate)
+    felt = smooth((specific_force**2).sum(axis=1), width) - STANDARD_GRAVITY_M_S2**2
+    turn = compute_turn_rate(time, specific_force, rotation_rate)
     rows = np.stack([np.ones(len(time)), turn**2], axis=1)
     prior = np.array([0.0, track_square or 0.0])
     prior_sd = np.array([2 * SCALE_SD * STANDARD_GRAVITY_M_S2**2, FASTEST_M_S**2])
@@ -116,7 +116,7 @@ def speed_in_turns(
     return Speed(float(found[1]), sd, float(np.sqrt(STANDARD_GRAVITY_M_S2**2 + found[0])))
 
 
-def track_square(samples: Samples, turn: Array) -> float | None:
+def compute_track_square(samples: Samples, turn: Array) -> float | None:
     """The square of the speed over ground, (m/s)², weighted by the square of the rate of turn (n,).
 
     `None` where the samples hold no positions, or none that move.
@@ -127,13 +127,13 @@ def track_square(samples: Samples, turn: Array) -> float | None:
     width = _rows(time, SMOOTHED_S)
     level = np.stack([np.radians(latitude), np.unwrap(np.radians(longitude))], axis=1)
     level[:, 1] *= np.cos(level[:, 0])
-    moved = np.gradient(smoothed(level, width) * SEMI_MAJOR_M, time, axis=0)
+    moved = np.gradient(smooth(level, width) * SEMI_MAJOR_M, time, axis=0)
     weight = turn**2 + 1e-12
     square = float((weight * (moved**2).sum(axis=1)).sum() / weight.sum())
     return square if square > 0.01 else None
 
 
-def shaken(
+def estimate_shaking(
     time: Array, force: Array, rotation_rate: Array | None, speed: Speed, window_s: float
 ) -> tuple[Array, Array]:
     """How far the specific force itself is from upright: sd about the axis ahead and across, rad.
@@ -149,23 +149,23 @@ def shaken(
     size = np.sqrt((force**2).sum(axis=1))
     turn = np.zeros(len(size))
     if rotation_rate is not None:
-        turn = np.abs(turn_rate(time, force, rotation_rate)) / STANDARD_GRAVITY_M_S2
+        turn = np.abs(compute_turn_rate(time, force, rotation_rate)) / STANDARD_GRAVITY_M_S2
     leaning = speed.taken * turn
     square = (size / STANDARD_GRAVITY_M_S2) ** 2 - leaning**2
-    lasting = smoothed(square, width)
-    likely = np.abs(lasting - 1.0) < 0.5
-    low, calm = np.quantile(lasting[likely] if likely.any() else lasting, (CALM / 4, CALM))
+    average = smooth(square, width)
+    likely = np.abs(average - 1.0) < 0.5
+    low, calm = np.quantile(average[likely] if likely.any() else average, (CALM / 4, CALM))
     g_square = np.clip(2 * calm - low, (1 - WITHIN) ** 2, (1 + WITHIN) ** 2)
     rest = square / g_square - 1.0
-    bobbing = smoothed(rest**2, width) / 4.0
-    pushed = np.maximum(lasting / g_square - 1.0, 0.0) / 2.0
+    bobbing = smooth(rest**2, width) / 4.0
+    pushed = np.maximum(average / g_square - 1.0, 0.0) / 2.0
     unseen = min(float(pushed.mean()), UNSEEN)
     other = np.maximum(np.maximum(bobbing, pushed), unseen)
     roll = np.arctan(np.sqrt(leaning**2 + (speed.doubt * turn) ** 2 + other))
     return roll, np.arctan(np.sqrt(other))
 
 
-def smoothed(values: Array, width: int) -> Array:
+def smooth(values: Array, width: int) -> Array:
     """The moving average over `width` rows, of each column by itself."""
     return np.asarray(uniform_filter1d(values, width, axis=0, mode="nearest"))
 

@@ -17,12 +17,12 @@ from agonic.errors import LogError
 from agonic.headings.acceleration import (
     AT_REST,
     Speed,
-    shaken,
-    speed_in_turns,
-    track_square,
-    turn_rate,
+    compute_track_square,
+    compute_turn_rate,
+    estimate_shaking,
+    estimate_speed,
 )
-from agonic.headings.gyro import Followed, down_by_gyro
+from agonic.headings.gyro import FilteredDown, filter_down
 from agonic.health.finding import figure
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
@@ -71,13 +71,13 @@ class Attitude:
         return np.asarray(self.sd_deg > UNSURE_DEG)
 
 
-def attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitude:
+def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitude:
     """The tilt at each sample as the setup wants it; `calibration` knows how the sensor is mounted.
 
     "auto" takes what the log recorded, else the gyro filter, else the accelerometer.
     """
     source, why = _automatic(samples) if setup.tilt == "auto" else (setup.tilt, ())
-    turn = mounting(calibration)
+    turn = find_mounting(calibration)
     if source == LEVEL:
         return _level(samples, setup, turn)
     if source == "log":
@@ -99,12 +99,12 @@ def attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitu
         time = _needed(samples, "time", source)
         rate = _needed(samples, "rotation_rate", source) @ turn.T
         speed = _speed(samples, force, rate)
-        followed, speed = down_by_gyro(time, force, rate, setup.settling_s, speed)
+        followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
         if speed.taken:
             why = (*why, f"turns are reckoned at {figure(speed.taken)} m/s: {_whence(samples)}")
         return _felt(followed, setup, source, speed, why)
     speed, sds = _shaken(samples, setup, force, turn)
-    return _felt(Followed(kernel.down_from_force(force), *sds), setup, source, speed, why)
+    return _felt(FilteredDown(kernel.down_from_force(force), *sds), setup, source, speed, why)
 
 
 def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
@@ -113,7 +113,7 @@ def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
 
 
 def _felt(
-    found: Followed, setup: Setup, source: str, speed: Speed, notes: tuple[str, ...]
+    found: FilteredDown, setup: Setup, source: str, speed: Speed, notes: tuple[str, ...]
 ) -> Attitude:
     """The tilt of a measured down; its sd holds the accelerometer's own errors too.
 
@@ -142,8 +142,8 @@ def _felt(
 
 def _speed(samples: Samples, force: Array, rate: Array) -> Speed:
     assert samples.time is not None
-    turn = turn_rate(samples.time, force, rate)
-    return speed_in_turns(samples.time, force, rate, track_square(samples, turn))
+    turn = compute_turn_rate(samples.time, force, rate)
+    return estimate_speed(samples.time, force, rate, compute_track_square(samples, turn))
 
 
 def _whence(samples: Samples) -> str:
@@ -161,8 +161,8 @@ def _shaken(
         rate = rate @ turn.T
         speed = speed if time is None else _speed(samples, force, rate)
     if time is None:  # each row for itself
-        return speed, shaken(np.arange(float(len(force))), force, None, AT_REST, 1.0)
-    return speed, shaken(time, force, rate, speed, setup.settling_s)
+        return speed, estimate_shaking(np.arange(float(len(force))), force, None, AT_REST, 1.0)
+    return speed, estimate_shaking(time, force, rate, speed, setup.settling_s)
 
 
 def _level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
@@ -242,12 +242,12 @@ def _needed(samples: Samples, name: str, source: str) -> Array:
     return values
 
 
-def mounting(calibration: Calibration) -> Array:
+def find_mounting(calibration: Calibration) -> Array:
     """The rotation (3, 3) from the sensor's axes to those of the calibrated field.
 
     >>> from scipy.spatial.transform import Rotation
     >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
-    >>> mounting(turn).round(9)[0].tolist()
+    >>> find_mounting(turn).round(9)[0].tolist()
     [0.0, -1.0, 0.0]
     """
     steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)

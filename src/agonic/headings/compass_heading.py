@@ -14,7 +14,7 @@ from agonic.calibration.setup import Compass
 from agonic.errors import FrameError, LogError, UnitError
 from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.expected_field import Surroundings
-from agonic.headings.propagation import Step, passed, steps_of, unknowns, variances
+from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
 from agonic.samples import VECTORS, Samples
@@ -39,18 +39,18 @@ class Readings(NamedTuple):
     missing: Mask | None = None
 
 
-class Indicated(NamedTuple):
+class Indication(NamedTuple):
     """Headings of one compass in degrees, (n,); variances in degrees²; measured intensities, nT."""
 
     compass_deg: Array
     magnetic_deg: Array
     random: Array
-    lasting: Array
+    systematic: Array
     horizontal: Array
     vertical: Array
 
 
-def readings_at(samples: Samples, compass: Compass, time: Array | None) -> Readings:
+def interpolate_readings(samples: Samples, compass: Compass, time: Array | None) -> Readings:
     """The readings that belong to the moments `time` (n,), by linear interpolation.
 
     A reading recorded at t shows the field of t − latency. Between readings more than
@@ -105,14 +105,14 @@ def _interpolated(wanted: Array, time: Array, values: Array) -> Array:
     return np.stack([np.interp(wanted, time, axis) for axis in values.T], axis=1)
 
 
-def indicated(
+def compute_indication(
     readings: Readings, compass: Compass, attitude: Attitude, around: Surroundings
-) -> tuple[Indicated, tuple[str, ...]]:
+) -> tuple[Indication, tuple[str, ...]]:
     """The headings of one compass, piece by piece, and what their standard error leaves out."""
-    steps = steps_of(compass.calibration)
+    steps = list_steps(compass.calibration)
     n = len(readings.raw)
-    result = Indicated(*(np.empty(n) for _ in Indicated._fields))
-    notes = list(unknowns(steps, compass.sensor))
+    result = Indication(*(np.empty(n) for _ in Indication._fields))
+    notes = list(list_unknowns(steps, compass.sensor))
     if compass.deviation is not None and compass.deviation.covariance is None:
         notes.append(f"the deviation card of {compass.sensor} has no covariance: not in the sd")
     if attitude.source == LEVEL and around.vertical is None and not readings.raw[:, 2].any():
@@ -136,28 +136,28 @@ def _piece(
     compass: Compass,
     attitude: Attitude,
     around: Surroundings,
-) -> Indicated:
+) -> Indication:
     columns = {name: values[rows] for name, values in readings.columns.items()}
-    values = passed(steps, readings.raw[rows], columns)
-    tilt = kernel.Tilt(*(part_of(part, rows) for part in attitude.tilt))
+    values = apply_steps(steps, readings.raw[rows], columns)
+    tilt = kernel.Tilt(*(select_rows(part, rows) for part in attitude.tilt))
     field = np.ascontiguousarray(values[-1].T)
     if attitude.source == LEVEL and around.vertical is not None:
-        field[2] = part_of(around.vertical, rows)
+        field[2] = select_rows(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
         turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
-        lasting, random = variances(steps, values, columns, turned.by_field)
-        lasting += _by_tilt(turned, attitude, around, rows)
+        systematic, random = propagate(steps, values, columns, turned.by_field)
+        systematic += _by_tilt(turned, attitude, around, rows)
     if readings.averaged is not None:
         random *= readings.averaged[rows]
-    lasting, random = np.degrees(np.degrees(lasting)), np.degrees(np.degrees(random))
+    systematic, random = np.degrees(np.degrees(systematic)), np.degrees(np.degrees(random))
     magnetic = turned.heading_deg
     if compass.deviation is not None:
         heeled = compass.deviation.heel is not None
         heel = kernel.roll_pitch_deg(tilt) if heeled else (0.0, 0.0)
         magnetic, gain, own = _deviated(compass.deviation, turned.heading_deg, *heel)
-        lasting, random = gain**2 * lasting + own, gain**2 * random
-    return Indicated(
-        turned.heading_deg, magnetic, random, lasting, turned.horizontal, turned.vertical
+        systematic, random = gain**2 * systematic + own, gain**2 * random
+    return Indication(
+        turned.heading_deg, magnetic, random, systematic, turned.horizontal, turned.vertical
     )
 
 
@@ -169,12 +169,14 @@ def _by_tilt(
     A tilt that is far off shows the field at a dip that is not its own, with derivatives to match;
     where the dip of the place is known, errors turn the heading by its tangent at least.
     """
-    roll, pitch = (part_of(sd, rows) ** 2 for sd in (attitude.roll_sd, attitude.pitch_sd))
+    roll, pitch = (select_rows(sd, rows) ** 2 for sd in (attitude.roll_sd, attitude.pitch_sd))
     linear = roll * turned.by_roll**2 + pitch * turned.by_pitch**2
     if around.horizontal is None or around.vertical is None:
         return linear
-    tangent = part_of(around.vertical, rows) / np.maximum(part_of(around.horizontal, rows), 1.0)
-    return np.maximum(linear, part_of(attitude.variance, rows) * tangent**2)
+    tangent = select_rows(around.vertical, rows) / np.maximum(
+        select_rows(around.horizontal, rows), 1.0
+    )
+    return np.maximum(linear, select_rows(attitude.variance, rows) * tangent**2)
 
 
 def _deviated(
@@ -189,6 +191,6 @@ def _deviated(
     return magnetic, gain, card.sd_at(heading_deg, roll_deg, pitch_deg) ** 2
 
 
-def part_of(values: Array, rows: slice) -> Array:
+def select_rows(values: Array, rows: slice) -> Array:
     """The rows of a column, or the one value that holds for all."""
     return values if len(values) == 1 else values[rows]

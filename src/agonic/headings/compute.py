@@ -12,16 +12,21 @@ from numpy.typing import NDArray
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import LogError
-from agonic.headings.attitude import Attitude, attitude
+from agonic.headings.attitude import Attitude, find_attitude
 from agonic.headings.compass_heading import (
     UNKNOWN_SD_DEG,
-    Indicated,
+    Indication,
     Readings,
-    indicated,
-    readings_at,
+    compute_indication,
+    interpolate_readings,
 )
-from agonic.headings.disagreement import chosen, disagreeing, disagreement_deg, judged
-from agonic.headings.expected_field import Surroundings, surroundings
+from agonic.headings.disagreement import (
+    choose_compass,
+    compare_with_expected,
+    compute_disagreement_deg,
+    find_disagreement,
+)
+from agonic.headings.expected_field import Surroundings, find_surroundings
 from agonic.headings.result import FLAGS, Heading
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
@@ -33,7 +38,7 @@ class _Taken(NamedTuple):
 
     compass: Compass
     readings: Readings
-    indicated: Indicated
+    indicated: Indication
     distance: Array | None
 
 
@@ -76,22 +81,24 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
     >>> found.true_deg.round(6).tolist(), found.sd_deg.round(3).tolist()
     ([93.0], [0.286])
     """
-    pairs = matched((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
+    pairs = match_sensors((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
     first = pairs[0][1]
-    read = [readings_at(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
-    tilt = attitude(first, setup, pairs[0][0].calibration)
-    around = surroundings(first, setup)
+    read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
+    tilt = find_attitude(first, setup, pairs[0][0].calibration)
+    around = find_surroundings(first, setup)
     notes = [*tilt.notes, *around.notes]
     taken = []
     for (compass, _), readings in zip(pairs, read, strict=True):
-        found, unknown = indicated(readings, compass, tilt, around)
-        verdict = judged(compass, found, around, setup, tilt.source)
+        found, unknown = compute_indication(readings, compass, tilt, around)
+        verdict = compare_with_expected(compass, found, around, setup, tilt.source)
         notes += [*unknown, *verdict.notes]
         taken.append(_Taken(compass, readings, found, verdict.distance))
     return _assembled(first, setup, tilt, taken, around, tuple(notes))
 
 
-def matched(samples: tuple[Samples, ...], setup: Setup) -> tuple[tuple[Compass, Samples], ...]:
+def match_sensors(
+    samples: tuple[Samples, ...], setup: Setup
+) -> tuple[tuple[Compass, Samples], ...]:
     """Each compass with the samples of its sensor; one of each go together whatever their names."""
     if len(samples) == 1 == len(setup.compasses):
         return ((setup.compasses[0], samples[0]),)
@@ -121,12 +128,14 @@ def _assembled(
     around: Surroundings,
     notes: tuple[str, ...],
 ) -> Heading:
-    """Each row from the compass to believe, with declination, standard error and flags."""
+    """Each row from the compass to trust, with declination, standard error and flags."""
     n = len(first)
-    used = chosen([one.distance for one in taken], [one.readings.missing for one in taken], n)
+    used = choose_compass(
+        [one.distance for one in taken], [one.readings.missing for one in taken], n
+    )
     each = zip(*(one.indicated for one in taken), strict=True)
-    found = Indicated(*(_of(used, values) for values in each))
-    total = found.lasting + found.random + around.declination_sd_deg**2
+    found = Indication(*(_of(used, values) for values in each))
+    total = found.systematic + found.random + around.declination_sd_deg**2
     sd, random_sd = (np.fmin(np.sqrt(v), UNKNOWN_SD_DEG) for v in (total, found.random))
     magnetic = found.magnetic_deg
     unknown = ~np.isfinite(magnetic)
@@ -139,7 +148,7 @@ def _assembled(
         true_deg=kernel.wrap_turn_deg(magnetic + around.declination_deg),
         sd_deg=sd,
         random_sd_deg=random_sd,
-        disagreement_deg=disagreement_deg([one.indicated.magnetic_deg for one in taken]),
+        disagreement_deg=compute_disagreement_deg([one.indicated.magnetic_deg for one in taken]),
         used=used,
         flags=_flags(setup, tilt, taken, used, found),
         roll_deg=np.broadcast_to(tilt.roll_deg, n),
@@ -162,7 +171,7 @@ def _flags(
     tilt: Attitude,
     taken: list[_Taken],
     used: Index,
-    found: Indicated,
+    found: Indication,
 ) -> Mapping[str, Mask]:
     """The rows that each of `FLAGS` marks."""
     nowhere = np.zeros(len(used), dtype=bool)
@@ -177,7 +186,7 @@ def _flags(
         (found.horizontal < WEAKEST_HORIZONTAL) & _of(used, scaled),
         _of(used, far),
         tilt.unsure,
-        disagreeing(
+        find_disagreement(
             [one.indicated for one in taken],
             [one.distance for one in taken],
             setup.disagreement_limit_deg,

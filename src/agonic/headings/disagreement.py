@@ -1,4 +1,4 @@
-"""Which compass to believe at each moment: what each measured against what the field should be."""
+"""Which compass to trust at each moment: what each measured against what the field should be."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
 from agonic.headings.attitude import LEVEL
-from agonic.headings.compass_heading import Indicated
+from agonic.headings.compass_heading import Indication
 from agonic.headings.expected_field import Surroundings
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.units import RAW
 
 
-class Judged(NamedTuple):
+class Comparison(NamedTuple):
     """How far a compass's field is from the expected one, 1 being the limit, (n,).
 
     `None` where nothing is known to compare with.
@@ -29,9 +29,9 @@ class Judged(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def judged(
-    compass: Compass, indicated: Indicated, around: Surroundings, setup: Setup, tilt: str
-) -> Judged:
+def compare_with_expected(
+    compass: Compass, indicated: Indication, around: Surroundings, setup: Setup, tilt: str
+) -> Comparison:
     """The larger of the differences of magnitude and dip, each over its limit.
 
     A level compass knows its horizontal intensity only, one calibrated to a magnitude alone has no
@@ -40,21 +40,21 @@ def judged(
     h, z = indicated.horizontal, indicated.vertical
     raw = compass.calibration.unit_out == RAW
     if around.horizontal is None or around.vertical is None:
-        size = magnitude_of(compass.calibration)
+        size = find_magnitude(compass.calibration)
         if size is None or tilt == LEVEL:
-            return Judged(None, (_unseen(compass, "no field to compare it with is known"),))
-        return Judged(_over(np.sqrt(h * h + z * z) / size - 1, setup.magnitude_limit))
+            return Comparison(None, (_unseen(compass, "no field to compare it with is known"),))
+        return Comparison(_over(np.sqrt(h * h + z * z) / size - 1, setup.magnitude_limit))
     if tilt == LEVEL:
         if raw:
-            return Judged(None, (_unseen(compass, "its calibration gives raw units"),))
-        return Judged(_over(h / around.horizontal - 1, setup.magnitude_limit))
+            return Comparison(None, (_unseen(compass, "its calibration gives raw units"),))
+        return Comparison(_over(h / around.horizontal - 1, setup.magnitude_limit))
     dip = np.degrees(np.arctan2(z, h) - np.arctan2(around.vertical, around.horizontal))
     distance = _over(dip, setup.dip_limit_deg)
     if not raw:
         expected = np.hypot(around.horizontal, around.vertical)
         off = _over(np.sqrt(h * h + z * z) / expected - 1, setup.magnitude_limit)
         distance = np.maximum(distance, off)
-    return Judged(distance)
+    return Comparison(distance)
 
 
 def _unseen(compass: Compass, why: str) -> str:
@@ -65,14 +65,14 @@ def _over(difference: Array, limit: float) -> Array:
     return np.abs(difference) / max(limit, 1e-12)
 
 
-def magnitude_of(calibration: Calibration) -> float | None:
+def find_magnitude(calibration: Calibration) -> float | None:
     """The magnitude of the field that a calibration was scaled to."""
     steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
     scaled = [step for step in steps if isinstance(step, Affine | Thermal)]
     return scaled[-1].magnitude if scaled else None
 
 
-def chosen(distances: list[Array | None], missing: list[Mask | None], n: int) -> Index:
+def choose_compass(distances: list[Array | None], missing: list[Mask | None], n: int) -> Index:
     """Which compass each row is taken from, (n,).
 
     The first that was read and is not disturbed; where all are, the one nearest to the expected
@@ -90,10 +90,10 @@ def chosen(distances: list[Array | None], missing: list[Mask | None], n: int) ->
     return np.asarray(np.argmin(score, axis=0))
 
 
-def disagreeing(
-    seen: list[Indicated], distances: list[Array | None], limit_deg: float
+def find_disagreement(
+    seen: list[Indication], distances: list[Array | None], limit_deg: float
 ) -> Mask | None:
-    """The rows on which two sensors differ that are both believed, or `None` with a single one.
+    """The rows on which two sensors differ that are both trusted, or `None` with a single one.
 
     By more than the limit and three of their standard deviations; a sensor known to be disturbed is
     outvoted already.
@@ -104,19 +104,19 @@ def disagreeing(
     for i, one in enumerate(seen):
         for k, other in enumerate(seen[:i]):
             apart = np.abs(wrap_deg(one.magnetic_deg - other.magnetic_deg))
-            sd = np.sqrt(one.random + one.lasting + other.random + other.lasting)
-            believed = np.ones_like(rows)
+            sd = np.sqrt(one.random + one.systematic + other.random + other.systematic)
+            trusted = np.ones_like(rows)
             for distance in (distances[i], distances[k]):
                 if distance is not None:
-                    believed &= distance <= 1.0
-            rows |= believed & (apart > np.maximum(limit_deg, 3 * sd))
+                    trusted &= distance <= 1.0
+            rows |= trusted & (apart > np.maximum(limit_deg, 3 * sd))
     return rows
 
 
-def disagreement_deg(magnetic_deg: list[Array]) -> Array | None:
+def compute_disagreement_deg(magnetic_deg: list[Array]) -> Array | None:
     """The largest difference between the headings of two sensors, (n,); NaN where fewer were read.
 
-    >>> disagreement_deg([np.array([359.0]), np.array([2.0]), np.array([np.nan])]).tolist()
+    >>> compute_disagreement_deg([np.array([359.0]), np.array([2.0]), np.array([np.nan])]).tolist()
     [3.0]
     """
     if len(magnetic_deg) == 1:

@@ -43,7 +43,7 @@ class World(NamedTuple):
     vertical: Array
 
 
-def surroundings(samples: Samples, setup: Setup) -> Surroundings:
+def find_surroundings(samples: Samples, setup: Setup) -> Surroundings:
     """Declination and intensities: the setup's own, else those of the world model on the track.
 
     Raises LogError where the declination has to come from the model and the samples lack place or
@@ -70,14 +70,14 @@ def _world_if_needed(samples: Samples, setup: Setup) -> tuple[World | None, tupl
     if setup.declination_deg is not None and setup.horizontal is not None:
         return None, ()
     try:
-        return along(samples), ()
+        return evaluate_world(samples), ()
     except ValidityError as error:
         if setup.declination_deg is None:
             raise
         return None, (f"what the field should be is not known: {error}",)
 
 
-def along(samples: Samples) -> World | None:
+def evaluate_world(samples: Samples) -> World | None:
     """The world model along the track of the samples; `None` where they lack place or date."""
     latitude, longitude, epoch = samples.latitude_deg, samples.longitude_deg, samples.epoch
     if latitude is None or longitude is None or epoch is None:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.headings.acceleration import SMOOTHED_S, Speed, smoothed, turning
+from agonic.headings.acceleration import SMOOTHED_S, Speed, compute_turn_axis, smooth
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 GAP_S = 1.0
@@ -29,7 +29,7 @@ LOCAL = 2.0
 """Time constants over which the scatter of what the filter left is taken."""
 
 
-class Followed(NamedTuple):
+class FilteredDown(NamedTuple):
     """Down in body axes (n, 3), NaN where there is none, and the sds about level axes (n,), rad.
 
     `roll_sd` about the one ahead, `pitch_sd` about the one to the right.
@@ -50,9 +50,9 @@ class Stretch(NamedTuple):
     rate: Array
 
 
-def down_by_gyro(
+def filter_down(
     time: Array, specific_force: Array, rotation_rate: Array, settling_s: float, speed: Speed
-) -> tuple[Followed, Speed]:
+) -> tuple[FilteredDown, Speed]:
     """The direction of down by the offline filter, with what acceleration may have done to it.
 
     The filter runs forwards and backwards over evenly spaced rows, so readings are brought to even
@@ -60,14 +60,14 @@ def down_by_gyro(
     body components into axes whose third is up; the body axes may be any.
 
     The acceleration of turning at the speed of the log is taken out, where what the filter did not
-    believe agrees with it. What is left is low-passed by the filter and believed: the tilt is wrong
-    by ⟨a⟩/g. What it did not believe, a − ⟨a⟩, is seen, and about the corner of the low-pass tells
+    trust agrees with it. What is left is low-passed by the filter and trusted: the tilt is wrong
+    by ⟨a⟩/g. What it did not trust, a − ⟨a⟩, is seen, and about the corner of the low-pass tells
     how much of a went unseen (`UNSEEN`).
 
     Parameters: time (n,) s; specific_force (n, 3), m/s², and rotation_rate (n, 3), rad/s, in body
     axes; settling_s, the time constant of the accelerometer's pull.
 
-    Returns what was followed, and the speed, believed or not. Raises MissingExtraError without the
+    Returns what was followed, and the speed, trusted or not. Raises MissingExtraError without the
     package vqf.
     """
     n = len(time)
@@ -81,11 +81,11 @@ def down_by_gyro(
     force = specific_force
     ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
     if speed.taken:
-        speed = speed._replace(believed=_agrees(ran, settling_s, speed.taken))
+        speed = speed._replace(trusted=_agrees(ran, settling_s, speed.taken))
     if speed.taken:
-        force = force - speed.taken * turning(rotation_rate)
+        force = force - speed.taken * compute_turn_axis(rotation_rate)
         ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
-    found = Followed(np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan))
+    found = FilteredDown(np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan))
     for part, stretch in zip(parts, ran, strict=True):
         up = _at(time[part], stretch.time, stretch.turn.as_matrix()[:, 2])
         found.down[part] = -up / np.sqrt((up**2).sum(axis=1, keepdims=True))
@@ -121,8 +121,8 @@ def _agrees(ran: list[Stretch], settling_s: float, speed: float) -> bool:
     shared = expected = 0.0
     for one in ran:
         width = max(round(SMOOTHED_S / one.step), 1)
-        left_over = smoothed(one.turn.apply(one.force)[:, :2], width)
-        ahead = smoothed(one.turn.apply(turning(one.rate))[:, :2], width)
+        left_over = smooth(one.turn.apply(one.force)[:, :2], width)
+        ahead = smooth(one.turn.apply(compute_turn_axis(one.rate))[:, :2], width)
         ahead = speed * (ahead - _lasting(ahead, one.step, settling_s))
         shared += float((left_over * ahead).sum())
         expected += float((ahead**2).sum())
@@ -141,8 +141,8 @@ def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Ar
     left = np.stack([-nose[:, 1], nose[:, 0]], axis=1)
     left_over = _lasting(turn.apply(stretch.force)[:, :2], step, settling_s)
     width = max(round(LOCAL * settling_s / step), 1)
-    rest = UNSEEN**2 * smoothed((left_over**2).sum(axis=1) / 2, width)
-    ahead = turn.apply(turning(stretch.rate))[:, :2]
+    rest = UNSEEN**2 * smooth((left_over**2).sum(axis=1) / 2, width)
+    ahead = turn.apply(compute_turn_axis(stretch.rate))[:, :2]
     unsure = speed.doubt * _lasting(ahead, step, settling_s)
     across, along = ((unsure * axis).sum(axis=1) for axis in (left, nose))
     roll_sd, pitch_sd = (np.sqrt(rest + part**2) for part in (across, along))

@@ -31,7 +31,7 @@ class Step(NamedTuple):
     root: Array | None
 
 
-def steps_of(calibration: Calibration) -> tuple[Step, ...]:
+def list_steps(calibration: Calibration) -> tuple[Step, ...]:
     """The steps of a calibration, each with the root of its covariance."""
     plain = calibration.steps if isinstance(calibration, Chain) else (calibration,)
     return tuple(Step(_known(step), _root(_known(step))) for step in plain)
@@ -67,7 +67,7 @@ def _root(step: Affine | Thermal | Alignment) -> Array | None:
     return np.asarray(spread @ root)
 
 
-def passed(steps: tuple[Step, ...], raw: Array, columns: Mapping[str, Array]) -> list[Array]:
+def apply_steps(steps: tuple[Step, ...], raw: Array, columns: Mapping[str, Array]) -> list[Array]:
     """The readings (n, 3), what each step makes of them, and at last the field."""
     values = [raw]
     for step in steps:
@@ -75,14 +75,14 @@ def passed(steps: tuple[Step, ...], raw: Array, columns: Mapping[str, Array]) ->
     return values
 
 
-def variances(
+def propagate(
     steps: tuple[Step, ...], values: list[Array], columns: Mapping[str, Array], gradient: Array
 ) -> tuple[Array, Array]:
     """Variance of gradient · field (n,) from the calibration, and from the noise of one reading.
 
-    `values` as `passed` gives them, gradient (3, n).
+    `values` as `apply_steps` gives them, gradient (3, n).
     """
-    lasting = np.zeros(gradient.shape[1])
+    systematic = np.zeros(gradient.shape[1])
     noise: float | None = None
     for step, given, made in zip(reversed(steps), values[-2::-1], values[:0:-1], strict=True):
         calibration, root = step
@@ -90,11 +90,11 @@ def variances(
         if root is not None:
             row = _row(calibration, given, made, columns, gradient, before)
             parts = root.T @ row
-            lasting += np.einsum("ij,ij->j", parts, parts)
+            systematic += np.einsum("ij,ij->j", parts, parts)
         if isinstance(calibration, Affine | Thermal):
             noise = calibration.noise
         gradient = before
-    return lasting, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
+    return systematic, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
 
 
 def _carried_back(
@@ -159,7 +159,7 @@ def _affine_row(
     return np.concatenate(blocks)
 
 
-def unknowns(steps: tuple[Step, ...], sensor: str) -> tuple[str, ...]:
+def list_unknowns(steps: tuple[Step, ...], sensor: str) -> tuple[str, ...]:
     """What the standard error of a heading has to leave out, in sentences."""
     affine = [step for step in steps if isinstance(step.calibration, Affine | Thermal)]
     notes = []

@@ -202,13 +202,13 @@ def _arrows(columns: Columns, beyond: Mask, sign: str, at: str) -> list[Markup]:
 
 
 def robust_limit(values: Array, least: float, weights: Array | None = None) -> float:
-    """Half the height of a strip about zero: what counted is inside, gross strays are not.
+    """Half the height of a strip about zero: what counted is inside, gross outliers are not.
 
     The 99.5th percentile of what counted, but never less than `least`, nor more than twelve times
     the median distance from zero (eight standard deviations of a normal distribution).
 
-    >>> stray = np.r_[np.linspace(-1.0, 1.0, 99), 1e6]
-    >>> round(robust_limit(stray, 0.5), 3)
+    >>> outlier = np.r_[np.linspace(-1.0, 1.0, 99), 1e6]
+    >>> round(robust_limit(outlier, 0.5), 3)
     6.735
     """
     counted = values if weights is None or not weights.any() else values[weights > 0]

@@ -10,10 +10,10 @@ from scipy.special import chdtrc
 
 from agonic.alignment.coil.result import CoilFit, Direction, Level
 from agonic.alignment.maths import coil_axis as kernel
-from agonic.alignment.maths.coil_axis import Estimate, Stretch
-from agonic.alignment.session import published_earth_rotation
+from agonic.alignment.maths.coil_axis import CoilEstimate, Stretch
+from agonic.alignment.session import load_earth_rotation
 from agonic.alignment.session.coil import CoilSession
-from agonic.alignment.session.session import unix_of
+from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array
 from agonic.calibration.base import select_columns
 from agonic.errors import CoverageError, ValidityError
@@ -60,7 +60,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
     seen = _stretches(session)
     level = _levels(seen.current)
     even = int(level.max()) > 0
-    drift = kernel.drift_needed(seen, MOST_DRIFT, even=even)
+    drift = kernel.choose_drift(seen, MOST_DRIFT, even=even)
     found = kernel.estimate(seen, drift, even=even)
     time = _middle(session)
     fit = CoilFit(
@@ -88,13 +88,13 @@ def _stretches(session: CoilSession) -> Stretch:
     assert samples.current_A is not None, "checked with the session"
     alongside = None
     if reference is not None:
-        now, then = unix_of(samples), unix_of(reference)
+        now, then = compute_unix_s(samples), compute_unix_s(reference)
         alongside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
         onto_m = _onto_m(session)
         if onto_m is not None:
             field, alongside = field - alongside @ onto_m.T, None
     step = SAME_CURRENT * float(np.abs(samples.current_A).max())
-    seen = kernel.stretches(
+    seen = kernel.find_stretches(
         samples.time, samples.current_A, field, alongside, session.settle_s, step
     )
     if len(seen.time) < FEWEST:
@@ -135,10 +135,12 @@ def _middle(session: CoilSession) -> float | None:
     """The middle of the measurement, UTC seconds since 1970, where it is dated."""
     if session.magnetometer.epoch is None:
         return None
-    return float(unix_of(session.magnetometer)[[0, -1]].mean())
+    return float(compute_unix_s(session.magnetometer)[[0, -1]].mean())
 
 
-def _directions(session: CoilSession, found: Estimate, time: float | None) -> dict[str, Direction]:
+def _directions(
+    session: CoilSession, found: CoilEstimate, time: float | None
+) -> dict[str, Direction]:
     """The axis in all frames to which the chain leads."""
     size = float(np.linalg.norm(found.linear))
     axis = found.linear / size
@@ -170,7 +172,7 @@ def _rot_ie(time: float | None) -> Array | None:
     if time is None:
         return None
     try:
-        return np.asarray(published_earth_rotation().rot_ei([time])[0].T)
+        return np.asarray(load_earth_rotation().rot_ei([time])[0].T)
     except ValidityError:
         return None
 
@@ -205,7 +207,7 @@ def _geometry(fit: CoilFit) -> tuple[float | None, float | None]:
 
 def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...], float]:
     """The constant at each level, and how often by chance they differ so much."""
-    each, sd = kernel.by_level(fit.stretches, fit.estimate.drift, level)
+    each, sd = kernel.estimate_levels(fit.stretches, fit.estimate.drift, level)
     along, error = each @ fit.axis, np.sqrt((sd**2) @ fit.axis**2)
     mean = float((along / error**2).sum() / (1 / error**2).sum())
     chi2 = float((((along - mean) / error) ** 2).sum())

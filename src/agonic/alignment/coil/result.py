@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agonic.alignment.maths.coil_axis import Estimate, Stretch
+from agonic.alignment.maths.coil_axis import CoilEstimate, Stretch
 from agonic.alignment.session.coil import CoilSession
 from agonic.arrays import Array
 from agonic.health import Finding, Judged
@@ -61,7 +61,7 @@ class CoilFit(Judged):
 
     session: CoilSession
     stretches: Stretch
-    estimate: Estimate
+    estimate: CoilEstimate
     directions: dict[str, Direction]
     geometric_deg: float | None = None
     geometric_sd_arcsec: float | None = None

@@ -7,7 +7,7 @@ from msgspec import Struct
 from agonic.alignment.files.session_schema import MagnetometerSection, PierSection, ReferenceSection
 
 
-class Head(Struct):
+class NorthHead(Struct):
     """What stands before the first section."""
 
     name: str = ""

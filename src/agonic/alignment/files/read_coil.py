@@ -50,9 +50,9 @@ from agonic.alignment.files.coil_schema import (
     CoilSection,
 )
 from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.north_schema import Head
+from agonic.alignment.files.north_schema import NorthHead
 from agonic.alignment.files.session_schema import SiteSection
-from agonic.alignment.session import Site, published_earth_rotation
+from agonic.alignment.session import Site, load_earth_rotation
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
@@ -87,7 +87,7 @@ def read_coil(path: Path | str) -> CoilSession:
     ...     read_coil(folder).geometric_axis.tolist()
     [0.0, 0.0, 1.0]
     """
-    description = read_description(path, FILE_NAME, Head, SECTIONS, needed=("magnetometer",))
+    description = read_description(path, FILE_NAME, NorthHead, SECTIONS, needed=("magnetometer",))
     parts = description.parts
     _check_attitude_and_axis(description)
     description.require()
@@ -171,7 +171,7 @@ def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | Non
     unix = _moment(part.utc)
     assert site is not None, "checked with the description"
     assert unix is not None, "checked with the description"
-    rot_ei = published_earth_rotation().rot_ei([unix])[0]
+    rot_ei = load_earth_rotation().rot_ei([unix])[0]
     sd = np.array([part.across_sd_arcsec, part.across_sd_arcsec, part.about_sd_arcsec])
     star = rot_ci(part.ra_deg or 0.0, part.dec_deg or 0.0, part.rot_deg or 0.0)
     return Attitude(

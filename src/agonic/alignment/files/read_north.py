@@ -5,8 +5,8 @@ name = "Pier 4, 12 March"
 [gyro]
 constant_arcsec = -35           # true north less the gyro's
 constant_sd_arcsec = 1
-reading_sd_arcsec = 4           # of the circle; without: told by the spread
-time_sd_s = 0.1                 # of a stopped time; without: told by the spread
+reading_sd_arcsec = 4           # of the circle; without: from the spread
+time_sd_s = 0.1                 # of a stopped time; without: from the spread
 transit_constant = 0.00374      # c, degrees per unit of amplitude and s; without: from settings
 
 [reversal]
@@ -45,7 +45,7 @@ from agonic.alignment.files.description import Description, read_description
 from agonic.alignment.files.north_schema import (
     SECTIONS,
     GyroSection,
-    Head,
+    NorthHead,
     PlatformSection,
     SightingSection,
 )
@@ -88,7 +88,7 @@ def read_north(path: Path | str) -> NorthSession:
     ...     len(read_north(folder).turning_deg)
     8
     """
-    description = read_description(path, FILE_NAME, Head, SECTIONS, beside=("sighting",))
+    description = read_description(path, FILE_NAME, NorthHead, SECTIONS, beside=("sighting",))
     parts = description.parts
     sightings = _sightings(description.table.get("sighting", []), description.mistakes)
     description.require()

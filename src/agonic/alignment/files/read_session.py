@@ -51,14 +51,14 @@ from agonic.alignment.files.description import Description, read_description
 from agonic.alignment.files.session_schema import (
     NEEDED,
     SECTIONS,
-    Head,
     MountingSection,
+    SessionHead,
     SiteSection,
     StarSection,
 )
-from agonic.alignment.files.star_table import diagonal, read_stars
+from agonic.alignment.files.star_table import make_diagonal, read_stars
 from agonic.alignment.session import Mounting, Session, Site, StarReadings, check_session
-from agonic.alignment.session.session import unix_of
+from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.files.toml_sections import try_to_make
@@ -90,7 +90,9 @@ def read_session(path: Path | str) -> Session:
     ...     read_session(folder).orientations.tolist()
     [1, 2, 3, 4]
     """
-    description = read_description(path, FILE_NAME, Head, SECTIONS, needed=NEEDED, zero=False)
+    description = read_description(
+        path, FILE_NAME, SessionHead, SECTIONS, needed=NEEDED, zero=False
+    )
     parts = description.parts
     _check_stars_and_site(description)
     description.require()
@@ -145,7 +147,7 @@ def _read_stars(description: Description, scale: str) -> StarReadings:
     covariance = read.covariance
     if covariance is None and part.across_sd_arcsec and part.about_sd_arcsec:
         ones = np.ones(len(read))
-        covariance = diagonal(part.across_sd_arcsec * ones, part.about_sd_arcsec * ones)
+        covariance = make_diagonal(part.across_sd_arcsec * ones, part.about_sd_arcsec * ones)
     return replace(
         read,
         time=read.time - _ahead_s(read.time, scale),
@@ -167,7 +169,7 @@ def _ahead_s(time: Array, scale: str) -> Array:
 
 def _turn_into_utc(samples: Samples, scale: str) -> Samples:
     """Samples whose epoch is in a time scale, in UTC."""
-    ahead = float(_ahead_s(unix_of(samples)[:1], scale)[0])
+    ahead = float(_ahead_s(compute_unix_s(samples)[:1], scale)[0])
     assert samples.epoch is not None, "unix_of refuses samples without"
     return samples.with_columns(epoch=samples.epoch - timedelta(seconds=ahead))
 
@@ -185,7 +187,7 @@ def _number_orientations(samples: Samples, star: StarReadings) -> Samples:
                 "alike in both"
             )
         return samples if wanted.all() else samples.select(np.flatnonzero(wanted))
-    time = unix_of(samples)
+    time = compute_unix_s(samples)
     number = np.zeros(len(time))
     for orientation in np.unique(star.orientation):
         own = star.time[star.orientation == orientation]

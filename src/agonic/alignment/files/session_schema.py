@@ -9,7 +9,7 @@ from msgspec import Struct
 Effect = Literal["present", "removed"]
 
 
-class Head(Struct):
+class SessionHead(Struct):
     """What stands before the first section."""
 
     name: str = ""

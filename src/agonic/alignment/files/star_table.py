@@ -156,17 +156,17 @@ def _covariances(table: dict[str, list[str]], path: Path) -> Array | None:
         return np.asarray(np.moveaxis(whole, -1, 0) * ARCSEC_RAD**2)
     if all(name in table for name in SDS):
         across, about = (_numbers(table, name, path) for name in SDS)
-        return diagonal(across, about)
+        return make_diagonal(across, about)
     return None
 
 
-def diagonal(across_sd_arcsec: Array, about_sd_arcsec: Array) -> Array:
+def make_diagonal(across_sd_arcsec: Array, about_sd_arcsec: Array) -> Array:
     """Covariances (n, 3, 3), rad², of standard deviations across and about the boresight."""
     variance = np.stack([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec], axis=-1) ** 2
     return np.asarray(variance[..., None] * np.eye(3) * ARCSEC_RAD**2)
 
 
-def text_of_stars(star: StarReadings) -> str:
+def format_stars(star: StarReadings) -> str:
     """The table of attitudes as `read_stars` reads it back, to a tenth of a microarcsecond."""
     alpha, beta, gamma = angles_323_deg(star.rot_ci).T
     columns = {

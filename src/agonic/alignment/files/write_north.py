@@ -47,14 +47,14 @@ def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
     if platform is not None:
         tables["platform"] = {name: getattr(platform, name) for name in TABLES["platform"]}
     files = [
-        write_atomically(home / f"{name}.csv", text_of_table(columns))
+        write_atomically(home / f"{name}.csv", format_table(columns))
         for name, columns in tables.items()
     ]
     files += write_instruments(session, home)
     return [*files, write_toml(home / FILE_NAME, _parts(session))]
 
 
-def text_of_table(columns: Mapping[str, ArrayLike]) -> str:
+def format_table(columns: Mapping[str, ArrayLike]) -> str:
     """A table as CSV, numbers to their last digit."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")

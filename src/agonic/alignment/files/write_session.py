@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from agonic.alignment.files.read_session import FILE_NAME
-from agonic.alignment.files.star_table import text_of_stars
+from agonic.alignment.files.star_table import format_stars
 from agonic.alignment.files.write_description import (
     magnetometer_keys,
     pier_keys,
@@ -33,7 +33,7 @@ def write_session(session: Session, folder: Path | str) -> list[Path]:
     home = make_folder(folder)
     site, star, mounting = session.site, session.star, session.mounting
     return [
-        write_atomically(home / "star.csv", text_of_stars(star)),
+        write_atomically(home / "star.csv", format_stars(star)),
         *write_instruments(session, home),
         write_toml(
             home / FILE_NAME,

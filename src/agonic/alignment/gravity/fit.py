@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import gravity as kernel
-from agonic.alignment.maths.gravity import Estimate
+from agonic.alignment.maths.gravity import GravityEstimate
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, select_columns
@@ -41,7 +41,7 @@ class GravityFit(Judged):
     """
 
     calibration: Alignment | Chain
-    estimate: Estimate
+    estimate: GravityEstimate
     down: Array
     field: Array
     magnitude: float
@@ -136,9 +136,9 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
     if samples.station is not None:
         number = samples.station.astype(np.int64)
     elif samples.time is None:
-        raise LogError("what stands still is told by times; log them, or number the stations")
+        raise LogError("what stands still follows from times; log them, or number the stations")
     else:
-        number = kernel.still(samples.time, force, field)
+        number = kernel.find_rest(samples.time, force, field)
     rows = [number == k for k in np.unique(number[number >= 0])]
     if not rows:
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
@@ -151,7 +151,7 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
 
 
 def _calibration(
-    samples: Samples, calibration: Calibration | None, found: Estimate, bias: bool
+    samples: Samples, calibration: Calibration | None, found: GravityEstimate, bias: bool
 ) -> Alignment | Chain:
     provenance = Provenance(
         inputs=() if samples.source is None else (samples.source,),

@@ -32,7 +32,7 @@ class Stretch(NamedTuple):
     counts: NDArray[np.int64]
 
 
-class Estimate(NamedTuple):
+class CoilEstimate(NamedTuple):
     """k (3,) nT/A and q (3,) nT/A² with the covariance of each axis's (k, q), (3, 2, 2).
 
     `noise` (3,) is that of one reading, nT; `correlation` (3,) how many stretches count as one.
@@ -49,7 +49,7 @@ class Estimate(NamedTuple):
     freedom: int
 
 
-def stretches(
+def find_stretches(
     time: Array, current: Array, field: Array, reference: Array | None, settle_s: float, step: float
 ) -> Stretch:
     """Means over stretches in which the current stays within `step`, those settling left out."""
@@ -81,7 +81,7 @@ class Fitted(NamedTuple):
     freedom: int
 
 
-def fitted(seen: Stretch, columns: Array, drift: int) -> Fitted:
+def evaluate(seen: Stretch, columns: Array, drift: int) -> Fitted:
     """Columns (n, c) of the current beside the drift and the reference, by weighted squares."""
     parts = [columns, legvander(_centred(seen.time), drift)]
     if seen.reference is not None:
@@ -104,11 +104,11 @@ def fitted(seen: Stretch, columns: Array, drift: int) -> Fitted:
     )
 
 
-def estimate(seen: Stretch, drift: int, *, even: bool) -> Estimate:
+def estimate(seen: Stretch, drift: int, *, even: bool) -> CoilEstimate:
     """k and q with the noise from what is left."""
     scale = float(np.abs(seen.current).max())
     unit = seen.current / scale
-    found = fitted(seen, np.stack([unit, unit**2] if even else [unit], axis=1), drift)
+    found = evaluate(seen, np.stack([unit, unit**2] if even else [unit], axis=1), drift)
     correlation = np.array(
         [leastsq.correlation_length(left, np.ones(len(left))) for left in found.residuals.T]
     )
@@ -117,7 +117,7 @@ def estimate(seen: Stretch, drift: int, *, even: bool) -> Estimate:
     per = np.array([scale, scale**2])[:c]
     noise = (found.variance * correlation)[:, None, None]
     covariance[:, :c, :c] = noise * found.spread / np.outer(per, per)
-    return Estimate(
+    return CoilEstimate(
         found.coefficients[0] / scale,
         found.coefficients[1] / scale**2 if even else np.zeros(3),
         covariance,
@@ -129,7 +129,7 @@ def estimate(seen: Stretch, drift: int, *, even: bool) -> Estimate:
     )
 
 
-def by_level(seen: Stretch, drift: int, level: NDArray[np.int64]) -> tuple[Array, Array]:
+def estimate_levels(seen: Stretch, drift: int, level: NDArray[np.int64]) -> tuple[Array, Array]:
     """k of each level of the current's size, (l, 3) nT/A, and standard errors (l, 3).
 
     `level` (n,) numbers the levels from 0; −1 marks stretches of no current.
@@ -137,7 +137,7 @@ def by_level(seen: Stretch, drift: int, level: NDArray[np.int64]) -> tuple[Array
     count = int(level.max()) + 1
     scale = float(np.abs(seen.current).max())
     columns = np.where(level[:, None] == np.arange(count), seen.current[:, None] / scale, 0.0)
-    found = fitted(seen, columns, drift)
+    found = evaluate(seen, columns, drift)
     sd = np.sqrt(np.diag(found.spread)[:, None] * found.variance)
     return found.coefficients / scale, sd / scale
 
@@ -147,7 +147,7 @@ def _centred(time: Array) -> Array:
     return np.asarray(2 * (time - time[0]) / max(float(time[-1] - time[0]), 1e-9) - 1)
 
 
-def drift_needed(seen: Stretch, most: int, *, even: bool) -> int:
+def choose_drift(seen: Stretch, most: int, *, even: bool) -> int:
     """The degree of the drift with the smallest Akaike criterion, corrected for few stretches."""
     scores = []
     for degree in range(max(min(most, len(seen.time) - 8), 0) + 1):

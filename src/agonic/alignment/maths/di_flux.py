@@ -39,7 +39,7 @@ class Settings(NamedTuple):
     from_meridian: Mask
 
 
-class Estimate(NamedTuple):
+class SheetEstimate(NamedTuple):
     """The unknowns (6,) with covariance, residuals (n,) in the unit of the readings, freedom."""
 
     params: Array
@@ -49,7 +49,7 @@ class Estimate(NamedTuple):
     noise: float
 
 
-def expected(params: Array, at: Settings) -> tuple[Array, Array]:
+def predict(params: Array, at: Settings) -> tuple[Array, Array]:
     """What the fluxgate reads, (n,), and the Jacobian (n, 6)."""
     meridian, inclination, delta, epsilon, offset, scale = params
     azimuth = at.horizontal - np.where(at.from_meridian, 0.0, meridian)
@@ -75,10 +75,10 @@ def expected(params: Array, at: Settings) -> tuple[Array, Array]:
 
 def estimate(
     at: Settings, start: Array, groups: NDArray[np.int64], *, scale_known: bool
-) -> Estimate:
+) -> SheetEstimate:
     """The unknowns of settings that repeat in `groups`, by least squares.
 
-    Readings of one setting share what the circle was set wrong by, so the noise is told by the
+    Readings of one setting share what the circle was set wrong by, so the noise follows from the
     means of the groups: their misfit over the settings less the unknowns.
     """
     free = np.ones(len(NAMES), dtype=bool)
@@ -88,7 +88,7 @@ def estimate(
     def pieces(step: Array) -> list[tuple[Array, Array]]:
         params = start.copy()
         params[free] += step
-        values, jacobian = expected(params, mean)
+        values, jacobian = predict(params, mean)
         return [((values - mean.reading) / unit, jacobian[:, free] / unit)]
 
     mean = _means(at, groups)
@@ -100,7 +100,7 @@ def estimate(
     noise = float(np.sqrt(residuals @ residuals / freedom)) if freedom > 0 else float("nan")
     covariance = np.zeros((len(NAMES), len(NAMES)))
     covariance[np.ix_(free, free)] = noise**2 * leastsq.inverse(jacobian.T @ jacobian)
-    return Estimate(params, covariance, residuals * unit, freedom, noise * unit)
+    return SheetEstimate(params, covariance, residuals * unit, freedom, noise * unit)
 
 
 def _means(at: Settings, groups: NDArray[np.int64]) -> Settings:

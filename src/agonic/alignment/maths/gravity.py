@@ -28,7 +28,7 @@ _STILLEST = 0.05
 _ROUNDS = 30
 
 
-class Estimate(NamedTuple):
+class GravityEstimate(NamedTuple):
     """R (3, 3), Z, b (3,), the covariance (7, 7) of turn, Z, b, and residuals (k,)."""
 
     rotation: Array
@@ -39,7 +39,7 @@ class Estimate(NamedTuple):
     freedom: int
 
 
-def still(time: Array, *columns: Array) -> NDArray[np.int64]:
+def find_rest(time: Array, *columns: Array) -> NDArray[np.int64]:
     """The number of the static stretch that each row belongs to, (n,); −1 for none.
 
     In a running window of half a second no column (n, 3) may scatter more than three times as much
@@ -84,10 +84,10 @@ def _numbered(rest: Mask, time: Array) -> NDArray[np.int64]:
     return number
 
 
-def estimate(down: Array, field: Array, *, bias: bool = False) -> Estimate:
+def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimate:
     """R, Z and perhaps b of k orientations, from whichever of the 24 right angles fits best.
 
-    Parameters: down (k, 3) unit vectors, field (k, 3). The noise is told by what is left.
+    Parameters: down (k, 3) unit vectors, field (k, 3). The noise follows from the residuals.
     """
     free = 7 if bias else 4
     size = float(np.linalg.norm(field, axis=1).mean())
@@ -103,7 +103,7 @@ def estimate(down: Array, field: Array, *, bias: bool = False) -> Estimate:
     covariance = np.zeros((7, 7))
     inner = variance * leastsq.inverse(jacobian.T @ jacobian)
     covariance[:free, :free] = inner * np.outer(units[:free], units[:free])
-    return Estimate(
+    return GravityEstimate(
         rotation, float(rest[0] * size), rest[1:] * size, covariance, residuals * size, freedom
     )
 

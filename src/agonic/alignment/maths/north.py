@@ -49,18 +49,18 @@ class Swing(NamedTuple):
     converged: bool
 
 
-def schuler_means(turning: Array) -> Array:
+def compute_schuler_means(turning: Array) -> Array:
     """N_i = (u_i + 2 u_{i+1} + u_{i+2})/4 of turning points (n,), (n − 2,).
 
     Free of the amplitude and, to first order, of its decay.
 
-    >>> schuler_means(np.array([10.0, 2.0, 8.0, 3.0])).tolist()
+    >>> compute_schuler_means(np.array([10.0, 2.0, 8.0, 3.0])).tolist()
     [5.5, 5.25]
     """
     return np.convolve(turning, _SCHULER, mode="valid")
 
 
-def reversal(turning: Array, reading_sd: float | None = None) -> North:
+def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
     """North of n ≥ 3 turning points: the mean of the Schuler means, its standard error from their
     spread.
 
@@ -68,10 +68,10 @@ def reversal(turning: Array, reading_sd: float | None = None) -> North:
     them, E Σ(N_i − N̄)² = σ² tr(QMMᵀ), and N̄ = wᵀu has the variance σ² wᵀw. With a single mean, or
     a `reading_sd` that is stated, σ is that.
 
-    >>> reversal(np.array([10.0, 2.0, 8.0, 3.0])).reading_deg
+    >>> fit_reversals(np.array([10.0, 2.0, 8.0, 3.0])).reading_deg
     5.375
     """
-    n, means = len(turning), schuler_means(turning)
+    n, means = len(turning), compute_schuler_means(turning)
     m = len(means)
     onto = np.stack([np.convolve(row, _SCHULER, mode="valid") for row in np.eye(n)], axis=1)
     weight = onto.mean(axis=0)
@@ -85,21 +85,21 @@ def reversal(turning: Array, reading_sd: float | None = None) -> North:
     return North(float(means.mean()), sd, m - 1)
 
 
-def transit_product(amplitude_east: Array, amplitude_west: Array, dt_s: Array) -> Array:
+def multiply_transits(amplitude_east: Array, amplitude_west: Array, dt_s: Array) -> Array:
     """a Δt: half the sum of the amplitudes times the eastern less the western half-period, s."""
     return np.asarray((amplitude_east + amplitude_west) / 2 * dt_s)
 
 
-def transit_constant(setting_deg: Array, product: Array) -> float:
+def fit_transit_constant(setting_deg: Array, product: Array) -> float:
     """c = (N′₂ − N′₁)/(a₁Δt₁ − a₂Δt₂) of two settings.
 
-    >>> transit_constant(np.array([0.0, 0.5]), np.array([100.0, -25.0]))
+    >>> fit_transit_constant(np.array([0.0, 0.5]), np.array([100.0, -25.0]))
     0.004
     """
     return float((setting_deg[1] - setting_deg[0]) / (product[0] - product[1]))
 
 
-def transit(
+def fit_transits(
     setting_deg: Array,
     product: Array,
     product_sd: Array,
@@ -109,8 +109,8 @@ def transit(
     """North N = N′ + c a Δt of n transits, with c and its standard error.
 
     Where c is not given it comes from the settings: a Δt = (N − N′)/c is a straight line in N′,
-    and N where it crosses zero; of two settings that is `transit_constant`. The noise is that of
-    a Δt, `product_sd`; where it is NaN the spread about the line tells it.
+    and N where it crosses zero; of two settings that is `fit_transit_constant`. The noise is that
+    of a Δt, `product_sd`; where it is NaN, that of the spread about the line.
     """
     if constant is not None:
         return _with_constant(setting_deg, product, product_sd, constant, constant_sd)
@@ -145,7 +145,7 @@ def _variance(residuals: Array, stated_sd: Array, freedom: int) -> float:
     return float((residuals**2).sum() / freedom) if freedom > 0 else float("nan")
 
 
-def swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
+def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
     """The damped sinusoid through a whole record (n,), by Levenberg–Marquardt.
 
     The noise is taken from the residuals, with their correlation, unless it is stated.
@@ -165,10 +165,10 @@ def swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) ->
     )
 
 
-def swung_deg(params: Array, since_s: Array) -> Array:
+def evaluate_swing_deg(params: Array, since_s: Array) -> Array:
     """N + e^(−λt) (p cos ωt + q sin ωt) at seconds since the first reading, (n,).
 
-    >>> swung_deg(np.array([5.0, 2.0, 0.0, 0.0, np.pi]), np.array([0.0, 1.0])).tolist()
+    >>> evaluate_swing_deg(np.array([5.0, 2.0, 0.0, 0.0, np.pi]), np.array([0.0, 1.0])).tolist()
     [7.0, 3.0]
     """
     north, p, q, decay, omega = params
@@ -211,14 +211,14 @@ class Pointing(NamedTuple):
     freedom: int
 
 
-def pointing(reading_deg: Array, reading_sd: float | None = None) -> Pointing:
+def average_faces(reading_deg: Array, reading_sd: float | None = None) -> Pointing:
     """A sighting read in one or both faces: those of the second stand half a turn away.
 
     A line of sight that is off by the collimation reads too much in the first face and as much
     too little in the second, so the mean of the faces is free of it. The face of the first
     reading is the first.
 
-    >>> both = pointing(np.array([10.002, 189.998, 10.004, 190.0]))
+    >>> both = average_faces(np.array([10.002, 189.998, 10.004, 190.0]))
     >>> round(both.reading_deg, 6), round(both.collimation_deg, 6)
     (10.001, 0.002)
     """

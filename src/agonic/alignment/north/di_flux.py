@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from agonic.alignment.maths.di_flux import NAMES, Estimate, Settings
-from agonic.alignment.maths.north import Pointing, pointing
-from agonic.alignment.north.theodolite import LEVEL_SIN, estimated
+from agonic.alignment.maths.di_flux import NAMES, Settings, SheetEstimate
+from agonic.alignment.maths.north import Pointing, average_faces
+from agonic.alignment.north.theodolite import LEVEL_SIN, estimate_sheet
 from agonic.alignment.session.di_flux import DiSheet
 from agonic.health import Finding, Judged, figure
 from agonic.maths.rotations.angles import wrap_deg
@@ -31,11 +31,11 @@ class DiFluxFit(Judged):
 
     `estimate` holds the unknowns: meridian, inclination, collimation δ and ε, offset, scale;
     `mark` the direction to the azimuth mark on the circle and the telescope's own collimation.
-    `scaled`: whether sheet or caller told how many units of the fluxgate an angle is.
+    `scaled`: whether sheet or caller say how many units of the fluxgate an angle is.
     """
 
     sheet: DiSheet
-    estimate: Estimate
+    estimate: SheetEstimate
     mark: Pointing
     scaled: bool = True
     findings: tuple[Finding, ...] = ()
@@ -150,9 +150,9 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     >>> bool(abs(fit.inclination_deg - made.inclination_deg) < 5 / 3600)
     True
     """
-    told = bool(np.abs(sheet.reading).max() > SCALE_READING)
-    found, at = estimated(sheet, magnitude, told)
-    scaled = told or magnitude is not None or sheet.magnitude is not None
+    measured = bool(np.abs(sheet.reading).max() > SCALE_READING)
+    found, at = estimate_sheet(sheet, magnitude, measured)
+    scaled = measured or magnitude is not None or sheet.magnitude is not None
     fit = DiFluxFit(sheet=sheet, estimate=found, mark=_mark(sheet), scaled=scaled)
     return replace(fit, findings=_findings(fit, at), remarks=_remarks(fit))
 
@@ -163,7 +163,7 @@ def _mark(sheet: DiSheet) -> Pointing:
     faces = np.abs(wrap_deg(marks - marks[0])) > 90.0
     runs = np.concatenate([[0], np.cumsum(np.diff(faces.astype(int)) != 0)])
     each = [marks[runs == run] for run in range(int(runs[-1]) + 1)]
-    read = pointing(np.array([a[0] + wrap_deg(a - a[0]).mean() for a in each]))
+    read = average_faces(np.array([a[0] + wrap_deg(a - a[0]).mean() for a in each]))
     return read if read.sd_deg > COPIED_DEG else read._replace(sd_deg=float("nan"))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.alignment.figures import svg, svg_text
-from agonic.alignment.maths.north import Swing, swung_deg
+from agonic.alignment.maths.north import Swing, evaluate_swing_deg
 from agonic.alignment.session.north import SwingRecord
 from agonic.arrays import Array
 from agonic.report.digits import grouped
@@ -28,7 +28,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> Markup:
         return np.asarray(8 + (HIGH - 36) * (high - np.asarray(value)) / max(high - low, 1e-12))
 
     fine = np.linspace(0, since[-1], 400)
-    curve = zip(x(fine), y(swung_deg(swing.params, fine)), strict=True)
+    curve = zip(x(fine), y(evaluate_swing_deg(swing.params, fine)), strict=True)
     every = max(len(since) // MOST_DOTS, 1)
     dots = zip(x(since)[::every], y(record.reading_deg)[::every], strict=True)
     drawn = [

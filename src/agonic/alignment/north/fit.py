@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import north as kernel
 from agonic.alignment.maths.north import North
-from agonic.alignment.north.platform import Aligned, aligned
+from agonic.alignment.north.platform import Aligned, align_platform
 from agonic.alignment.north.result import Azimuth, NorthFit
 from agonic.alignment.session.north import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
@@ -51,7 +51,7 @@ def fit_north(session: NorthSession) -> NorthFit:
     azimuths = tuple(_azimuth(fit, sighting) for sighting in session.sightings)
     found = None
     if session.platform is not None:
-        found = aligned(session, fit.north_deg, fit.sd_arcsec)
+        found = align_platform(session, fit.north_deg, fit.sd_arcsec)
     whole = replace(
         fit,
         azimuths=azimuths,
@@ -68,11 +68,11 @@ def _found(session: NorthSession) -> NorthFit:
     sd = None if session.reading_sd_arcsec is None else session.reading_sd_arcsec / 3600.0
     swing, constant, constant_sd = None, None, None
     if session.swing is not None:
-        swing = kernel.swing(session.swing.time_s, session.swing.reading_deg, sd)
+        swing = kernel.fit_swing(session.swing.time_s, session.swing.reading_deg, sd)
         freedom = len(swing.residuals) - len(swing.params)
         by["swing"] = North(float(swing.params[0]), float(np.sqrt(swing.covariance[0, 0])), freedom)
     if session.turning_deg is not None:
-        by["reversal"] = kernel.reversal(session.turning_deg, sd)
+        by["reversal"] = kernel.fit_reversals(session.turning_deg, sd)
     if session.transits is not None:
         by["transit"], constant, constant_sd = _transit(session)
     method = min(by, key=lambda name: (not np.isfinite(by[name].sd_deg), by[name].sd_deg))
@@ -90,13 +90,13 @@ def _transit(session: NorthSession) -> tuple[North, float, float]:
     """By transits: a half-period is the difference of two times, Δt that of two half-periods."""
     transits = session.transits
     assert transits is not None, "asked for only with transits"
-    product = kernel.transit_product(
+    product = kernel.multiply_transits(
         transits.amplitude_east, transits.amplitude_west, transits.east_s - transits.west_s
     )
     amplitude = (transits.amplitude_east + transits.amplitude_west) / 2
     # t1, t2, t3 are stopped: Δt = (t2 − t1) − (t3 − t2), so its variance is (1 + 4 + 1) that of one
     each = np.nan if session.time_sd_s is None else np.sqrt(6.0) * session.time_sd_s
-    return kernel.transit(
+    return kernel.fit_transits(
         transits.setting_deg,
         product,
         amplitude * each,
@@ -108,7 +108,7 @@ def _transit(session: NorthSession) -> tuple[North, float, float]:
 def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
     """Carried on the circle to what was sighted."""
     stated = fit.session.reading_sd_arcsec
-    read = kernel.pointing(sighting.reading_deg, stated and stated / 3600.0)
+    read = kernel.average_faces(sighting.reading_deg, stated and stated / 3600.0)
     back = 180.0 if sighting.mirror else 0.0
     return Azimuth(
         name=sighting.name,

@@ -12,7 +12,7 @@ from scipy.special import chdtrc
 from agonic.alignment.maths import session as kernel
 from agonic.alignment.maths.session import SIZE, Given, Unknowns
 from agonic.alignment.session.north import NorthSession, Platform
-from agonic.alignment.session.session import unix_of
+from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array, Index
 from agonic.calibration.base import select_columns
 from agonic.errors import AgonicError
@@ -60,7 +60,7 @@ class Aligned:
         return float(chdtrc(self.freedom, self.chi2)) if self.freedom > 0 else 1.0
 
 
-def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> Aligned:
+def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> Aligned:
     """The alignment of a session's magnetometer with its platform, R_mb.
 
     The residual is that of the star sensor's, W (raw − b) − R_mb R_bn H (B_ref + O), with the
@@ -76,8 +76,8 @@ def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> 
     )
     at = at._replace(rot_mc=find_best_rotation(kernel.predict_field_c(at, given), given.field))
     magnitude = float(np.linalg.norm(given.reference, axis=1).mean())
-    held = _held(session, north_sd_arcsec)
-    free = np.flatnonzero(held != np.inf)
+    prior = _prior_information(session, north_sd_arcsec)
+    free = np.flatnonzero(prior != np.inf)
     unit = kernel.find_unit_sizes(magnitude)[free]
     base, start = at, at
     for _ in range(ROUNDS):
@@ -86,29 +86,29 @@ def aligned(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> 
             partial(_pieces, base, given, white, free, unit),
             np.zeros(len(free)),
             scale=1.0,
-            prior=partial(_prior, held[free], unit, _away(base, start)[free]),
+            prior=partial(_prior, prior[free], unit, _away(base, start)[free]),
             tolerance=1e-6,
         )
         at = base = base.add_step(_whole(solution.params / unit, free))
         if np.abs(solution.params).max() < 1e-7 * magnitude:
             break
-    return _result(at, start, given, held, free, heading, platform)
+    return _result(at, start, given, prior, free, heading, platform)
 
 
 def _result(
     at: Unknowns,
     start: Unknowns,
     given: Given,
-    held: Array,
+    prior: Array,
     free: Index,
     heading: Array,
     platform: Platform,
 ) -> Aligned:
-    known = kernel.compute_information(at, given)[np.ix_(free, free)] + np.diag(held[free])
+    known = kernel.compute_information(at, given)[np.ix_(free, free)] + np.diag(prior[free])
     residuals, _ = kernel.compute_residual(at, given)
     spread = kernel.compute_covariance(at, given)
     white = (kernel.compute_whitener(spread) @ residuals[:, :, None])[:, :, 0]
-    chi2 = float((white**2).sum() + (held[free] * _away(at, start)[free] ** 2).sum())
+    chi2 = float((white**2).sum() + (prior[free] * _away(at, start)[free] ** 2).sum())
     freedom = residuals.size - 3
     wider = max(chi2 / freedom, 1.0) if freedom > 0 and chdtrc(freedom, chi2) < 0.01 else 1.0
     return Aligned(
@@ -123,27 +123,27 @@ def _result(
     )
 
 
-def _held(session: NorthSession, north_sd_arcsec: float) -> Array:
-    """Information (18,) believed before: 0 where nothing is, infinite where the value is exact."""
-    held = np.full(SIZE, np.inf)
-    held[:3] = 0.0
+def _prior_information(session: NorthSession, north_sd_arcsec: float) -> Array:
+    """Information (18,) of the prior: 0 where nothing is known, infinite for exact values."""
+    prior = np.full(SIZE, np.inf)
+    prior[:3] = 0.0
     if north_sd_arcsec > 0:
-        held[AZIMUTH] = (north_sd_arcsec * ARCSEC_RAD) ** -2
+        prior[AZIMUTH] = (north_sd_arcsec * ARCSEC_RAD) ** -2
     if session.pier.sd:
-        held[6:9] = session.pier.sd**-2
-    return held
+        prior[6:9] = session.pier.sd**-2
+    return prior
 
 
 def _away(at: Unknowns, start: Unknowns) -> Array:
-    """How far the unknowns are from what was believed, (18,)."""
+    """How far the unknowns are from the prior, (18,)."""
     away = np.zeros(SIZE)
     away[AZIMUTH] = float(np.arctan2(at.rot_nr[1, 0], at.rot_nr[0, 0]))
     away[6:9] = at.offset - start.offset
     return away
 
 
-def _prior(held: Array, unit: Array, away: Array, params: Array) -> tuple[Array, Array]:
-    root = np.sqrt(held)
+def _prior(prior: Array, unit: Array, away: Array, params: Array) -> tuple[Array, Array]:
+    root = np.sqrt(prior)
     return root * (away + params / unit), np.diag(root / unit)
 
 
@@ -170,7 +170,7 @@ def _given(session: NorthSession, platform: Platform, heading_deg: Array) -> Giv
     raw = magnetometer.field
     if session.calibration is not None:
         raw = session.calibration.correct(raw, **select_columns(session.calibration, magnetometer))
-    now, then = unix_of(magnetometer), unix_of(reference)
+    now, then = compute_unix_s(magnetometer), compute_unix_s(reference)
     alongside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
     counts = np.array([len(own) for own in rows])
     turn = np.swapaxes(rot_nb(platform.roll_deg, platform.pitch_deg, heading_deg), -1, -2)

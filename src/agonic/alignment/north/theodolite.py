@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.alignment.maths import di_flux as kernel
-from agonic.alignment.maths.di_flux import Estimate, Settings
+from agonic.alignment.maths.di_flux import Settings, SheetEstimate
 from agonic.alignment.session.di_flux import DiSheet
 from agonic.arrays import Mask
 from agonic.errors import CoverageError
@@ -17,7 +17,9 @@ NOMINAL_DEG = 0.01
 NEAR_MERIDIAN_DEG = 3.0
 
 
-def estimated(sheet: DiSheet, magnitude: float | None, told: bool) -> tuple[Estimate, Settings]:
+def estimate_sheet(
+    sheet: DiSheet, magnitude: float | None, measured: bool
+) -> tuple[SheetEstimate, Settings]:
     """The unknowns from either end of the meridian that may be north: the one that fits better.
 
     Two level settings half a turn apart look alike; with δ, ε and the offset in both kinds of
@@ -32,7 +34,7 @@ def estimated(sheet: DiSheet, magnitude: float | None, told: bool) -> tuple[Esti
         steep = ~level(sheet)
         inclination = np.arctan(np.tan(at.zenith[steep]) * np.cos(azimuth[steep]))
         start = np.array([meridian, float(np.median(inclination)), 0.0, 0.0, 0.0, scale])
-        tried.append((kernel.estimate(at, start, sheet.setting, scale_known=not told), at))
+        tried.append((kernel.estimate(at, start, sheet.setting, scale_known=not measured), at))
     return min(tried, key=lambda both: abs(both[0].noise / both[0].params[-1]))
 
 

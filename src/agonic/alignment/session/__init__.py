@@ -1,7 +1,7 @@
 """A session: instruments set up at one place in many orientations, and what they read."""
 
 from agonic.alignment.session.consistent import check_session
-from agonic.alignment.session.earth import EarthRotation, published_earth_rotation
+from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
 from agonic.alignment.session.observed import Observed, observe
 from agonic.alignment.session.session import Mounting, Pier, Session, Site, StarReadings
 
@@ -14,6 +14,6 @@ __all__ = [
     "Site",
     "StarReadings",
     "check_session",
+    "load_earth_rotation",
     "observe",
-    "published_earth_rotation",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.alignment.session.session import Session, unix_of
+from agonic.alignment.session.session import Session, compute_unix_s
 from agonic.arrays import Array
 from agonic.errors import AgonicError, LogError, UnitError
 from agonic.units import RAW
@@ -76,9 +76,9 @@ def _check_times(session: Session) -> None:
     """The three instruments must have read at the same time."""
     star = session.star.time
     for samples, what in ((session.magnetometer, "magnetometer"), (session.reference, "reference")):
-        time = unix_of(samples)
+        time = compute_unix_s(samples)
         if what == "reference" and len(time) > 1:
-            _check_cover(unix_of(session.magnetometer), time)
+            _check_cover(compute_unix_s(session.magnetometer), time)
         gap = max(float(time.min() - star.max()), float(star.min() - time.max()))
         if gap > 0:
             raise AgonicError(

@@ -111,12 +111,12 @@ def _date(unix_s: float) -> str:
 
 
 @lru_cache(maxsize=1)
-def published_earth_rotation() -> EarthRotation:
+def load_earth_rotation() -> EarthRotation:
     """The table finals2000A of the IERS that is installed (package astropy-iers-data), offline.
 
     Source: IERS Rapid Service, Bulletin A: measured from 1973, predicted for a year.
 
-    >>> earth = published_earth_rotation()
+    >>> earth = load_earth_rotation()
     >>> ut1_tai, x, y = earth.at(1_175_774_400.0)  # 2007-04-05 12:00
     >>> round(float(ut1_tai[0]), 3)
     -33.072

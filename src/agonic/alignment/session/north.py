@@ -75,7 +75,7 @@ class NorthSession:
     ----------
     turning_deg : (n,) readings at the turning points, in order. transits, swing : the same gyro by
         transits, or followed all the time. Any of the three, on one circle.
-    reading_sd_arcsec, time_sd_s : of one reading of the circle and of one time; `None`: told by the
+    reading_sd_arcsec, time_sd_s : of one reading of the circle and of one time; `None`: from the
         spread.
     transit_constant, transit_constant_sd : c of the gyro, degrees per (unit of amplitude · s),
         where it is known.
@@ -83,7 +83,7 @@ class NorthSession:
     sightings : marks and instruments that get an azimuth.
     platform, magnetometer, reference : for the alignment of a magnetometer: orientations, readings
         with `station` the number of the orientation, and the field north-east-down beside it.
-    noise, reference_noise : of one reading on one axis, nT; `None`: told by the scatter.
+    noise, reference_noise : of one reading on one axis, nT; `None`: from the scatter.
     """
 
     turning_deg: Array | None = None

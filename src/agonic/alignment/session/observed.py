@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session.earth import EarthRotation, published_earth_rotation
-from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, unix_of
+from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
+from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, compute_unix_s
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.maths.earth.starlight import apply_aberration, apply_refraction, observer_velocity_i
@@ -73,7 +73,7 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
     outside the table of the Earth's rotation.
     """
     star, site = session.star, session.site
-    attitude, rot_ei = attitudes(site, star, earth or published_earth_rotation())
+    attitude, rot_ei = average_attitudes(site, star, earth or load_earth_rotation())
     rot_ne = rot_en(site.latitude_deg, site.longitude_deg).T
     rot_cn = attitude @ np.swapaxes(rot_ne @ rot_ei, 1, 2)
     rows = _rows(star.orientation, session.orientations)
@@ -104,17 +104,17 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
     )
 
 
-def attitudes(site: Site, star: StarReadings, earth: EarthRotation) -> tuple[Array, Array]:
+def average_attitudes(site: Site, star: StarReadings, earth: EarthRotation) -> tuple[Array, Array]:
     """True attitudes rot_ci (n, 3, 3), with what the air and motion did taken out, and rot_ei.
 
     The sensor sees a star of direction u at Q u and reports rot_ci Q, so rot_ci = reported Qᵀ.
     """
     rotation_ei = earth.rot_ei(star.time)
-    turn = seen_turn(site, star, rotation_ei)
+    turn = compute_apparent_turn(site, star, rotation_ei)
     return star.rot_ci @ np.swapaxes(turn, 1, 2), rotation_ei
 
 
-def seen_turn(site: Site, star: StarReadings, rotation_ei: Array) -> Array:
+def compute_apparent_turn(site: Site, star: StarReadings, rotation_ei: Array) -> Array:
     """Q (n, 3, 3): from where the boresight's stars are to where they are seen, inertial."""
     rotation_in = np.swapaxes(rotation_ei, 1, 2) @ rot_en(site.latitude_deg, site.longitude_deg)
     seen = star.boresight_i
@@ -168,7 +168,10 @@ class _Fields:
     """Magnetometer and reference by orientation: means, counts, scatter."""
 
     def __init__(self, session: Session) -> None:
-        time, reference_time = unix_of(session.magnetometer), unix_of(session.reference)
+        time, reference_time = (
+            compute_unix_s(session.magnetometer),
+            compute_unix_s(session.reference),
+        )
         raw, station = session.corrected, session.magnetometer.station
         assert station is not None, "checked when the session is"
         self.rows = _rows(station.astype(np.int64), session.orientations)

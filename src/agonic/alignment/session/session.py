@@ -114,7 +114,7 @@ class Session:
     site, star : where, and the attitudes.
     magnetometer : its readings in nT, with `station` the number of the orientation, times since
         `epoch`. reference : the variometer or vector standard, north-east-down.
-    noise, reference_noise : standard deviation of one reading on one axis, nT; `None`: to be told
+    noise, reference_noise : standard deviation of one reading on one axis, nT; `None`: from
         by the scatter within the orientations.
     reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
         `None`: exactly, unless they are solved for.
@@ -160,7 +160,7 @@ class Session:
         return self.calibration.correct(raw, **select_columns(self.calibration, self.magnetometer))
 
 
-def unix_of(samples: Samples) -> Array:
+def compute_unix_s(samples: Samples) -> Array:
     """UTC seconds since 1970 of samples whose epoch is known."""
     if samples.time is None or samples.epoch is None:
         raise AgonicError(

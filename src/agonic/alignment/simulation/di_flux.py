@@ -75,7 +75,7 @@ def simulate_di_flux(
     circles[4:8, 1] = np.round(_nulled(truth, circles[4:8], 1) * 60) / 60
     circles[8, 1] = circles[7, 1] + 0.18
     at = _at(circles)
-    reading = kernel.expected(truth, at)[0] + noise * rng.standard_normal(9)
+    reading = kernel.predict(truth, at)[0] + noise * rng.standard_normal(9)
     faces = np.array([0, 180, 0, 180])
     collimated = np.where(faces > 90, -1, 1) * telescope_arcsec
     marks = mark_deg + faces + (collimated + mark_sd_arcsec * rng.standard_normal(4)) / 3600
@@ -107,9 +107,9 @@ def _nulled(truth: np.ndarray, circles: np.ndarray, which: int) -> np.ndarray:
         at = _at(turned)
         ahead = np.radians(turned)
         ahead[:, which] += 1e-6
-        value = kernel.expected(truth, at)[0]
+        value = kernel.predict(truth, at)[0]
         slope = (
-            kernel.expected(truth, at._replace(horizontal=ahead[:, 0], zenith=ahead[:, 1]))[0]
+            kernel.predict(truth, at._replace(horizontal=ahead[:, 0], zenith=ahead[:, 1]))[0]
             - value
         ) / 1e-6
         turned[:, which] -= np.degrees(value / slope)

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import numpy as np
 from scipy.optimize import brentq
 
-from agonic.alignment.maths.north import swung_deg
+from agonic.alignment.maths.north import evaluate_swing_deg
 from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
@@ -100,7 +100,7 @@ def simulate_north(
             transits=_transits(swing, period_s, time_sd_s, rng, sd),
             swing=SwingRecord(
                 time_s=time,
-                reading_deg=swung_deg(swing, time) + sd * rng.standard_normal(len(time)),
+                reading_deg=evaluate_swing_deg(swing, time) + sd * rng.standard_normal(len(time)),
             ),
             reading_sd_arcsec=reading_sd_arcsec,
             time_sd_s=time_sd_s,
@@ -127,7 +127,7 @@ def _turning(swing: Array, span_s: float, rng: np.random.Generator, sd: float) -
     # u̇ = 0: tan(ωt − φ) = −λ/ω with p cos ωt + q sin ωt = A cos(ωt − φ)
     first = (np.arctan2(q, p) - np.arctan2(decay, omega)) / omega % (np.pi / omega)
     at = np.arange(first, span_s, np.pi / omega)
-    return swung_deg(swing, at) + sd * rng.standard_normal(len(at))
+    return evaluate_swing_deg(swing, at) + sd * rng.standard_normal(len(at))
 
 
 def _transits(
@@ -158,7 +158,7 @@ def _passages(
     """Times east and west of a setting and the amplitudes about it, from three passages."""
 
     def away(t: float) -> float:
-        return float(swung_deg(swing, np.array([t]))[0]) - setting
+        return float(evaluate_swing_deg(swing, np.array([t]))[0]) - setting
 
     grid = np.linspace(begins, begins + 2.2 * period, 441)
     side = np.array([away(t) for t in grid])
@@ -168,7 +168,10 @@ def _passages(
     ]
     exact = [brentq(away, grid[k], grid[k + 1]) for k in crossed[:3]]
     stopped = np.array(exact) + time_sd * rng.standard_normal(3)
-    turns = [swung_deg(swing, np.linspace(exact[k], exact[k + 1], 201)) - setting for k in (0, 1)]
+    turns = [
+        evaluate_swing_deg(swing, np.linspace(exact[k], exact[k + 1], 201)) - setting
+        for k in (0, 1)
+    ]
     high, low = turns[0].max(), -turns[1].min()
     read = sd * rng.standard_normal(2)
     return (

@@ -17,9 +17,9 @@ from agonic.alignment.session import (
     Session,
     Site,
     StarReadings,
-    published_earth_rotation,
+    load_earth_rotation,
 )
-from agonic.alignment.session.observed import seen_turn
+from agonic.alignment.session.observed import compute_apparent_turn
 from agonic.arrays import Array
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.samples import Samples
@@ -187,7 +187,7 @@ def _stars(
     rng: np.random.Generator,
 ) -> StarReadings:
     """What the star sensor reports: attitudes with noise, turned by aberration and refraction."""
-    rot_ei = published_earth_rotation().rot_ei(time)
+    rot_ei = load_earth_rotation().rot_ei(time)
     rot_ni = rot_en(site.latitude_deg, site.longitude_deg).T @ rot_ei
     noise = Rotation.from_rotvec(sd * rng.standard_normal((len(time), 3))).as_matrix()
     true_ci = noise @ rot_cn @ rot_ni
@@ -199,7 +199,7 @@ def _stars(
         refraction=effects[0],
         aberration=effects[1],
     )
-    for _ in range(4):  # where it believes to look decides by how much it is turned
-        turn = seen_turn(site, star, rot_ei)
+    for _ in range(4):  # where it seems to look decides by how much it is turned
+        turn = compute_apparent_turn(site, star, rot_ei)
         star = replace(star, rot_ci=true_ci @ turn)
     return star

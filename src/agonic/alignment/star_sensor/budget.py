@@ -8,8 +8,8 @@ from typing import Any, Literal
 import erfa
 import numpy as np
 
-from agonic.alignment.session import Session, published_earth_rotation
-from agonic.alignment.session.observed import seen_turn
+from agonic.alignment.session import Session, load_earth_rotation
+from agonic.alignment.session.observed import compute_apparent_turn
 from agonic.alignment.session.session import PRESENT, REMOVED
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
@@ -62,7 +62,7 @@ def error_budget(fit: AlignmentFit) -> tuple[Effect, ...]:
 
 def _of_the_earth(session: Session) -> tuple[Effect, ...]:
     """Precession, nutation, rotation and polar motion at the middle of the session."""
-    earth, when = published_earth_rotation(), session.middle
+    earth, when = load_earth_rotation(), session.middle
     ut1_tai, x, y = (float(value[0]) for value in earth.at(when))
     leap = float(tai_utc_s(when)[()])
     tt = (when + leap + TT_TAI_S) / _DAY_S
@@ -117,11 +117,11 @@ def _of_light(session: Session) -> tuple[Effect, ...]:
         "refraction": "refraction of the air",
         "aberration": "annual and diurnal aberration",
     }
-    rot_ei = published_earth_rotation().rot_ei(session.star.time)
+    rot_ei = load_earth_rotation().rot_ei(session.star.time)
     effects = []
     for effect, name in said.items():
         alone: dict[str, Any] = dict.fromkeys(said, REMOVED) | {effect: PRESENT}
-        turns = seen_turn(session.site, replace(session.star, **alone), rot_ei)
+        turns = compute_apparent_turn(session.site, replace(session.star, **alone), rot_ei)
         largest = max(_angle(turn) for turn in turns)
         present = getattr(session.star, effect) == PRESENT
         effects.append(

@@ -9,16 +9,16 @@ from scipy.special import chdtrc
 
 from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.maths.session import find_unit_sizes as units_of
-from agonic.alignment.session import published_earth_rotation
-from agonic.alignment.star_sensor.likely_causes import likely_mistakes, misfit
+from agonic.alignment.session import load_earth_rotation
+from agonic.alignment.star_sensor.likely_causes import compute_misfit, find_likely_mistakes
 from agonic.alignment.star_sensor.orientations import (
-    added_information,
-    best_additions,
-    candidates,
-    in_words,
+    choose_additions,
+    compute_information,
+    describe_combination,
+    list_candidates,
 )
 from agonic.alignment.star_sensor.result import AlignmentFit
-from agonic.alignment.star_sensor.solve import UNDETERMINED, Solved, rotation_vector
+from agonic.alignment.star_sensor.solve import UNDETERMINED, Solution, compute_rotation_vector
 from agonic.health import Finding, figure
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
@@ -37,17 +37,20 @@ NEAR_POLE_DEG = 1.0
 PREDICTED_ARCSEC = 0.5
 
 
-def judged(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
+def examine(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
     """The fit with its findings and its remarks."""
     result = fit.solution
     lost = result.undetermined
     words = (
-        tuple(in_words(column, result.unknowns, result.given) for column in np.atleast_2d(lost.T))
+        tuple(
+            describe_combination(column, result.unknowns, result.given)
+            for column in np.atleast_2d(lost.T)
+        )
         if lost.size
         else ()
     )
     loose = fit.worst_sd_arcsec > wanted_sd_arcsec
-    add = suggested(result, wanted_sd_arcsec) if words or loose else ()
+    add = suggest_orientations(result, wanted_sd_arcsec) if words or loose else ()
     known = replace(fit, undetermined=words, add=add)
     spoilt = _spoilt(known)
     doubts = [] if spoilt else _doubts(known)
@@ -60,24 +63,26 @@ def judged(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
     return replace(known, findings=tuple(findings), remarks=() if refused else _remarks(known))
 
 
-def suggested(result: Solved, wanted_sd_arcsec: float) -> tuple[tuple[float, float, float], ...]:
+def suggest_orientations(
+    result: Solution, wanted_sd_arcsec: float
+) -> tuple[tuple[float, float, float], ...]:
     """Up to four orientations that shrink the worst combination most, one after the other."""
-    chosen = candidates()
-    each = added_information(result.unknowns, result.given, chosen)
-    whole = result.information + np.diag(result.held)
+    chosen = list_candidates()
+    each = compute_information(result.unknowns, result.given, chosen)
+    whole = result.information + np.diag(result.prior)
     wanted = wanted_sd_arcsec * ARCSEC_RAD * result.magnitude
 
     def enough(added: list[int], worst: float) -> bool:
         return len(added) == MOST_ADDED or worst < wanted
 
-    best = best_additions(whole, each, chosen, result.free, result.magnitude, enough)
+    best = choose_additions(whole, each, chosen, result.free, result.magnitude, enough)
     return tuple(chosen[k] for k in best)
 
 
-def orientation_words(orientation: tuple[float, float, float]) -> str:
+def format_orientation(orientation: tuple[float, float, float]) -> str:
     """Where to look, in words.
 
-    >>> orientation_words((90.0, 65.0, 45.0)), orientation_words((0.0, 90.0, 0.0))
+    >>> format_orientation((90.0, 65.0, 45.0)), format_orientation((0.0, 90.0, 0.0))
     ('azimuth 90°, elevation 65°, roll 45°', 'the zenith, roll 0°')
     """
     azimuth, elevation, roll = orientation
@@ -89,7 +94,7 @@ def _moves(fit: AlignmentFit) -> str:
     """Which orientations to add, in words; those that orientations cannot help have another way."""
     if not fit.add:
         return "take more readings"
-    return "add orientations: " + "; ".join(map(orientation_words, fit.add))
+    return "add orientations: " + "; ".join(map(format_orientation, fit.add))
 
 
 def _undetermined(fit: AlignmentFit) -> list[Finding]:
@@ -117,7 +122,7 @@ def _spoilt(fit: AlignmentFit) -> bool:
 def _stuck(fit: AlignmentFit) -> bool:
     """Whether no orientation could tell what is undetermined."""
     result = fit.solution
-    each = added_information(result.unknowns, result.given, candidates())
+    each = compute_information(result.unknowns, result.given, list_candidates())
     units = units_of(result.magnitude)
     lost = result.undetermined / units[:, None]
     told = np.einsum("ri,jrs,si->i", lost, each, lost)
@@ -155,8 +160,8 @@ def _doubts(fit: AlignmentFit) -> list[Finding]:
         ]
     if not (bad or far):
         return []
-    now = misfit(fit.session, fit.solution)
-    causes = likely_mistakes(fit.session, fit.solve, now)
+    now = compute_misfit(fit.session, fit.solution)
+    causes = find_likely_mistakes(fit.session, fit.solve, now)
     seen = (
         f"the residuals are {figure(fit.residual_rms, 3)} nT rms, "
         f"{figure(float(np.sqrt(fit.solution.chi2 / fit.solution.freedom)))} times what the "
@@ -193,7 +198,7 @@ def _from_nominal(fit: AlignmentFit) -> tuple[float, float] | None:
     mounting = fit.session.mounting
     if mounting is None:
         return None
-    turn = rotation_vector(fit.rot_mc @ mounting.rot_mc.T)
+    turn = compute_rotation_vector(fit.rot_mc @ mounting.rot_mc.T)
     return float(np.degrees(np.linalg.norm(turn))), mounting.sd_deg
 
 
@@ -226,7 +231,7 @@ def _circumstances(fit: AlignmentFit) -> list[Finding]:
                 "give astronomical coordinates, or solve for the reference",
             )
         )
-    earth = published_earth_rotation()
+    earth = load_earth_rotation()
     sd = earth.sd_arcsec(session.middle)
     if session.middle > earth.measured_until:
         findings.append(

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.session import Session, check_session, observe
-from agonic.alignment.star_sensor.evidence import judged
+from agonic.alignment.star_sensor.evidence import examine
 from agonic.alignment.star_sensor.result import AlignmentFit
-from agonic.alignment.star_sensor.solve import Solved, solved
+from agonic.alignment.star_sensor.solve import Solution, solve_for
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Validity
@@ -66,7 +66,7 @@ def fit_alignment(
     asked = tuple(group for group in GROUPS if group in solve or group == "alignment")
     checked = check_session(session)
     observed = observe(checked)
-    solution = solved(checked, observed, asked)
+    solution = solve_for(checked, observed, asked)
     fit = AlignmentFit(
         calibration=_calibration(checked, solution, asked),
         session=checked,
@@ -74,10 +74,10 @@ def fit_alignment(
         solution=solution,
         solve=asked,
     )
-    return judged(fit, wanted_sd_arcsec)
+    return examine(fit, wanted_sd_arcsec)
 
 
-def _calibration(session: Session, solution: Solved, solve: tuple[str, ...]) -> Alignment | Chain:
+def _calibration(session: Session, solution: Solution, solve: tuple[str, ...]) -> Alignment | Chain:
     """From the magnetometer's readings to the field in the star sensor's axes."""
     provenance = Provenance(
         inputs=session.sources
@@ -101,7 +101,7 @@ def _calibration(session: Session, solution: Solved, solve: tuple[str, ...]) -> 
     return Chain(steps=(*steps, turn), provenance=provenance)  # type: ignore[arg-type]
 
 
-def _turn(session: Session, solution: Solved, provenance: Provenance) -> Alignment:
+def _turn(session: Session, solution: Solution, provenance: Provenance) -> Alignment:
     """field_c = rotation.apply(field_m), R_cm = R_mcᵀ: a turn δ of R_mc is −R_cm δ of R_cm."""
     back = solution.unknowns.rot_mc.T
     return Alignment(
@@ -114,7 +114,7 @@ def _turn(session: Session, solution: Solved, provenance: Provenance) -> Alignme
     )
 
 
-def _own(session: Session, solution: Solved, provenance: Provenance) -> Affine:
+def _own(session: Session, solution: Solution, provenance: Provenance) -> Affine:
     """The magnetometer's own bias and matrix, as the session corrects them."""
     return Affine(
         bias=solution.unknowns.bias,

@@ -11,7 +11,7 @@ import erfa
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import Session, published_earth_rotation
+from agonic.alignment.session import Session, load_earth_rotation
 from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
 from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
@@ -30,7 +30,7 @@ class Mistake(NamedTuple):
     undo: Change
 
 
-def mistakes(session: Session) -> Iterator[Mistake]:
+def list_mistakes(session: Session) -> Iterator[Mistake]:
     """All of them."""
     yield from _of_roll()
     yield from _of_sense()
@@ -146,7 +146,7 @@ def _of_date_frames(session: Session) -> Iterator[Mistake]:
     yield _attitude(
         "attitudes in Earth-fixed axes, not J2000",
         "turn them into J2000 (GCRS)",
-        lambda s: s.rot_ci @ published_earth_rotation().rot_ei(s.time),
+        lambda s: s.rot_ci @ load_earth_rotation().rot_ei(s.time),
     )
 
 

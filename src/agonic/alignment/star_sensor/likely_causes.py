@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 
 from agonic.alignment.maths import session as kernel
 from agonic.alignment.session import Session, observe
-from agonic.alignment.star_sensor.known_mistakes import Mistake, mistakes
-from agonic.alignment.star_sensor.solve import Solved, given_of, rotation_vector, solved
+from agonic.alignment.star_sensor.known_mistakes import Mistake, list_mistakes
+from agonic.alignment.star_sensor.solve import (
+    Solution,
+    compute_rotation_vector,
+    make_given,
+    solve_for,
+)
 from agonic.arrays import Index
 from agonic.errors import AgonicError
 from agonic.maths.rotations.vectors import find_best_rotation
@@ -25,32 +30,35 @@ AS_GOOD = 1.5
 """Others are named beside the best whose misfit is not larger than this many times its own."""
 
 
-def misfit(session: Session, result: Solved) -> float:
+def compute_misfit(session: Session, result: Solution) -> float:
     """χ² of the residuals and of the way from the nominal mounting, over the freedom."""
     away = 0.0
     if session.mounting is not None:
-        turn = rotation_vector(result.unknowns.rot_mc @ session.mounting.rot_mc.T)
+        turn = compute_rotation_vector(result.unknowns.rot_mc @ session.mounting.rot_mc.T)
         away = float(turn @ turn) / np.radians(session.mounting.sd_deg) ** 2
     return (result.chi2 + away) / max(result.freedom, 1)
 
 
-def likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Mistake]:
+def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Mistake]:
     """The mistakes that would explain the misfit, the best first; none where none does.
 
     All are tried on a few readings of each orientation; the most promising on the whole session.
     """
     few = _few(session)
     promising = sorted(
-        ((_promise(few, mistake, solve), k, mistake) for k, mistake in enumerate(mistakes(few))),
+        (
+            (_promise(few, mistake, solve), k, mistake)
+            for k, mistake in enumerate(list_mistakes(few))
+        ),
         key=lambda one: one[:2],
     )
     order = [k for left, k, _ in promising[:TRIED] if np.isfinite(left)]
-    whole = list(mistakes(session))
+    whole = list(list_mistakes(session))
     tried = []
     for mistake in (whole[k] for k in order):
         try:
             changed = mistake.undo(session)
-            left = misfit(changed, solved(changed, observe(changed), solve))
+            left = compute_misfit(changed, solve_for(changed, observe(changed), solve))
         except (AgonicError, ValueError, np.linalg.LinAlgError):
             continue
         tried.append((left, mistake))
@@ -93,7 +101,7 @@ def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
     """
     try:
         changed = mistake.undo(few)
-        given = given_of(observe(changed))
+        given = make_given(observe(changed))
     except (AgonicError, ValueError, np.linalg.LinAlgError):
         return np.inf
     at = kernel.start_unknowns()._replace(
@@ -103,7 +111,7 @@ def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
     turn = find_best_rotation(expected, given.field)
     away = 0.0
     if changed.mounting is not None:
-        vector = rotation_vector(turn @ changed.mounting.rot_mc.T)
+        vector = compute_rotation_vector(turn @ changed.mounting.rot_mc.T)
         beyond = np.linalg.norm(vector) - 4 * np.radians(changed.mounting.sd_deg)
         away = float(max(beyond, 0.0)) * float(np.linalg.norm(given.reference[0]))
     if {"bias", "matrix"} & set(solve) and len(expected) > 6:

@@ -1,4 +1,4 @@
-"""Which orientations tell most, and the words for what none has told."""
+"""Which orientations determine most, and the words for what none has determined."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SHARE = 0.05
 """A group that has less than this share of a combination is not named."""
 
 
-def candidates(lowest_deg: float = 40.0) -> list[Orientation]:
+def list_candidates(lowest_deg: float = 40.0) -> list[Orientation]:
     """Azimuth, elevation and roll of a star sensor that sees no horizon, degrees."""
     turns = np.arange(0.0, 360.0, STEP_DEG)
     heights = [e for e in ELEVATIONS_DEG if e > lowest_deg] + [lowest_deg]
@@ -33,7 +33,7 @@ def candidates(lowest_deg: float = 40.0) -> list[Orientation]:
     ]
 
 
-def added_information(at: Unknowns, like: Given, chosen: list[Orientation]) -> Array:
+def compute_information(at: Unknowns, like: Given, chosen: list[Orientation]) -> Array:
     """What one more orientation each would tell, JᵀC⁻¹J (j, 18, 18), as noisy as those before."""
     attitude = rot_cn(*np.array(chosen).T)
     count = len(chosen)
@@ -54,7 +54,7 @@ def added_information(at: Unknowns, like: Given, chosen: list[Orientation]) -> A
     return np.asarray(np.einsum("jir,jis->jrs", white, white))
 
 
-def best_additions(
+def choose_additions(
     information: Array,
     each: Array,
     chosen: list[Orientation],
@@ -86,14 +86,14 @@ def best_additions(
         known = known + parts[best]
 
 
-def alignment_sd(information: Array, free: Mask, magnitude: float) -> float:
+def compute_alignment_sd(information: Array, free: Mask, magnitude: float) -> float:
     """The largest standard error of the alignment, rad."""
     units = kernel.find_unit_sizes(magnitude)[free]
     covariance = leastsq.inverse(information[np.ix_(free, free)] / np.outer(units, units))
     return float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]) / magnitude)
 
 
-def in_words(combination: Array, at: Unknowns, like: Given) -> str:
+def describe_combination(combination: Array, at: Unknowns, like: Given) -> str:
     """A combination (18,) of the unknowns in words, the groups with the largest shares first."""
     field_n = at.rot_nr @ like.reference.mean(axis=0)
     along_n = field_n / np.linalg.norm(field_n)

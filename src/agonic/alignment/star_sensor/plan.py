@@ -12,10 +12,10 @@ from agonic.alignment.maths import session as kernel
 from agonic.alignment.maths.session import GROUPS, SIZE, Given
 from agonic.alignment.star_sensor.orientations import (
     Orientation,
-    added_information,
-    alignment_sd,
-    best_additions,
-    candidates,
+    choose_additions,
+    compute_alignment_sd,
+    compute_information,
+    list_candidates,
 )
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, CoverageError, check_choice
@@ -102,24 +102,24 @@ def plan_alignment(
     magnitude = float(np.linalg.norm(field))
     at = kernel.start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
     like = _like(field, readings, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
-    held = _held(pier_sd, reference_sd_arcsec)
+    prior = _prior_information(pier_sd, reference_sd_arcsec)
     free = np.zeros(SIZE, dtype=bool)
     for group in GROUPS:
-        if group in solve or group == "alignment" or held[GROUPS[group]].any():
+        if group in solve or group == "alignment" or prior[GROUPS[group]].any():
             free[GROUPS[group]] = True
-    chosen = candidates(lowest_elevation_deg)
-    each = added_information(at, like, chosen)
+    chosen = list_candidates(lowest_elevation_deg)
+    each = compute_information(at, like, chosen)
 
     def information(picked: list[int]) -> Array:
-        return np.asarray(np.diag(held) + each[picked].sum(axis=0))
+        return np.asarray(np.diag(prior) + each[picked].sum(axis=0))
 
     def enough(picked: list[int], worst: float) -> bool:
-        sd = alignment_sd(information(picked), free, magnitude) / ARCSEC_RAD
+        sd = compute_alignment_sd(information(picked), free, magnitude) / ARCSEC_RAD
         return len(picked) == MOST or (len(picked) >= FEWEST and sd <= wanted_sd_arcsec)
 
-    picked = best_additions(np.diag(held), each, chosen, free, magnitude, enough)
+    picked = choose_additions(np.diag(prior), each, chosen, free, magnitude, enough)
     sds = [
-        alignment_sd(information(picked[:k]), free, magnitude) / ARCSEC_RAD
+        compute_alignment_sd(information(picked[:k]), free, magnitude) / ARCSEC_RAD
         for k in range(1, len(picked) + 1)
     ]
     if sds[-1] > wanted_sd_arcsec:
@@ -155,14 +155,14 @@ def _like(
     )
 
 
-def _held(pier_sd: float | None, reference_sd_arcsec: float | None) -> Array:
+def _prior_information(pier_sd: float | None, reference_sd_arcsec: float | None) -> Array:
     """Information (18,) of what is known beforehand."""
-    held = np.zeros(SIZE)
+    prior = np.zeros(SIZE)
     if pier_sd:
-        held[GROUPS["pier"]] = 1 / pier_sd**2
+        prior[GROUPS["pier"]] = 1 / pier_sd**2
     if reference_sd_arcsec:
-        held[GROUPS["reference"]] = 1 / (reference_sd_arcsec * ARCSEC_RAD) ** 2
-    return held
+        prior[GROUPS["reference"]] = 1 / (reference_sd_arcsec * ARCSEC_RAD) ** 2
+    return prior
 
 
 def _errors(information: Array, free: Mask, magnitude: float) -> Array:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.maths import session as kernel
 from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.session import Observed, Session
-from agonic.alignment.star_sensor.solve import Solved, rotation_vector
+from agonic.alignment.star_sensor.solve import Solution, compute_rotation_vector
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
@@ -42,7 +42,7 @@ class AlignmentFit(Judged):
     calibration: Alignment | Chain
     session: Session
     observed: Observed
-    solution: Solved
+    solution: Solution
     solve: tuple[str, ...]
     undetermined: tuple[str, ...] = ()
     add: tuple[tuple[float, float, float], ...] = ()
@@ -121,7 +121,7 @@ class AlignmentFit(Judged):
     @property
     def reference_turn_arcsec(self) -> Array:
         """How the reference's axes are turned about north, east and down, (3,)."""
-        return rotation_vector(self.solution.unknowns.rot_nr) / ARCSEC_RAD
+        return compute_rotation_vector(self.solution.unknowns.rot_nr) / ARCSEC_RAD
 
     @property
     def reference_angles_deg(self) -> Array:

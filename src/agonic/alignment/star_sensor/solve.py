@@ -26,11 +26,11 @@ UNDETERMINED = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Solved:
+class Solution:
     """The unknowns, and the information on them, in units that all move the field by one nT.
 
     `groups` are those that were free; `free` (18,) marks them; `information` (18, 18) is that of
-    the observations, `held` (18,) that of what was believed before; `chi2` and `freedom` tell
+    the observations, `prior` (18,) that of what was known before; `chi2` and `freedom` tell
     whether the residuals are as large as they should be.
     """
 
@@ -39,7 +39,7 @@ class Solved:
     groups: tuple[str, ...]
     free: Mask
     information: Array
-    held: Array
+    prior: Array
     magnitude: float
     chi2: float
     freedom: int
@@ -60,9 +60,9 @@ class Solved:
 
     @property
     def known(self) -> Array:
-        """Information of observations and beliefs on the free unknowns, per nT², (m, m)."""
+        """Information of observations and prior on the free unknowns, per nT², (m, m)."""
         units = kernel.find_unit_sizes(self.magnitude)[self.free]
-        whole = self.information + np.diag(self.held)
+        whole = self.information + np.diag(self.prior)
         return np.asarray(whole[np.ix_(self.free, self.free)] / np.outer(units, units))
 
     @property
@@ -84,7 +84,7 @@ class Solved:
 
     @property
     def undetermined(self) -> Array:
-        """The combinations (18, j) that neither observations nor beliefs determine."""
+        """The combinations (18, j) that neither observations nor departures determine."""
         sd, vectors = self.combinations
         return vectors[:, sd > UNDETERMINED * self.magnitude]
 
@@ -100,7 +100,7 @@ class Solved:
         return float((sd[0] / sd[-1]) ** 2)
 
 
-def given_of(observed: Observed) -> Given:
+def make_given(observed: Observed) -> Given:
     """What the kernel needs of the observations."""
     return Given(
         observed.field,
@@ -112,15 +112,15 @@ def given_of(observed: Observed) -> Given:
     )
 
 
-def solved(session: Session, observed: Observed, solve: Collection[str]) -> Solved:
+def solve_for(session: Session, observed: Observed, solve: Collection[str]) -> Solution:
     """Levenberg–Marquardt about a start that needs no guess, the rotations taken anew each round.
 
     Beliefs with a standard deviation (pier, axes of the reference) join as unknowns with a prior,
     so that what is uncertain about them is in every standard error.
     """
-    given = given_of(observed)
-    held = _held(session)
-    groups = tuple(g for g in GROUPS if g in solve or held[GROUPS[g]].any())
+    given = make_given(observed)
+    prior = _prior_information(session)
+    groups = tuple(g for g in GROUPS if g in solve or prior[GROUPS[g]].any())
     free = np.zeros(SIZE, dtype=bool)
     for group in groups:
         free[GROUPS[group]] = True
@@ -141,7 +141,7 @@ def solved(session: Session, observed: Observed, solve: Collection[str]) -> Solv
             ),
             np.zeros(int(free.sum())),
             scale=1.0,
-            prior=_prior(session, base, held, free, units),
+            prior=_prior(session, base, prior, free, units),
             tolerance=1e-6,
             max_iterations=STEPS,
         )
@@ -153,7 +153,7 @@ def solved(session: Session, observed: Observed, solve: Collection[str]) -> Solv
         cost = solution.cost
         if settled or hopeless:
             break
-    return _assembled(session, at, given, groups, free, held, magnitude, iterations, converged)
+    return _assembled(session, at, given, groups, free, prior, magnitude, iterations, converged)
 
 
 def _assembled(
@@ -162,25 +162,25 @@ def _assembled(
     given: Given,
     groups: tuple[str, ...],
     free: Mask,
-    held: Array,
+    prior: Array,
     magnitude: float,
     iterations: int,
     converged: bool,
-) -> Solved:
+) -> Solution:
     """The result with its test of the residuals."""
     residuals, _ = kernel.compute_residual(at, given)
     white = kernel.compute_whitener(kernel.compute_covariance(at, given)) @ residuals[:, :, None]
-    beliefs = _departure(session, at) * np.sqrt(held)
-    count = 3 * len(residuals) + int((held[free] > 0).sum()) - int(free.sum())
-    return Solved(
+    departures = _departure(session, at) * np.sqrt(prior)
+    count = 3 * len(residuals) + int((prior[free] > 0).sum()) - int(free.sum())
+    return Solution(
         unknowns=at,
         given=given,
         groups=groups,
         free=free,
         information=kernel.compute_information(at, given),
-        held=held,
+        prior=prior,
         magnitude=magnitude,
-        chi2=float((white**2).sum() + (beliefs**2).sum()),
+        chi2=float((white**2).sum() + (departures**2).sum()),
         freedom=count,
         iterations=iterations,
         converged=converged,
@@ -219,36 +219,36 @@ def _whole(step: Array, free: Mask) -> Array:
     return whole
 
 
-def _held(session: Session) -> Array:
-    """Information (18,) of what is believed before: pier and the reference's axes."""
-    held = np.zeros(SIZE)
+def _prior_information(session: Session) -> Array:
+    """Information (18,) of the prior: pier and the reference's axes."""
+    prior = np.zeros(SIZE)
     if session.pier.sd:
-        held[GROUPS["pier"]] = 1 / session.pier.sd**2
+        prior[GROUPS["pier"]] = 1 / session.pier.sd**2
     if session.reference_sd_arcsec:
-        held[GROUPS["reference"]] = 1 / (session.reference_sd_arcsec * ARCSEC_RAD) ** 2
-    return held
+        prior[GROUPS["reference"]] = 1 / (session.reference_sd_arcsec * ARCSEC_RAD) ** 2
+    return prior
 
 
 def _departure(session: Session, at: Unknowns) -> Array:
-    """How far the unknowns (18,) are from what was believed."""
+    """How far the unknowns (18,) are from the prior."""
     away = np.zeros(SIZE)
     away[GROUPS["pier"]] = at.offset - session.pier.difference
-    away[GROUPS["reference"]] = rotation_vector(at.rot_nr)
+    away[GROUPS["reference"]] = compute_rotation_vector(at.rot_nr)
     return away
 
 
-def rotation_vector(matrix: Array) -> Array:
+def compute_rotation_vector(matrix: Array) -> Array:
     """The rotation vector of a matrix, rad."""
     return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
 
 def _prior(
-    session: Session, base: Unknowns, held: Array, free: Mask, units: Array
+    session: Session, base: Unknowns, prior: Array, free: Mask, units: Array
 ) -> leastsq.Prior | None:
-    """What was believed, about the present base."""
-    if not held.any():
+    """The prior, about the present base."""
+    if not prior.any():
         return None
-    root, away = np.sqrt(held[free]), _departure(session, base)[free]
+    root, away = np.sqrt(prior[free]), _departure(session, base)[free]
     jacobian = np.diag(root / units)
 
     def residuals(params: Array) -> tuple[Array, Array]:

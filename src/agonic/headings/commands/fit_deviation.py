@@ -117,7 +117,7 @@ def _of_log(
     """The swing that a log with a heading of its own is."""
     from agonic.console.sensors import add_second, select_between
     from agonic.files.setup import load_setup
-    from agonic.headings.deviation.swing_of_log import swung
+    from agonic.headings.deviation.swing_of_log import find_swing
     from agonic.headings.files.swing import Swing
     from agonic.logs.read import open_log
 
@@ -125,7 +125,7 @@ def _of_log(
     first, recording = compasses.compasses[0], open_log(log, unit=unit)
     samples = recording.sensor(sensor or first.sensor)
     samples = add_second(first.calibration, samples, recording)
-    found = swung(select_between(samples, between), compasses)
+    found = find_swing(select_between(samples, between), compasses)
     remarks = {"power_state": found.power_state, "compass": samples.name}
     if found.current_A is not None:
         remarks["current_A"] = repr(found.current_A)

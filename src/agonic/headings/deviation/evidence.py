@@ -1,4 +1,4 @@
-"""What a swing leaves to be examined: headings that are missing, strays, what the curve omits."""
+"""What a swing leaves to be examined: headings that are missing, outliers, what the curve omits."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ CURVE_REFUSED_DEG = 10.0  # standard error of the curve, rms over all headings
 CURVE_DOUBTFUL_DEG = 2.0
 HEEL_LEAST_DEG = 1.0  # rms of heel that no other term explains
 SCATTER_DOUBTFUL_DEG = 5.0
-STRAY_LEAST_DEG = 0.5
-STRAY_REFUSED_DEG = 5.0  # where too few others outweigh it
-STRAYS_DOUBTFUL = 0.1
+OUTLIER_LEAST_DEG = 0.5
+OUTLIER_REFUSED_DEG = 5.0  # where too few others outweigh it
+OUTLIERS_DOUBTFUL = 0.1
 THIRD_DOUBTFUL_DEG = 1.0
 SIGNIFICANT = 0.01
 
@@ -36,7 +36,7 @@ class Evidence:
     """The readings (n,), their rows (n, k), the solution, and the card made of it.
 
     `level` (5,) and `chosen` (9,) mark the terms that were fitted; `weighted` says whether the
-    robust loss was free to leave out strays.
+    robust loss was free to leave out outliers.
     """
 
     compass_deg: Array
@@ -55,18 +55,18 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     shape = _headings(evidence) or _heel(evidence)
     if shape is not None and shape.severity == "refuse":
         return (shape,)
-    stray = _stray(evidence)
+    outlier = _outlier(evidence)
     spread = (_uncertain(evidence), _scatter(evidence))
-    if stray is not None and not evidence.weighted:  # it is the cause of both
+    if outlier is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
-    others = (_folded(evidence), shape, stray, *spread, _third(evidence), _left_out(evidence))
+    others = (_folded(evidence), shape, outlier, *spread, _third(evidence), _left_out(evidence))
     return sort_findings(others)
 
 
-def listed(headings_deg: Array) -> str:
+def list_headings(headings_deg: Array) -> str:
     """Headings in words.
 
-    >>> listed(np.array([45.0, 135.0, 180.0]))
+    >>> list_headings(np.array([45.0, 135.0, 180.0]))
     '045° NE, 135° SE and 180° S'
     """
     names = [name_heading(float(h)) for h in headings_deg]
@@ -75,13 +75,15 @@ def listed(headings_deg: Array) -> str:
 
 def _headings(evidence: Evidence) -> Finding | None:
     """Headings that do not go round, or too few of them."""
-    headings = swing_plan.visited(evidence.compass_deg)
+    headings = swing_plan.find_visited(evidence.compass_deg)
     n, terms = len(headings), evidence.card.terms
-    gap = swing_plan.largest_gap_deg(headings)
-    amplified = swing_plan.amplification(headings, evidence.level)
+    gap = swing_plan.compute_largest_gap_deg(headings)
+    amplified = swing_plan.compute_amplification(headings, evidence.level)
     half = gap >= GAP_REFUSED_DEG and terms != "A"
-    missing = swing_plan.missing_deg(headings, evidence.level, 2.0)
-    move = f"steer also {listed(missing)}" if len(missing) else "steer twice as many headings"
+    missing = swing_plan.find_missing_deg(headings, evidence.level, 2.0)
+    move = (
+        f"steer also {list_headings(missing)}" if len(missing) else "steer twice as many headings"
+    )
     seen = f"what was steered ({n} heading{'' if n == 1 else 's'}, widest gap {gap:.0f}°)"
     if half or amplified > AMPLIFIED_REFUSED:
         return Finding("headings", "refuse", f"{seen} does not determine {_terms(terms)}", move)
@@ -151,7 +153,7 @@ def _uncertain(evidence: Evidence) -> Finding | None:
     )
 
 
-def _stray(evidence: Evidence) -> Finding | None:
+def _outlier(evidence: Evidence) -> Finding | None:
     """Readings far from the curve of the others."""
     if evidence.weighted:
         share = float(np.mean(evidence.solved.weights == 0))
@@ -159,8 +161,8 @@ def _stray(evidence: Evidence) -> Finding | None:
             return None
         return Finding(
             "stray headings",
-            "check" if share > STRAYS_DOUBTFUL else "note",
-            f"{figure(100 * share)} % of the readings are strays and were left out",
+            "check" if share > OUTLIERS_DOUBTFUL else "note",
+            f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for moments when the vehicle turned or a current was switched",
         )
     worst, off = _deleted(evidence)
@@ -168,7 +170,7 @@ def _stray(evidence: Evidence) -> Finding | None:
         return None
     return Finding(
         "stray headings",
-        "refuse" if off >= STRAY_REFUSED_DEG else "check",
+        "refuse" if off >= OUTLIER_REFUSED_DEG else "check",
         f"the reading at compass {name_heading(float(evidence.compass_deg[worst]))} is "
         f"{figure(off)}° from the curve of the others",
         "look for a slip (east for west, a wrong figure) and steer that heading again",
@@ -190,7 +192,7 @@ def _deleted(evidence: Evidence) -> tuple[int | None, float]:
     worst = int(t.argmax())
     off = float(abs(e[worst]) / free[worst])
     chance = 2 * n * float(stdtr(n - k - 1, -t[worst]))
-    return (worst, off) if chance < SIGNIFICANT and off > STRAY_LEAST_DEG else (None, 0.0)
+    return (worst, off) if chance < SIGNIFICANT and off > OUTLIER_LEAST_DEG else (None, 0.0)
 
 
 def _scatter(evidence: Evidence) -> Finding | None:

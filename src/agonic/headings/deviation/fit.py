@@ -15,7 +15,7 @@ from agonic.calibration.deviation import PARAMETERS, Deviation, format_east_west
 from agonic.errors import AgonicError
 from agonic.fit import Estimated
 from agonic.headings.deviation.evidence import Evidence, examine
-from agonic.headings.deviation.readings import Readings, complete
+from agonic.headings.deviation.readings import SwingReadings, select_complete
 from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure
 from agonic.maths.rotations import deviation as kernel
@@ -24,7 +24,7 @@ from agonic.provenance import Input, Provenance
 
 CITATIONS = ("nga-2004", "huber-1981", "beaton-tukey-1974")
 READINGS_PER_TERM = 4
-"""With fewer readings for each term a stray cannot be told from the rest by its weight."""
+"""With fewer readings for each term an outlier cannot be told from the rest by its weight."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,8 +84,8 @@ def fit_deviation(
         `declination_deg` (n,), or one, is given.
     heel : (n,) roll, or (n, 2) roll and pitch, degrees: adds roll × cos ψ, roll × sin ψ and the
         same of pitch. `None` for a level swing.
-    terms : the level terms to fit; the others are held at zero. Never chosen for you.
-    robust : meet gross errors with Tukey's loss where one stands out of many readings.
+    terms : the level terms to fit; the others are fixed at zero. Never chosen for you.
+    robust : down-weight outliers with Tukey's loss where one stands out of many readings.
     noise_deg : standard deviation of one reading where it is known; else the residuals tell.
     power_state, current_A : what was switched on and the current it drew; the card belongs to it.
     sensor, source : whose headings, and the file they came from.
@@ -105,8 +105,8 @@ def fit_deviation(
     >>> fit.calibration.coefficients.round(3).tolist(), fit.classical["B"]
     ([1.0, 11.94, 7.96, 5.0, 1.5], 12.0)
     """
-    level = level_terms(terms)
-    readings = complete(compass_deg, reference_deg, heel, declination_deg)
+    level = parse_terms(terms)
+    readings = select_complete(compass_deg, reference_deg, heel, declination_deg)
     chosen = np.concatenate([level, np.repeat(np.arange(2) < readings.tilt.shape[1], 2)])
     rows = readings.rows[:, chosen]
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
@@ -126,7 +126,9 @@ def fit_deviation(
         freedom=None if as_stated else _freedom(solved),
         power_state=power_state,
         current_A=current_A,
-        largest_gap_deg=swing_plan.largest_gap_deg(swing_plan.visited(readings.compass)),
+        largest_gap_deg=swing_plan.compute_largest_gap_deg(
+            swing_plan.find_visited(readings.compass)
+        ),
         largest_heel_deg=_largest(readings.tilt),
         sensor=sensor,
         provenance=Provenance(inputs=(whence,), settings=asked, method=CITATIONS),
@@ -164,7 +166,7 @@ def _finished(evidence: Evidence, classical: Mapping[str, float] | None) -> Devi
     )
 
 
-def level_terms(terms: str) -> Mask:
+def parse_terms(terms: str) -> Mask:
     """Which of A to E were asked for, (5,)."""
     known = "".join(kernel.LEVEL)
     if not terms or any(term not in known for term in terms) or len(set(terms)) < len(terms):
@@ -223,7 +225,7 @@ def _largest(tilt: Array) -> tuple[float, float] | None:
     return roll, pitch[0] if pitch else 0.0
 
 
-def _classical(readings: Readings) -> dict[str, float] | None:
+def _classical(readings: SwingReadings) -> dict[str, float] | None:
     at = kernel.average_on_rose(readings.compass, wrap_deg(readings.difference))
     if at is None:
         return None

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.deviation import PARAMETERS
 from agonic.errors import AgonicError
-from agonic.headings.deviation.fit import level_terms
+from agonic.headings.deviation.fit import parse_terms
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations import deviation as kernel
 
@@ -58,7 +58,7 @@ def plan_swing(
     >>> plan.sd[:5].round(3).tolist(), round(plan.heading_sd_deg, 3)
     ([0.177, 0.25, 0.25, 0.25, 0.25], 0.395)
     """
-    level = level_terms(terms)
+    level = parse_terms(terms)
     least = len(terms) + 1
     if headings < least or rounds < 1 or not noise_deg > 0.0:
         raise AgonicError(

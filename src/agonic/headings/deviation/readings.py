@@ -12,7 +12,7 @@ from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations import deviation as kernel
 
 
-class Readings(NamedTuple):
+class SwingReadings(NamedTuple):
     """The finite rows: compass (n,), reference − compass (n,), roll and pitch (n, 0…2)."""
 
     compass: Array
@@ -33,12 +33,12 @@ class Readings(NamedTuple):
         return np.column_stack([self.compass, self.difference, self.tilt])
 
 
-def complete(
+def select_complete(
     compass_deg: ArrayLike,
     reference_deg: ArrayLike,
     heel: ArrayLike | None,
     declination_deg: ArrayLike | None,
-) -> Readings:
+) -> SwingReadings:
     """The readings that are complete, or a clear error."""
     compass, reference = (
         np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (compass_deg, reference_deg)
@@ -66,7 +66,7 @@ def complete(
         raise CoverageError(
             "there is no complete reading", turns="steer eight headings and note compass and truth"
         )
-    return Readings(
+    return SwingReadings(
         compass[good] % 360.0,
         (reference - compass)[good],
         tilt[good],

@@ -15,7 +15,7 @@ from agonic.samples import Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Swung:
+class LoggedSwing:
     """What `fit_deviation` takes, out of a log, (n,) each, degrees; rows that can be trusted.
 
     `compass_deg` by the calibration alone, without a card; `true_deg` as logged;
@@ -33,7 +33,7 @@ class Swung:
     estimated: bool
 
 
-def swung(samples: Samples, setup: Setup) -> Swung:
+def find_swing(samples: Samples, setup: Setup) -> LoggedSwing:
     """The swing that a log with a heading of its own is.
 
     Parameters: samples with `heading_deg`; the setup's one compass, whose card is left out.
@@ -50,21 +50,21 @@ def swung(samples: Samples, setup: Setup) -> Swung:
     if not rows.any():
         raise LogError(f"{samples.name}: no heading of this log can be trusted (tilted, disturbed)")
     current = None if samples.current_A is None else samples.current_A[rows]
-    return Swung(
+    return LoggedSwing(
         compass_deg=found.compass_deg[rows],
         true_deg=samples.heading_deg[rows],
         declination_deg=np.broadcast_to(found.declination_deg, len(samples))[rows],
         heel=np.stack([found.roll_deg, found.pitch_deg], axis=1)[rows],
-        power_state="" if current is None else drawn(current),
+        power_state="" if current is None else describe_current(current),
         current_A=None if current is None else float(figure(float(np.median(current)))),
         estimated=samples.heading_estimated,
     )
 
 
-def drawn(current: Array) -> str:
+def describe_current(current: Array) -> str:
     """The state of power that a current tells, in words.
 
-    >>> drawn(np.array([11.0, 12.0, 12.0, 14.0]))
+    >>> describe_current(np.array([11.0, 12.0, 12.0, 14.0]))
     'what draws 11 to 14 A switched on'
     """
     low, high = (figure(float(v)) for v in np.percentile(current, (5, 95)))

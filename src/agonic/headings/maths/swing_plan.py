@@ -1,4 +1,4 @@
-"""Which headings a deviation curve was taught by, what they leave open, and which to add."""
+"""Which headings a deviation curve rests on, what they leave open, and which to add."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CELL_DEG = 5.0
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 
 
-def visited(compass_deg: Array) -> Array:
+def find_visited(compass_deg: Array) -> Array:
     """The headings that were steered, one for each cell of 5°, however often."""
     heading = np.asarray(compass_deg) % 360.0
     cells = np.minimum((heading // CELL_DEG).astype(np.int64), int(360 / CELL_DEG) - 1)
@@ -21,17 +21,17 @@ def visited(compass_deg: Array) -> Array:
     return np.asarray(sums[counts > 0] / counts[counts > 0])
 
 
-def largest_gap_deg(headings_deg: Array) -> float:
+def compute_largest_gap_deg(headings_deg: Array) -> float:
     """The widest arc between neighbouring headings.
 
-    >>> largest_gap_deg(np.array([350.0, 10.0, 100.0]))
+    >>> compute_largest_gap_deg(np.array([350.0, 10.0, 100.0]))
     250.0
     """
     ordered = np.sort(np.asarray(headings_deg) % 360.0)
     return float(np.diff(np.append(ordered, ordered[0] + 360.0)).max())
 
 
-def unit_sd(headings_deg: Array, chosen: Mask, at_deg: Array = _CIRCLE_DEG) -> Array:
+def compute_unit_sd(headings_deg: Array, chosen: Mask, at_deg: Array = _CIRCLE_DEG) -> Array:
     """Standard error of the level curve over that of one reading, were each heading read once.
 
     Infinite where the headings leave a term open. `chosen` (5,) marks the level terms.
@@ -44,35 +44,36 @@ def unit_sd(headings_deg: Array, chosen: Mask, at_deg: Array = _CIRCLE_DEG) -> A
     return np.asarray(np.where(along[:, open_].sum(axis=1) > 1e-9, np.inf, np.sqrt(variance)))
 
 
-def amplification(headings_deg: Array, chosen: Mask) -> float:
+def compute_amplification(headings_deg: Array, chosen: Mask) -> float:
     """The curve's largest standard error over that of as many headings evenly spread; 1 is best.
 
-    >>> round(amplification(np.arange(0, 360, 45.0), np.ones(5, bool)), 3)
+    >>> round(compute_amplification(np.arange(0, 360, 45.0), np.ones(5, bool)), 3)
     1.0
-    >>> amplification(np.array([0.0, 90.0, 180.0, 270.0]), np.ones(5, bool))
+    >>> compute_amplification(np.array([0.0, 90.0, 180.0, 270.0]), np.ones(5, bool))
     inf
     """
     even = np.sqrt(chosen.sum() / len(headings_deg))
-    return float(unit_sd(headings_deg, chosen).max() / even)
+    return float(compute_unit_sd(headings_deg, chosen).max() / even)
 
 
-def missing_deg(headings_deg: Array, chosen: Mask, enough: float) -> Array:
+def find_missing_deg(headings_deg: Array, chosen: Mask, enough: float) -> Array:
     """Headings to add: those of the eight points that were not steered, and more where needed.
 
-    A point counts as steered within half a point, 22.5°. Where that does not bring `amplification`
-    to `enough`, points of the sixteen follow, each where the curve is known worst.
+    A point counts as steered within half a point, 22.5°. Where that does not bring
+    `compute_amplification` to `enough`, points of the sixteen follow, each where the curve is known
+    worst.
 
-    >>> missing_deg(np.array([0.0, 90.0, 180.0, 270.0]), np.ones(5, bool), 2.0).tolist()
+    >>> find_missing_deg(np.array([0.0, 90.0, 180.0, 270.0]), np.ones(5, bool), 2.0).tolist()
     [45.0, 135.0, 225.0, 315.0]
     """
     have = np.asarray(headings_deg, dtype=np.float64)
     added = [float(h) for h in ROSE_DEG if _apart_deg(h, have) > 22.5]
-    while amplification(np.append(have, added), chosen) > enough and len(added) < 16:
+    while compute_amplification(np.append(have, added), chosen) > enough and len(added) < 16:
         known = np.append(have, added)
         free = [h for h in np.arange(0.0, 360.0, 22.5) if _apart_deg(h, known) >= 11.25]
         if not free:
             break
-        added.append(free[int(np.argmax(unit_sd(known, chosen, np.array(free))))])
+        added.append(free[int(np.argmax(compute_unit_sd(known, chosen, np.array(free))))])
     return np.sort(np.array(added))
 
 
