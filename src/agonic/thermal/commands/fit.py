@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,14 +63,14 @@ def fit_chamber(
     """
     from agonic.atomic import make_folder, write_atomically
     from agonic.console.finish import finish
-    from agonic.console.progress import progress
+    from agonic.console.progress import counting, progress
     from agonic.thermal.all_sensors import calibrate_campaign
     from agonic.thermal.document import describe_campaign
     from agonic.thermal.files.read import read_campaign
 
     chosen: Any = parse_count("--degree", degree, "a degree", 9)
-    with _show_progress("Reading") as bar:
-        read = read_campaign(campaign, progress=bar)
+    with counting(100) as bar:
+        read = read_campaign(campaign, progress=lambda _, share: bar("Reading", round(100 * share)))
     result = calibrate_campaign(
         read,
         turns=stations,  # type: ignore[arg-type]
@@ -102,22 +99,6 @@ def _name(campaign: Path) -> str:
 def _count_workers(rows: int) -> int:
     """Processes that fit: a second one takes a second to begin."""
     return (os.cpu_count() or 1) if rows > LARGE else 1
-
-
-@contextmanager
-def _show_progress(what: str) -> Iterator[Callable[[str, float], None] | None]:
-    """A bar on stderr for work that tells its share done, on a terminal only."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task(what, total=1.0)
-        yield lambda name, share: bars.update(
-            task, completed=share, description=f"{what} {name}".strip()
-        )
 
 
 def _write_calibrations(result: CalibratedCampaign, home: Path) -> dict[str, list[str]]:

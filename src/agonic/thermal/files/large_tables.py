@@ -2,17 +2,13 @@
 
 A clean comma-separated table goes through pyarrow, or NumPy where that is not installed; anything
 odd in it (words among numbers, other separators) sends the file to the reader of all text tables.
-Rows are taken apart by station and by sensor before anything is said of their times, because the
-clock of a logger starts anew at every station.
 """
 
 from __future__ import annotations
 
 import csv
 import warnings
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -20,18 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Index
 from agonic.errors import LogError
-from agonic.logs import csv_text
-from agonic.logs import parquet as read_parquet
-from agonic.logs.columns import find_columns, identify_column, identify_columns
+from agonic.logs import csv_text, parquet
+from agonic.logs.columns import find_columns
 from agonic.logs.formats import PARQUET, TEXT
 from agonic.logs.read import open_log
-from agonic.logs.table import build_log
 from agonic.provenance import Input, hash_file
-from agonic.samples import Samples
-
-Table = dict[str, NDArray[Any]]
+from agonic.thermal.files.split_table import Part, Table, find_quantity, split_table
 
 WANTED = ("time", "date", "epoch", "field", "temperature", "station", "sensor")
 """The quantities that a campaign is about."""
@@ -39,27 +30,9 @@ WANTED = ("time", "date", "epoch", "field", "temperature", "station", "sensor")
 _LABELS = ("sensor",)
 _TIMES = ("time", "date")
 _HEAD_BYTES = 65536
-_KELVIN = 273.15
 _LABEL = 48
 """Bytes of a label that the fast reader without pyarrow holds."""
 _PIECE = 400_000
-_MOST_STATIONS = 999
-_WARMEST_C = 200.0
-"""A chamber's median temperature above this is in kelvin, whatever the header says."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Part:
-    """The readings of one station in one file: samples by the name of the sensor in the file.
-
-    `station` is `None` where the file does not say; `kelvin` names sensors whose temperatures were
-    in kelvin without saying so; `failures` say what could not be read.
-    """
-
-    station: int | None
-    sensors: Mapping[str, Samples]
-    kelvin: tuple[str, ...] = ()
-    failures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +60,7 @@ def read_recording(path: Path, unit: str | None = None) -> RecordedFile:
     try:
         table, notes = _read_table(path, head, is_parquet)
         source = Input(name=path.name, sha256=hash_file(path), count=len(_take_first(table)))
-        parts = tuple(_split_table(table, path, source, unit))
+        parts = tuple(split_table(table, path, source, unit))
     except LogError as error:
         raise error if error.path else LogError(str(error), path=path) from error
     except Exception as error:  # parsers fail on damaged files in every way there is
@@ -96,24 +69,17 @@ def read_recording(path: Path, unit: str | None = None) -> RecordedFile:
     return RecordedFile(parts=parts, source=source, notes=notes)
 
 
-def _read_table(path: Path, head: bytes, parquet: bool) -> tuple[Table, tuple[str, ...]]:
+def _read_table(path: Path, head: bytes, columnar: bool) -> tuple[Table, tuple[str, ...]]:
     """The wanted columns of a file, and notes."""
-    if parquet:
-        table, facts = read_parquet.read_table(path)
+    if columnar:
+        table, facts = parquet.read_table(path)
     else:
         quick = _read_clean_table(path, head)
         if quick is not None:
             return quick
         table, facts = csv_text.read_table(path)
-    wanted = {
-        header: values for header, values in table.items() if _find_quantity(header) in WANTED
-    }
+    wanted = {header: values for header, values in table.items() if find_quantity(header) in WANTED}
     return wanted, facts.get("notes", ())
-
-
-def _find_quantity(header: str) -> str:
-    column = identify_column(header)
-    return "" if column is None else column.quantity.column
 
 
 def _take_first(table: Table) -> NDArray[Any]:
@@ -133,9 +99,9 @@ def _read_clean_table(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] 
     if not end or len(header) < 2 or first.startswith(("#", "%")):
         return None
     wanted = {
-        at: name for at, name in find_columns(header).items() if _find_quantity(name) in WANTED
+        at: name for at, name in find_columns(header).items() if find_quantity(name) in WANTED
     }
-    if not any(_find_quantity(name) == "field" for name in wanted.values()):
+    if not any(find_quantity(name) == "field" for name in wanted.values()):
         return None
     try:
         return _read_by_pyarrow(path, header, wanted)
@@ -156,9 +122,9 @@ def _read_by_pyarrow(
         return "skip"
 
     numeric = {
-        n: pa.float64() for n in wanted.values() if _find_quantity(n) not in (*_LABELS, *_TIMES)
+        n: pa.float64() for n in wanted.values() if find_quantity(n) not in (*_LABELS, *_TIMES)
     }
-    labels = {n: pa.string() for n in wanted.values() if _find_quantity(n) in _LABELS}
+    labels = {n: pa.string() for n in wanted.values() if find_quantity(n) in _LABELS}
     names = [wanted.get(at, f"{at}") for at in range(len(header))]
     try:
         read = arrow.read_csv(
@@ -195,8 +161,7 @@ def _decode_labels(column: Any) -> NDArray[Any]:
 def _read_by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...]] | None:
     """The same without pyarrow, some rows at a time."""
     kinds = [
-        (f"{at}", f"S{_LABEL}" if _find_quantity(n) in _LABELS else "f8")
-        for at, n in wanted.items()
+        (f"{at}", f"S{_LABEL}" if find_quantity(n) in _LABELS else "f8") for at, n in wanted.items()
     ]
     pieces: dict[str, list[NDArray[Any]]] = {name: [] for name in wanted.values()}
     known: dict[bytes, str] = {}
@@ -231,83 +196,3 @@ def _decode_texts(values: NDArray[Any], known: dict[bytes, str]) -> NDArray[Any]
     listed = values.tolist()
     known.update({label: label.decode("latin-1") for label in set(listed) - known.keys()})
     return np.array(list(map(known.__getitem__, listed)), dtype=object)
-
-
-def _split_table(table: Table, path: Path, source: Input, unit: str | None) -> Iterator[Part]:
-    """The readings by station."""
-    found = identify_columns(table)
-    hot = _convert_to_celsius(table)
-    stations = next(iter(found.get("station", {"": {}}).values())).get("")
-    labels = next(iter(found.get("sensor", {"": {}}).values())).get("")
-    failures: list[str] = []
-    for number, rows in _split_by_station(table, None if stations is None else stations.header):
-        sensors: dict[str, Samples] = {}
-        failures = []
-        for label, own in _split_by_sensor(rows, None if labels is None else labels.header):
-            plain = {h: v for h, v in own.items() if _find_quantity(h) not in ("station", "sensor")}
-            try:
-                log = build_log(plain, path=path, source=source, format="table", unit=unit)
-            except LogError as error:
-                failures.append(f"{label}: {error}" if label else str(error))
-                continue
-            failures += log.notes
-            for samples in log.sensors:
-                name = samples.name
-                if label:
-                    name = label if len(log.sensors) == 1 else f"{label} {samples.name}"
-                sensors[name] = replace(samples, name=name)
-        kelvin = tuple(sensors) if hot else ()
-        if sensors or failures:
-            yield Part(station=number, sensors=sensors, kelvin=kelvin, failures=tuple(failures))
-
-
-def _convert_to_celsius(table: Table) -> bool:
-    """Take 273.15 off temperatures that are kelvin although nothing says so; whether there were."""
-    hot = False
-    for header, values in table.items():
-        column = identify_column(header)
-        if (
-            column is None
-            or column.quantity.column != "temperature"
-            or values.dtype.kind not in "iuf"
-        ):
-            continue
-        if column.unit in (None, "c", "degc", "celsius") and np.nanmedian(values) > _WARMEST_C:
-            table[header] = values - _KELVIN
-            hot = True
-    return hot
-
-
-def _split_by_station(table: Table, header: str | None) -> Iterator[tuple[int | None, Table]]:
-    """The rows of each station that a column numbers."""
-    if header is None:
-        yield None, table
-        return
-    values = table[header].astype(np.float64, copy=False)
-    whole = np.isfinite(values) & (values == np.round(values)) & (abs(values) <= _MOST_STATIONS)
-    numbers = np.unique(values[whole])
-    if not len(numbers):
-        raise LogError(f"{header!r} holds no numbers of stations")
-    for number in numbers:
-        yield int(number), _select_rows(table, np.flatnonzero(values == number))
-
-
-def _split_by_sensor(table: Table, header: str | None) -> Iterator[tuple[str, Table]]:
-    """The rows of each sensor that a column names."""
-    if header is None:
-        yield "", table
-        return
-    known: defaultdict[Any, int] = defaultdict(count().__next__)
-    values = table[header]
-    codes = np.fromiter(map(known.__getitem__, values.tolist()), np.intp, len(values))
-    for label, code in list(known.items()):
-        yield str(label).strip(), _select_rows(table, np.flatnonzero(codes == code))
-
-
-def _select_rows(table: Table, at: Index) -> Table:
-    """Some rows of a table; a view where they are one stretch."""
-    if len(at) and at[-1] - at[0] + 1 == len(at):
-        chosen: Any = slice(int(at[0]), int(at[-1]) + 1)
-    else:
-        chosen = at
-    return {header: values[chosen] for header, values in table.items()}

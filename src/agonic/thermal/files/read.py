@@ -18,8 +18,9 @@ from agonic.thermal.campaign.description import Description
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.campaign.standard import list_standard_stations
-from agonic.thermal.files.large_tables import Part, RecordedFile, read_recording
+from agonic.thermal.files.large_tables import RecordedFile, read_recording
 from agonic.thermal.files.schema import FILE_NAME, read_description
+from agonic.thermal.files.split_table import Part
 from agonic.thermal.names import name_stations
 from agonic.units import RAW, nanotesla_per
 
@@ -192,48 +193,40 @@ class _CampaignReader:
         )
 
     def _findings(self) -> list[Finding]:
-        found = [
+        """What was wrong with the files."""
+        damaged = [
             Finding("damaged file", "check", text, "the rest is used; record it again if you can")
             for text in self.damaged
         ]
-        if self.kelvin:
-            found.append(
-                Finding(
-                    "kelvin",
-                    "check",
-                    f"temperatures of {_name_sensors(self.kelvin)} are in kelvin although nothing "
-                    "says so: 273.15 was taken off",
-                    "name the column temperature_K",
-                )
-            )
-        if self.absent:
-            found.append(
-                Finding(
-                    "absent sensor",
-                    "check",
-                    f"there are no readings of {_name_sensors(self.absent)}",
-                    f"compare the names in {FILE_NAME} with the files (agonic info FILE)",
-                )
-            )
-        if self.unnumbered:
-            found.append(
-                Finding(
-                    "unknown station",
-                    "check",
-                    f"{', '.join(self.unnumbered)}: which station it is cannot be told; left out",
-                    "number the files, or give them a column station",
-                )
-            )
-        if self.surplus:
-            found.append(
-                Finding(
-                    "unknown station",
-                    "check",
-                    f"{name_stations(self.surplus)} in the files is not described; left out",
-                    f"describe it in {FILE_NAME}",
-                )
-            )
-        return [*found, *(Finding("reader's note", "note", note) for note in self.notes)]
+        seen = (
+            (
+                self.kelvin,
+                "kelvin",
+                f"temperatures of {_name_sensors(self.kelvin)} are in kelvin although nothing says "
+                "so: 273.15 was taken off",
+                "name the column temperature_K",
+            ),
+            (
+                self.absent,
+                "absent sensor",
+                f"there are no readings of {_name_sensors(self.absent)}",
+                f"compare the names in {FILE_NAME} with the files (agonic info FILE)",
+            ),
+            (
+                self.unnumbered,
+                "unknown station",
+                f"{', '.join(self.unnumbered)}: which station it is cannot be told; left out",
+                "number the files, or give them a column station",
+            ),
+            (
+                self.surplus,
+                "unknown station",
+                f"{name_stations(self.surplus)} in the files is not described; left out",
+                f"describe it in {FILE_NAME}",
+            ),
+        )
+        found = [Finding(name, "check", what, move) for there, name, what, move in seen if there]
+        return [*damaged, *found, *(Finding("reader's note", "note", note) for note in self.notes)]
 
 
 def _name_sensors(where: Mapping[str, set[int]]) -> str:

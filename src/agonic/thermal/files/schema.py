@@ -233,15 +233,9 @@ def _check_files(head: Any, stations: list[Any], folder: Path, mistakes: list[st
 
 
 def _make_sensor(section: SensorSection, unit: str | None) -> Sensor:
-    return Sensor(
-        name=section.name,
-        column=section.column,
-        model=section.model,
-        unit=section.unit or unit,
-        noise=section.noise_nT,
-        board=section.board,
-        temperature_of=section.temperature_of,
-    )
+    given = _collect_fields(section)
+    noise = given.pop("noise_nT")
+    return Sensor(**{**given, "noise": noise, "unit": section.unit or unit})
 
 
 def _make_station(section: StationSection) -> Station:

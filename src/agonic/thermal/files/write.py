@@ -130,34 +130,15 @@ def write_description(description: Description, path: Path | str) -> Path:
         fixture_sd_deg=description.fixture_sd_deg,
     )
     for sensor in description.sensors:
-        lines += [
-            "",
-            "[[sensor]]",
-            *_format_pairs(
-                name=sensor.name,
-                column=sensor.column,
-                model=sensor.model,
-                unit=sensor.unit,
-                noise_nT=sensor.noise,
-                board=sensor.board,
-                temperature_of=sensor.temperature_of,
-            ),
-        ]
+        given = {"noise_nT" if k == "noise" else k: v for k, v in vars(sensor).items()}
+        lines += ["", "[[sensor]]", *_format_pairs(**given)]
     for station in description.stations:
         angles = {}
         if station.rot_nb is not None:
             made = (round(float(a), 4) + 0.0 for a in angles_deg(station.rot_nb.as_matrix()))
             angles = dict(zip(("roll_deg", "pitch_deg", "heading_deg"), made, strict=True))
-        lines += [
-            "",
-            "[[station]]",
-            *_format_pairs(
-                number=station.number,
-                file=station.file,
-                pose=station.pose,
-                **angles,
-            ),
-        ]
+        given = {"number": station.number, "file": station.file, "pose": station.pose, **angles}
+        lines += ["", "[[station]]", *_format_pairs(**given)]
     if description.profile is not None:
         lines += ["", "[profile]", *_format_pairs(**vars(description.profile))]
     field = _format_pairs(

@@ -44,31 +44,7 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     readings = _normalise(samples, field, level, settings)
     scale = readings.scale
     problem, estimate, tests, curve = _choose_model(readings, settings, samples.unit)
-    facts = collect_facts(samples)
-    calibration = make_calibration(
-        estimate.solution.params,
-        estimate.solution.covariance,
-        scale,
-        facts,
-        degree=problem.degree,
-        gauge=FREE,
-        gain=readings.magnitude / scale.size,
-        magnitude=readings.magnitude,
-        unit_out="nT",
-        frame_out=reference.frame or samples.frame,
-        noise=estimate.noise.sd * scale.size,
-        largest=float(np.abs(samples.field).max()),
-        provenance=Provenance(
-            inputs=() if facts.source is None else (facts.source,),
-            settings={
-                "fit": "thermal",
-                "taught_by": "vector",
-                "reference": reference.source,
-                **settings.recorded(),
-            },
-            method=("huber-1981", "nikolaev-2023"),
-        ),
-    )
+    calibration = _restore(estimate, problem, readings, samples, reference, settings)
     outlier = estimate.weights == 0
     found = [*findings, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
@@ -95,6 +71,42 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
         findings=tuple(found),
         tests=tests,
         remarks=(remark, *(test.sentence for test in tests)),
+    )
+
+
+def _restore(
+    estimate: KnownFieldEstimate,
+    problem: KnownFieldProblem,
+    readings: _Normalised,
+    samples: Samples,
+    reference: Reference,
+    settings: Settings,
+) -> Thermal:
+    """The calibration in the units of the readings."""
+    facts = collect_facts(samples)
+    return make_calibration(
+        estimate.solution.params,
+        estimate.solution.covariance,
+        readings.scale,
+        facts,
+        degree=problem.degree,
+        gauge=FREE,
+        gain=readings.magnitude / readings.scale.size,
+        magnitude=readings.magnitude,
+        unit_out="nT",
+        frame_out=reference.frame or samples.frame,
+        noise=estimate.noise.sd * readings.scale.size,
+        largest=float(np.abs(samples.field).max()),
+        provenance=Provenance(
+            inputs=() if facts.source is None else (facts.source,),
+            settings={
+                "fit": "thermal",
+                "taught_by": "vector",
+                "reference": reference.source,
+                **settings.recorded(),
+            },
+            method=("huber-1981", "nikolaev-2023"),
+        ),
     )
 
 

@@ -8,12 +8,14 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
 from agonic.thermal.campaign.description import Description, Station
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, parse_sensors
-from agonic.thermal.campaign.standard import describe_turn, list_standard_stations
+from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.maths.stations import describe_turn
 from agonic.thermal.plan.standard_errors import (
     ExpectedErrors,
     expect_errors_by_magnitude,
@@ -66,10 +68,9 @@ class ThermalPlan:
     @property
     def turns(self) -> tuple[str, ...]:
         """What to do with the box before each station."""
-        rotations = [station.rot_nb for station in self.stations]
-        pairs = pairwise(rotations)
         first = f"set it down: {self.stations[0].pose}"
-        return (first, *(describe_turn(before, after) for before, after in pairs))
+        pairs = pairwise(station.rot_nb for station in self.stations)
+        return (first, *(_describe_turn(before, after) for before, after in pairs))
 
     @property
     def station_s(self) -> float:
@@ -137,6 +138,12 @@ class ThermalPlan:
             )
         both = {"magnitude": magnitude, "known": known}
         return {kind: max(found, key=lambda e: e.bias) for kind, found in both.items()}
+
+
+def _describe_turn(before: Rotation | None, after: Rotation | None) -> str:
+    if before is None or after is None:
+        return "set it as described"
+    return describe_turn(before.as_matrix(), after.as_matrix())
 
 
 def plan_thermal(

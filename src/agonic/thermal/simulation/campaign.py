@@ -20,6 +20,7 @@ from agonic.simulation.thermal import make_readings, random_drifting
 from agonic.thermal.campaign.description import Description
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import MODELS, Sensor
+from agonic.thermal.fit.readings import KELVIN
 from agonic.thermal.plan.plan import HANDLING_MIN, ThermalPlan, plan_thermal
 from agonic.thermal.simulation.chamber import TICK_S, add_spikes, apply_lag, draw_field
 
@@ -106,7 +107,7 @@ class SimulatedCampaign:
         if self.faults.stuck == sensor.name:
             shown = np.full_like(shown, np.round(shown[len(shown) // 7], 2))
         if self.faults.kelvin:
-            shown = shown + 273.15
+            shown = shown + KELVIN
         return Samples(
             time=time[kept],
             field=raw[kept],
@@ -267,9 +268,8 @@ def _check_faults(faults: Faults, plan: ThermalPlan) -> None:
 
 def _find_noise(sensor: Sensor, given: float | None) -> float:
     """The noise before rounding to steps."""
-    if given is not None or sensor.noise is not None:
-        return given if given is not None else sensor.noise or 0.0
-    return MODELS[sensor.model].noise
+    noise = sensor.noise if given is None else given
+    return MODELS[sensor.model].noise if noise is None else noise
 
 
 def _describe(

@@ -1,0 +1,131 @@
+"""A table of several stations and sensors, taken apart.
+
+Rows are taken apart before anything is said of their times, because the clock of a logger starts
+anew at every station.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.arrays import Index
+from agonic.errors import LogError
+from agonic.logs.columns import identify_column, identify_columns
+from agonic.logs.table import build_log
+from agonic.provenance import Input
+from agonic.samples import Samples
+from agonic.thermal.fit.readings import KELVIN
+
+Table = dict[str, NDArray[Any]]
+
+_MOST_STATIONS = 999
+_WARMEST_C = 200.0
+"""A chamber's median temperature above this is in kelvin, whatever the header says."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """The readings of one station in one file: samples by the name of the sensor in the file.
+
+    `station` is `None` where the file does not say; `kelvin` names sensors whose temperatures were
+    in kelvin without saying so; `failures` say what could not be read.
+    """
+
+    station: int | None
+    sensors: Mapping[str, Samples]
+    kelvin: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+
+
+def split_table(table: Table, path: Path, source: Input, unit: str | None) -> Iterator[Part]:
+    """The readings by station."""
+    found = identify_columns(table)
+    hot = _convert_to_celsius(table)
+    stations = next(iter(found.get("station", {"": {}}).values())).get("")
+    labels = next(iter(found.get("sensor", {"": {}}).values())).get("")
+    failures: list[str] = []
+    for number, rows in _split_by_station(table, None if stations is None else stations.header):
+        sensors: dict[str, Samples] = {}
+        failures = []
+        for label, own in _split_by_sensor(rows, None if labels is None else labels.header):
+            plain = {h: v for h, v in own.items() if find_quantity(h) not in ("station", "sensor")}
+            try:
+                log = build_log(plain, path=path, source=source, format="table", unit=unit)
+            except LogError as error:
+                failures.append(f"{label}: {error}" if label else str(error))
+                continue
+            failures += log.notes
+            for samples in log.sensors:
+                name = samples.name
+                if label:
+                    name = label if len(log.sensors) == 1 else f"{label} {samples.name}"
+                sensors[name] = replace(samples, name=name)
+        kelvin = tuple(sensors) if hot else ()
+        if sensors or failures:
+            yield Part(station=number, sensors=sensors, kelvin=kelvin, failures=tuple(failures))
+
+
+def _convert_to_celsius(table: Table) -> bool:
+    """Take 273.15 off temperatures that are kelvin although nothing says so; whether there were."""
+    hot = False
+    for header, values in table.items():
+        column = identify_column(header)
+        if (
+            column is None
+            or column.quantity.column != "temperature"
+            or values.dtype.kind not in "iuf"
+        ):
+            continue
+        if column.unit in (None, "c", "degc", "celsius") and np.nanmedian(values) > _WARMEST_C:
+            table[header] = values - KELVIN
+            hot = True
+    return hot
+
+
+def _split_by_station(table: Table, header: str | None) -> Iterator[tuple[int | None, Table]]:
+    """The rows of each station that a column numbers."""
+    if header is None:
+        yield None, table
+        return
+    values = table[header].astype(np.float64, copy=False)
+    whole = np.isfinite(values) & (values == np.round(values)) & (abs(values) <= _MOST_STATIONS)
+    numbers = np.unique(values[whole])
+    if not len(numbers):
+        raise LogError(f"{header!r} holds no numbers of stations")
+    for number in numbers:
+        yield int(number), _select_rows(table, np.flatnonzero(values == number))
+
+
+def _split_by_sensor(table: Table, header: str | None) -> Iterator[tuple[str, Table]]:
+    """The rows of each sensor that a column names."""
+    if header is None:
+        yield "", table
+        return
+    known: defaultdict[Any, int] = defaultdict(count().__next__)
+    values = table[header]
+    codes = np.fromiter(map(known.__getitem__, values.tolist()), np.intp, len(values))
+    for label, code in list(known.items()):
+        yield str(label).strip(), _select_rows(table, np.flatnonzero(codes == code))
+
+
+def _select_rows(table: Table, at: Index) -> Table:
+    """Some rows of a table; a view where they are one stretch."""
+    if len(at) and at[-1] - at[0] + 1 == len(at):
+        chosen: Any = slice(int(at[0]), int(at[-1]) + 1)
+    else:
+        chosen = at
+    return {header: values[chosen] for header, values in table.items()}
+
+
+def find_quantity(header: str) -> str:
+    """The quantity that a header names, or ""."""
+    column = identify_column(header)
+    return "" if column is None else column.quantity.column
