@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.attitude.settings import Settings
-from agonic.calibration.interference import stack_sources
+from agonic.calibration.inputs import stack_inputs
 from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.maths.equation import attitude_aided
 from agonic.maths.rotations.attitude import down_b, rot_nb
@@ -91,7 +91,7 @@ def terms(samples: Samples, sources: tuple[str, ...]) -> Array:
     known = {name: columns[name] for name in sources}
     if "second" in known:
         known["second"] = known["second"] - samples.field
-    return stack_sources(sources, known)
+    return stack_inputs(sources, None, known)
 
 
 def _angles(samples: Samples, kinds: tuple[str, ...]) -> tuple[Array, Array, Array]:

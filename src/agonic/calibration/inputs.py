@@ -18,23 +18,23 @@ WIDTH = {"field": 3, "temperature": 1, "temperature_rate": 1, **SOURCES}
 
 
 def stack_inputs(
-    inputs: tuple[str, ...], raw: ArrayLike, columns: Mapping[str, ArrayLike]
+    inputs: tuple[str, ...], raw: ArrayLike | None, columns: Mapping[str, ArrayLike]
 ) -> Array:
-    """The inputs (…, i) as they are, from readings (…, 3) and columns; numbers are spread.
+    """The inputs (…, i) as they are, from readings (…, 3), if any, and columns; numbers are spread.
 
     >>> stack_inputs(("field", "temperature"), [[1.0, 2.0, 3.0]], {"temperature": 20.0}).tolist()
     [[1.0, 2.0, 3.0, 20.0]]
     """
-    readings = np.asarray(raw, dtype=np.float64)
-    missing = [name for name in inputs if name != "field" and name not in columns]
+    known = columns if raw is None else {**columns, "field": raw}
+    missing = [name for name in inputs if name not in known]
     if missing:
-        raise AgonicError(f"this network needs {', '.join(missing)} beside the readings")
-    parts = []
-    for name in inputs:
-        values = readings if name == "field" else np.asarray(columns[name], dtype=np.float64)
-        wide = values if WIDTH[name] == 3 else values[..., None]
-        parts.append(np.broadcast_to(wide, (*readings.shape[:-1], WIDTH[name])))
-    return np.concatenate(parts, axis=-1)
+        what = "calibration" if raw is None else "network"
+        raise AgonicError(f"this {what} needs {', '.join(missing)} beside the readings")
+    values = [np.asarray(known[name], dtype=np.float64) for name in inputs]
+    parts = [v if WIDTH[n] == 3 else v[..., None] for n, v in zip(inputs, values, strict=True)]
+    rows = [part.shape[:-1] for part in parts] + ([] if raw is None else [np.shape(raw)[:-1]])
+    shape = np.broadcast_shapes(*rows)
+    return np.concatenate([np.broadcast_to(p, (*shape, p.shape[-1])) for p in parts], axis=-1)
 
 
 def signals(inputs: tuple[str, ...]) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import read_only, require_covariance
-from agonic.calibration.inputs import SOURCES
+from agonic.calibration.inputs import SOURCES, stack_inputs
 from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
 from agonic.maths.equation import affine as kernel
@@ -83,7 +82,7 @@ class Interference(Affine):
 
         Parameters: raw (…, 3) in `unit_in`; columns (…) that are named in `needs`.
         """
-        added = stack_sources(self.sources, columns) @ self.coefficients.T
+        added = stack_inputs(self.sources, None, columns) @ self.coefficients.T
         return np.asarray(np.asarray(raw, dtype=np.float64) - added)
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
@@ -99,7 +98,7 @@ class Interference(Affine):
         Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`.
         """
         covariance = require_covariance(self.covariance)
-        x = np.atleast_2d(stack_sources(self.sources, columns))
+        x = np.atleast_2d(stack_inputs(self.sources, None, columns))
         rows = np.atleast_2d(self.cleaned(raw, **columns))
         local = kernel.correction_jacobian(rows, self.bias, self.matrix)
         reduced = local @ kernel.model_basis("full", self.gauge)
@@ -127,18 +126,6 @@ class Interference(Affine):
         """The correction in words that hold for this calibration."""
         plain = super().equation
         return f"{plain[:-1]} - coefficients @ ({', '.join(signals(self.sources))}))"
-
-
-def stack_sources(sources: tuple[str, ...], columns: Mapping[str, ArrayLike]) -> Array:
-    """The numbers x (…, k) of the sources, from the columns of samples."""
-    missing = [name for name in sources if name not in columns]
-    if missing:
-        raise AgonicError(f"this calibration needs {', '.join(missing)} beside the readings")
-    values = [np.asarray(columns[name], dtype=np.float64) for name in sources]
-    parts = [
-        v if SOURCES[name] == 3 else v[..., None] for name, v in zip(sources, values, strict=True)
-    ]
-    return np.concatenate(parts, axis=-1)
 
 
 def mean_of(first: Affine, second: Affine) -> Interference:

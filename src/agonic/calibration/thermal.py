@@ -15,6 +15,7 @@ from agonic.calibration.base import Validity, read_only, require_covariance
 from agonic.errors import AgonicError, AgonicWarning
 from agonic.maths.equation import polynomial
 from agonic.maths.equation import temperature_model as kernel
+from agonic.maths.equation.affine import correction_jacobian
 from agonic.provenance import Provenance
 from agonic.units import RAW
 
@@ -150,7 +151,7 @@ class Thermal:
         bias = self.bias_at(temperature)
         if self.rate is not None:
             bias = bias + phi[:, -1:] * self.rate
-        by = kernel.field_jacobian(values, bias, self.matrix_at(temperature))
+        by = correction_jacobian(values, bias, self.matrix_at(temperature))
         rows = kernel.chain_to_coefficients(
             by.reshape(-1, 12), self._layout, np.repeat(phi, 3, axis=0)
         )

@@ -17,7 +17,8 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
-from agonic.calibration.interference import Interference, stack_sources
+from agonic.calibration.inputs import stack_inputs
+from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.maths.equation import polynomial, temperature_model
@@ -151,7 +152,7 @@ def _affine_row(
     reach = given.T - step.bias[:, None]
     blocks = [-before]
     if isinstance(step, Interference):
-        x = stack_sources(step.sources, columns).T
+        x = stack_inputs(step.sources, None, columns).T
         reach = reach - step.coefficients @ x
     blocks.append((gradient[:, None] * reach[None]).reshape(9, -1))
     if isinstance(step, Interference):

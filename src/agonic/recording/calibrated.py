@@ -13,7 +13,8 @@ from agonic.arrays import Array
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply, select_columns
-from agonic.calibration.interference import Interference, stack_sources
+from agonic.calibration.inputs import stack_inputs
+from agonic.calibration.interference import Interference
 from agonic.ellipsoid import Recording, ellipsoid_alone, evaluate, fit_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
@@ -173,7 +174,9 @@ def _evidence(
     """What the samples say of a calibration; sources on board are taken at their mean."""
     if not isinstance(calibration, Interference):
         return evaluate(calibration, samples, reference, **settings)
-    mean = stack_sources(calibration.sources, select_columns(calibration, samples)).mean(axis=0)
+    mean = stack_inputs(calibration.sources, None, select_columns(calibration, samples)).mean(
+        axis=0
+    )
     held = calibration.cleaned(samples.field, **select_columns(calibration, samples))
     steady = samples.with_columns(field=held + calibration.coefficients @ mean)
     fit = evaluate(calibration.at(mean), steady, reference, **settings)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.maths.equation import temperature_model
-from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis
+from agonic.maths.equation.affine import FREE, SYMMETRIC, correction_jacobian, model_basis
 from agonic.maths.estimation import leastsq
 from agonic.thermal.maths import (
     ellipsoids,
@@ -66,7 +66,7 @@ def test_the_jacobians_of_readings_and_field_are_their_derivatives(gauge: str, d
     assert temperature_model.chain_to_coefficients(by, onto, thrice) == pytest.approx(
         derivative(r, start, 1e-6), abs=1e-7
     )
-    by = temperature_model.field_jacobian(raw, bias, matrix).reshape(-1, 12)
+    by = correction_jacobian(raw, bias, matrix).reshape(-1, 12)
     assert temperature_model.chain_to_coefficients(by, onto, thrice) == pytest.approx(
         derivative(u, start, 1e-6), abs=1e-7
     )

@@ -209,7 +209,10 @@ def expand_covariates(jacobian: Array, covariates: Array) -> Array:
 
 
 def correction_jacobian(raw: Array, bias: Array, matrix: Array) -> Array:
-    """∂field/∂(twelve local numbers) of field = matrix @ (raw − bias), (n, 3, 12)."""
+    """∂field/∂(twelve local numbers) of field = matrix @ (raw − bias), (n, 3, 12).
+
+    Parameters: raw (n, 3), bias (3,) or (n, 3), matrix (3, 3) or (n, 3, 3).
+    """
     d = np.atleast_2d(raw - bias)
     jacobian: NDArray[Any] = np.zeros((len(d), 3, 12))
     jacobian[:, :, :3] = -matrix

@@ -85,16 +85,6 @@ def reading_residual(
     return raw - bias - v, jacobian, inverse
 
 
-def field_jacobian(raw: Array, bias: Array, matrix: Array) -> Array:
-    """∂field/∂(local numbers) of field = W (raw − bias), both for each row, (n, 3, 12)."""
-    d = raw - bias
-    jacobian = np.zeros((len(d), 3, 12))
-    jacobian[:, :, :3] = -matrix
-    for i in range(3):
-        jacobian[:, i, 3 + 3 * i : 6 + 3 * i] = d
-    return jacobian
-
-
 def weak_prior(gauge: str, degree: int, sd: float) -> Array:
     """Weak prior that keeps what the stations leave open near a multiple of the identity.
 

@@ -118,23 +118,15 @@ def roll_pitch_deg(tilt: Tilt) -> tuple[Array, Array]:
     return roll, np.degrees(np.arctan2(tilt.sin_pitch, tilt.cos_pitch))
 
 
-def level_field(field: Array, tilt: Tilt, order: Order = "roll-pitch") -> Array:
-    """The field (…, 3) in level axes: Ry(pitch) Rx(roll) b, or Rx(roll) Ry(pitch) b.
+def _level(field: Array, tilt: Tilt, order: Order) -> tuple[Array, Array, Array, Array]:
+    """The level components Ry(pitch) Rx(roll) b, or Rx(roll) Ry(pitch) b, and the third between.
 
     In the order "pitch-roll", with pitch ρ and roll γ:
 
         x₂ = x cos ρ + z sin ρ
         y₂ = x sin γ sin ρ + y cos γ − z sin γ cos ρ
         z₂ = −x cos γ sin ρ + y sin γ + z cos γ cos ρ
-
-    >>> level_field(np.array([0.0, 1.0, 0.0]), tilt_from_angles(90.0, 0.0)).round(9).tolist()
-    [0.0, 0.0, 1.0]
     """
-    return np.stack(_level(field, tilt, order)[:3], axis=-1)
-
-
-def _level(field: Array, tilt: Tilt, order: Order) -> tuple[Array, Array, Array, Array]:
-    """The three level components, and the third component between the two turns."""
     x, y, z = np.moveaxis(field, -1, 0)
     sr, cr, sp, cp = tilt
     if order == "roll-pitch":
