@@ -10,8 +10,8 @@ from agonic.calibration.base import Calibration
 from agonic.health import Finding
 from agonic.report import blocks, tables, text
 from agonic.report.digits import minused
-from agonic.report.documents import document, static
 from agonic.report.markup import Markup, data_script, element, markup, table
+from agonic.report.page_file import assemble_page, read_static
 from agonic.report.verdict import MEANINGS, moves, sentence
 from agonic.samples import Samples
 
@@ -67,7 +67,7 @@ class Section:
         lines = ["", *([self.title] if self.title else [])]
         for block in self.blocks:
             if isinstance(block, Table):
-                lines += text.columns(block.head, block.rows)
+                lines += text.format_columns(block.head, block.rows)
             elif isinstance(block, Mapping):
                 lines += text.wrap_entries(block)
             elif isinstance(block, str) and not isinstance(block, Markup):
@@ -144,11 +144,11 @@ class Document:
         body = markup(
             blocks.header(self.kind, name, *under), element("main", *inside), *self._scripts()
         )
-        return document(
+        return assemble_page(
             f"{self.kind}: {name}",
             body,
-            style="".join(map(static, ("report.css", *self.styles))),
-            script="".join(map(static, self.scripts)),
+            style="".join(map(read_static, ("report.css", *self.styles))),
+            script="".join(map(read_static, self.scripts)),
         )
 
     def to_text(self) -> str:

@@ -46,12 +46,12 @@ def wrap_entries(entries: Mapping[str, str]) -> list[str]:
     return [wrap(text, label=f"{label:<{wide}}") for label, text in entries.items() if text]
 
 
-def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def format_columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """A table as lines: names in the first column from the left, all else from the right.
 
     Columns without an entry, which are there to be filled in on paper, are left out.
 
-    >>> columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
+    >>> format_columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
     ['  nodes  rms, nT', '      3     12.5', '     10      9.1']
     """
     kept = [k for k in range(len(head)) if any(row[k] for row in rows)]

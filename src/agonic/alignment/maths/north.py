@@ -18,7 +18,6 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 
-ENOUGH_TURNING, ENOUGH_SWING = 3, 12
 _SCHULER = np.array([0.25, 0.5, 0.25])
 _GRID, _PERIODS = 400, 0.4
 """Frequencies tried for a start, from so many periods in the record on."""

@@ -145,11 +145,6 @@ def _mounting(angles_deg: Sequence[float]) -> Mounting:
     return Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma)
 
 
-def unknown_pier(made: SimulatedSession) -> SimulatedSession:
-    """The same session, its observer not knowing the difference between the piers."""
-    return replace(made, session=replace(made.session, pier=Pier()))
-
-
 def _orientations(
     given: int | Sequence[Sequence[float]], lowest_deg: float, rng: np.random.Generator
 ) -> Array:

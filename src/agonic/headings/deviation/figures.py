@@ -11,8 +11,8 @@ from agonic.arrays import Array
 from agonic.calibration.deviation import POINTS, Deviation, name_heading
 from agonic.headings.deviation.card import LIMITS, judge_size
 from agonic.headings.deviation.fit import DeviationFit
-from agonic.report.documents import static
 from agonic.report.markup import Markup, element
+from agonic.report.page_file import read_static
 from agonic.report.strips import Axis
 
 WIDTH, LEFT, RIGHT = 760.0, 64.0, 112.0
@@ -126,7 +126,7 @@ def draw_picture(result: Deviation | DeviationFit) -> str:
 
 def load_style() -> str:
     """The style sheet of the chart."""
-    return static("card_chart.css")
+    return read_static("card_chart.css")
 
 
 def _dots(result: Deviation | DeviationFit, most: int) -> tuple[Array, Array]:

@@ -22,8 +22,8 @@ from agonic.headings.deviation.fit import DeviationFit
 from agonic.health import figure
 from agonic.report import tables
 from agonic.report.blocks import header
-from agonic.report.documents import document, static
 from agonic.report.markup import Markup, element, markup, table
+from agonic.report.page_file import assemble_page, read_static
 
 Paper = Literal["A4", "A5"]
 
@@ -68,8 +68,12 @@ def card_page(
         header("Compass deviation card", title or card.sensor),
         element("main", *parts, _evidence(result, details or {})),
     )
-    style = Template(static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + load_style()
-    return document(f"Deviation card: {title or card.sensor}", body, style=style)
+    style = (
+        Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + load_style()
+    )
+    return assemble_page(
+        f"Deviation card: {title or card.sensor}", body, style=sheet + load_style()
+    )
 
 
 def _state(card: Deviation) -> Markup:

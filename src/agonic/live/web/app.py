@@ -33,7 +33,7 @@ from agonic.live.web.messages import (
 from agonic.live.web.session import Session, run_in_background
 from agonic.live.web.view import MOST
 from agonic.maths.equation.coverage import icosphere
-from agonic.report.documents import static as of_report
+from agonic.report.page_file import read_static as of_report
 
 FRAME_S = 1 / 30
 """Between two messages with points."""

@@ -8,9 +8,9 @@ from agonic.recording.calibrated import Calibrated
 from agonic.recording.report import sections, sphere
 from agonic.report import tables
 from agonic.report.digits import degrees, grouped, quantity
-from agonic.report.documents import document, static
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, data_script, element, markup, table
+from agonic.report.page_file import assemble_page, read_static
 from agonic.report.verdict import MEANINGS
 
 SUMMARY = (
@@ -55,8 +55,8 @@ def render(
         ),
         data_script(sphere.corners(), id="icosphere"),
     )
-    script = static("canvas.js") + static("sphere.js")
-    return document(title, body, style=static("report.css"), script=script)
+    script = read_static("canvas.js") + read_static("sphere.js")
+    return assemble_page(title, body, style=read_static("report.css"), script=script)
 
 
 def _header(results: Sequence[Calibrated], title: str) -> Markup:

@@ -10,28 +10,28 @@ from string import Template
 from agonic.report.markup import Markup, markup
 
 
-def document(title: str, body: Markup, *, style: str, script: str = "") -> str:
+def assemble_page(title: str, body: Markup, *, style: str, script: str = "") -> str:
     """A page of its own that needs no network; `style` comes after what every page shares.
 
-    >>> page = document("a < b", Markup("<p>text</p>"), style="p { color: red }")
+    >>> page = assemble_page("a < b", Markup("<p>text</p>"), style="p { color: red }")
     >>> "<title>a &lt; b</title>" in page, "<script" in page, "script-src" in page
     (True, False, False)
     """
-    style = static("base.css") + style
+    style = read_static("base.css") + style
     policy = f"default-src 'none'; img-src data:; style-src '{_digest(style)}'"
     if script:
         policy += f"; script-src '{_digest(script)}'"
-    return Template(static("page.html")).substitute(
+    return Template(read_static("page.html")).substitute(
         policy=policy,
         title=markup(title),
-        icon=base64.b64encode(static("icon.svg").encode()).decode(),
+        icon=base64.b64encode(read_static("icon.svg").encode()).decode(),
         style=style,
         body=body,
         script=f"\n<script>{script}</script>" if script else "",
     )
 
 
-def static(name: str) -> str:
+def read_static(name: str) -> str:
     """A file of the package that goes into pages."""
     return (files("agonic.report") / "static" / name).read_text(encoding="utf-8")
 
