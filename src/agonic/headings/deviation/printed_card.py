@@ -71,9 +71,7 @@ def card_page(
     style = (
         Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + load_style()
     )
-    return assemble_page(
-        f"Deviation card: {title or card.sensor}", body, style=sheet + load_style()
-    )
+    return assemble_page(f"Deviation card: {title or card.sensor}", body, style=style)
 
 
 def _state(card: Deviation) -> Markup:
