@@ -15,11 +15,12 @@ from agonic.calibration.tracking import TrackerParams
 from agonic.cli import run
 from agonic.inflight.fit import fit_inflight
 from agonic.inflight.report.causes import explain
-from agonic.inflight.report.document import describe_inflight, describe_tracking
+from agonic.inflight.report.document import describe_inflight
 from agonic.inflight.report.flight import flight_of_fit, measure_correlated_errors
 from agonic.inflight.report.ground import compare
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.inflight.tracking import Tracker
+from agonic.inflight.tracking.document import describe_tracking
 from agonic.report.digits import MINUS, NO_BREAK, THIN
 from agonic.simulation import simulate
 

@@ -1,0 +1,92 @@
+"""What is said and shown of what a tracker made of a log."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.inflight.report.document import add_figures
+from agonic.inflight.report.flight import flight_of_log
+from agonic.inflight.tracking.filter import Coefficients
+from agonic.inflight.tracking.tracker import Tracker
+from agonic.report.document import Document
+from agonic.samples import Samples
+
+
+def describe_tracking(
+    tracker: Tracker,
+    found: Coefficients | None,
+    samples: Samples | None = None,
+    *,
+    rows: int = 0,
+    title: str = "",
+) -> Document:
+    """What a tracker made of a log.
+
+    Parameters
+    ----------
+    tracker : after the log. found : what `tracker.update(samples, …)` gave, None where nothing was
+        new. samples : its readings; without them nothing is drawn. rows : of the log.
+    """
+    state = tracker.state
+    rms, new = None, 0 if found is None else len(found.residual)
+    if found is not None:  # without those of which a start could not yet say anything
+        rms = float(np.sqrt(np.mean(found.residual[found.foretold] ** 2)))
+    document = Document(
+        schema="agonic/track@1",
+        kind="Calibration followed in flight",
+        name=state.base.sensor,
+        title=title,
+        verdict=tracker.verdict,
+        status=tracker.status,
+        findings=tracker.findings,
+        entries=_tracking_entries(tracker, new, rows - new, rms),
+        entries_title="",
+        values={
+            "sensor": state.base.sensor,
+            "unit": state.base.unit_in,
+            "new": new,
+            "passed_over": rows - new,
+            "n": state.n,
+            "refused": state.refused,
+            "bias": state.bias,
+            "bias_sd": state.bias_sd,
+            "matrix": tracker.calibration.matrix,
+            "noise": state.noise,
+            "walk": tracker.params.walk,
+            "predicted_rms_nT": rms,
+            "consistency": state.consistency,
+            "jumps": [
+                {"time_s": j.time, "seen_s": j.seen, "shift": j.shift, "shift_sd": j.shift_sd}
+                for j in state.jumps
+            ],
+            "history": {
+                "time_s": tracker.history[:, 0],
+                "bias": tracker.history[:, 1:4],
+                "bias_sd": tracker.history[:, 4:],
+            },
+        },
+    )
+    if found is None or samples is None:
+        return document
+    return add_figures(document, flight_of_log(tracker, found, samples))
+
+
+def _tracking_entries(
+    tracker: Tracker, new: int, passed_over: int, rms: float | None
+) -> dict[str, str]:
+    state, unit = tracker.state, tracker.state.base.unit_in
+    axes = zip("xyz", state.bias, state.bias_sd, strict=True)
+    bias = ", ".join(f"{axis} {value:.1f} ± {sd:.1f}" for axis, value, sd in axes)
+    passed = f", {passed_over} passed over" if passed_over else ""
+    jumps = (
+        f"at {j.time:.1f} s by {', '.join(f'{v:.0f}' for v in j.shift)} {unit}, "
+        f"seen at {j.seen:.1f} s"
+        for j in state.jumps
+    )
+    return {
+        "Readings": f"{new} new{passed}; {state.n} in all, {state.refused} refused",
+        "Bias": f"{bias} {unit} (one standard error)",
+        "Model": f"noise {state.noise:.4g} {unit}, walk {tracker.params.walk:.3g} {unit} per √s",
+        "Residual": "" if rms is None else f"{rms:.4g} nT rms, each reading before it was used",
+        "Jump": "; ".join(jumps),
+    }
