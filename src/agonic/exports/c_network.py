@@ -32,9 +32,9 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
             "name": name,
             "GUARD": name.upper(),
             "about": write_comment(
-                (*write_banner(calibration, _formula(parts)), *_sizes(parts, known))
+                (*write_banner(calibration, _describe(parts)), *_sizes(parts, known))
             ),
-            "formula": f"{_formula(parts).split(', float32')[0]}.",
+            "formula": f"{_formula(parts)}.",
             "unit_out": calibration.unit_out,
             "inputs": str(shape.inputs),
             "each": str(shape.inputs + 1),
@@ -70,13 +70,17 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
 
 
 def _formula(parts: Parts) -> str:
-    network = parts.network
-    whole = "network(x)" if network.base is None else "base(raw) + g(x) network(x)"
-    along = " along the base" if network.target == "magnitude" else ""
-    beyond = (
-        "" if network.base is None else "; where nothing was trained g is 0 and the base is left"
-    )
-    return f"field = {whole}{along}, float32, {network.shape.hidden} tanhf nodes{beyond}"
+    """The equation of the network."""
+    whole = "network(x)" if parts.network.base is None else "base(raw) + g(x) network(x)"
+    along = " along the base" if parts.network.target == "magnitude" else ""
+    return f"field = {whole}{along}"
+
+
+def _describe(parts: Parts) -> str:
+    """The equation, its size, and what holds beyond the training."""
+    base = parts.network.base
+    beyond = "" if base is None else "; where nothing was trained g is 0 and the base is left"
+    return f"{_formula(parts)}, float32, {parts.network.shape.hidden} tanhf nodes{beyond}"
 
 
 def _returns(parts: Parts) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.columns import Column, Identified, identify_column, identify_columns
+from agonic.logs.formats import PARQUET
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 
@@ -234,7 +235,7 @@ def quote_literal(text: str) -> str:
 def _parquet_files(path: Path) -> list[str]:
     if path.is_file():
         with path.open("rb") as stream:
-            return [str(path)] if stream.read(4) == b"PAR1" else []
+            return [str(path)] if PARQUET.accepts(stream.read(4)) else []
     if not path.is_dir():
         raise LogError("there is no such file or folder", path=path)
     return sorted(

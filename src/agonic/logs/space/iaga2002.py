@@ -9,6 +9,7 @@ variometer, in its own axes; F is an absolute scalar instrument and G what F lac
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,15 +49,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     log = build_log(
         table, path=path, source=source, format="IAGA-2002", others=others, remarks=tuple(notes)
     )
-    first = log.sensors[0].with_columns(name=station)
-    return Log(
-        path=path,
-        format=log.format,
-        source=source,
-        sensors=(first,),
-        streams=log.streams,
-        notes=log.notes,
-    )
+    return replace(log, sensors=(log.sensors[0].with_columns(name=station),))
 
 
 def _parts(text: str) -> tuple[dict[str, str], list[str]]:
