@@ -24,21 +24,24 @@ Attitude    aerospace yaw-pitch-roll; heading clockwise from true north.
 Quaternion  only on disk: `quat_wxyz`, Hamilton.
 Heading     magnetic = compass + deviation(compass); true = magnetic + declination; east positive.
 
-Modules
--------
+Wings
+-----
 samples, reference            what was measured, and what it should have been
-fitting                       `fit_*(samples, reference, *, settings) -> Fit`
 calibration                   what gets saved: `Affine`, `Interference`, `Alignment`, `Chain`,
                               `Deviation`, and the `Setup` of a vehicle
 health, coverage, fit         what a result rests on, and what is wrong with it
-verification, calibrated      named checks on data the fit has not seen
-headings                      `heading(samples, setup)`: compass, magnetic, true, how sure
-population, fleet, history    the calibrations of many sensors and logs, as one table
-io                            readers by content, the calibration file, exports
+verification                  named checks on data the fit has not seen
+maths                         the mathematics, on plain arrays
 field                         the world model: IGRF and WMM
+logs, files, exports          readers by content, our own documents, other programs' files
+ellipsoid, attitude           affine calibrations by magnitude; by roll, pitch and heading
+recording                     a recording into calibrations: `agonic calibrate`
+headings, thermal, inflight,  a job each: compass and deviation, the climatic chamber, in orbit,
+network, alignment            neural networks, the rotation to a star sensor, north or gravity
+population, fleet, history    the calibrations of many sensors and logs, as one table
+live                          calibration while the sensor is turned
 simulation                    readings with known truth
-report                        HTML and text
-kernels                       the mathematics, on plain arrays
+report, console, cli          pages and text; the command line
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def _of_moment(moment: object) -> float:
     if isinstance(moment, bool) or not isinstance(moment, int | float | str | date | np.generic):
         raise _unreadable(moment)
     if isinstance(moment, str):
-        moment = _parsed(moment)
+        moment = _parse(moment)
     if isinstance(moment, datetime) and moment.tzinfo is not None:
         moment = moment.astimezone(UTC).replace(tzinfo=None)
     if isinstance(moment, date):
@@ -82,7 +82,7 @@ def _of_moment(moment: object) -> float:
     return decimal_year(moment).item() if isinstance(moment, np.datetime64) else float(moment)
 
 
-def _parsed(text: str) -> datetime | float:
+def _parse(text: str) -> datetime | float:
     """An ISO 8601 moment, or a decimal year written out."""
     for read in (datetime.fromisoformat, float):
         try:

@@ -110,9 +110,9 @@ def test_without_numba_the_plain_kernel_is_used(monkeypatch: pytest.MonkeyPatch)
 
     table, position = harmonics.field_coefficients(*gauss(3)), points(5)
     plain = harmonics.synthesise(position, table)
-    harmonics._compiled.cache_clear()
+    harmonics._compile.cache_clear()
     monkeypatch.setattr(harmonics.importlib, "import_module", absent)
     try:
         assert (harmonics.synthesise(position, table, compiled=True) == plain).all()
     finally:
-        harmonics._compiled.cache_clear()
+        harmonics._compile.cache_clear()

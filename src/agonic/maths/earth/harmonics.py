@@ -76,7 +76,7 @@ def synthesise(position: Array, coefficients: Array, *, compiled: bool = False) 
     points, columns = position.shape[1], coefficients.shape[2]
     width = (isqrt(8 * len(coefficients) + 1) - 1) // 2  # k = width (width + 1) / 2
     block = max(1, BLOCK_PRODUCTS // (2 * columns * width))
-    accumulate = (_compiled() if compiled else None) or _accumulate
+    accumulate = (_compile() if compiled else None) or _accumulate
     sums = np.empty((columns, points))
     table = coefficients.reshape(len(coefficients), 2 * columns)
     for start in range(0, points, block):
@@ -141,7 +141,7 @@ def _step_by_element(u: Array, x: Array, v: Array, y: Array, gamma: float, out: 
 
 
 @functools.cache
-def _compiled() -> Callable[[Array, Array, int], Array] | None:
+def _compile() -> Callable[[Array, Array, int], Array] | None:
     """`_accumulate` compiled by numba, or `None` without it."""
     try:
         numba = importlib.import_module("numba")

@@ -49,7 +49,7 @@ def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasCha
         return None
     moves = _moves(normals, places)
     drawn_in = np.clip(residuals, -reach, reach)
-    start, stop, gain = _best_stretch(drawn_in, moves, blocks)
+    start, stop, gain = _find_stretch(drawn_in, moves, blocks)
     away, left = _refit(residuals, moves, slice(start, stop))
     shift = float(np.sqrt(3 * np.mean(away**2)))
     noise = MAD_TO_SD * float(np.median(np.abs(left)))
@@ -77,7 +77,7 @@ def _moves(normals: Array, places: Array) -> Array:
     return np.stack([a, b, c, *shape], axis=1)
 
 
-def _best_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int, float]:
+def _find_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int, float]:
     """First row, row after the last, and fall of Σr², over all pairs of edges.
 
     With S the stretch and G = JᵀJ, g = Jᵀr: fall = tᵀA⁻¹t with t = X_Sᵀ(r − J G⁻¹g) and

@@ -140,7 +140,7 @@ def advance(
     """
     n = len(rows)
     wanted = is_worth_compiling(n) if compiled is None else compiled
-    run = ud_filter.compiled() if wanted else None
+    run = ud_filter.compile_filter() if wanted else None
     fixed = linearised is not None
     about = before.state if linearised is None else linearised
     if run is None:
@@ -164,7 +164,7 @@ def advance(
 
 def is_worth_compiling(rows: int) -> bool:
     """Whether numba is to be used for so many rows: for many, and for few once it is loaded."""
-    return rows >= COMPILE_FROM or ud_filter.compiled.cache_info().currsize > 0
+    return rows >= COMPILE_FROM or ud_filter.compile_filter.cache_info().currsize > 0
 
 
 def join_seen(parts: Sequence[Seen]) -> Seen:

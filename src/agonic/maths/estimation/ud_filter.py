@@ -209,7 +209,7 @@ def _watch_for_jump(seen: Any, watch: Any, jump_sd: float) -> float:
 
 
 @functools.cache
-def compiled() -> Callable[..., tuple[int, bool]] | None:
+def compile_filter() -> Callable[..., tuple[int, bool]] | None:
     """`run` compiled by numba, or `None` without it."""
     try:
         numba = importlib.import_module("numba")
