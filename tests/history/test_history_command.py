@@ -100,7 +100,7 @@ def test_refused_sensors_are_kept_and_said(capsys) -> None:
         (["--store", "none.sqlite"], "there is no such history"),
         (["--store", "text.csv"], "not a history"),
         (["8", *STORE], "no sensor '8'"),
-        (["7", *STORE, "--date", "tomorrow"], "is no date"),
+        (["7", *STORE, "--date", "tomorrow"], "is not a date such as 2026-05-01"),
         ([*STORE, "-o", "page.html"], "are of one sensor"),
         (["7", *STORE, "--date", "1999-01-01"], "before the first"),
     ],

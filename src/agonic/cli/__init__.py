@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 COMMANDS = {
-    "calibrate": "agonic.recording.commands.calibrate",
+    "calibrate": "agonic.cli.calibrate",
     "fleet": "agonic.fleet.commands.fleet",
     "history": "agonic.history.command",
     "live": "agonic.live.command",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from agonic.calibration.base import Calibration
     from agonic.calibration.network import Network
     from agonic.calibration.thermal import Thermal
+    from agonic.reference import Reference
+    from agonic.samples import Samples
 
 
 def add_to(app: typer.Typer) -> None:
@@ -54,13 +56,14 @@ def report(
     from agonic.recording.report.record import record
 
     given = require_calibration(load(cal))
-    network = find_step(given, Network)
-    if network is not None:
-        return _network(given, network, cal, log, out, sensor, unit, at, date, field, as_json)
-    thermal = find_step(given, Thermal)
-    if thermal is not None:
-        return _thermal(given, thermal, cal, log, out, sensor, unit, at, date, field, as_json)
-    calibration, samples = open_calibration_and_log(cal, log or own_log(cal), sensor, unit)
+    step = find_step(given, Network) or find_step(given, Thermal)
+    if step is not None:
+        samples, reference = None, None
+        if log is not None:
+            _, samples = open_calibration_and_log(cal, log, sensor, unit)
+            reference, _ = find_reference(samples, at, date, field)
+        return _show_file(given, step, cal, samples, reference, out, as_json)
+    calibration, samples = open_calibration_and_log(cal, log or find_own_log(cal), sensor, unit)
     reference, settings = find_reference(samples, at, date, field)
     result = judge(calibration, samples, reference, **settings)
     path = write_atomically(
@@ -73,52 +76,49 @@ def report(
     return 0 if result.verdict == "good" else 1
 
 
-def _thermal(
+def _show_file(
     calibration: Calibration,
-    thermal: Thermal,
+    step: Network | Thermal,
     cal: Path,
-    log: Path | None,
+    samples: Samples | None,
+    reference: Reference | None,
     out: Path | None,
-    sensor: str | None,
-    unit: str | None,
-    at: str | None,
-    date: str | None,
-    field: float | None,
     as_json: bool,
 ) -> int:
-    """The page of a calibration over temperature; with a log also what it does to it."""
+    """The page of a calibration over temperature, or of a network; what it does to a log too."""
     from dataclasses import asdict
 
     from agonic.atomic import write_atomically
+    from agonic.calibration.network import Network
     from agonic.console.output import print_json, say
-    from agonic.console.place import find_reference
-    from agonic.recording.calibration_and_log import open_calibration_and_log
+    from agonic.network.report.document import describe_network_file
     from agonic.thermal.calibration_document import describe_calibration
     from agonic.verification import verify
 
-    samples, verification = None, None
-    if log is not None:
-        _, samples = open_calibration_and_log(cal, log, sensor, unit)
-        reference, _ = find_reference(samples, at, date, field)
-        known = reference if calibration.unit_out == "nT" else None
+    verification = None
+    if samples is not None:
+        known = reference if isinstance(step, Network) or calibration.unit_out == "nT" else None
         verification = verify(calibration, samples, known)
     title = cal.name if samples is None else f"{cal.name} on {samples.name}"
-    document = describe_calibration(
-        calibration, thermal, title=title, samples=samples, verification=verification
-    )
+    shown: dict[str, Any] = {"title": title, "samples": samples, "verification": verification}
+    about: dict[str, Any]
+    if isinstance(step, Network):
+        document = describe_network_file(calibration, step, **shown)
+        about = {"hidden": step.shape.hidden, "target": step.target}
+    else:
+        document = describe_calibration(calibration, step, **shown)
+        about = {"range_C": step.validity.temperature_C, "degree": step.degree}
     path = write_atomically(out or cal.with_suffix(".html"), document.to_html())
     good = verification is None or verification.passed
     if as_json:
-        checks = [] if verification is None else [asdict(c) for c in verification.checks]
         print_json(
             "agonic/report@1",
             {
                 "sensor": calibration.sensor,
-                "method": "thermal",
+                "method": step.kind,
                 "verdict": "good" if good else "check",
-                "checks": checks,
-                "range_C": thermal.validity.temperature_C,
-                "degree": thermal.degree,
+                "checks": [asdict(c) for c in verification.checks] if verification else [],
+                **about,
                 "files": [str(path)],
             },
         )
@@ -127,60 +127,7 @@ def _thermal(
     return 0 if good else 1
 
 
-def _network(
-    calibration: Calibration,
-    network: Network,
-    cal: Path,
-    log: Path | None,
-    out: Path | None,
-    sensor: str | None,
-    unit: str | None,
-    at: str | None,
-    date: str | None,
-    field: float | None,
-    as_json: bool,
-) -> int:
-    """The page of a network; with a log also what it does to it, and where it is guarded."""
-    from dataclasses import asdict
-
-    from agonic.atomic import write_atomically
-    from agonic.console.output import print_json, say
-    from agonic.console.place import find_reference
-    from agonic.network.report.document import describe_network_file
-    from agonic.recording.calibration_and_log import open_calibration_and_log
-    from agonic.verification import verify
-
-    samples, verification = None, None
-    if log is not None:
-        _, samples = open_calibration_and_log(cal, log, sensor, unit)
-        reference, _ = find_reference(samples, at, date, field)
-        verification = verify(calibration, samples, reference)
-    title = cal.name if samples is None else f"{cal.name} on {samples.name}"
-    document = describe_network_file(
-        calibration, network, title=title, samples=samples, verification=verification
-    )
-    path = write_atomically(out or cal.with_suffix(".html"), document.to_html())
-    good = verification is None or verification.passed
-    if as_json:
-        checks = [] if verification is None else [asdict(c) for c in verification.checks]
-        print_json(
-            "agonic/report@1",
-            {
-                "sensor": calibration.sensor,
-                "method": "network",
-                "verdict": "good" if good else "check",
-                "checks": checks,
-                "hidden": network.shape.hidden,
-                "target": network.target,
-                "files": [str(path)],
-            },
-        )
-    else:
-        say(f"Report    {path}")
-    return 0 if good else 1
-
-
-def own_log(cal: Path) -> Path:
+def find_own_log(cal: Path) -> Path:
     """The log that a calibration was made from, where it still lies nearby unchanged."""
     from agonic.files.calibration import load
     from agonic.provenance import hash_file

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,10 +10,9 @@ import typer
 from agonic.console.options import Json
 
 if TYPE_CHECKING:
-    from agonic.fleet.settings import FleetSettings
-    from agonic.logs.log import Log
+    from datetime import datetime
+
     from agonic.population import History
-    from agonic.recording.calibrated import Calibrated
 
 
 def add_to(app: typer.Typer) -> None:
@@ -51,6 +48,7 @@ def history(
     predict, or the sensor left its population.
     """
     from agonic.errors import AgonicError
+    from agonic.field.decimal_year import parse_date
     from agonic.population import History
 
     if store is None:
@@ -60,7 +58,7 @@ def history(
     with History.open(store, new=False) as kept:
         if sensor is None:
             return _show_all(kept, as_json)
-        return _show_sensor(kept, sensor, _parse_date(date), out, as_json)
+        return _show_sensor(kept, sensor, None if date is None else parse_date(date), out, as_json)
 
 
 def _show_all(kept: History, as_json: bool) -> int:
@@ -93,57 +91,3 @@ def _show_sensor(
     found = describe_drift(add_departures(drift(kept.of(sensor), at), departures(kept)))
     files = [] if out is None else [write_atomically(out, found.to_html())]
     return finish(found, files=files, as_json=as_json)
-
-
-def _parse_date(date: str | None) -> datetime | None:
-    from agonic.errors import AgonicError
-
-    if date is None:
-        return None
-    try:
-        return datetime.fromisoformat(date).replace(tzinfo=UTC)
-    except ValueError:
-        raise AgonicError(f"--date {date!r} is no date such as 2026-05-01") from None
-
-
-def keep(
-    store: Path,
-    results: Sequence[Calibrated],
-    log: Log,
-    asked: FleetSettings,
-    between: str | None,
-    name: str | None,
-) -> int:
-    """Add what came of a log to a history; returns how many calibrations were new to it.
-
-    Parameters: `asked` and `between`, what the figures depend on, its date being that of a log that
-    knows none; `name`, who the sensor is, else its number for autopilots or the log's stem.
-    """
-    from dataclasses import replace
-
-    from agonic.fleet.inputs import name_sensors
-    from agonic.fleet.rows import make_row
-    from agonic.fleet.settings import digest
-    from agonic.population import History
-    from agonic.version import __version__
-
-    settings = asked.asked if between is None else f"{asked.asked} {between}"
-    rows = []
-    for result in results:
-        row = make_row(
-            result,
-            sensor="",
-            source=str(log.path),
-            sha256=log.source.sha256,
-            key=digest(log.source.sha256, result.samples.name, settings),
-            settings=settings,
-            version=__version__,
-        )
-        rows.append(replace(row, start=row.start or _parse_date(asked.date)))
-    if name is None:
-        rows = name_sensors(str(log.path), rows, None)
-    else:
-        several = len(rows) > 1
-        rows = [replace(r, sensor=f"{name} {r.channel}" if several else name) for r in rows]
-    with History.open(store) as history:
-        return history.add(rows)

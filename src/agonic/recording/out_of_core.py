@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from agonic.recording.calibrated import Calibrated
 
 
-def missions(
+def open_missions(
     log: Path, sensor: str | None, unit: str | None, unfit: dict[str, object]
 ) -> tuple[Mission, ...]:
     """One for each magnetometer of a table too long for memory; none where it is not.
@@ -39,7 +39,7 @@ def missions(
     return tuple(replace(mission, sensor=name) for name in names)
 
 
-def calibrated(
+def calibrate_mission(
     mission: Mission, at: str | None, date: str | None, field: float | None, **settings: Any
 ) -> Calibrated:
     """The calibration of a mission, with the field of the place."""
@@ -48,11 +48,11 @@ def calibrated(
     from agonic.recording.calibrated import calibrate_recording
 
     reference, of_place = find_reference(mission.head(), at, date, field)
-    with counting(mission.rows) as told:
-        return calibrate_recording(mission, reference, progress=told, **settings, **of_place)
+    with counting(mission.rows) as tell:
+        return calibrate_recording(mission, reference, progress=tell, **settings, **of_place)
 
 
-def log_of(mission: Mission, results: list[Calibrated]) -> Log:
+def make_log(mission: Mission, results: list[Calibrated]) -> Log:
     """The rows that were kept of a mission, as the log that they came from."""
     from agonic.logs.log import Log
 

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import Between, Json, Sensor, Unit
+from agonic.console.options import (
+    Between,
+    Json,
+    Out,
+    Robust,
+    Sensor,
+    Unit,
+)
 
 if TYPE_CHECKING:
     from agonic.headings.deviation.document import CardDocument
@@ -38,9 +45,7 @@ def deviation(
     sensor: Sensor = None,
     unit: Unit = None,
     between: Between = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
-    ] = None,
+    out: Out = None,
     card: Annotated[
         Path | None,
         typer.Option("--card", metavar="FILE", help="Card to write: .html, .txt, or .svg (chart)."),
@@ -62,7 +67,7 @@ def deviation(
     noise_deg: Annotated[
         float | None, typer.Option("--noise-deg", metavar="DEG", help="Of one reading, if known.")
     ] = None,
-    robust: Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")] = True,
+    robust: Robust = True,
     step: Annotated[float, typer.Option(help="Degrees between the rows of the card.")] = 15.0,
     paper: Annotated[str, typer.Option(help="A4 or A5, for printing.")] = "A4",
     as_json: Json = False,

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Between, Date, Json, Robust, Scalar, Sensor, Unit
+from agonic.console.options import (
+    At,
+    Between,
+    Date,
+    Json,
+    Out,
+    Robust,
+    Scalar,
+    Sensor,
+    Unit,
+)
 from agonic.console.parse import parse_count, parse_numbers
 from agonic.console.sensors import open_sensor
 
@@ -34,9 +44,7 @@ def inflight(
             help="A recording; or the files of a mission in order of time, read piece by piece.",
         ),
     ],
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
-    ] = None,
+    out: Out = None,
     ground: Annotated[
         Path | None,
         typer.Option(

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.options import (
+    At,
+    Date,
+    Json,
+    LogPath,
+    Magnitude,
+    Scalar,
+    Sensor,
+    Unit,
+)
 from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
 
@@ -49,13 +58,7 @@ def track(
         float | None,
         typer.Option(help="What the model leaves out, nT; default: as the model states."),
     ] = None,
-    scalar: Annotated[
-        bool | None,
-        typer.Option(
-            "--scalar/--no-scalar",
-            help="Against the scalar instrument, or the world model; default: as the log has it.",
-        ),
-    ] = None,
+    scalar: Scalar = None,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Page about what is new.")
     ] = None,

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Between, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.options import (
+    At,
+    Between,
+    Date,
+    Json,
+    LogPath,
+    Magnitude,
+    Out,
+    Robust,
+    Sensor,
+    Unit,
+)
 from agonic.console.parse import parse_names
 from agonic.console.sensors import open_sensor
 
@@ -31,9 +42,7 @@ def network(
             "magnetometer's; matched by time. Default: the world model (--at, --date, the track).",
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
-    ] = None,
+    out: Out = None,
     hidden: Annotated[int, typer.Option(help="Nodes of the hidden layer.")] = 3,
     inputs: Annotated[
         str,
@@ -64,7 +73,7 @@ def network(
     at: At = None,
     date: Date = None,
     field: Magnitude = None,
-    robust: Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")] = True,
+    robust: Robust = True,
     seed: Annotated[int, typer.Option(help="Of the random starts.")] = 0,
     between: Between = None,
     report: Annotated[

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.options import (
+    At,
+    Date,
+    Json,
+    LogPath,
+    Magnitude,
+    Out,
+    Sensor,
+    Unit,
+)
 from agonic.console.parse import parse_names
 from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
@@ -43,9 +52,7 @@ def retrain(
     ground: Annotated[
         Path | None, typer.Option(metavar="CAL", help="Calibration to start from.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
-    ] = None,
+    out: Out = None,
     reference: Annotated[
         Path | None,
         typer.Option(

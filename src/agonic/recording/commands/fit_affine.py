@@ -69,14 +69,14 @@ def ellipsoid(
     as_json: Json = False,
 ) -> int:
     """Bias and matrix from the magnitude alone."""
-    from agonic.recording.out_of_core import calibrated, missions
+    from agonic.recording.out_of_core import calibrate_mission, open_missions
 
     settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
     settings["soft_iron_sd"] = soft_iron_sd or None
-    long = missions(log, sensor, unit, {"--between": between})
+    long = open_missions(log, sensor, unit, {"--between": between})
     if long:
         choose_name(one.sensor for one in long)
-        return _finish(calibrated(long[0], at, date, field, **settings), out, as_json)
+        return _finish(calibrate_mission(long[0], at, date, field, **settings), out, as_json)
     samples = open_sensor(log, sensor, unit, between)
     return _run("ellipsoid", samples, (at, date, field), settings, out, as_json)
 

@@ -1,0 +1,61 @@
+"""Every magnetometer of a log calibrated; one that cannot be does not stop the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from agonic.console.place import find_reference
+from agonic.console.progress import progress
+from agonic.console.sensors import open_sensors
+from agonic.errors import CoverageError
+from agonic.logs.log import Log
+from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
+from agonic.recording.report.record import unfitted
+from agonic.samples import Samples
+
+_Job = tuple[str, Callable[[], Calibrated]]
+"""The name of a sensor, and what calibrates it."""
+
+
+def calibrate_each(
+    log: Path,
+    sensor: str | None,
+    unit: str | None,
+    between: str | None,
+    method: str,
+    *,
+    at: str | None,
+    date: str | None,
+    field: float | None,
+) -> tuple[Log, list[Calibrated], list[dict[str, object]]]:
+    """The log, the sensors that could be fitted, and records of those that could not."""
+    aided = f"--method {method}" if method in ("levelled", "vector") else None
+    long = open_missions(log, sensor, unit, {"--between": between, f"--method {method}": aided})
+    if long:
+        results, failures = _run(
+            [(one.head().name, partial(calibrate_mission, one, at, date, field)) for one in long]
+        )
+        return make_log(long[0], results), results, failures
+
+    def run(samples: Samples) -> Calibrated:
+        reference, settings = find_reference(samples, at, date, field)
+        kind: Any = method
+        return calibrate(samples, reference, kind=kind, **settings)
+
+    recording, sensors = open_sensors(log, sensor, unit, between)
+    return recording, *_run([(one.name, partial(run, one)) for one in sensors])
+
+
+def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[dict[str, object]]]:
+    results: list[Calibrated] = []
+    failures: list[dict[str, object]] = []
+    for name, run in progress(jobs, "Calibrating"):
+        try:
+            results.append(run())
+        except CoverageError as error:
+            failures.append(unfitted(name, str(error)))
+    return results, failures
