@@ -82,7 +82,7 @@ def test_numba_gives_the_same_to_rounding() -> None:
 def test_without_numba_the_plain_source_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     model = kalman.Model(100.0)
     plain, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=False)
-    monkeypatch.setattr(ud_filter, "compiled", lambda: None)
+    monkeypatch.setattr(ud_filter, "compile_filter", lambda: None)
     without, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=True)
     assert np.array_equal(without.state, plain.state)
 
