@@ -4,7 +4,7 @@
 
 Prints the rms error of the bias over the Cramér–Rao bound of the clean readings. Every fit starts
 at the truth, without prior, with the noise level known, so that nothing but the loss differs.
-"when one stands out" is the rule of `maths.equation.likelihood.noise_of`.
+"when one stands out" is the rule of `maths.estimation.noise.estimate_noise`.
 """
 
 from __future__ import annotations
