@@ -7,8 +7,12 @@ from typing import Annotated
 
 import typer
 
-from agonic.alignment.commands.options import Out, Report, Solve, Wanted
-from agonic.console.options import Json
+from agonic.alignment.commands.options import Solve, Wanted
+from agonic.console.options import (
+    Json,
+    Out,
+    Report,
+)
 from agonic.console.parse import parse_names
 
 

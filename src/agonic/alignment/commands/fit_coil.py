@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
-from agonic.alignment.commands.options import Report
-from agonic.console.options import Json
+from agonic.console.options import (
+    Json,
+    Report,
+)
 
 
 def add_to(kinds: typer.Typer) -> None:

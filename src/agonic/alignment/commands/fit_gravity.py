@@ -7,8 +7,14 @@ from typing import Annotated
 
 import typer
 
-from agonic.alignment.commands.options import Out
-from agonic.console.options import Between, Json, LogPath, Sensor, Unit
+from agonic.console.options import (
+    Between,
+    Json,
+    LogPath,
+    Out,
+    Sensor,
+    Unit,
+)
 from agonic.console.sensors import open_sensor
 
 

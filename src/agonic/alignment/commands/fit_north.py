@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.alignment.commands.options import Out, Report
-from agonic.console.options import Json, Magnitude
+from agonic.console.options import (
+    Json,
+    Magnitude,
+    Out,
+    Report,
+)
 
 if TYPE_CHECKING:
     from agonic.report.document import Document
