@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -95,7 +95,7 @@ def calibrate_campaign(
     with _open_pool(min(workers, len(names))) as pool:
         each = map if pool is None else pool.map
         fits = each(partial(_fit_sensor, task), (_sum_sensor(task, usable, name) for name in names))
-        made = [one for _, one in zip(_iterate(names, progress), fits, strict=True)]
+        made = [one for _, one in zip(progress(names) if progress else names, fits, strict=True)]
     seen = {sensor.name: one for sensor, one in made if one is not None}
     return CalibratedCampaign(
         campaign=usable,
@@ -114,10 +114,6 @@ def _choose_sensors(campaign: Campaign, only: Iterable[str]) -> list[str]:
     if absent:
         raise AgonicError(f"no sensor {', '.join(absent)}; there are {', '.join(campaign.sensors)}")
     return wanted
-
-
-def _iterate(names: list[str], progress: Any) -> Iterator[str]:
-    yield from names if progress is None else progress(names)
 
 
 def _choose_orientations(

@@ -83,17 +83,12 @@ def fit_chamber(
         progress=lambda names: progress(names, "Fitting"),
     )
     files = {} if out is None else _write_calibrations(result, make_folder(out))
-    document = describe_campaign(
-        result, title=read.description.name or _name(campaign), files=files
-    )
+    name = campaign.resolve().name if campaign.is_dir() else campaign.stem
+    document = describe_campaign(result, title=read.description.name or name, files=files)
     reports = []
     if out is not None:
         reports.append(write_atomically(out / "report.html", document.to_html()))
     return finish(document, files=reports, as_json=as_json)
-
-
-def _name(campaign: Path) -> str:
-    return campaign.resolve().name if campaign.is_dir() else campaign.stem
 
 
 def _count_workers(rows: int) -> int:

@@ -198,34 +198,22 @@ class _CampaignReader:
             Finding("damaged file", "check", text, "the rest is used; record it again if you can")
             for text in self.damaged
         ]
-        seen = (
-            (
-                self.kelvin,
-                "kelvin",
-                f"temperatures of {_name_sensors(self.kelvin)} are in kelvin although nothing says "
-                "so: 273.15 was taken off",
-                "name the column temperature_K",
-            ),
-            (
-                self.absent,
-                "absent sensor",
-                f"there are no readings of {_name_sensors(self.absent)}",
-                f"compare the names in {FILE_NAME} with the files (agonic info FILE)",
-            ),
-            (
-                self.unnumbered,
-                "unknown station",
-                f"{', '.join(self.unnumbered)}: which station it is cannot be told; left out",
-                "number the files, or give them a column station",
-            ),
-            (
-                self.surplus,
-                "unknown station",
-                f"{name_stations(self.surplus)} in the files is not described; left out",
-                f"describe it in {FILE_NAME}",
-            ),
-        )
-        found = [Finding(name, "check", what, move) for there, name, what, move in seen if there]
+        found = []
+        if self.kelvin:
+            what = f"temperatures of {_name_sensors(self.kelvin)} are in kelvin although nothing "
+            what += "says so: 273.15 was taken off"
+            found.append(Finding("kelvin", "check", what, "name the column temperature_K"))
+        if self.absent:
+            what = f"there are no readings of {_name_sensors(self.absent)}"
+            move = f"compare the names in {FILE_NAME} with the files (agonic info FILE)"
+            found.append(Finding("absent sensor", "check", what, move))
+        if self.unnumbered:
+            what = f"{', '.join(self.unnumbered)}: which station it is cannot be told; left out"
+            move = "number the files, or give them a column station"
+            found.append(Finding("unknown station", "check", what, move))
+        if self.surplus:
+            what = f"{name_stations(self.surplus)} in the files is not described; left out"
+            found.append(Finding("unknown station", "check", what, f"describe it in {FILE_NAME}"))
         return [*damaged, *found, *(Finding("reader's note", "note", note) for note in self.notes)]
 
 

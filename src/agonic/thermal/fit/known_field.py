@@ -48,9 +48,10 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     outlier = estimate.weights == 0
     found = [*findings, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
+    before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
     remark = (
         f"the corrected readings are {figure(rms)} nT "
-        f"(rms of an axis) from the known field, {figure(_rms_raw(samples.field, field))} before"
+        f"(rms of an axis) from the known field, {figure(before)} before"
     )
     return ThermalFit(
         calibration=calibration,
@@ -214,10 +215,6 @@ def _compute_rms(
         columns["temperature_rate"] = series.compute_rates(samples.time, level)
     left = calibration.correct(samples.field, **columns) - field
     return float(np.sqrt(np.mean(left[kept] ** 2)))
-
-
-def _rms_raw(raw: Array, field: Array) -> float:
-    return float(np.sqrt(np.mean((raw - field) ** 2)))
 
 
 def _find_outliers(outlier: Mask) -> list[Finding]:

@@ -22,12 +22,8 @@ def find_still_thermometers(sums: Binned) -> set[int]:
     return {
         number
         for number, seen in sums.stations.items()
-        if spans[number] < 0.05 * max(usual, 1.0) or (_stood_still(seen) and usual > 1.0)
+        if spans[number] < 0.05 * max(usual, 1.0) or (seen.standing > STANDING and usual > 1.0)
     }
-
-
-def _stood_still(seen: StationRecord) -> bool:
-    return seen.standing > STANDING
 
 
 def judge_recordings(sums: Binned, left_out: set[int], settings: Settings) -> list[Finding]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.thermal.maths.stations import MOUNTINGS
@@ -50,14 +49,11 @@ def fit_response(readings: Array, rot_nb: Array) -> Response:
         solution = np.asarray(np.linalg.lstsq(design, readings, rcond=None)[0], np.float64)
         response, bias = solution[:3].T, solution[3]
         rows = (response @ turned).reshape(-1, 3)
-        field = _normalise(np.linalg.lstsq(rows, (readings - bias).ravel(), rcond=None)[0])
+        field = np.linalg.lstsq(rows, (readings - bias).ravel(), rcond=None)[0]
+        field = field / np.linalg.norm(field)
     field_n = np.einsum("kij,kj->ki", rot_nb, (readings - bias) @ np.linalg.pinv(response).T)
     rms = float(np.sqrt(np.mean((field_n - field) ** 2) * 3))
     return Response(response, bias, field, field_n, rms)
-
-
-def _normalise(vector: NDArray[Any]) -> Array:
-    return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
 
 
 def _find_start(readings: Array, turned: Array) -> tuple[Array, Array, Array]:
