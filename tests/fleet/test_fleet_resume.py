@@ -96,8 +96,8 @@ def test_finished_logs_are_not_read_again(fleet: Path, tmp_path: Path, monkeypat
     def never(*_: object, **__: object) -> None:
         raise AssertionError("read again")
 
-    monkeypatch.setattr("agonic.fleet.run.hash_file", never)
-    monkeypatch.setattr("agonic.fleet.run.calibrate_log", never)
+    monkeypatch.setattr("agonic.fleet.work.hash_file", never)
+    monkeypatch.setattr("agonic.fleet.work.calibrate_log", never)
     again = run_here(fleet / "logs", out=out)
     assert (again.calibrated, again.resumed) == (0, len(first.population))
     assert table(again) == table(first)

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Index, Mask
 from agonic.fleet import figures
 from agonic.fleet import summary_tables as tables
-from agonic.fleet.embedded_rows import count_days, embed_rows, get_numbers, has_values
-from agonic.fleet.relations import draw_relation, find_relation
+from agonic.fleet.embedded_rows import embed_rows
+from agonic.fleet.group_section import describe_group
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.peers import Peers, find_peers
 from agonic.report.digits import counted
 from agonic.report.document import Document, Section
-from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
 
 if TYPE_CHECKING:
@@ -28,9 +26,6 @@ MOST_GROUPS = 4
 REASONS = 5
 """How many reasons are told to people; programs are told all."""
 _SHOWN = ("bias", "axes")  # quantities that a figure of biases shows
-_LEAST_RANGE_C = 3.0
-_LEAST_DAYS = 2.0
-_YEAR = 365.25
 
 
 def describe_population(
@@ -69,7 +64,7 @@ def describe_population(
             Section("", [shares]),
             Section("What stands out", [tables.list_outliers(population, found, groups)]),
             Section("Refused, and to be checked", [tables.list_reasons(population)]),
-            *(_draw_group(population, g, k, belongs, noted == 2) for k, g in drawn),
+            *(describe_group(population, g, k, belongs, noted == 2) for k, g in drawn),
             Section("", [_list_others(groups[MOST_GROUPS:])]),
             *([Section("Duplicates", [tables.list_duplicates(same)])] if same else []),
             Section("All calibrations", [_place_table(population), rows]),
@@ -207,132 +202,6 @@ def _list_others(groups: Sequence[Peers]) -> Markup:
         return Markup("")
     said = "; ".join(f"{group.name}: {counted(len(group), 'sensor')}" for group in groups)
     return element("p", f"Not drawn, for they are few: {said}.", class_="aside")
-
-
-# ---- one group of sensors ------------------------------------------------------------------------
-
-
-def _draw_group(
-    population: Population,
-    group: Peers,
-    k: int,
-    belongs: NDArray[np.int8],
-    noted: Mask,
-) -> Section:
-    rows = np.flatnonzero(belongs == k)
-    if not len(rows):
-        return Section("", [])
-    parts = [
-        element("h3", "Distributions"),
-        element("p", _USUAL if group.enough else "", class_="aside"),
-        element("div", *_draw_histograms(population, group, k, rows), class_="trio"),
-        *_draw_bias(population, group, k, rows, noted),
-        *_draw_temperature(population, group, rows, noted),
-        *_draw_time(population, group, rows, noted),
-    ]
-    name = f"{counted(len(group), 'sensor')}: {group.name}"
-    return Section(name, parts)
-
-
-_USUAL = (
-    "The line is the centre of the sensors and the band their spread, both estimated so that "
-    "strays do not count, each sensor once, the errors of the fits taken out. Choose bars to see "
-    "their calibrations in the table."
-)
-
-
-def _draw_histograms(population: Population, group: Peers, k: int, rows: Index) -> list[Markup]:
-    unit, out = unit_label(group.unit_in), unit_label(group.unit_out)
-    gain = "" if group.unit_in == group.unit_out else f"{out} per raw unit"
-    entries = [
-        *((f"bias_{i}", f"bias {i}", unit, ("bias", j)) for j, i in enumerate("xyz")),
-        *((f"gain_{i}", f"gain {i}", gain, ("gain", j)) for j, i in enumerate("xyz")),
-        ("noise", "noise of a reading", unit, ("noise", -1)),
-        ("spread_after", "spread of the magnitude", "%", ("spread", -1)),
-        ("heading_sd_deg", "error of the heading", "°", None),
-    ]
-    drawn = (_draw_histogram(population, group, k, rows, *entry) for entry in entries)
-    return [figure for figure in drawn if figure]
-
-
-def _draw_histogram(
-    population: Population,
-    group: Peers,
-    k: int,
-    rows: Index,
-    column: str,
-    name: str,
-    unit: str,
-    key: tuple[str, int] | None,
-) -> Markup:
-    values = get_numbers(population, column)[rows]
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return Markup("")
-    size = 100.0 if unit == "%" else 1.0
-    usual = _get_usual(group, key, size)
-    label = f"{name}, {unit}" if unit else name
-    figure = figures.draw_histogram(size * values, label, column, k, usual, size)
-    said = element("p", figures.describe_usual(usual, unit), class_="aside")
-    return element("figure", element("figcaption", element("strong", name), said), figure)
-
-
-def _get_usual(
-    group: Peers, key: tuple[str, int] | None, size: float
-) -> tuple[float, float] | None:
-    if key is None or not group.enough:
-        return None
-    quantity = group.quantities[key[0]]
-    centre, spread = float(quantity.centre[key[1]]), float(quantity.spread[key[1]])
-    if key[1] < 0:  # logarithms
-        centre, spread = float(np.exp(centre)), float(np.exp(centre) * np.sinh(spread))
-    return (size * centre, size * spread) if np.isfinite(centre) else None
-
-
-def _draw_bias(
-    population: Population, group: Peers, k: int, rows: Index, noted: Mask
-) -> list[Markup]:
-    rows = rows[np.isfinite(population.bias[rows]).all(axis=1)]
-    if len(rows) < 3:
-        return []
-    drawn = figures.draw_biases(
-        group, k, population.bias[rows], noted[rows], unit_label(group.unit_in)
-    )
-    key = element(
-        "p",
-        element("i", class_="key odd-dots"),
-        "stands out by its bias or axes",
-        class_="legend",
-    )
-    return [element("h3", "Bias"), key, drawn]
-
-
-def _draw_temperature(
-    population: Population, group: Peers, rows: Index, noted: Mask
-) -> list[Markup]:
-    celsius = population["temperature_C"]
-    seen = celsius[rows][np.isfinite(celsius[rows])]
-    relation = find_relation(population, group, rows, celsius) if len(seen) else None
-    if relation is None or np.ptp(relation.along) < _LEAST_RANGE_C:
-        return []
-    figure = draw_relation(relation, group, "temperature, °C", noted, ("°C", 1.0))
-    return [element("h3", "Bias and temperature"), figure]
-
-
-def _draw_time(population: Population, group: Peers, rows: Index, noted: Mask) -> list[Markup]:
-    when = count_days(population["start"])
-    if not has_values(when[rows]):
-        return []
-    first = float(np.nanmin(when[rows]))
-    relation = find_relation(population, group, rows, when - first)
-    if relation is None or np.ptp(relation.along) < _LEAST_DAYS:
-        return []
-    day = np.datetime64(int(first), "D")
-    figure = draw_relation(relation, group, f"days since {day}", noted, ("year", _YEAR))
-    return [element("h3", "Bias over time"), figure]
-
-
-# ---- the table of all ----------------------------------------------------------------------------
 
 
 def _place_table(population: Population) -> Markup:

@@ -116,21 +116,11 @@ def describe_history(
 def _list_sensors(rows: Sequence[Mapping[str, Any]]) -> list[Section]:
     if not rows:
         return []
+    names = ("sensor", "calibrations", "first", "last", "verdict", "drifts")
+    days = ({**row, "first": row["first"][:10], "last": row["last"][:10]} for row in rows[:LINES])
+    said = ({**row, "drifts": "drifts" if row["drifts"] else ""} for row in days)
     head = ("Sensor", "Calibrations", "First", "Last", "Verdict", "Bias")
-    table = Table(
-        head,
-        [
-            (
-                row["sensor"],
-                str(row["calibrations"]),
-                row["first"][:10],
-                row["last"][:10],
-                row["verdict"],
-                "drifts" if row["drifts"] else "",
-            )
-            for row in rows[:LINES]
-        ],
-    )
+    table = Table(head, [[str(row[name]) for name in names] for row in said])
     more = len(rows) - LINES
     note = [f"… and {grouped(more)} more; --json lists all"] if more > 0 else []
     return [Section("", [table, *note], printed=True)]

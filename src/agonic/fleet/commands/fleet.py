@@ -15,7 +15,7 @@ from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
 
 if TYPE_CHECKING:
     from agonic.fleet.engine import Engine
-    from agonic.fleet.run import Progress
+    from agonic.fleet.work import Progress
 
 FAIL_ABOVE = 0.05
 

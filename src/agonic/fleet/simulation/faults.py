@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.simulation.draws import draw_directions
 
 BROKEN = (
@@ -78,6 +80,29 @@ def draw_naming(fault: str, board: int) -> Array:
     return naming
 
 
+def apply_faults(
+    faults: NDArray[Any], board: Index, bias: Array, matrix: Array
+) -> tuple[Array, Array]:
+    """Bias (k, 3) and symmetric matrix (k, 3, 3) of readings with wrong gains and axes.
+
+    Named readings are r' = N G r: field = W (r − b) = W (N G)⁻¹ (r' − N G b), and of that matrix
+    the magnitude sees the symmetric part of its polar decomposition.
+    """
+    bias, matrix = bias.copy(), matrix.copy()
+    for k in np.flatnonzero(faults != ""):
+        change = _draw_change(faults[k], int(board[k]))
+        bias[k] = change @ bias[k]
+        wrong = matrix[k] @ np.linalg.inv(change)
+        values, vectors = np.linalg.eigh(wrong.T @ wrong)
+        matrix[k] = vectors * np.sqrt(values) @ vectors.T
+    return bias, matrix
+
+
+def _draw_change(fault: str, board: int) -> Array:
+    """The matrix N G from the readings of a board to those that its log names, (3, 3)."""
+    return np.asarray(draw_naming(fault, board) @ np.diag(draw_gain(fault, board)))
+
+
 @dataclass(frozen=True)
 class Fault:
     """What a fault makes of the readings (m, 3) of a board and of their noise."""
@@ -85,7 +110,7 @@ class Fault:
     fault: str
 
     def __call__(self, raw: Array, noise: Array, board: int) -> tuple[Array, Array]:
-        change = draw_naming(self.fault, board) @ np.diag(draw_gain(self.fault, board))
+        change = _draw_change(self.fault, board)
         raw, noise = raw @ change.T, noise @ change.T
         hurt = _READINGS.get(self.fault)
         return (raw, noise) if hurt is None else hurt(raw, noise, _make_generator(board))

@@ -18,8 +18,7 @@ from agonic.fleet.simulation.faults import (
     DAMAGED,
     SWAPPED,
     Fault,
-    draw_gain,
-    draw_naming,
+    apply_faults,
 )
 from agonic.simulation.turnings import make_pushes, make_turnings
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -261,7 +260,7 @@ def _make_truth(
         [f"{name}-{turn}" for name, turn in zip(names[board], round_, strict=True)], dtype=object
     )
     bias = boards.bias[board] + boards.slope[board] * (mean_C - 25.0)[:, None]
-    bias, matrix = _rename_axes(boards, board, bias)
+    bias, matrix = apply_faults(boards.fault[board], board, bias, boards.matrix[board])
     table: dict[str, NDArray[Any]] = {
         "source": source,
         "sensor": names[board],
@@ -287,23 +286,3 @@ _GROUPS = {
     **dict.fromkeys(SWAPPED, "swapped"),
     **dict.fromkeys(DAMAGED, "damaged"),
 }
-
-
-def _rename_axes(boards: Boards, board: Index, bias: Array) -> tuple[Array, Array]:
-    """Bias and symmetric matrix of readings with wrong gains and wrongly named axes.
-
-    Named readings are r' = N G r: field = W (r − b) = W (N G)⁻¹ (r' − N G b), and of that matrix
-    the magnitude sees the symmetric part of its polar decomposition.
-    """
-    bias, matrix = bias.copy(), boards.matrix[board].copy()
-    for k in np.flatnonzero(boards.fault[board] != ""):
-        fault, of = boards.fault[board[k]], int(board[k])
-        change = draw_naming(fault, of) @ np.diag(draw_gain(fault, of))
-        bias[k] = change @ bias[k]
-        values, vectors = np.linalg.eigh(_square(matrix[k] @ np.linalg.inv(change)))
-        matrix[k] = vectors * np.sqrt(values) @ vectors.T
-    return bias, matrix
-
-
-def _square(matrix: Array) -> Array:
-    return np.asarray(matrix.T @ matrix)

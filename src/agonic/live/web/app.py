@@ -7,6 +7,7 @@ import hmac
 import time
 from collections.abc import Callable
 from importlib.resources import files
+from threading import Thread
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -25,12 +26,11 @@ from agonic.live.web.messages import (
     PageRequest,
     Restart,
     Status,
-    Write,
     encode,
     encode_points,
     parse_request,
 )
-from agonic.live.web.session import Session, run_in_background
+from agonic.live.web.session import Session
 from agonic.live.web.view import MOST
 from agonic.maths.equation.coverage import icosphere
 from agonic.report.page_file import read_static as of_report
@@ -195,14 +195,14 @@ async def _listen(websocket: WebSocket, session: Session) -> None:
 
 
 def _do(what: PageRequest, session: Session) -> None:
-    if isinstance(what, Accept):
-        run_in_background(session.accept)
-    elif isinstance(what, Restart):
+    """What a page asks for, beside the server where it takes a while."""
+    if isinstance(what, Restart):
         session.restart(what.sensor)
-    elif isinstance(what, Offer):
-        run_in_background(lambda: session.offer(what.sensor))
-    elif isinstance(what, Write):
-        run_in_background(lambda: session.write(what.sensor))
+    elif isinstance(what, Accept):
+        Thread(target=session.accept, daemon=True).start()
+    else:
+        work = session.offer if isinstance(what, Offer) else session.write
+        Thread(target=work, args=[what.sensor], daemon=True).start()
 
 
 def make_hello(session: Session) -> Hello:

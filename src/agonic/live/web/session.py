@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from agonic.atomic import make_folder
@@ -110,7 +110,9 @@ class Session:
             self.accept()
         try:
             if sensor:
-                changes, warnings = self._device().changes(self._result(sensor).fit.calibration)
+                changes, warnings = self._device().changes(
+                    self._find_result(sensor).fit.calibration
+                )
                 listed = [Setting(c.name, c.old, c.new) for c in changes]
                 offered = (sensor, listed, ". ".join(warnings))
             trouble = ""
@@ -130,7 +132,7 @@ class Session:
             self._changed()
         try:
             changes = [Change(one.name, one.old, one.new) for one in listed]
-            read = self._device().write(changes, self._result(sensor).fit.calibration)
+            read = self._device().write(changes, self._find_result(sensor).fit.calibration)
             listed = [Setting(one.name, one.old, one.new, read.get(one.name)) for one in listed]
             says = describe_read_back(listed)
         except (AgonicError, OSError) as error:
@@ -145,7 +147,7 @@ class Session:
             raise AgonicError("nothing can be written to this source")
         return device
 
-    def _result(self, sensor: str) -> Calibrated:
+    def _find_result(self, sensor: str) -> Calibrated:
         for result in self.results:
             if result.samples.name == sensor and result.verdict != "refused":
                 return result
@@ -295,8 +297,3 @@ class Session:
 
     def _changed(self) -> None:
         self._version += 1
-
-
-def run_in_background(work: Callable[[], object]) -> None:
-    """Do something that takes a while beside the server."""
-    threading.Thread(target=work, daemon=True).start()
