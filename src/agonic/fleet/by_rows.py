@@ -57,7 +57,9 @@ def calibrate_by_rows(
 def _make_row(
     outcome: Calibrated | Exception, samples: Samples, name: str, known: Mapping[str, Any]
 ) -> Row:
-    told = {key: value for key, value in known.items() if key != "channel"}
+    known = {key: value for key, value in known.items() if key != "channel"}
     if isinstance(outcome, Calibrated):
-        return make_row(outcome, sensor=name, **told)
-    return make_refused_row(explain(outcome, told["source"]), sensor=name, samples=samples, **told)
+        return make_row(outcome, sensor=name, **known)
+    return make_refused_row(
+        explain(outcome, known["source"]), sensor=name, samples=samples, **known
+    )

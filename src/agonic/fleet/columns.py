@@ -27,7 +27,7 @@ _HEADING_LEAST_DEG = 2.0  # a finding begins there
 def make_columns(
     fits: Fits, grouped: Grouped, *, unit: str, scaled: bool, inclination_deg: float, **known: Any
 ) -> Columns:
-    """The columns of n sensors that moments taught, in their order.
+    """The columns of n sensors fitted to moments, in their order.
 
     `unit` is that of the readings, `scaled` whether the magnitude was known; `known` are columns
     that are the same for all.

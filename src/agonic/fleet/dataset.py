@@ -73,7 +73,7 @@ def calibrate_dataset(
     engine : where sensors are calibrated by their rows; without, processes of this machine.
     progress : is told the stage, and how many of how many sensors are done.
 
-    Returns the table; `method` is "adjusted" where moments taught the result. A file that is
+    Returns the table; `method` is "adjusted" where the result is from moments. A file that is
     damaged is a row of its own. Raises `LogError` where there is no dataset.
 
     Source: adjusted least squares (Markovsky, Kukush & Van Huffel 2004); DuckDB for the sums.

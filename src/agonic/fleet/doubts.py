@@ -60,7 +60,7 @@ def find_doubts(
             "noise": ~(relative < NOISE),
             "prior": ~(_compute_pull(fits) < PULL),
             "model": near.any(axis=1),
-            "strays": (residuals.largest.max(axis=1) > limit * relative)
+            "outliers": (residuals.largest.max(axis=1) > limit * relative)
             | (residuals.fourths.sum(axis=1) > KURTOSIS * count * relative**4),
             "changed": ~(_compute_changes(residuals) < CHANGED),
             "clipping": grouped.at_ends > np.maximum(12, AT_ENDS * count),

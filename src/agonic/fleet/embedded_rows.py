@@ -126,8 +126,8 @@ def _join_lines(texts: Iterable[str]) -> bytes:
 
 def _round(values: Array) -> bytes:
     """float32, rounded to what is shown, so that it deflates."""
-    held = np.clip(values, -_LARGEST, _LARGEST)  # a refused fit may be without bounds
-    bits = held.astype("<f4").view("<u4")
+    bounded = np.clip(values, -_LARGEST, _LARGEST)  # a refused fit may be without bounds
+    bits = bounded.astype("<f4").view("<u4")
     near = ((bits + (np.uint32(1) << (_DROPPED - np.uint32(1)))) >> _DROPPED) << _DROPPED
     return _split_bytes(np.where(np.isfinite(values), near, bits).astype("<u4"))
 

@@ -48,7 +48,7 @@ def describe_group(
 
 _USUAL = (
     "The line is the centre of the sensors and the band their spread, both estimated so that "
-    "strays do not count, each sensor once, the errors of the fits taken out. Choose bars to see "
+    "outliers do not count, each sensor once, the errors of the fits taken out. Choose bars to see "
     "their calibrations in the table."
 )
 

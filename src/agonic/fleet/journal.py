@@ -85,7 +85,7 @@ class Journal:
             for statement in _TABLES.split(";"):
                 self._db.execute(statement)
         except sqlite3.Error as error:
-            raise self._told(error) from None
+            raise self._explain(error) from None
 
     def __enter__(self) -> Self:
         return self
@@ -103,9 +103,9 @@ class Journal:
             except sqlite3.Error as failed:
                 error = failed
         if isinstance(error, sqlite3.Error):
-            raise self._told(error) from None
+            raise self._explain(error) from None
 
-    def _told(self, error: sqlite3.Error) -> AgonicError:
+    def _explain(self, error: sqlite3.Error) -> AgonicError:
         """What is wrong with the file, and what helps."""
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         return AgonicError(f"{self._path}: {_WRONG.get(code, _NONE).format(error)}")

@@ -88,7 +88,7 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
 
     Sizes of walk and scatter are not known, for standard errors of calibrations say nothing of
     what happens between days. They are averaged over with the restricted likelihood, so that few
-    calibrations give wide bands. A step, a calibration astray, or a last one that lies off what the
+    calibrations give wide bands. A step, an outlier, or a last one that lies off what the
     earlier ones predict, is one where chance makes any in the whole history in less than 1 %.
 
     Parameters
@@ -150,11 +150,13 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
     found = find_change_points(many, CHANCE)
     trends = []
     for number, k in enumerate(known):
-        held = join_design(many[number], found, number)
+        series = join_design(many[number], found, number)
         own = tuple(s for s in found if s.outlier or number in s.where)
         value, sd = of.values[:, k], of.sd[:, k]
         trends.append(
-            make_trend(NAMES[k], of.units[k], time, value, sd, held, compute_posterior(held), own)
+            make_trend(
+                NAMES[k], of.units[k], time, value, sd, series, compute_posterior(series), own
+            )
         )
     units = [of.units[k] for k in known]
     names = [NAMES[k] for k in known]
@@ -173,10 +175,12 @@ def _make_event(
     others = [s for s in found if s is not shift]
     moved = []
     for k in shift.where:
-        belief = estimate_size(join_design(many[k], others, k), shift)
-        last = belief.beta.shape[-1] - 1
+        posterior = estimate_size(join_design(many[k], others, k), shift)
+        last = posterior.beta.shape[-1] - 1
         moved.append(
-            ParameterChange(names[k], units[k], float(belief.mean(last)), float(belief.sd(last)))
+            ParameterChange(
+                names[k], units[k], float(posterior.mean(last)), float(posterior.sd(last))
+            )
         )
     kind = "step" if not shift.outlier else "last" if shift.place == len(time) - 1 else "stray"
     after = _make_date(time[shift.place - (0 if kind == "stray" else 1)])
@@ -242,7 +246,7 @@ def _describe_event(event: Event, n: int) -> Finding:
             "check",
             f"the last calibration, of {event.before:%Y-%m-%d}, lies off what the earlier ones "
             f"predict: {moved}",
-            "calibrate once more: a step stays, a stray does not",
+            "calibrate once more: a step stays, an outlier does not",
         )
     if event.kind == "stray":
         return Finding(

@@ -33,7 +33,7 @@ class Trend:
     `time` (n,) in seconds since 1970, `value` and `sd` (n,) as calibrated. `slope` and `slope_sd`
     are a year's; `p_value` how often chance makes such a slope. `scatter` is what calibrations
     differ by beyond their standard errors, `walk` how far the parameter wanders in a year, both
-    as root mean squares of what is believed.
+    as root mean squares over the posterior.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Trend:
     scatter: float
     walk: float
     series: Series
-    belief: Posterior
+    posterior: Posterior
     shifts: tuple[ChangePoint, ...]
 
     def at(self, time: Array) -> Band:
@@ -57,11 +57,11 @@ class Trend:
         """
         order = np.argsort(time, kind="stable")
         mean, variance = predict(
-            self.series, self.belief, self._scaled(time)[order], self._design(time)[:, order]
+            self.series, self.posterior, self._scaled(time)[order], self._design(time)[:, order]
         )
         usual = float(np.median(self.series.variance))
-        more = variance + self.belief.scatter[:, None] ** 2 + usual
-        weight = self.belief.weight
+        more = variance + self.posterior.scatter[:, None] ** 2 + usual
+        weight = self.posterior.weight
         back = np.argsort(order, kind="stable")
         centre, sd = mix_normals(weight, mean.T, variance.T)
         _, wide = mix_normals(weight, mean.T, more.T)
@@ -102,18 +102,18 @@ def make_trend(
     time: Array,
     value: Array,
     sd: Array,
-    held: Series,
-    belief: Posterior,
+    series: Series,
+    posterior: Posterior,
     shifts: tuple[ChangePoint, ...],
 ) -> Trend:
-    """The trend of a series, with what is believed of it and the shifts in its design."""
+    """The trend of a series, with its posterior and the change points in its design."""
     years = float(time[-1] - time[0]) / YEAR_S
     figures: dict[str, Any] = {
-        "slope": float(belief.mean(1)) / years,
-        "slope_sd": float(belief.sd(1)) / years,
-        "p_value": float(belief.p_value(1)),
-        "scatter": float(belief.size("scatter")),
-        "walk": float(belief.size("walk")) / np.sqrt(years),
+        "slope": float(posterior.mean(1)) / years,
+        "slope_sd": float(posterior.sd(1)) / years,
+        "p_value": float(posterior.p_value(1)),
+        "scatter": float(posterior.size("scatter")),
+        "walk": float(posterior.size("walk")) / np.sqrt(years),
     }
     return Trend(
         name=name,
@@ -121,8 +121,8 @@ def make_trend(
         time=time,
         value=value,
         sd=sd,
-        series=held,
-        belief=belief,
+        series=series,
+        posterior=posterior,
         shifts=shifts,
         **figures,
     )

@@ -80,7 +80,7 @@ def _describe_turn(turn: Array) -> str:
 
 
 def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array:
-    """The direction that teaches most for the turn it takes, with what is read on the way."""
+    """The direction that tells the fit most for the turn it takes, with what is read on the way."""
     centres = cells.icosphere()[0]
     along, length = next_turn.draw_great_circles(present, centres)
     gains = next_turn.compute_gains(

@@ -1,6 +1,6 @@
 """Readings wait before they are let in: near iron is noticed only when it is already near.
 
-Blocks of readings are held against the fit to those before them. A block that is off it is kept
+Blocks of readings are compared with the fit to those before them. A block that is off it is kept
 out, and so is all that came within `WAIT_S` before and after it, when the iron was further off.
 """
 

@@ -101,16 +101,16 @@ def _group_tables(
     tables: Iterable[Mapping[str, NDArray[Any]]],
 ) -> Iterator[Mapping[str, NDArray[Any]]]:
     """Tables joined to such as fill a row group."""
-    held: list[Mapping[str, NDArray[Any]]] = []
+    waiting: list[Mapping[str, NDArray[Any]]] = []
     rows = 0
     for table in tables:
-        held.append(table)
+        waiting.append(table)
         rows += len(next(iter(table.values())))
         if rows >= ROW_GROUP:
-            yield _join(held)
-            held, rows = [], 0
-    if held:
-        yield _join(held)
+            yield _join(waiting)
+            waiting, rows = [], 0
+    if waiting:
+        yield _join(waiting)
 
 
 def _join(tables: list[Mapping[str, NDArray[Any]]]) -> Mapping[str, NDArray[Any]]:

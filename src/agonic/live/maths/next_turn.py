@@ -1,4 +1,4 @@
-"""The turn that teaches a magnitude fit most, and how to make it."""
+"""The turn that tells a magnitude fit most, and how to make it."""
 
 from __future__ import annotations
 
