@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.calibration.affine import Affine
 from agonic.maths.equation import coverage as kernel
 
 
@@ -30,17 +31,18 @@ class Coverage:
     turns: str = ""
 
 
-def cover(
-    cells: NDArray[np.int64],
-    magnitude: float,
-    bias: Array,
-    matrix: Array,
-    covariance: Array,
-    *,
-    gauge: str = "symmetric",
-    inclination_deg: float = 60.0,
+def compute_coverage(
+    calibration: Affine, cells: NDArray[np.int64], inclination_deg: float = 60.0
 ) -> Coverage:
-    """The coverage of a calibration whose readings fell into `cells`, (80,) counts."""
+    """The coverage of a calibration whose readings fell into `cells`, (80,) counts.
+
+    Parameters: a calibration with magnitude and covariance; `inclination_deg` the dip at which the
+    heading's standard error is stated.
+    """
+    magnitude, covariance = calibration.magnitude, calibration.covariance
+    assert magnitude is not None
+    assert covariance is not None
+    bias, matrix, gauge = calibration.bias, calibration.matrix, calibration.gauge
     centres = kernel.icosphere()[0]
     spread = kernel.field_covariance(centres, magnitude, bias, matrix, covariance, gauge)
     field_sd = np.sqrt(np.linalg.eigvalsh(spread)[:, -1])

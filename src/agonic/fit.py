@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
-from agonic.health import Finding, Judged
+from agonic.health import Evidence, Finding, Judged, figure, sort_findings
+from agonic.samples import Samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,3 +89,54 @@ class Fit(Estimated):
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     remarks: tuple[str, ...] = ()
+
+    def with_findings(self, *more: Finding | None) -> Fit:
+        """The fit with further findings, refusals first; a refused fit boasts of no accuracy."""
+        fit = replace(self, findings=sort_findings((*self.findings, *more)))
+        return replace(fit, remarks=()) if fit.verdict == "refused" else fit
+
+
+def describe_accuracy(
+    bias_sd: float, unit: str, heading_sd_deg: float, inclination_deg: float
+) -> str:
+    """How well the result is known, in words."""
+    return (
+        f"bias known to {figure(bias_sd)} {unit}, a level heading to "
+        f"{figure(heading_sd_deg)}° at {inclination_deg:.0f}° dip"
+    )
+
+
+def gather_evidence(
+    fit: Fit,
+    calibration: Affine,
+    samples: Samples,
+    readings: Array,
+    normals: Array,
+    usable: Mask,
+    known_radius: float | None,
+) -> Evidence:
+    """What a fit leaves to be examined, of the usable rows.
+
+    Parameters: the calibration with sources on board at their mean; readings (n, 3) without what
+    sources add, and the normals (n, 3) of its ellipsoid at them; usable (n,); the radius of the
+    readings, in their unit, as far as it is known beforehand.
+    """
+    assert fit.residuals is not None
+    assert fit.weights is not None
+    assert calibration.magnitude is not None
+    gain = float(np.trace(calibration.matrix) / 3)
+    rows = slice(None) if usable.all() else usable  # a slice copies nothing
+    return Evidence(
+        readings=readings[rows],
+        time=None if samples.time is None else samples.time[rows],
+        residuals=fit.residuals[rows],
+        weights=fit.weights[rows],
+        normals=normals[rows],
+        bias=calibration.bias,
+        shape=calibration.matrix / gain,
+        radius=calibration.magnitude / gain,
+        noise=fit.noise,
+        coverage=fit.coverage,
+        known_radius=known_radius,
+        unit=samples.unit,
+    )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.ellipsoid import against_gravity, fit_ellipsoid
+from agonic.ellipsoid import check_by_gravity, fit_ellipsoid
 from agonic.health import check_axes
 from agonic.maths.rotations.mounting import right_angles, vertical_misfit
 from agonic.simulation import simulate, simulate_vehicle
@@ -112,7 +112,7 @@ def test_no_alarm_where_the_vehicle_manoeuvres() -> None:
             except ag.errors.AgonicError:
                 continue
             checked += fit.verdict != "refused"
-            told_now = against_gravity(fit, samples, None)
+            told_now = check_by_gravity(fit, samples, None)
             assert "axes" not in [finding.name for finding in told_now.findings]
     assert checked > 8
 

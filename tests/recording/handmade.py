@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
-from agonic.coverage import cover
+from agonic.coverage import compute_coverage
 from agonic.fit import Fit, ModelTest
 from agonic.maths.equation import affine
 from agonic.maths.equation.coverage import count_visits
@@ -76,7 +76,7 @@ def fit_of(samples: Samples, **changed: Any) -> Fit:
         "condition": 12.0,
         "iterations": 5,
         "converged": True,
-        "coverage": cover(seen, FIELD, BIAS, MATRIX, covariance, inclination_deg=INCLINATION),
+        "coverage": compute_coverage(calibration, seen, INCLINATION),
         "tests": (
             ModelTest(
                 smaller="diagonal",

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.equation.coverage import field_covariance, icosphere
-from agonic.maths.equation.likelihood import Problem, parameters, pieces
+from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.estimation import leastsq
 from agonic.simulation import Simulated, simulate
 
@@ -32,13 +33,13 @@ SIZES = ((300, 60), (3_000, 60), (30_000, 40), (300_000, 12))
 
 def truth(made: Simulated) -> Array:
     """The nine parameters that the fit should find."""
-    return parameters(made.truth.bias, made.truth.matrix, "full")
+    return nearest_parameters(made.truth.bias, made.truth.matrix, BASIS)
 
 
 def fitted(made: Simulated, noise_sd: float) -> Array:
     """The nine parameters of a fit whose residual is corrected for `noise_sd`."""
     problem = Problem(np.array(made.samples.field), np.array([MAGNITUDE]), "full", None)
-    blocks = pieces(problem, noise_sd)
+    blocks = pieces(problem, "magnitude", noise_sd)
     return leastsq.solve(blocks, truth(made), scale=NOISE, tolerance=1e-2).params
 
 

@@ -10,10 +10,11 @@ at the truth, without prior, with the noise level known, so that nothing but the
 from __future__ import annotations
 
 import numpy as np
-from noise_correction import MAGNITUDE, NOISE, bound
+from noise_correction import MAGNITUDE, NOISE, bound, truth
 
-from agonic.maths.equation.likelihood import Problem, noise_of, parameters, pieces
+from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import estimate_noise
 from agonic.simulation import Simulated, simulate, with_outliers
 
 N, DRAWS, SHARES = 1_000, 300, (0.0, 0.001, 0.05)
@@ -29,11 +30,11 @@ LOSSES = {
 def squared_error(made: Simulated, loss: leastsq.Loss | None) -> float:
     """Squared length of the bias error, nT², of a fit with this loss (None: chosen by the rule)."""
     problem = Problem(np.array(made.samples.field), np.array([MAGNITUDE]), "full", None)
-    start = parameters(made.truth.bias, made.truth.matrix, "full")
-    blocks = pieces(problem, NOISE)
+    start = truth(made)
+    blocks = pieces(problem, "magnitude", NOISE)
     if loss is None:
         residuals = np.concatenate([r for r, _ in blocks(start)])
-        loss = noise_of(residuals, True, len(start)).loss
+        loss = estimate_noise(residuals, True, len(start)).loss
     solution = leastsq.solve(blocks, start, scale=NOISE, loss=loss, tolerance=1e-2)
     return float(((solution.params[:3] - made.truth.bias) ** 2).sum())
 

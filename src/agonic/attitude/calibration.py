@@ -1,4 +1,4 @@
-"""From the kernel's parameters back to a calibration in the units of the readings."""
+"""From the parameters of the estimate back to a calibration in the units of the readings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.calibration.interference import Interference, signals
 from agonic.maths.equation.affine import FREE, model_basis, split
-from agonic.maths.equation.attitude_aided import Estimate, Problem
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.provenance import Provenance
 from agonic.samples import Samples
@@ -26,7 +27,7 @@ Numbers = NDArray[Any]  # real, or complex to differentiate
 _STEP = 1e-30  # of a complex step: its square is nothing beside one, so derivatives are exact
 
 
-def calibration(
+def make_calibration(
     estimate: Estimate,
     problem: Problem,
     scale: Scale,
@@ -40,18 +41,18 @@ def calibration(
     m = problem.basis.shape[1]
 
     def numbers(params: Numbers) -> Numbers:
-        bias, matrix, slopes = _physical(params, problem, scale)
+        bias, matrix, slopes = _in_units(params, problem, scale)
         bias = bias - slopes @ scale.middle
         if mixed:
             bias, matrix, slopes = _of_readings(bias, matrix, slopes, settings.sources)
         return np.concatenate([bias, _entries(matrix, gauge), slopes.ravel()])
 
-    found, covariance = _moved(numbers, estimate)
+    found, covariance = _propagate(numbers, estimate)
     size = model_basis("full", gauge).shape[1]
     plain = _affine(found[:size], gauge, covariance[:size, :size], estimate, scale, samples)
     facts = {f.name: getattr(plain, f.name) for f in fields(Affine)} | {
         "model": problem.model,
-        "frame_out": "b" if problem.down is not None else samples.frame,
+        "frame_out": "b" if problem.dip is not None else samples.frame,
         "provenance": Provenance(
             inputs=(samples.origin,),
             settings={"fit": name, **settings.recorded()},
@@ -60,7 +61,7 @@ def calibration(
     }
     if m == len(estimate.solution.params):
         return Affine(**facts)
-    grown = _stretched(covariance, found, size, scale)
+    grown = _add_magnitude_sd(covariance, found, size, scale)
     slopes = found[size:].reshape(3, -1)
     return Interference(
         **facts | {"covariance": grown},
@@ -70,14 +71,16 @@ def calibration(
     )
 
 
-def effective(estimate: Estimate, problem: Problem, scale: Scale, samples: Samples) -> Affine:
+def make_mean_calibration(
+    estimate: Estimate, problem: Problem, scale: Scale, samples: Samples
+) -> Affine:
     """The affine calibration that this is while the sources stay at their mean."""
 
     def numbers(params: Numbers) -> Numbers:
-        bias, matrix, _ = _physical(params, problem, scale)
+        bias, matrix, _ = _in_units(params, problem, scale)
         return np.concatenate([bias, _entries(matrix, problem.gauge)])
 
-    found, covariance = _moved(numbers, estimate)
+    found, covariance = _propagate(numbers, estimate)
     return _affine(found, problem.gauge, covariance, estimate, scale, samples)
 
 
@@ -88,7 +91,7 @@ def _affine(
     return Affine(
         bias=bias,
         matrix=matrix,
-        covariance=_stretched(covariance, found, len(found), scale),
+        covariance=_add_magnitude_sd(covariance, found, len(found), scale),
         unit_in=samples.unit,
         unit_out="nT",
         gauge=gauge,
@@ -102,7 +105,7 @@ def _affine(
     )
 
 
-def _physical(params: Numbers, problem: Problem, scale: Scale) -> tuple[Numbers, Numbers, Numbers]:
+def _in_units(params: Numbers, problem: Problem, scale: Scale) -> tuple[Numbers, Numbers, Numbers]:
     """Bias at the mean of the sources, matrix, and slopes (3, k), in the units of the readings."""
     m = problem.basis.shape[1]
     bias, matrix = split(problem.basis @ params[:m])
@@ -129,15 +132,15 @@ def _entries(matrix: Numbers, gauge: str) -> Numbers:
     return np.concatenate([entries, matrix[[1, 2, 2], [0, 0, 1]]]) if gauge == FREE else entries
 
 
-def _moved(numbers: Callable[[Numbers], Numbers], estimate: Estimate) -> tuple[Array, Array]:
-    """A function of the kernel's parameters and the covariance of its values."""
+def _propagate(numbers: Callable[[Numbers], Numbers], estimate: Estimate) -> tuple[Array, Array]:
+    """A function of the estimate's parameters and the covariance of its values."""
     params = estimate.solution.params
     steps = params + 1j * _STEP * np.eye(len(params))
     change = np.stack([numbers(step).imag / _STEP for step in steps], axis=1)
     return numbers(params + 0j).real, change @ estimate.solution.covariance @ change.T
 
 
-def _stretched(covariance: Array, found: Array, size: int, scale: Scale) -> Array:
+def _add_magnitude_sd(covariance: Array, found: Array, size: int, scale: Scale) -> Array:
     """The covariance with what the uncertain magnitude of the reference adds to the matrix."""
     stretch = np.zeros(len(found))
     stretch[3:size] = found[3:size] * scale.sd / scale.magnitude

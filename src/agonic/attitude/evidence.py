@@ -1,4 +1,4 @@
-"""What a fit taught by the attitude rests on: residuals by kind, coverage, findings, remarks."""
+"""What an attitude-aided fit rests on: residuals by kind, coverage, findings, remarks."""
 
 from __future__ import annotations
 
@@ -8,24 +8,29 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.attitude import calibration
+from agonic.attitude.calibration import make_mean_calibration
 from agonic.attitude.problem import Scale
 from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
-from agonic.coverage import Coverage, cover
-from agonic.fit import Channel, Fit, ModelTest
+from agonic.coverage import Coverage, compute_coverage
+from agonic.fit import Channel, Fit, ModelTest, describe_accuracy, gather_evidence
 from agonic.health import (
     Evidence,
     Finding,
     check_mounting,
     check_scale,
-    examine_attitude_aided,
+    examine,
     figure,
     inspect,
-    sort_findings,
 )
-from agonic.maths.equation import attitude_aided
+from agonic.maths.equation.channels import (
+    Problem,
+    compute_distances,
+    compute_residuals,
+    field_of_terms,
+)
 from agonic.maths.equation.coverage import count_visits
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
 
@@ -39,10 +44,10 @@ HALF_DEG = 150
 LEVEL_TILT_DEG = 20.0
 
 
-def with_evidence(
+def assess(
     affine: Affine,
-    estimate: attitude_aided.Estimate,
-    problem: attitude_aided.Problem,
+    estimate: Estimate,
+    problem: Problem,
     scale: Scale,
     samples: Samples,
     usable: Mask,
@@ -51,9 +56,9 @@ def with_evidence(
 ) -> Fit:
     """The fit with residuals of every row, coverage, findings and remarks."""
     weights = np.zeros(len(samples))
-    weights[usable] = estimate.weight
-    plain = calibration.effective(estimate, problem, scale, samples)
-    cleaned = samples.field - attitude_aided.added(problem, estimate.solution.params) * scale.size
+    weights[usable] = estimate.weights
+    plain = make_mean_calibration(estimate, problem, scale, samples)
+    cleaned = samples.field - field_of_terms(problem, estimate.solution.params) * scale.size
     coverage = _coverage(plain, cleaned, weights > 0, problem, settings)
     channels = _channels(estimate, problem, scale.size)
     fit = Fit(
@@ -70,21 +75,19 @@ def with_evidence(
         channels=channels,
         tests=tests,
     )
-    evidence = _evidence(fit, plain, cleaned, problem, estimate.solution.params, samples, usable)
+    magnitude = problem.magnitude * scale.magnitude
+    _, normals = compute_distances(cleaned, plain.bias, plain.matrix, magnitude)
+    evidence = gather_evidence(fit, plain, samples, cleaned, normals, usable, plain.magnitude)
     tilt_sd = _tilt_sd_deg(channels, evidence.radius)
     found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd)
-    fit = replace(fit, findings=found)
-    said = _remarks(fit, tilt_sd, problem)
-    return fit if fit.verdict == "refused" else replace(fit, remarks=said)
+    return replace(fit, remarks=_remarks(fit, tilt_sd, problem)).with_findings(*found)
 
 
-def _channels(
-    estimate: attitude_aided.Estimate, problem: attitude_aided.Problem, size: float
-) -> dict[str, Channel]:
+def _channels(estimate: Estimate, problem: Problem, size: float) -> dict[str, Channel]:
     """Residuals, noise and correlation of each kind, in the unit of the readings."""
     return {
         kind: Channel(
-            residuals=attitude_aided.residuals(problem, kind, estimate.solution.params) * size,
+            residuals=compute_residuals(problem, kind, estimate.solution.params) * size,
             noise=noise.sd * size,
             correlation=noise.correlation,
         )
@@ -92,63 +95,24 @@ def _channels(
     }
 
 
-def _evidence(
-    fit: Fit,
-    plain: Affine,
-    cleaned: Array,
-    problem: attitude_aided.Problem,
-    params: Array,
-    samples: Samples,
-    usable: Mask,
-) -> Evidence:
-    """What the examination of a fit looks at: the readings without what sources added."""
-    assert plain.magnitude is not None
-    assert fit.weights is not None
-    magnitude = fit.channels["magnitude"]
-    gain = float(np.trace(plain.matrix) / 3)
-    return Evidence(
-        readings=cleaned[usable],
-        time=None if samples.time is None else samples.time[usable],
-        residuals=magnitude.residuals[usable],
-        weights=fit.weights[usable],
-        normals=attitude_aided.normals(problem, params)[usable],
-        bias=plain.bias,
-        shape=plain.matrix / gain,
-        radius=plain.magnitude / gain,
-        noise=magnitude.noise,
-        correlation=magnitude.correlation,
-        coverage=fit.coverage,
-        known_radius=plain.magnitude,
-        unit=samples.unit,
-    )
-
-
 def _coverage(
     plain: Affine,
     cleaned: Array,
-    believed: Mask,
-    problem: attitude_aided.Problem,
+    used: Mask,
+    problem: Problem,
     settings: Settings,
 ) -> Coverage:
     """Coverage and heading uncertainty with the sources at their mean, at the dip of the place."""
-    assert plain.covariance is not None
-    assert plain.magnitude is not None
     dip = settings.inclination_deg
-    if dip is None and problem.down is not None:
-        dip = float(np.degrees(np.arctan2(problem.vertical.mean(), problem.horizontal.mean())))
-    field = plain.correct(cleaned[believed])
-    coverage = cover(
-        count_visits(field),
-        plain.magnitude,
-        plain.bias,
-        plain.matrix,
-        plain.covariance,
-        gauge=plain.gauge,
-        inclination_deg=60.0 if dip is None else dip,
-    )
-    if problem.down is None:
+    if dip is None and problem.dip is not None:
+        dip = float(
+            np.degrees(np.arctan2(problem.dip.vertical.mean(), problem.dip.horizontal.mean()))
+        )
+    field = plain.correct(cleaned[used])
+    coverage = compute_coverage(plain, count_visits(field), 60.0 if dip is None else dip)
+    if problem.dip is None:
         return coverage
-    return replace(coverage, turns=turns_of_a_vehicle(field, problem.down[believed]))
+    return replace(coverage, turns=describe_turns(field, problem.dip.down[used]))
 
 
 class Seen(NamedTuple):
@@ -160,7 +124,7 @@ class Seen(NamedTuple):
     tilt_deg: float
 
 
-def seen_of(field: Array, down: Array) -> Seen:
+def find_seen(field: Array, down: Array) -> Seen:
     """The headings and the tilt of a vehicle, by field and down (n, 3) in body axes."""
     heading = heading_by_vectors_deg(field, down)
     sectors = np.unique((heading // 15).astype(np.intp) % 24)
@@ -170,16 +134,16 @@ def seen_of(field: Array, down: Array) -> Seen:
     return Seen(sectors, widest, 15 * int(gaps[widest]), tilt)
 
 
-def turns_of_a_vehicle(field: Array, down: Array) -> str:
+def describe_turns(field: Array, down: Array) -> str:
     """The headings and the tilt that a vehicle would have to add.
 
-    Parameters: field and down (n, 3) in body axes, of the readings that were believed.
+    Parameters: field and down (n, 3) in body axes, of the readings that count.
 
     >>> level = np.tile([0.0, 0.0, 1.0], (2, 1))
-    >>> turns_of_a_vehicle(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)
+    >>> describe_turns(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)
     'turn through all headings (seen: 0° to 105°), and bank and pitch by 20° or more on the way'
     """
-    seen = seen_of(field, down)
+    seen = find_seen(field, down)
     said = []
     if seen.gap_deg > WIDEST_GAP_DEG:
         first = 15 * seen.sectors[(seen.widest + 1) % len(seen.sectors)]
@@ -190,14 +154,14 @@ def turns_of_a_vehicle(field: Array, down: Array) -> str:
     return ", and ".join(said)
 
 
-def _half_seen(e: Evidence, problem: attitude_aided.Problem, cleaned: Array) -> Finding | None:
+def _half_seen(e: Evidence, problem: Problem, cleaned: Array) -> Finding | None:
     """A level vehicle that never turned half of the way: bias and soft iron look the same there.
 
-    What is stated then is mostly the prior's word, whatever the standard error says.
+    What is stated then is mostly the prior, whatever the standard error says.
     """
-    if problem.down is None or "azimuth" in problem.kinds:
+    if problem.dip is None or "azimuth" in problem.channels:
         return None
-    seen = seen_of((cleaned - e.bias) @ e.shape.T, problem.down)
+    seen = find_seen((cleaned - e.bias) @ e.shape.T, problem.dip.down)
     if seen.gap_deg < HALF_DEG or seen.tilt_deg >= LEVEL_TILT_DEG:
         return None
     return Finding(
@@ -228,22 +192,23 @@ def _heading_sd_deg(evidence: Evidence, channels: dict[str, Channel]) -> float |
 def _findings(
     samples: Samples,
     evidence: Evidence,
-    problem: attitude_aided.Problem,
+    problem: Problem,
     cleaned: Array,
     channels: dict[str, Channel],
     tilt_sd: float | None,
 ) -> tuple[Finding, ...]:
-    """What is wrong with readings and fit, refusals first; one cause is not reported twice."""
+    """What is wrong with readings and fit; one cause is not reported twice."""
     seen = inspect(samples)
     if any(finding.severity == "refuse" for finding in seen):
         return seen
-    misplaced = None if problem.down is None else check_mounting(cleaned, problem.down)
+    misplaced = None if problem.dip is None else check_mounting(cleaned, problem.dip.down)
     if misplaced is not None:
         return (misplaced, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
-    examined = (f for f in examine_attitude_aided(evidence) if half is None or f.name != half.name)
-    found = [*seen, *filter(None, (check_scale(gain, samples.unit), half)), *examined]
+    examined = examine(evidence, attitude_aided=True)
+    found = [*seen, *filter(None, (check_scale(gain, samples.unit), half))]
+    found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(
             Finding(
@@ -265,22 +230,25 @@ def _findings(
                 "check the heading, its unit and its zero, or fit without it (levelled)",
             )
         )
-    return sort_findings(found)
+    return tuple(found)
 
 
-def _remarks(fit: Fit, tilt_sd: float | None, problem: attitude_aided.Problem) -> tuple[str, ...]:
+def _remarks(fit: Fit, tilt_sd: float | None, problem: Problem) -> tuple[str, ...]:
     """How good the result is, in words."""
     said = [
-        f"bias known to {figure(float(fit.sd[:3].max()))} {fit.calibration.unit_in}, a level "
-        f"heading to {figure(fit.coverage.heading_sd_deg)}° at "
-        f"{fit.coverage.inclination_deg:.0f}° dip",
+        describe_accuracy(
+            float(fit.sd[:3].max()),
+            fit.calibration.unit_in,
+            fit.coverage.heading_sd_deg,
+            fit.coverage.inclination_deg,
+        ),
         *(test.sentence for test in fit.tests),
     ]
     if tilt_sd:
         said.append(f"roll and pitch are good to {figure(tilt_sd)}° by the field's dip")
     if (
-        "azimuth" not in problem.kinds
-        and "dip" in problem.kinds
+        "azimuth" not in problem.channels
+        and "dip" in problem.channels
         and fit.calibration.gauge != "free"
     ):
         said.append(

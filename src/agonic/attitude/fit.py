@@ -1,19 +1,21 @@
-"""From samples to a `Fit` taught by the attitude: the choice of gauge, the estimate, the fit."""
+"""From samples to a `Fit` aided by attitude: the choice of gauge, the estimate, the fit."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from agonic.arrays import Mask
-from agonic.attitude import calibration
-from agonic.attitude.evidence import with_evidence
+from agonic.attitude.calibration import make_calibration
+from agonic.attitude.evidence import assess
 from agonic.attitude.problem import normalise
 from agonic.attitude.settings import Settings
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
 from agonic.health import FEWEST, figure, find_usable_rows
-from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import FREE, SYMMETRIC
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import Estimate, estimate
+from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -22,14 +24,14 @@ TURN_SIGNIFICANT = 1e-4
 """A turn between sensor and vehicle is kept when chance would make it this seldom."""
 
 
-def fitted(
+def fit_channels(
     samples: Samples,
     reference: Reference,
-    kinds: tuple[str, ...],
+    channels: tuple[str, ...],
     settings: Settings,
     name: str,
 ) -> Fit:
-    """The fit of a calibration to the kinds of residual that are known; `name` is for the record.
+    """The fit of a calibration to the channels that are known; `name` is for the record.
 
     Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
     of the fit where the readings ask for it. A known heading determines it; the magnitude alone
@@ -44,17 +46,17 @@ def fitted(
         )
     gauge: str = settings.gauge
     if gauge == "auto":
-        gauge = SYMMETRIC if "dip" not in kinds else FREE
-    problem, scale = normalise(samples, reference, kinds, gauge, settings)
-    estimate = _estimated(problem, usable, settings)
+        gauge = SYMMETRIC if "dip" not in channels else FREE
+    problem, scale = normalise(samples, reference, channels, gauge, settings)
+    found = _estimate(problem, usable, settings)
     tests: tuple[ModelTest, ...] = ()
-    if settings.gauge == "auto" and "dip" in kinds and "azimuth" not in kinds:
-        tests = (_turn_test(problem, estimate),)
+    if settings.gauge == "auto" and "dip" in channels and "azimuth" not in channels:
+        tests = (_turn_test(problem, found),)
         if tests[0].p_value > TURN_SIGNIFICANT:
             problem = problem._replace(gauge=SYMMETRIC)
-            estimate = _estimated(problem, usable, settings)
-    affine = calibration.calibration(estimate, problem, scale, samples, settings, name)
-    return with_evidence(affine, estimate, problem, scale, samples, usable, tests, settings)
+            found = _estimate(problem, usable, settings)
+    affine = make_calibration(found, problem, scale, samples, settings, name)
+    return assess(affine, found, problem, scale, samples, usable, tests, settings)
 
 
 def _left_out(samples: Samples, usable: Mask) -> str:
@@ -65,19 +67,17 @@ def _left_out(samples: Samples, usable: Mask) -> str:
     return f" (left out: {', '.join(reasons)})" if reasons else ""
 
 
-def _estimated(
-    problem: attitude_aided.Problem, usable: Mask, settings: Settings
-) -> attitude_aided.Estimate:
+def _estimate(problem: Problem, usable: Mask, settings: Settings) -> Estimate:
     part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
     robust = settings.robust and len(part.points) >= 2 * FEWEST
-    return attitude_aided.estimate(part, robust=robust, seed=settings.seed)
+    return estimate(part, robust=robust, seed=settings.seed)
 
 
-def _turn_test(problem: attitude_aided.Problem, estimate: attitude_aided.Estimate) -> ModelTest:
+def _turn_test(problem: Problem, found: Estimate) -> ModelTest:
     """Wald's test that the matrix is symmetric: no turn between the sensor and the attitude."""
-    turn, covariance = attitude_aided.turn(problem, estimate.solution)
+    turn, covariance = compute_turn(problem.basis, found.solution)
     # errors of the attitude last, and what lasts is known from few independent readings
-    independent = len(problem.points) / estimate.noise["dip"].correlation
+    independent = len(problem.points) / found.noise["dip"].correlation
     statistic, p = wald(turn, covariance, independent)
     degrees = figure(float(np.degrees(np.linalg.norm(turn))))
     words = (

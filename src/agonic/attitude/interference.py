@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
-from agonic.attitude.fit import fitted
-from agonic.attitude.second_sensor import placement
+from agonic.attitude.fit import fit_channels
+from agonic.attitude.second_sensor import find_placement
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit
@@ -32,7 +31,7 @@ def fit_interference(
         field = W (raw − bias − K x)
 
     with x the current, the throttle, several of them, or the readings of a second magnetometer
-    (then this is the 3×6 mix of two sensors by least squares). Taught by all that is known: the
+    (then this is the 3×6 mix of two sensors by least squares). Aided by all that is known: the
     magnitude, with roll and pitch the dip, with an independent heading the azimuth.
 
     Parameters
@@ -69,16 +68,16 @@ def fit_interference(
         inclination_deg=inclination_deg,
         seed=seed,
     )
-    known = kinds(samples, reference)
-    fit = fitted(samples, reference, known, chosen, "interference")
+    known = find_channels(samples, reference)
+    fit = fit_channels(samples, reference, known, chosen, "interference")
     if "second" not in sources:
         return fit
-    found = placement(samples, reference, known, chosen)
-    return fit if found is None else replace(fit, findings=(*fit.findings, found))
+    found = find_placement(samples, reference, known, chosen)
+    return fit.with_findings(found)
 
 
-def kinds(samples: Samples, reference: Reference) -> tuple[str, ...]:
-    """The kinds of residual that samples and reference allow."""
+def find_channels(samples: Samples, reference: Reference) -> tuple[str, ...]:
+    """The channels that samples and reference allow."""
     levelled = samples.roll_deg is not None and samples.pitch_deg is not None
     if not levelled or reference.kind in ("constant", "magnitude"):
         return ("magnitude",)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agonic.attitude.fit import fitted
+from agonic.attitude.fit import fit_channels
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.fit import Fit
 from agonic.reference import Reference
@@ -44,7 +44,7 @@ def fit_levelled(
         axes of roll and pitch as well), or "auto": free where the readings ask for it.
     sources : what disturbs on board, recorded in the samples: "current_A", "throttle", "second"
         (a second magnetometer); the result is then an `Interference`.
-    robust : meet outliers with Tukey's loss when a reading stands out.
+    robust : down-weight outliers by Tukey's loss when a reading stands out.
     soft_iron_sd : standard deviation of the prior on the symmetric part of W/gain − identity.
     turn_sd_deg : that of the prior on the turn, about each axis.
     inclination_deg : dip at which the heading's standard error is stated; default: the place's.
@@ -74,4 +74,4 @@ def fit_levelled(
         inclination_deg=inclination_deg,
         seed=seed,
     )
-    return fitted(samples, reference, ("magnitude", "dip"), chosen, "levelled")
+    return fit_channels(samples, reference, ("magnitude", "dip"), chosen, "levelled")

@@ -1,4 +1,4 @@
-"""From samples to what the kernel takes: points of about one, terms, directions."""
+"""From samples to what the estimator takes: points of about one, terms, directions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from agonic.arrays import Array
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import stack_inputs
 from agonic.errors import AgonicError, CoverageError, LogError
-from agonic.maths.equation import attitude_aided
+from agonic.maths.equation.channels import Dip, Problem
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -32,9 +32,13 @@ class Scale(NamedTuple):
 
 
 def normalise(
-    samples: Samples, reference: Reference, kinds: tuple[str, ...], gauge: str, settings: Settings
-) -> tuple[attitude_aided.Problem, Scale]:
-    """The problem that samples and reference pose to the kernel, all rows, and its scale."""
+    samples: Samples,
+    reference: Reference,
+    channels: tuple[str, ...],
+    gauge: str,
+    settings: Settings,
+) -> tuple[Problem, Scale]:
+    """The problem that samples and reference pose to the estimator, all rows, and its scale."""
     n = len(samples)
     centre = samples.field.mean(axis=0)
     size = float(np.linalg.norm(samples.field - centre) / np.sqrt(n))
@@ -43,7 +47,7 @@ def normalise(
             "the readings never change: the sensor did not turn, or it is stuck",
             turns="turn the vehicle through all headings, banking both ways, while recording",
         )
-    x = terms(samples, settings.sources)
+    x = find_terms(samples, settings.sources)
     middle, spread = x.mean(axis=0), x.std(axis=0)
     if (spread < 1e-9 * (np.abs(middle) + 1e-9)).any():
         raise CoverageError(
@@ -51,29 +55,32 @@ def normalise(
             "be told from the bias",
             turns="record with the motors at several powers, or fit without it",
         )
-    if "dip" in kinds:
+    dip = None
+    if "dip" in channels:
         horizontal, vertical = reference.horizontal_and_vertical(n).T
+        magnitudes = np.hypot(horizontal, vertical)
+        magnitude = float(magnitudes.mean())
+        down = down_b(*_angles(samples, channels)[:2])
+        dip = Dip(down, horizontal / magnitude, vertical / magnitude)
     else:
-        horizontal = reference.magnitudes(n)
-        vertical = np.zeros_like(horizontal)
-    magnitude = float(np.hypot(horizontal, vertical).mean())
-    attitude = rot_nb(*_angles(samples, kinds)) if "azimuth" in kinds else None
-    problem = attitude_aided.Problem(
+        magnitudes = reference.magnitudes(n)
+        magnitude = float(magnitudes.mean())
+    attitude = rot_nb(*_angles(samples, channels)) if "azimuth" in channels else None
+    problem = Problem(
         points=(samples.field - centre) / size,
-        terms=(x - middle) / spread,
-        horizontal=horizontal / magnitude,
-        vertical=vertical / magnitude,
-        down=down_b(*_angles(samples, kinds)[:2]) if "dip" in kinds else None,
-        across=None if attitude is None else _across(attitude, reference),
+        magnitude=magnitudes / magnitude,
         model=settings.model,
-        gauge=gauge,
         soft_iron_sd=settings.soft_iron_sd,
+        gauge=gauge,
         turn_sd=None if settings.turn_sd_deg is None else float(np.radians(settings.turn_sd_deg)),
+        terms=(x - middle) / spread if settings.sources else None,
+        dip=dip,
+        across=None if attitude is None else _across(attitude, reference),
     )
     return problem, Scale(centre, size, magnitude, reference.sd, middle, spread)
 
 
-def terms(samples: Samples, sources: tuple[str, ...]) -> Array:
+def find_terms(samples: Samples, sources: tuple[str, ...]) -> Array:
     """What joins the bias, (n, k): currents as they are, of a second magnetometer the difference.
 
     Two sensors see the same field, so their difference tells of disturbance only, whatever the
@@ -94,10 +101,10 @@ def terms(samples: Samples, sources: tuple[str, ...]) -> Array:
     return stack_inputs(sources, None, known)
 
 
-def _angles(samples: Samples, kinds: tuple[str, ...]) -> tuple[Array, Array, Array]:
+def _angles(samples: Samples, channels: tuple[str, ...]) -> tuple[Array, Array, Array]:
     """Roll, pitch and heading, as far as they are needed."""
     angles = {"roll": samples.roll_deg, "pitch": samples.pitch_deg}
-    if "azimuth" in kinds:
+    if "azimuth" in channels:
         angles["heading"] = samples.heading_deg
     missing = [name for name, values in angles.items() if values is None]
     if missing:

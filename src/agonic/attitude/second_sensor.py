@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.fit import fitted
+from agonic.attitude.fit import fit_channels
 from agonic.attitude.settings import Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit
@@ -21,8 +21,8 @@ ALIKE = 0.3
 """Disturbances that differ by less of themselves cannot be told from the field."""
 
 
-def placement(
-    samples: Samples, reference: Reference, kinds: tuple[str, ...], settings: Settings
+def find_placement(
+    samples: Samples, reference: Reference, channels: tuple[str, ...], settings: Settings
 ) -> Finding | None:
     """What the current does to either sensor, and whether a mix of the two can cancel it.
 
@@ -36,26 +36,28 @@ def placement(
     alone = replace(settings, sources=("current_A",))
     other = samples.with_columns(field=samples.second, second=None)
     try:
-        fits = [fitted(s, reference, kinds, alone, "interference") for s in (samples, other)]
+        fits = [
+            fit_channels(s, reference, channels, alone, "interference") for s in (samples, other)
+        ]
     except AgonicError:
         return None
     low, high = np.percentile(current, (5, 95))
-    first, second = (_moved(fit) * (high - low) for fit in fits)
-    return judged(first, second, float(reference.magnitudes(len(samples)).mean()))
+    first, second = (_slope(fit) * (high - low) for fit in fits)
+    return judge_placement(first, second, float(reference.magnitudes(len(samples)).mean()))
 
 
-def _moved(fit: Fit) -> Array:
+def _slope(fit: Fit) -> Array:
     """Field that an ampere adds, nT."""
     calibration = fit.calibration
     return np.asarray(calibration.matrix @ calibration.cleaned(np.zeros(3), current_A=-1.0))
 
 
-def judged(first: Array, second: Array, magnitude: float) -> Finding:
+def judge_placement(first: Array, second: Array, magnitude: float) -> Finding:
     """The finding for what the current adds at the two places, nT, in a field of `magnitude`.
 
-    >>> judged(np.array([3000.0, 0, 0]), np.array([-3000.0, 0, 0]), 5e4).what
+    >>> judge_placement(np.array([3000.0, 0, 0]), np.array([-3000.0, 0, 0]), 5e4).what
     'the current moves the two sensors by 3000 nT and 3000 nT, opposite ways: their mean cancels it'
-    >>> judged(np.array([3000.0, 0, 0]), np.array([2800.0, 0, 0]), 5e4).severity
+    >>> judge_placement(np.array([3000.0, 0, 0]), np.array([2800.0, 0, 0]), 5e4).severity
     'check'
     """
     sizes = [float(np.linalg.norm(v)) for v in (first, second)]

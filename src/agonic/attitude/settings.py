@@ -1,4 +1,4 @@
-"""What the fits taught by the attitude have in common to choose."""
+"""What the attitude-aided fits have in common to choose."""
 
 from __future__ import annotations
 

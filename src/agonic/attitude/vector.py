@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agonic.attitude.fit import fitted
+from agonic.attitude.fit import fit_channels
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.fit import Fit
 from agonic.reference import Reference
@@ -61,4 +61,4 @@ def fit_vector(
         inclination_deg=inclination_deg,
         seed=seed,
     )
-    return fitted(samples, reference, ("magnitude", "dip", "azimuth"), chosen, "vector")
+    return fit_channels(samples, reference, ("magnitude", "dip", "azimuth"), chosen, "vector")

@@ -1,19 +1,19 @@
 """The magnitude calibration: from samples, or from moments alone."""
 
-from agonic.ellipsoid.axes_check import against_gravity
+from agonic.ellipsoid.axes_check import check_by_gravity
 from agonic.ellipsoid.evidence import evaluate
-from agonic.ellipsoid.fit import ellipsoid_alone, fit_ellipsoid
+from agonic.ellipsoid.fit import fit_ellipsoid, fit_ellipsoid_alone
+from agonic.ellipsoid.large_fit import fit_recording, fit_recording_and_rows
 from agonic.ellipsoid.large_scan import Recording
 from agonic.ellipsoid.moments_fit import fit_moments
-from agonic.ellipsoid.recording import fit_and_rows, fit_recording
 
 __all__ = [
     "Recording",
-    "against_gravity",
-    "ellipsoid_alone",
+    "check_by_gravity",
     "evaluate",
-    "fit_and_rows",
     "fit_ellipsoid",
+    "fit_ellipsoid_alone",
     "fit_moments",
     "fit_recording",
+    "fit_recording_and_rows",
 ]

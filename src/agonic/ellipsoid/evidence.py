@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.coverage import cover
-from agonic.ellipsoid.calibration import finished, remarks, scale_finding
+from agonic.coverage import compute_coverage
+from agonic.ellipsoid.calibration import describe_result
 from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError
-from agonic.fit import Fit, ModelTest
+from agonic.fit import Fit, ModelTest, gather_evidence
 from agonic.health import (
-    Evidence,
     Finding,
+    check_scale,
     examine,
-    examine_attitude_aided,
     find_usable_rows,
     inspect,
 )
-from agonic.maths.equation import likelihood
-from agonic.maths.equation.affine import correct
+from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
 from agonic.maths.estimation.noise import estimate_noise
 from agonic.reference import Reference
@@ -43,7 +39,7 @@ def evaluate(
     """A calibration with what these samples say of it; nothing is fitted.
 
     Parameters as in `fit_ellipsoid`; without a reference the calibration's own magnitude counts.
-    `by_magnitude` is false for one that the attitude taught: readings in a plane are no fault then.
+    `by_magnitude` is false for one aided by attitude: readings in a plane are no fault then.
 
     >>> from agonic.simulation import random_calibration
     >>> given = random_calibration(np.random.default_rng(0))
@@ -54,8 +50,8 @@ def evaluate(
     if calibration.covariance is None or calibration.magnitude is None:
         raise AgonicError("the calibration carries no covariance; fit it again with agonic")
     usable = find_usable_rows(samples.field)
-    wanted = _wanted(calibration, reference, len(samples))
-    residuals, _ = likelihood.distances(samples.field, calibration.bias, calibration.matrix, wanted)
+    magnitude = _magnitude(calibration, reference, len(samples))
+    residuals, _ = compute_distances(samples.field, calibration.bias, calibration.matrix, magnitude)
     residuals = residuals[rows_of(usable)]
     noise = estimate_noise(residuals, robust=True, parameters=0)
     found = Found(
@@ -68,7 +64,7 @@ def evaluate(
         residuals,
         noise.loss.weight((residuals / noise.sd) ** 2),
     )
-    return with_evidence(
+    return assess(
         found,
         calibration,
         samples,
@@ -76,11 +72,11 @@ def evaluate(
         usable,
         (),
         inclination_deg,
-        examine if by_magnitude else examine_attitude_aided,
+        attitude_aided=not by_magnitude,
     )
 
 
-def _wanted(affine: Affine, reference: Reference | None, n: int) -> Array:
+def _magnitude(affine: Affine, reference: Reference | None, n: int) -> Array:
     """The magnitude that the calibrated field should have, (1,) or (n,), in its unit."""
     assert affine.magnitude is not None
     if reference is None or affine.unit_out != "nT":
@@ -100,7 +96,7 @@ def rows_of(mask: Mask) -> slice | Mask:
     return slice(None) if mask.all() else mask
 
 
-def with_evidence(
+def assess(
     found: Found,
     affine: Affine,
     samples: Samples,
@@ -108,30 +104,21 @@ def with_evidence(
     usable: Mask,
     tests: tuple[ModelTest, ...],
     inclination_deg: float,
-    examined: Callable[[Evidence], tuple[Finding, ...]] = examine,
+    *,
+    attitude_aided: bool = False,
 ) -> Fit:
     """The fit: residuals of every row, coverage, findings and remarks.
 
-    `found` tells noise, weights and the solver's numbers, its noise in the unit of the readings.
+    `found` gives noise, in the unit of the readings, weights and the solver's numbers, of the rows
+    `usable` (n,).
     """
-    assert affine.magnitude is not None
-    assert affine.covariance is not None
-    residuals, normals = likelihood.distances(
-        samples.field, affine.bias, affine.matrix, _wanted(affine, reference, len(samples))
+    residuals, normals = compute_distances(
+        samples.field, affine.bias, affine.matrix, _magnitude(affine, reference, len(samples))
     )
-    kept = rows_of(usable)
     weights = np.zeros(len(samples))
-    weights[kept] = 1.0 if found.weights is None else found.weights
-    field = correct(samples.field, affine.bias, affine.matrix)
-    coverage = cover(
-        count_visits(field[rows_of(weights > 0)]),
-        affine.magnitude,
-        affine.bias,
-        affine.matrix,
-        affine.covariance,
-        gauge=affine.gauge,
-        inclination_deg=inclination_deg,
-    )
+    weights[rows_of(usable)] = 1.0 if found.weights is None else found.weights
+    field = affine.correct(samples.field)
+    coverage = compute_coverage(affine, count_visits(field[rows_of(weights > 0)]), inclination_deg)
     fit = Fit(
         calibration=affine,
         n=int(usable.sum()),
@@ -145,26 +132,16 @@ def with_evidence(
         coverage=coverage,
         tests=tests,
         findings=inspect(samples),
-        remarks=remarks(affine, coverage, tests, reference is not None),
-    )
-    gain = float(np.trace(affine.matrix) / 3)
-    evidence = Evidence(
-        readings=samples.field[kept],
-        time=None if samples.time is None else samples.time[kept],
-        residuals=residuals[kept],
-        weights=weights[kept],
-        normals=normals[kept],
-        bias=affine.bias,
-        shape=affine.matrix / gain,
-        radius=affine.magnitude / gain,
-        noise=found.noise,
-        correlation=found.correlation,
-        coverage=coverage,
-        unit=samples.unit,
-        known_radius=_known_radius(affine, reference),
+        remarks=describe_result(affine, coverage, tests, reference is not None),
     )
     if fit.verdict == "refused":
-        return finished(fit, ())
-    wrong = examined(evidence)
-    refused = any(finding.severity == "refuse" for finding in wrong)
-    return finished(fit, (*wrong, None if refused else scale_finding(affine)))
+        return fit.with_findings()
+    known = _known_radius(affine, reference)
+    evidence = gather_evidence(fit, affine, samples, samples.field, normals, usable, known)
+    fit = fit.with_findings(*examine(evidence, attitude_aided=attitude_aided))
+    return fit if fit.verdict == "refused" else fit.with_findings(find_wrong_scale(affine))
+
+
+def find_wrong_scale(affine: Affine) -> Finding | None:
+    """A wrong unit or a wrong reference."""
+    return check_scale(float(np.trace(affine.matrix) / 3), affine.unit_in)

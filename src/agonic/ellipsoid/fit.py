@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, get_args
+from typing import Any
 
 import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.ellipsoid.calibration import CITATIONS, Gauge, Scale, calibration, settings
-from agonic.ellipsoid.evidence import rows_of, with_evidence
+from agonic.ellipsoid.calibration import Scale, make_calibration
+from agonic.ellipsoid.evidence import assess, rows_of
+from agonic.ellipsoid.settings import CITATIONS, Fixed, Gauge, Method, Model, Settings
 from agonic.ellipsoid.solve import (
-    Fixed,
     Found,
-    Method,
-    Model,
-    algebraic,
-    choose,
-    likelihood,
+    choose_model,
     no_ellipsoid,
+    solve_algebraic,
+    solve_likelihood,
 )
-from agonic.errors import AgonicError, CoverageError, check_choice
+from agonic.errors import AgonicError, CoverageError
 from agonic.fit import Fit, ModelTest
 from agonic.health import FEWEST, find_usable_rows, inspect
-from agonic.maths.equation import likelihood as ellipsoid
 from agonic.maths.equation import moments
+from agonic.maths.equation.channels import Problem
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -59,7 +56,7 @@ def fit_ellipsoid(
         "auto": the smallest that nested tests do not reject.
     method : "likelihood", "adjusted" (one pass, consistent), and the published "li-griffiths" and
         "linear" for comparison (both biased by noise; robust and prior do not apply).
-    robust : down-weight outliers with Tukey's loss where a reading stands out.
+    robust : down-weight outliers by Tukey's loss when a reading stands out.
     soft_iron_sd : standard deviation of the Gaussian prior on W/gain − identity; None for none.
     gauge : "symmetric", or "triangular" which keeps the z axis.
     inclination_deg : dip at which the heading's standard error is stated, degrees. seed : of the
@@ -81,79 +78,67 @@ def fit_ellipsoid(
     >>> bool(np.all(np.abs(fit.calibration.bias - [3000, -500, 100]) < 4 * fit.sd[:3]))
     True
     """
-    asked = Asked(model, method, robust, soft_iron_sd, gauge, inclination_deg, seed)
-    found, affine, usable, tests = _solved(samples, reference, asked)
-    assert affine.noise is not None
-    return with_evidence(
-        found._replace(noise=affine.noise),
-        affine,
-        samples,
-        reference,
-        usable,
-        tests,
-        inclination_deg,
+    settings = Settings(
+        model=model,
+        method=method,
+        robust=robust,
+        soft_iron_sd=soft_iron_sd,
+        gauge=gauge,
+        inclination_deg=inclination_deg,
+        seed=seed,
     )
+    found, affine, usable, tests = _solve(samples, reference, settings)
+    return assess(found, affine, samples, reference, usable, tests, inclination_deg)
 
 
-def ellipsoid_alone(
+def fit_ellipsoid_alone(
     samples: Samples, reference: Reference | None = None, **settings: Any
 ) -> Affine:
     """The calibration of `fit_ellipsoid` without its evidence, of which parts of a log make no use.
 
     >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(20, 3)))
-    >>> ellipsoid_alone(turned, model="sphere").model
+    >>> fit_ellipsoid_alone(turned, model="sphere").model
     'sphere'
     """
-    return _solved(samples, reference, Asked(**settings)).affine
+    return _solve(samples, reference, Settings(**settings))[1]
 
 
-class Asked(NamedTuple):
-    """The settings of `fit_ellipsoid`."""
-
-    model: Model = "auto"
-    method: Method = "likelihood"
-    robust: bool = True
-    soft_iron_sd: float | None = 0.1
-    gauge: Gauge = "symmetric"
-    inclination_deg: float = 60.0
-    seed: int = 0
-
-
-class _Solved(NamedTuple):
-    """What was found, as a calibration too; the rows that could be used; the tests of models."""
-
-    found: Found
-    affine: Affine
-    usable: Mask
-    tests: tuple[ModelTest, ...]
-
-
-def _solved(samples: Samples, reference: Reference | None, asked: Asked) -> _Solved:
-    """The estimate, and the calibration that it is in the units of the readings."""
-    model, method, robust, soft_iron_sd, gauge, _, seed = asked
-    check_choice("model", model, get_args(Model))
-    check_choice("method", method, get_args(Method))
-    check_choice("gauge", gauge, get_args(Gauge))
+def _solve(
+    samples: Samples, reference: Reference | None, settings: Settings
+) -> tuple[Found, Affine, Mask, tuple[ModelTest, ...]]:
+    """What was found, its noise in the unit of the readings, as a calibration too; the rows that
+    could be used; the tests of models."""
+    method = settings.method
     usable = find_usable_rows(samples.field)
-    scale, magnitude = normalised(samples, reference, usable, method)
+    scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
 
-    def attempt(chosen: Fixed) -> Found:
+    def attempt(model: Fixed) -> Found:
         if method != "likelihood":
-            return algebraic(moments.accumulate(points, np.zeros(3), 1.0), chosen, method)
-        problem = ellipsoid.Problem(points, magnitude, chosen, soft_iron_sd)
-        enough = len(points) >= 2 * FEWEST  # to tell a stray from the rest
-        return likelihood(problem, chosen, robust and enough, seed)
+            return solve_algebraic(moments.accumulate(points, np.zeros(3), 1.0), model, method)
+        problem = Problem(points, magnitude, model, settings.soft_iron_sd)
+        enough = len(points) >= 2 * FEWEST  # to tell an outlier from the rest
+        return solve_likelihood(problem, model, settings.robust and enough, settings.seed)
 
     try:
-        found, tests = choose(attempt, model, len(points), method)
+        found, tests = choose_model(attempt, settings.model, len(points), method)
     except OverflowError:  # an axis that never moves leaves the fit without any hold
         raise _without_hold(samples) from None
-    chosen = settings(
-        model, method, gauge, reference, robust=robust, soft_iron_sd=soft_iron_sd, seed=seed
+    affine = replace(
+        make_calibration(found, scale, samples.unit, settings.gauge),
+        sensor=samples.name,
+        device_id=samples.device_id,
+        frame_in=samples.frame,
+        frame_out=samples.frame,
+        validity=Validity.of(samples),
+        provenance=Provenance(
+            inputs=(samples.origin,),
+            settings=settings.recorded(reference),
+            method=CITATIONS[method],
+        ),
     )
-    affine = _labelled(calibration(found, scale, samples.unit, gauge), samples, chosen, method)
-    return _Solved(found, affine, usable, tests)
+    assert affine.noise is not None
+    return found._replace(noise=affine.noise), affine, usable, tests
 
 
 def _without_hold(samples: Samples) -> CoverageError:
@@ -163,7 +148,7 @@ def _without_hold(samples: Samples) -> CoverageError:
     return no_ellipsoid() if cause is None else CoverageError(cause.what, turns=cause.move)
 
 
-def normalised(
+def normalise(
     samples: Samples, reference: Reference | None, usable: Mask, method: str
 ) -> tuple[Scale, Array]:
     """Centre and size of the readings, and magnitudes scaled to mean one, (1,) or (n,)."""
@@ -186,16 +171,3 @@ def normalised(
         magnitudes = magnitudes[usable]
     mean = float(magnitudes.mean())
     return Scale(centre, size, mean, reference.sd), magnitudes / mean
-
-
-def _labelled(affine: Affine, samples: Samples, chosen: Mapping[str, Any], method: str) -> Affine:
-    """The calibration with its sensor, frame, range and provenance."""
-    return replace(
-        affine,
-        sensor=samples.name,
-        device_id=samples.device_id,
-        frame_in=samples.frame,
-        frame_out=samples.frame,
-        validity=Validity.of(samples),
-        provenance=Provenance(inputs=(samples.origin,), settings=chosen, method=CITATIONS[method]),
-    )

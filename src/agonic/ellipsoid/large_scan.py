@@ -87,7 +87,7 @@ class Segment(NamedTuple):
     factor: float
 
 
-def scanned(recording: Recording, summed: bool, seed: int, told: Progress) -> Scan:
+def scan_recording(recording: Recording, summed: bool, seed: int, told: Progress) -> Scan:
     """The first pass; `summed` adds the moments up."""
     drawn = _drawn(recording.rows, seed)
     stride = max(-(-recording.rows // MOST), 1)

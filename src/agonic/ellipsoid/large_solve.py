@@ -11,9 +11,12 @@ from agonic.ellipsoid.calibration import Scale
 from agonic.ellipsoid.large_scan import Progress, Recording, Scan, segments
 from agonic.ellipsoid.maths import block_sums
 from agonic.ellipsoid.maths.block_sums import Assumed, Frame, Sums
-from agonic.ellipsoid.solve import Fixed, Found
-from agonic.maths.equation import gauge, likelihood
+from agonic.ellipsoid.settings import Fixed
+from agonic.ellipsoid.solve import Found
+from agonic.maths.equation import gauge
 from agonic.maths.equation.affine import model_basis, split
+from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.equation.priors import make_prior
 from agonic.maths.estimation import batch_means, leastsq
 
 MOST_PASSES = 12
@@ -35,16 +38,16 @@ class Whole(NamedTuple):
     found: Found
     noise: Assumed
     n: int
-    strays: int
+    outliers: int
     moved: batch_means.ChangePoint | None
 
 
-def maximised(
+def maximise(
     recording: Recording,
     scan: Scan,
     scale: Scale,
     model: Fixed,
-    start: likelihood.Estimate,
+    start: Estimate,
     soft_iron_sd: float | None,
     robust: bool,
     told: Progress,
@@ -56,10 +59,11 @@ def maximised(
     are those of all readings in the pass before.
     """
     change = block_sums.reduction(model)
-    prior = likelihood.soft_iron_prior(model, soft_iron_sd)
-    params, lasts = start.solution.params, start.noise.correlation
-    strays_count_nothing = start.noise.loss.weight(np.array([1e6]))[0] == 0.0
-    assumed = Assumed(start.noise.sd, bool(strays_count_nothing))
+    prior = make_prior(model, soft_iron_sd)
+    noise = start.noise["magnitude"]
+    params, lasts = start.solution.params, noise.correlation
+    outliers_count_nothing = noise.loss.weight(np.array([1e6]))[0] == 0.0
+    assumed = Assumed(noise.sd, bool(outliers_count_nothing))
     for number in range(1, MOST_PASSES + 1):
         sums = _summed(recording, scan, scale, change @ params, assumed, number, told)
         normal = sums.normal(assumed.sd, change)

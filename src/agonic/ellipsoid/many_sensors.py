@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agonic.arrays import Array, Index, Mask
-from agonic.ellipsoid.calibration import Gauge
 from agonic.ellipsoid.moments_fit import STILL, middle, still
+from agonic.ellipsoid.settings import Fixed, Gauge, Model
 from agonic.ellipsoid.solve import (
     DISCERNIBLE,
     SIGNIFICANT,
     SMALLER,
     UNKNOWNS,
-    Fixed,
-    Model,
     no_ellipsoid,
     too_few,
 )

@@ -8,18 +8,11 @@ from typing import get_args
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.coverage import cover
-from agonic.ellipsoid.calibration import (
-    CITATIONS,
-    Gauge,
-    Scale,
-    calibration,
-    finished,
-    remarks,
-    scale_finding,
-    settings,
-)
-from agonic.ellipsoid.solve import Model, algebraic, choose
+from agonic.coverage import compute_coverage
+from agonic.ellipsoid.calibration import Scale, describe_result, make_calibration
+from agonic.ellipsoid.evidence import find_wrong_scale
+from agonic.ellipsoid.settings import CITATIONS, Gauge, Model, describe_reference
+from agonic.ellipsoid.solve import choose_model, solve_algebraic
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
 from agonic.health import check_coverage
@@ -60,29 +53,22 @@ def fit_moments(
         raise AgonicError("moments hold no rows, so they need one constant reference magnitude")
     if sums.count < 4:
         raise CoverageError(f"{sums.count} readings cannot hold a sphere; four are the least")
-    centre, size = middle(sums)
-    known = None if reference is None else float(reference.magnitudes(1)[0])
-    scale = Scale(centre, size, known, reference.sd if reference else 0.0)
-    normalised = sums.rebase(centre, size).sums
-    found, tests = choose(
-        lambda chosen: algebraic(normalised, chosen, "adjusted"), model, sums.count, "adjusted"
+    normalised, scale = normalise_moments(sums, reference)
+    found, tests = choose_model(
+        lambda fixed: solve_algebraic(normalised, fixed, "adjusted"), model, sums.count, "adjusted"
     )
-    chosen = settings(model, "adjusted from moments", gauge, reference)
+    chosen = {
+        "fit": "ellipsoid",
+        "model": model,
+        "method": "adjusted from moments",
+        "gauge": gauge,
+        "reference": describe_reference(reference),
+    }
     affine = replace(
-        calibration(found, scale, sums.unit, gauge),
+        make_calibration(found, scale, sums.unit, gauge),
         provenance=Provenance(settings=chosen, method=CITATIONS["adjusted"]),
     )
-    assert affine.magnitude is not None
-    assert affine.covariance is not None
-    coverage = cover(
-        np.zeros(80, dtype=np.int64),
-        affine.magnitude,
-        affine.bias,
-        affine.matrix,
-        affine.covariance,
-        gauge=gauge,
-        inclination_deg=inclination_deg,
-    )
+    coverage = compute_coverage(affine, np.zeros(80, dtype=np.int64), inclination_deg)
     fit = Fit(
         calibration=affine,
         n=sums.count,
@@ -95,9 +81,17 @@ def fit_moments(
         converged=True,
         coverage=coverage,
         tests=tests,
-        remarks=remarks(affine, coverage, tests, reference is not None),
+        remarks=describe_result(affine, coverage, tests, reference is not None),
     )
-    return finished(fit, (scale_finding(affine), check_coverage(coverage)))
+    return fit.with_findings(find_wrong_scale(affine), check_coverage(coverage))
+
+
+def normalise_moments(sums: Moments, reference: Reference | None) -> tuple[Array, Scale]:
+    """The 35 moments of centred and scaled readings, and the way back to their units."""
+    centre, size = middle(sums)
+    known = None if reference is None else float(reference.magnitudes(1)[0])
+    scale = Scale(centre, size, known, reference.sd if reference else 0.0)
+    return sums.rebase(centre, size).sums, scale
 
 
 def still() -> CoverageError:

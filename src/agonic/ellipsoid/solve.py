@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.ellipsoid.settings import Fixed, Method, Model
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import ModelTest
 from agonic.health import FEWEST
 from agonic.maths.equation import gauge, moments, quadric
-from agonic.maths.equation import likelihood as ellipsoid
 from agonic.maths.equation.affine import model_basis, split
-
-Model = Literal["auto", "sphere", "diagonal", "full"]
-Fixed = Literal["sphere", "diagonal", "full"]
-Method = Literal["likelihood", "adjusted", "li-griffiths", "linear"]
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import estimate
 
 SIGNIFICANT = 0.01
 """A larger model is kept when the smaller one would be this improbable."""
 
 DISCERNIBLE = 0.01
-"""Soft iron (over the mean gain) that must be known this well before its absence is believed."""
+"""Soft iron (over the mean gain) that must be known this well before its absence counts."""
 
 SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
 UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
@@ -45,27 +43,27 @@ class Found(NamedTuple):
     converged: bool = True
 
 
-def likelihood(problem: ellipsoid.Problem, model: Fixed, robust: bool, seed: int) -> Found:
+def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) -> Found:
     """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model."""
-    estimate = ellipsoid.estimate(problem, robust=robust, seed=seed)
-    solution = estimate.solution
+    found = estimate(problem, robust=robust, seed=seed)
+    solution, noise = found.solution, found.noise["magnitude"]
     bias, matrix = split(model_basis(model) @ solution.params)
     return Found(
         model,
         bias,
         matrix,
         gauge.expand_model_covariance(model, solution.covariance),
-        estimate.noise.sd,
-        estimate.noise.correlation,
-        estimate.residuals,
-        estimate.weights,
+        noise.sd,
+        noise.correlation,
+        found.residuals["magnitude"],
+        found.weights,
         solution.condition,
         solution.iterations,
         solution.converged,
     )
 
 
-def algebraic(sums: Array, model: Fixed, method: Method) -> Found:
+def solve_algebraic(sums: Array, model: Fixed, method: Method) -> Found:
     """An algebraic fit from the 35 moments of normalised points."""
     if method == "li-griffiths" and model != "full":
         raise AgonicError(f"Li & Griffiths fit a full ellipsoid, not a {model}")
@@ -121,7 +119,7 @@ def too_few(n: int, model: Model) -> CoverageError:
     )
 
 
-def choose(
+def choose_model(
     attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
 ) -> tuple[Found, tuple[ModelTest, ...]]:
     """The fit of the model asked for, or of the smallest that nested tests do not reject.
@@ -144,7 +142,7 @@ def choose(
             larger=large,
             statistic=x,
             p_value=p,
-            sentence=in_words(small, p, discerned),
+            sentence=describe_test(small, p, discerned),
         )
         for small, large, x, p in gauge.compare_soft_iron_models(full.matrix, full.covariance)
     )
@@ -156,7 +154,7 @@ def choose(
     return full, tests
 
 
-def in_words(smaller: str, p: float, discerned: bool) -> str:
+def describe_test(smaller: str, p: float, discerned: bool) -> str:
     """What a test says, in a sentence."""
     chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     present = p <= SIGNIFICANT

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.coverage import Coverage
-from agonic.ellipsoid.calibration import accuracy, unscaled
+from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.ellipsoid.many_sensors import Fits
-from agonic.ellipsoid.solve import in_words
+from agonic.ellipsoid.solve import describe_test
+from agonic.fit import describe_accuracy
 from agonic.health import Finding, check_coverage, check_scale, verdict_of
 from agonic.health.finding import sentences
 from agonic.health.readings import check_rejected
@@ -117,10 +118,14 @@ def _describe(
     if any(finding.severity == "refuse" for finding in found):
         return sentences(*grave, *notes)
     variance = max(fits.covariance[k, i, i] for i in range(3))
-    said = [accuracy(float(variance) ** 0.5, unit, float(fits.heading_sd_deg[k]), inclination_deg)]
+    said = [
+        describe_accuracy(
+            float(variance) ** 0.5, unit, float(fits.heading_sd_deg[k]), inclination_deg
+        )
+    ]
     p = float(fits.p_values[k, 0])
     if p == p:
-        said.append(in_words("sphere", p, bool(fits.discerned[k])))
+        said.append(describe_test("sphere", p, bool(fits.discerned[k])))
     if not scaled:
-        said.append(unscaled(float(fits.magnitude[k]), unit))
+        said.append(describe_missing_scale(float(fits.magnitude[k]), unit))
     return sentences(*grave, *said, *notes)

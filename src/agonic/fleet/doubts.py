@@ -14,7 +14,7 @@ from agonic.health.mounting import VERTICAL_DOUBTFUL
 from agonic.health.scale import GAIN
 from agonic.logs.large.grouped_moments import Grouped
 from agonic.logs.large.grouped_residuals import GroupedResiduals
-from agonic.maths.equation.likelihood import soft_iron_pull
+from agonic.maths.equation.priors import soft_iron_pull
 
 HEADING_SD_DEG = 0.5
 """Beyond, two halves of a log may disagree by the 2° that a check allows."""

@@ -6,7 +6,6 @@ from agonic.health.evidence import (
     check_coverage,
     check_outliers,
     examine,
-    examine_attitude_aided,
 )
 from agonic.health.finding import (
     Finding,
@@ -45,7 +44,6 @@ __all__ = [
     "check_scale",
     "describe",
     "examine",
-    "examine_attitude_aided",
     "figure",
     "find_quantisation",
     "find_usable_rows",

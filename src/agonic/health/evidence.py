@@ -41,26 +41,20 @@ class Evidence:
     shape: Array
     radius: float
     noise: float
-    correlation: float
     coverage: Coverage
     known_radius: float | None = None
     unit: str = "nT"
 
 
-def examine(evidence: Evidence) -> tuple[Finding, ...]:
-    """The findings of a fit, the gravest first; one cause is not reported twice."""
-    shape = _static(evidence) or _flat(evidence)
+def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Finding, ...]:
+    """The findings of a fit, the gravest first; one cause is not reported twice.
+
+    Readings in a plane are no fault of an attitude-aided fit.
+    """
+    shape = None if attitude_aided else _static(evidence) or _flat(evidence)
     if shape is not None:
         return (shape,)
-    return _examine(evidence, _second_population(evidence))
-
-
-def examine_attitude_aided(evidence: Evidence) -> tuple[Finding, ...]:
-    """The findings of an attitude-aided fit: readings in a plane are no fault there."""
-    return _examine(evidence, None)
-
-
-def _examine(evidence: Evidence, second: Finding | None) -> tuple[Finding, ...]:
+    second = None if attitude_aided else _second_population(evidence)
     changed = second or _changed(evidence) or _crowded_outliers(evidence)
     if changed is not None and changed.severity == "refuse":
         return (changed,)

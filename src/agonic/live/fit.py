@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.coverage import Coverage, cover
-from agonic.ellipsoid.calibration import Scale, calibration
+from agonic.coverage import Coverage, compute_coverage
+from agonic.ellipsoid.calibration import Scale, make_calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
 from agonic.live.files import load_state, save_state
@@ -177,20 +177,11 @@ class LiveFit:
         scale = Scale(found.centre, found.size, known, self.params.magnitude_sd)
         largest = float(np.abs(boxes.middles).max())
         made = replace(
-            calibration(solved, scale, self.unit, "symmetric"),
+            make_calibration(solved, scale, self.unit, "symmetric"),
             sensor=self.params.name,
             device_id=self.params.device_id,
             validity=Validity(largest_reading=largest),
         )
-        assert made.magnitude is not None
-        assert made.covariance is not None
         where = cells.find_cells(made.correct(boxes.middles))
         counts = np.bincount(where, weights=boxes.counts, minlength=80).astype(np.int64)
-        return made, cover(
-            counts,
-            made.magnitude,
-            made.bias,
-            made.matrix,
-            made.covariance,
-            inclination_deg=self.params.inclination_deg,
-        )
+        return made, compute_coverage(made, counts, self.params.inclination_deg)

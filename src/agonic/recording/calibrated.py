@@ -15,7 +15,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply, select_columns
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
-from agonic.ellipsoid import Recording, ellipsoid_alone, evaluate, fit_and_rows
+from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recording_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import verdict_of
@@ -109,10 +109,10 @@ def calibrate_recording(
     ...     calibrate_recording(open_mission([path]), Reference.constant(50_000)).verdict
     'good'
     """
-    fit, samples = fit_and_rows(recording, reference, **settings)
+    fit, samples = fit_recording_and_rows(recording, reference, **settings)
     kept = ("method", "robust", "soft_iron_sd", "gauge", "seed")
     again = partial(
-        ellipsoid_alone,
+        fit_ellipsoid_alone,
         **{name: settings[name] for name in kept if name in settings},
         model=fit.calibration.model,
     )
@@ -164,7 +164,7 @@ def judge(
     fit = _evidence(calibration, samples, reference, settings)
     known = reference if calibration.unit_out == "nT" else None
     why = "the calibration was made before"
-    given = Choice(samples, reference, fit, method, why, ellipsoid_alone)
+    given = Choice(samples, reference, fit, method, why, fit_ellipsoid_alone)
     return _judged(given, verify(calibration, samples, known))
 
 

@@ -15,7 +15,7 @@ from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
-from agonic.ellipsoid import against_gravity, ellipsoid_alone, fit_ellipsoid
+from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
 from agonic.maths.estimation.wald import wald
@@ -72,7 +72,7 @@ def choose(
     method, reason = _method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     if method == "ellipsoid":
         alone = _ellipsoid(samples, reference, reason, settings)
-        return replace(alone, fit=against_gravity(alone.fit, samples, reference))
+        return replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
     if reference is None:
         raise AgonicError(
             f"a {method} fit needs the field of the place: give it (--at LAT,LON, --date), or a "
@@ -102,7 +102,7 @@ def _ellipsoid(
 ) -> Choice:
     """The fit to the magnitude; its latency matters to a heading, and is told with it."""
     fit = fit_ellipsoid(samples, reference, **settings)
-    again = partial(ellipsoid_alone, **{**settings, "model": fit.calibration.model})
+    again = partial(fit_ellipsoid_alone, **{**settings, "model": fit.calibration.model})
     return Choice(samples, reference, fit, "ellipsoid", reason, again, _latency(samples))
 
 

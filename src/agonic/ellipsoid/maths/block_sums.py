@@ -1,6 +1,6 @@
 """The sums of one pass of a magnitude fit over readings that are not kept.
 
-What `leastsq.accumulate` adds up over the blocks of `equation.likelihood`, for the full model, in
+What `leastsq.accumulate` adds up over the blocks of `equation.channels`, for the full model, in
 one sweep over the columns; the other models are linear in it (`reduced`). Where numba is installed
 the sweep is compiled and lets other threads run; without it NumPy does the same by blocks.
 """
@@ -31,7 +31,7 @@ _BASIS = model_basis("full")
 
 
 class Frame(NamedTuple):
-    """point = (factor · reading − centre)/size, of magnitude one as in `equation.likelihood`."""
+    """point = (factor · reading − centre)/size, of magnitude one as in `equation.channels`."""
 
     centre: Array
     size: float

@@ -29,8 +29,9 @@ from agonic.inflight.maths.residuals import (
     correct,
     residual_pieces,
 )
-from agonic.maths.equation import attitude_aided
+from agonic.maths.equation import maximum_likelihood
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
+from agonic.maths.equation.channels import Problem as Known
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.correlated_errors import CorrelatedError
@@ -132,20 +133,11 @@ def find_start(problem: Problem) -> Array:
             len(rows), _ENOUGH, replace=False
         )
         rows = rows[np.sort(chosen)]
-    static = attitude_aided.Problem(
-        points=problem.samples.field[rows] / problem.magnitude,
-        terms=np.zeros((len(rows), 0)),
-        horizontal=problem.wanted[rows],
-        vertical=np.zeros(1),
-        down=None,
-        across=None,
-        model="full",
-        gauge=SYMMETRIC,
-        soft_iron_sd=problem.settings.soft_iron_sd,
-        turn_sd=None,
-    )
     asked = problem.settings
-    return attitude_aided.estimate(static, robust=asked.robust, seed=asked.seed).solution.params
+    points = problem.samples.field[rows] / problem.magnitude
+    known = Known(points, problem.wanted[rows], "full", asked.soft_iron_sd)
+    found = maximum_likelihood.estimate(known, robust=asked.robust, seed=asked.seed)
+    return found.solution.params
 
 
 def fit_rows(problem: Problem, first: Array, used: Mask, intervals: int) -> Estimate:

@@ -16,7 +16,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import correct, correction_jacobian, model_basis
-from agonic.maths.equation.likelihood import parameters, soft_iron_prior
+from agonic.maths.equation.priors import make_prior
+from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation import leastsq
 
@@ -65,10 +66,10 @@ def estimate(
     Σ w qᵀΨq/σ² + |prior|², σ of the residual from what the fit leaves, and larger where boxes
     scatter more than their readings. `None` where no sphere can be laid through them.
     """
-    params = _sphere(sums) if start is None else parameters(*start, "full")
+    params = _sphere(sums) if start is None else nearest_parameters(*start, model_basis("full"))
     if params is None:
         return None
-    prior = soft_iron_prior("full", soft_iron_sd)
+    prior = make_prior("full", soft_iron_sd)
     share = np.minimum(1.0, PLENTY / sums[:, 0])
     weights, sd = share, 0.01
     for _ in range(ROUNDS):
@@ -112,7 +113,7 @@ def _sphere(sums: Array) -> Array | None:
         bias, matrix = quadric.to_affine(quadric.fit_algebraic(psi[0], "sphere"))
     except ValueError:
         return None
-    return parameters(bias, matrix, "full")
+    return nearest_parameters(bias, matrix, model_basis("full"))
 
 
 def _matrix(params: Array) -> Array:

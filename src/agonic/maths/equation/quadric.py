@@ -85,8 +85,8 @@ def fit_adjusted(
     """Adjusted least squares: the quadric that stays right however noisy the readings are.
 
     σ² is the smallest root of λ_min(Ψ(σ²)) = 0 and v the eigenvector there, with Ψ (…, 10, 10) from
-    `moments.denoised_gram`; a known `noise_variance` replaces the search. Returns v (…, 10) and
-    σ² (…).
+    `moments.compute_denoised_gram`; a known `noise_variance` replaces the search. Returns v
+    (…, 10) and σ² (…).
     (Markovsky, Kukush & Van Huffel, "Consistent least squares fitting of ellipsoids",
     Numer. Math. 98, 2004.)
     """

@@ -11,8 +11,9 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.errors import CoverageError
-from agonic.maths.equation import attitude_aided
-from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
+from agonic.maths.equation.affine import FREE, model_basis, split
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import estimate
 from agonic.maths.estimation import leastsq
 from agonic.network.maths.robust import solve_with_noise
 
@@ -128,26 +129,15 @@ def fit_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, se
     size, mean = float(np.sqrt(np.mean((raw - centre) ** 2) * 3)), float(magnitude.mean())
     if size == 0.0:
         raise CoverageError("the readings never change", turns="turn the sensor about all axes")
-    problem = attitude_aided.Problem(
-        points=(raw - centre) / size,
-        terms=np.zeros((len(raw), 0)),
-        horizontal=magnitude / mean,
-        vertical=np.zeros(1),
-        down=None,
-        across=None,
-        model="full",
-        gauge=SYMMETRIC,
-        soft_iron_sd=SOFT_IRON_SD,
-        turn_sd=None,
-    )
-    estimate = attitude_aided.estimate(problem, robust=robust, seed=seed)
-    point, matrix = split(model_basis("full") @ estimate.solution.params)
+    problem = Problem((raw - centre) / size, magnitude / mean, "full", SOFT_IRON_SD)
+    found = estimate(problem, robust=robust, seed=seed)
+    point, matrix = split(model_basis("full") @ found.solution.params)
     sizes = np.r_[np.full(3, size), np.full(6, mean / size)]
-    noise = estimate.noise["magnitude"]
+    noise = found.noise["magnitude"]
     made = Affine(
         bias=centre + size * point,
         matrix=matrix * mean / size,
-        covariance=estimate.solution.covariance * np.outer(sizes, sizes),
+        covariance=found.solution.covariance * np.outer(sizes, sizes),
         magnitude=mean,
         noise=noise.sd * size,
         **ends._asdict(),

@@ -10,7 +10,8 @@ from scipy.special import chdtrc
 from agonic.arrays import Array
 from agonic.fit import ModelTest
 from agonic.health import figure
-from agonic.maths.equation import likelihood
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import estimate
 from agonic.maths.estimation.leastsq import inverse
 from agonic.thermal.fit.each_temperature import (
     EachTemperature,
@@ -121,9 +122,7 @@ def find_start(problem: StationProblem) -> Array:
             for k in np.unique(problem.station[rows])
         ]
     )
-    found = likelihood.estimate(
-        likelihood.Problem(points, np.ones(1), "full", problem.soft_iron_sd), robust=False
-    )
+    found = estimate(Problem(points, np.ones(1), "full", problem.soft_iron_sd), robust=False)
     coefficients = np.zeros((9, problem.degree + 1))
     coefficients[:, 0] = found.solution.params
     return np.concatenate([coefficients.ravel(), np.zeros(3 if problem.rate else 0)])

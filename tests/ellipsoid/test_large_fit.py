@@ -16,7 +16,10 @@ from agonic.cli import run
 from agonic.ellipsoid import large_scan, large_solve
 from agonic.ellipsoid.maths import block_sums
 from agonic.logs.large.mission import Mission, open_mission
-from agonic.maths.equation import likelihood
+from agonic.maths.equation.affine import model_basis
+from agonic.maths.equation.channels import Problem, pieces
+from agonic.maths.equation.priors import make_prior
+from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import batch_means, leastsq
 
@@ -69,16 +72,16 @@ def apart(one: ag.Fit, other: ag.Fit) -> float:
 def minimum(field: np.ndarray, fit: ag.Fit, robust: bool) -> np.ndarray:
     """Bias by the solver in memory, run to the end, with the noise that a fit found."""
     centre, size = field.mean(axis=0), float(np.sqrt(field.var(axis=0).sum()))
-    problem = likelihood.Problem((field - centre) / size, np.ones(1), "full", 0.1)
+    problem = Problem((field - centre) / size, np.ones(1), "full", 0.1)
     sd = fit.noise / size
     w = fit.calibration.matrix * size / F
-    start = likelihood.parameters((fit.calibration.bias - centre) / size, w, "full")
+    start = nearest_parameters((fit.calibration.bias - centre) / size, w, model_basis("full"))
     solution = leastsq.solve(
-        likelihood.pieces(problem, sd),
+        pieces(problem, "magnitude", sd),
         start,
         scale=sd,
         loss=leastsq.tukey() if robust else leastsq.squares(),
-        prior=likelihood.soft_iron_prior("full", 0.1),
+        prior=make_prior("full", 0.1),
         tolerance=1e-7,
     )
     return np.asarray(solution.params[:3] * size + centre)

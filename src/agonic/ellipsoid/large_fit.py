@@ -8,13 +8,14 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from agonic.calibration.base import Validity
-from agonic.ellipsoid.calibration import CITATIONS, Gauge, Scale, calibration, finished, settings
-from agonic.ellipsoid.evidence import rows_of, with_evidence
-from agonic.ellipsoid.fit import Asked, normalised
-from agonic.ellipsoid.large_scan import Progress, Recording, Scan, scanned
-from agonic.ellipsoid.large_solve import Whole, maximised
-from agonic.ellipsoid.moments_fit import middle
-from agonic.ellipsoid.solve import Fixed, Found, Model, algebraic, choose
+from agonic.ellipsoid.calibration import Scale, make_calibration
+from agonic.ellipsoid.evidence import assess, rows_of
+from agonic.ellipsoid.fit import normalise
+from agonic.ellipsoid.large_scan import Progress, Recording, Scan, scan_recording
+from agonic.ellipsoid.large_solve import Whole, maximise
+from agonic.ellipsoid.moments_fit import normalise_moments
+from agonic.ellipsoid.settings import CITATIONS, Fixed, Gauge, Model, Settings
+from agonic.ellipsoid.solve import Found, choose_model, solve_algebraic
 from agonic.errors import AgonicError, check_choice
 from agonic.fit import Fit, ModelTest
 from agonic.health import (
@@ -25,7 +26,8 @@ from agonic.health import (
     check_rejected,
     find_usable_rows,
 )
-from agonic.maths.equation import likelihood
+from agonic.maths.equation.channels import Problem, compute_distances
+from agonic.maths.equation.maximum_likelihood import estimate
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -87,11 +89,19 @@ def fit_recording(
     >>> fit.n == len(made.samples), fit.ok
     (True, True)
     """
-    asked = Asked(model, method, robust, soft_iron_sd, gauge, inclination_deg, seed)
-    return _fitted(recording, reference, asked, progress)[0]
+    settings = Settings(
+        model=model,
+        method=method,
+        robust=robust,
+        soft_iron_sd=soft_iron_sd,
+        gauge=gauge,
+        inclination_deg=inclination_deg,
+        seed=seed,
+    )
+    return _fit(recording, reference, settings, progress)[0]
 
 
-def fit_and_rows(
+def fit_recording_and_rows(
     recording: Recording,
     reference: Reference | None = None,
     *,
@@ -99,22 +109,20 @@ def fit_and_rows(
     **settings: Any,
 ) -> tuple[Fit, Samples]:
     """`fit_recording`, and the readings drawn from it, a row for each of the fit's residuals."""
-    return _fitted(recording, reference, Asked(**settings), progress)
+    return _fit(recording, reference, Settings(**settings), progress)
 
 
-def _fitted(
-    recording: Recording, reference: Reference | None, asked: Asked, progress: Progress | None
+def _fit(
+    recording: Recording, reference: Reference | None, settings: Settings, progress: Progress | None
 ) -> tuple[Fit, Samples]:
-    check_choice("model", asked.model, get_args(Model))
-    check_choice("method", asked.method, get_args(Method))
-    check_choice("gauge", asked.gauge, get_args(Gauge))
+    check_choice("method", settings.method, get_args(Method))
     if reference is not None and len(reference.values) > 1:
         raise AgonicError("a recording read in pieces needs one constant reference magnitude")
     told = progress or (lambda _name, _rows: None)
-    scan = scanned(recording, asked.method == "adjusted", asked.seed, told)
-    solve = _adjusted if asked.method == "adjusted" else _likeliest
-    solved = solve(recording, scan, reference, asked, told)
-    return _evident(recording, scan, reference, asked, solved), scan.samples
+    scan = scan_recording(recording, settings.method == "adjusted", settings.seed, told)
+    solve = _adjust if settings.method == "adjusted" else _maximise
+    solved = solve(recording, scan, reference, settings, told)
+    return _assess(recording, scan, reference, settings, solved), scan.samples
 
 
 class _Solved(NamedTuple):
@@ -127,79 +135,81 @@ class _Solved(NamedTuple):
     whole: Whole | None = None
 
 
-def _adjusted(
-    _recording: Recording, scan: Scan, reference: Reference | None, asked: Asked, _told: Progress
+def _adjust(
+    _recording: Recording,
+    scan: Scan,
+    reference: Reference | None,
+    settings: Settings,
+    _told: Progress,
 ) -> _Solved:
     """The adjusted fit, from the moments of the first pass."""
     assert scan.moments is not None
     count = scan.moments.count
-    centre, size = middle(scan.moments)
-    known = None if reference is None else float(reference.magnitudes(1)[0])
-    scale = Scale(centre, size, known, reference.sd if reference else 0.0)
-    sums = scan.moments.rebase(centre, size).sums
-    found, tests = choose(
-        lambda chosen: algebraic(sums, chosen, "adjusted"), asked.model, count, "adjusted"
+    sums, scale = normalise_moments(scan.moments, reference)
+    found, tests = choose_model(
+        lambda model: solve_algebraic(sums, model, "adjusted"), settings.model, count, "adjusted"
     )
     return _Solved(found, scale, tests, count)
 
 
-def _likeliest(
-    recording: Recording, scan: Scan, reference: Reference | None, asked: Asked, told: Progress
+def _maximise(
+    recording: Recording,
+    scan: Scan,
+    reference: Reference | None,
+    settings: Settings,
+    told: Progress,
 ) -> _Solved:
     """The maximum of the likelihood of all readings, from that of the rows in memory."""
     usable = find_usable_rows(scan.samples.field)
-    scale, magnitude = normalised(scan.samples, reference, usable, "likelihood")
+    scale, magnitude = normalise(scan.samples, reference, usable, "likelihood")
     points = (scan.samples.field[rows_of(usable)] - scale.centre) / scale.size
-    robust = asked.robust and len(points) >= 2 * FEWEST
+    robust = settings.robust and len(points) >= 2 * FEWEST
     seen: dict[str, Whole] = {}
 
     def attempt(chosen: Fixed) -> Found:
-        problem = likelihood.Problem(points, magnitude, chosen, asked.soft_iron_sd)
-        start = likelihood.estimate(problem, robust=robust, seed=asked.seed)
-        whole = maximised(recording, scan, scale, chosen, start, asked.soft_iron_sd, robust, told)
-        residuals, _ = likelihood.distances(points, whole.found.bias, whole.found.matrix, magnitude)
+        problem = Problem(points, magnitude, chosen, settings.soft_iron_sd)
+        start = estimate(problem, robust=robust, seed=settings.seed)
+        whole = maximise(recording, scan, scale, chosen, start, settings.soft_iron_sd, robust, told)
+        residuals, _ = compute_distances(points, whole.found.bias, whole.found.matrix, magnitude)
         weights = whole.noise.loss.weight((residuals / whole.noise.sd) ** 2)
         seen[chosen] = whole
         return whole.found._replace(residuals=residuals, weights=weights)
 
-    found, tests = choose(attempt, asked.model, scan.rows, "likelihood")
+    found, tests = choose_model(attempt, settings.model, scan.rows, "likelihood")
     whole = seen[found.model]
     return _Solved(found, scale, tests, whole.n, whole)
 
 
-def _evident(
-    recording: Recording, scan: Scan, reference: Reference | None, asked: Asked, solved: _Solved
+def _assess(
+    recording: Recording,
+    scan: Scan,
+    reference: Reference | None,
+    settings: Settings,
+    solved: _Solved,
 ) -> Fit:
     """The fit, with what the rows in memory tell and what the passes counted."""
     samples, found = scan.samples, solved.found
-    chosen = settings(
-        asked.model,
-        asked.method,
-        asked.gauge,
-        reference,
-        robust=asked.robust,
-        soft_iron_sd=asked.soft_iron_sd,
-        seed=asked.seed,
-    )
     affine = replace(
-        calibration(found, solved.scale, samples.unit, asked.gauge),
+        make_calibration(found, solved.scale, samples.unit, settings.gauge),
         sensor=samples.name,
         frame_in=samples.frame,
         frame_out=samples.frame,
         validity=Validity(largest_reading=scan.largest),
         provenance=Provenance(
-            inputs=recording.inputs, settings=chosen, method=CITATIONS[asked.method]
+            inputs=recording.inputs,
+            settings=settings.recorded(reference),
+            method=CITATIONS[settings.method],
         ),
     )
     assert affine.noise is not None
-    fit = with_evidence(
+    fit = assess(
         found._replace(noise=affine.noise),
         affine,
         samples,
         reference,
         find_usable_rows(samples.field),
         solved.tests,
-        asked.inclination_deg,
+        settings.inclination_deg,
     )
     findings = tuple(f for f in fit.findings if f.name != "outliers")
     fit = replace(fit, n=solved.n, findings=findings)
@@ -209,25 +219,22 @@ def _evident(
             f"{scan.rows}, drawn evenly; the fit is of all"
         )
         fit = replace(fit, remarks=(*fit.remarks, thinned))
-    return finished(
-        fit, (*check_rejected(scan.rejected, _total(scan)), *_passed(scan, solved, fit))
+    return fit.with_findings(
+        *check_rejected(scan.rejected, scan.rows + sum(scan.rejected.values())),
+        *_passed(scan, solved, fit),
     )
 
 
-def _total(scan: Scan) -> int:
-    return scan.rows + sum(scan.rejected.values())
-
-
 def _passed(scan: Scan, solved: _Solved, fit: Fit) -> tuple[Finding | None, ...]:
-    """What the passes over all readings found out: strays, and a bias that moves."""
+    """What the passes over all readings found out: outliers, and a bias that moves."""
     whole = solved.whole
     if whole is None or fit.verdict == "refused":
         return ()
     if any(f.name == "field changed" for f in fit.findings):
         return ()  # one cause is not told twice
-    strays, moved = check_outliers(whole.strays, whole.n), whole.moved
+    outliers, moved = check_outliers(whole.outliers, whole.n), whole.moved
     if moved is None or moved.significance < BEYOND_CHANCE:
-        return (strays,)
+        return (outliers,)
     shift = float(np.linalg.norm(moved.shift[:3])) * solved.scale.size
     gain = float(np.trace(fit.calibration.matrix) / 3)
     assert fit.calibration.magnitude is not None
@@ -235,4 +242,4 @@ def _passed(scan: Scan, solved: _Solved, fit: Fit) -> tuple[Finding | None, ...]
     if scan.begun is not None:
         moment = f"t = {scan.begun[moved.stretch] - scan.begun[0]:.1f} s"
     radius = fit.calibration.magnitude / gain
-    return strays, check_bias_drift(shift, radius, moment, fit.calibration.unit_in)
+    return outliers, check_bias_drift(shift, radius, moment, fit.calibration.unit_in)

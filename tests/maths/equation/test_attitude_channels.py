@@ -1,11 +1,13 @@
-"""The estimator taught by magnitude, dip and azimuth, on points of about one."""
+"""The estimator by magnitude, dip and azimuth, on points of about one."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.maths.equation import attitude_aided
 from agonic.maths.equation.affine import split
+from agonic.maths.equation.channels import Dip, Problem, pieces
+from agonic.maths.equation.maximum_likelihood import estimate
+from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation import leastsq
 
 H, Z = 0.5, np.sqrt(0.75)
@@ -20,25 +22,23 @@ def problem(n: int = 1500, *, noise=0.003, tilt_deg=15.0, seed=0, turn_deg=0.0, 
     rot_nb = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], 1), degrees=True).as_matrix()
     field_b = np.einsum("nji,j->ni", rot_nb, [H, 0.0, Z])
     matrix = Rotation.from_euler("y", turn_deg, degrees=True).as_matrix() @ W
-    terms = rng.normal(size=(n, 0 if slope is None else 1))
+    terms = None if slope is None else rng.normal(size=(n, 1))
     points = field_b @ np.linalg.inv(matrix).T + BIAS + noise * rng.normal(size=(n, 3))
     if slope is not None:
         points = points + terms @ np.array([slope])
     known = {
-        "down": rot_nb[:, 2],
-        "across": None,
+        "dip": Dip(rot_nb[:, 2], np.array([H]), np.array([Z])),
+        "terms": terms,
         "model": "full",
         "gauge": "symmetric",
         "soft_iron_sd": None,
         "turn_sd": 0.05,
     }
-    return attitude_aided.Problem(
-        points, terms, np.array([H]), np.array([Z]), **(known | more)
-    ), rot_nb
+    return Problem(points, np.array([np.hypot(H, Z)]), **(known | more)), rot_nb
 
 
-def fitted(given: attitude_aided.Problem, **settings):
-    found = attitude_aided.estimate(given, **settings)
+def fitted(given: Problem, **settings):
+    found = estimate(given, **settings)
     m = given.basis.shape[1]
     return found, *split(given.basis @ found.solution.params[:m])
 
@@ -53,7 +53,7 @@ def test_roll_pitch_and_intensities_find_bias_and_matrix_of_a_vehicle_that_hardl
 
 def test_the_magnitude_alone_would_not_have_found_them() -> None:
     given = problem()[0]
-    alone, _, _ = fitted(given._replace(down=None))
+    alone, _, _ = fitted(given._replace(dip=None))
     both, _, _ = fitted(given)
     ratio = np.diag(alone.solution.covariance)[:3] / np.diag(both.solution.covariance)[:3]
     assert ratio.max() > 9.0
@@ -62,9 +62,9 @@ def test_the_magnitude_alone_would_not_have_found_them() -> None:
 def test_errors_of_roll_and_pitch_are_weighed_by_what_they_do() -> None:
     given, _ = problem()
     rng = np.random.default_rng(9)
-    down = given.down + 0.02 * rng.normal(size=given.down.shape)
+    down = given.dip.down + 0.02 * rng.normal(size=given.dip.down.shape)
     down /= np.linalg.norm(down, axis=1, keepdims=True)
-    found, bias, _ = fitted(given._replace(down=down))
+    found, bias, _ = fitted(given._replace(dip=given.dip._replace(down=down)))
     assert found.noise["magnitude"].sd == pytest.approx(0.003, rel=0.1)
     assert found.noise["dip"].sd == pytest.approx(0.02, rel=0.15)
     assert bias == pytest.approx(BIAS, abs=0.02)
@@ -75,7 +75,7 @@ def test_a_turned_sensor_needs_the_free_matrix(gauge: str) -> None:
     given, _ = problem(turn_deg=2.0, gauge=gauge)
     found, bias, _ = fitted(given)
     if gauge == "free":
-        turn, covariance = attitude_aided.turn(given, found.solution)
+        turn, covariance = compute_turn(given.basis, found.solution)
         assert turn[1] == pytest.approx(np.radians(2.0), abs=0.003)
         assert np.sqrt(covariance[1, 1]) < 0.002
         assert bias == pytest.approx(BIAS, abs=0.01)
@@ -91,7 +91,7 @@ def test_a_known_heading_finds_the_turn_about_the_vertical() -> None:
     assert matrix == pytest.approx(W, abs=0.02)
     without, _, _ = fitted(given._replace(turn_sd=0.1))
     sd = [
-        np.sqrt(attitude_aided.turn(g, f.solution)[1][0, 0])
+        np.sqrt(compute_turn(g.basis, f.solution)[1][0, 0])
         for g, f in ((known, found), (given, without))
     ]
     assert sd[0] < 0.2 * sd[1]
@@ -103,19 +103,19 @@ def test_a_term_takes_what_moves_with_it() -> None:
     assert bias == pytest.approx(BIAS, abs=0.01)
 
 
-def test_strays_are_left_out() -> None:
+def test_outliers_are_left_out() -> None:
     given, _ = problem()
     points = given.points.copy()
     points[::20] += 0.5
     found, bias, _ = fitted(given._replace(points=points))
     assert bias == pytest.approx(BIAS, abs=0.015)
-    assert (found.weight[::20] == 0).mean() > 0.95
-    assert (np.delete(found.weight, np.s_[::20]) > 0).all()
+    assert (found.weights[::20] == 0).mean() > 0.95
+    assert (np.delete(found.weights, np.s_[::20]) > 0).all()
 
 
 def test_the_prior_has_the_derivative_it_says() -> None:
     given, _ = problem(gauge="free", soft_iron_sd=0.1, slope=[0.0, 0.0, 0.0])
-    prior = attitude_aided.prior_of(given, 0.1)
+    prior = given.prior(0.1)
     at = np.random.default_rng(0).normal(size=15) + np.array([0, 0, 0, 2, 2, 2] + [0] * 9)
     jacobian = prior(at)[1]
     numeric = [(prior(at + step)[0] - prior(at - step)[0]) / 2e-6 for step in 1e-6 * np.eye(15)]
@@ -125,9 +125,9 @@ def test_the_prior_has_the_derivative_it_says() -> None:
 def test_pieces_of_all_kinds_cover_all_rows_once() -> None:
     given, rot_nb = problem(n=9000)
     given = given._replace(across=rot_nb[:, 1])
-    for kind in given.kinds:
+    for channel in given.channels:
         sums = leastsq.accumulate(
-            attitude_aided.pieces(given, kind),
+            pieces(given, channel),
             np.r_[BIAS, 1, 1, 1, 0, 0, 0],
             leastsq.squares(),
             1.0,

@@ -1,0 +1,158 @@
+"""What is known of each reading, and the residuals that it gives: one kind is a channel.
+
+The magnitude of the field alone leaves rotations of the matrix open; roll and pitch add the dip; a
+known heading adds the azimuth, and with it the whole vector. Errors of roll and pitch enter the dip
+only and those of the heading the azimuth only. Fields of sources on board join as terms of the
+bias.
+
+Everything here works on points centred and scaled to about one, terms centred and scaled to about
+one, and fields scaled to mean magnitude one; whoever poses a problem puts the units back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.maths.equation.affine import (
+    SYMMETRIC,
+    azimuth_residual,
+    dip_residual,
+    expand_covariates,
+    magnitude_residual,
+    model_basis,
+    split,
+)
+from agonic.maths.equation.priors import make_prior
+from agonic.maths.estimation import leastsq
+
+_ROWS = 4096  # a block whose temporaries stay in the cache
+
+
+class Dip(NamedTuple):
+    """Down (n, 3) in the axes of the corrected field, and horizontal and vertical intensity, each
+    (1,) or (n,)."""
+
+    down: Array
+    horizontal: Array
+    vertical: Array
+
+
+class Problem(NamedTuple):
+    """Readings, what is known of the field at each, and the priors.
+
+    `points` (n, 3); `magnitude` (1,) or (n,); `terms` (n, k) of sources on board; `dip` and
+    `across` (n, 3), horizontal and square to the field, where they are known. `soft_iron_sd`: prior
+    on the symmetric part of the matrix over its mean gain; `turn_sd`: prior on the rotation in a
+    free matrix, rad.
+    """
+
+    points: Array
+    magnitude: Array
+    model: str
+    soft_iron_sd: float | None
+    gauge: str = SYMMETRIC
+    turn_sd: float | None = None
+    terms: Array | None = None
+    dip: Dip | None = None
+    across: Array | None = None
+
+    def subset(self, rows: Index | slice) -> Problem:
+        """The same problem on some of the readings."""
+
+        def some(values: Array) -> Array:
+            return values if len(values) == 1 else values[rows]
+
+        return self._replace(
+            points=self.points[rows],
+            magnitude=some(self.magnitude),
+            terms=None if self.terms is None else self.terms[rows],
+            dip=None if self.dip is None else Dip(*map(some, self.dip)),
+            across=None if self.across is None else self.across[rows],
+        )
+
+    @property
+    def basis(self) -> Array:
+        """From the parameters of the matrix model to the twelve local numbers."""
+        return model_basis(self.model, self.gauge)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that can be had."""
+        known = {"magnitude": True, "dip": self.dip, "azimuth": self.across}
+        return tuple(channel for channel, there in known.items() if there is not None)
+
+    def prior(self, soft_iron_sd: float | None) -> leastsq.Prior | None:
+        """The priors, with another standard deviation of soft iron."""
+        terms = 0 if self.terms is None else self.terms.shape[1]
+        return make_prior(
+            self.model, soft_iron_sd, gauge=self.gauge, turn_sd=self.turn_sd, terms=terms
+        )
+
+    @property
+    def magnitude_only(self) -> bool:
+        """Whether nothing but the magnitude tells of bias and matrix, and nothing joins them."""
+        return self.terms is None and len(self.channels) == 1
+
+
+def pieces(problem: Problem, channel: str, noise_sd: float = 0.0) -> leastsq.Pieces:
+    """The residuals of one channel, block by block, for the solver."""
+    basis, n = problem.basis, len(problem.points)
+    m = basis.shape[1]
+
+    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
+        bias, matrix = split(basis @ params[:m])
+        for start in range(0, n, _ROWS):
+            part = problem if n <= _ROWS else problem.subset(slice(start, start + _ROWS))
+            raw = part.points - field_of_terms(part, params)
+            r, jacobian = _residual(part, channel, raw, bias, matrix, noise_sd)
+            reduced = jacobian @ basis
+            if part.terms is not None:
+                by_terms = expand_covariates(jacobian[:, :3], part.terms)
+                reduced = np.concatenate([reduced, by_terms], axis=1)
+            yield r, reduced
+
+    return blocks
+
+
+def compute_residuals(problem: Problem, channel: str, params: Array) -> Array:
+    """The residuals of one channel at given parameters, (n,)."""
+    return np.concatenate([r for r, _ in pieces(problem, channel)(params)])
+
+
+def field_of_terms(problem: Problem, params: Array) -> Array | float:
+    """What the terms add to each point, (n, 3); zero without any."""
+    if problem.terms is None:
+        return 0.0
+    return np.asarray(problem.terms @ params[problem.basis.shape[1] :].reshape(3, -1).T)
+
+
+def compute_distances(
+    raw: Array, bias: Array, matrix: Array, magnitude: Array
+) -> tuple[Array, Array]:
+    """Distance of each reading from the ellipsoid and the unit normal there, (n,) and (n, 3).
+
+    Parameters: raw (n, 3), bias (3,), matrix (3, 3), magnitude (1,) or (n,), in any units.
+    """
+    residuals, normals = np.empty(len(raw)), np.empty((len(raw), 3))
+    for start in range(0, len(raw), _ROWS):
+        rows = slice(start, start + _ROWS)
+        f = magnitude if len(magnitude) == 1 else magnitude[rows]
+        residuals[rows], jacobian = magnitude_residual(raw[rows], bias, matrix, f)
+        np.negative(jacobian[:, :3], out=normals[rows])
+    return residuals, normals
+
+
+def _residual(
+    part: Problem, channel: str, raw: Array, bias: Array, matrix: Array, noise_sd: float
+) -> tuple[Array, Array]:
+    if channel == "magnitude":
+        return magnitude_residual(raw, bias, matrix, part.magnitude, noise_sd)
+    if channel == "dip":
+        assert part.dip is not None
+        return dip_residual(raw, bias, matrix, *part.dip, noise_sd)
+    assert part.across is not None
+    return azimuth_residual(raw, bias, matrix, part.across)

@@ -1,0 +1,163 @@
+"""The one estimator of an affine calibration: maximum likelihood from magnitude, dip and azimuth.
+
+Which channels are known decides the fit (`channels`). Each has a noise of its own and is weighted
+by what its own residuals say. Start, relax, refine: `starting_values`, then `estimate`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.maths.equation.affine import split
+from agonic.maths.equation.channels import Problem, compute_residuals, pieces
+from agonic.maths.equation.coverage import find_cells
+from agonic.maths.equation.starting_values import find_starts, fit_algebraic
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussian
+
+_ENOUGH = 3000  # readings for the search; the refinement uses all
+_CROWD = 0.2  # of the readings
+_LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
+_DETERMINED = 0.05  # standard error over the field, or over the gain
+
+
+class Estimate(NamedTuple):
+    """The solution on the readings that count; noise and residuals (n,) of each channel by its
+    name; and the weights (n,) of all readings, the least of the channels."""
+
+    solution: leastsq.Solution
+    noise: dict[str, Noise]
+    residuals: dict[str, Array]
+    weights: Array
+
+
+def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimate:
+    """The most probable parameters, how sure they are, and the noise of each channel.
+
+    Starts are tried on a few thousand readings. Where all of these agree with a minimum, another
+    one could hold for some of them only; otherwise the best of several is taken. Then all readings
+    refine it, with Tukey's loss where any stands out. The refinement takes the noise's own effect
+    on the curved surface out (`affine.magnitude_residual`).
+    """
+    n = len(problem.points)
+    few = problem
+    if n > _ENOUGH:
+        rows = np.random.default_rng(seed).choice(n, _ENOUGH, replace=False)
+        # errors of the attitude are correlated, which shows in the order of time only
+        few = problem.subset(rows if problem.magnitude_only else np.sort(rows))
+    algebraic = fit_algebraic(few)
+    if algebraic is not None:
+        found = refine(few, algebraic, robust)
+        if _agrees(few, found):
+            return found if few is problem else refine(problem, found.solution.params, robust)
+    tried = []
+    for start in find_starts(few, algebraic, robust, seed):
+        tried.append(refine(few, start, robust))
+        if _agrees(few, tried[-1]):
+            break
+    best = min(tried, key=lambda found: _compute_spread(few, found))
+    if few is problem and not problem.magnitude_only:
+        return best
+    return refine(problem, best.solution.params, robust)
+
+
+def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
+    """The minimum on all readings that count, from a near start; noise level and correlation of
+    each channel are taken from its residuals."""
+    prior = problem.prior(problem.soft_iron_sd)
+    channels, count = problem.channels, len(params)
+    residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
+    noise = {channel: estimate_noise(r, robust, count) for channel, r in residuals.items()}
+    counted = np.ones(len(problem.points), dtype=bool)
+    for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
+        part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
+        sd = noise["magnitude"].sd
+        solution = leastsq.solve_together(
+            [
+                leastsq.Channel(pieces(part, channel, sd), of.sd, of.loss, of.correlation)
+                for channel, of in noise.items()
+            ],
+            params,
+            prior=prior,
+            tolerance=1e-2,
+        )
+        params, assumed = solution.params, noise
+        left = dict(zip(channels, np.split(solution.residuals, len(channels)), strict=True))
+        noise = {channel: estimate_noise(r, robust, count) for channel, r in left.items()}
+        residuals = left
+        if part is not problem:
+            residuals = {c: compute_residuals(problem, c, params) for c in channels}
+        weights = _weigh(residuals, assumed)
+        used = counted
+        if problem.magnitude_only:
+            fewer = counted & find_corroborated(problem, solution, weights, sd)
+            counted = fewer if fewer.any() else counted
+        settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
+        if settled and np.array_equal(used, counted):
+            break
+    return Estimate(solution, noise, residuals, weights * used)
+
+
+def find_corroborated(
+    problem: Problem, solution: leastsq.Solution, weights: Array, sd: float
+) -> Mask:
+    """Which readings other readings speak for, (n,), where only the magnitude is known.
+
+    An outlier can fall near the ellipsoid by chance, in a direction that was never visited;
+    nothing there contradicts it, and it or a handful of them decide the result. So where some
+    readings are outliers (weight zero), none counts in a cell of directions where outliers are
+    the majority. Readings of unusual leverage J C Jᵀ/σ² are a cell of their own, for just off the
+    visited directions outliers hide among honest readings; and none counts that decides alone.
+    """
+    outlier = weights == 0.0
+    if not outlier.any() or outlier.all():
+        return np.ones(len(weights), dtype=bool)
+    bias, matrix = split(problem.basis @ solution.params)
+    cells = find_cells((problem.points - bias) @ matrix.T)
+    leverage = np.concatenate(
+        [
+            np.einsum("ij,jk,ik->i", jacobian, solution.covariance / sd**2, jacobian)
+            for _, jacobian in pieces(problem, "magnitude")(solution.params)
+        ]
+    )
+    unusual = 25 * float(np.median(leverage[~outlier]))
+    if outlier.mean() < _CROWD:  # more are no outliers but another population
+        cells[leverage > unusual] = 80
+    readings, outliers = np.bincount(cells, minlength=81), np.bincount(cells[outlier], minlength=81)
+    return np.asarray((2 * outliers < readings)[cells] & (leverage < max(1 / 3, unusual)))
+
+
+def _weigh(residuals: dict[str, Array], noise: dict[str, Noise]) -> Array:
+    """What the robust losses leave of each reading, the least of its channels."""
+    weights = [noise[c].loss.weight((r / noise[c].sd) ** 2) for c, r in residuals.items()]
+    return np.asarray(np.minimum.reduce(weights))
+
+
+def _compute_spread(problem: Problem, found: Estimate) -> float:
+    """How much readings scatter about a minimum: Σ log of the noise of each channel.
+
+    Where the magnitude is alone it is that of the median residual, which no outlier reaches.
+    """
+    if problem.magnitude_only:
+        return leastsq.robust_scale(found.residuals["magnitude"])
+    return sum(float(np.log(noise.sd)) for noise in found.noise.values())
+
+
+def _agrees(problem: Problem, found: Estimate) -> bool:
+    """Whether all readings lie as near to a well-determined minimum as Gaussian noise lets them.
+
+    None was left out or counts for less in any channel, and the magnitude, which errors of the
+    attitude do not reach, is as near to that of the field as Gaussian noise lets it. What is left
+    must be little beside the field, so that no second surface can hide in the noise.
+    """
+    sd, count = found.noise["magnitude"].sd, len(found.solution.params)
+    determined = np.diag(found.solution.covariance).max() < _DETERMINED**2
+    return bool(
+        found.weights.min() == 1.0
+        and sd < _LITTLE
+        and (determined or not problem.magnitude_only)
+        and is_like_gaussian(found.residuals["magnitude"], sd, count)
+    )

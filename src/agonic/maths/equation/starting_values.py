@@ -1,0 +1,86 @@
+"""Where a maximum-likelihood estimate starts from, found on a few thousand readings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.maths.equation import moments, quadric
+from agonic.maths.equation.affine import join
+from agonic.maths.equation.channels import Problem, compute_residuals, pieces
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.least_median import fit_least_median_sphere
+
+_STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
+_STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)
+
+
+def fit_algebraic(few: Problem) -> Array | None:
+    """The adjusted fit (`quadric`), where there is only one magnitude and it is an ellipsoid."""
+    if not few.magnitude_only or len(few.magnitude) > 1:
+        return None
+    psi = moments.compute_denoised_gram(moments.accumulate(few.points, np.zeros(3), 1.0))
+    v, _ = quadric.fit_adjusted(psi, few.model)
+    if not quadric.is_ellipsoid(v):
+        return None
+    return _start(few, *quadric.to_affine(v, float(few.magnitude[0])))
+
+
+def find_starts(few: Problem, algebraic: Array | None, robust: bool, seed: int) -> Iterator[Array]:
+    """Parameters to start from, each made when it is asked for.
+
+    With the attitude, or with sources on board: the middle of the readings. Then the sphere of most
+    readings, which outliers cannot reach, and the algebraic fit where there is one. From all of
+    these the prior on soft iron is relaxed step by step.
+    """
+    steps = _STEPS_BY_MAGNITUDE if few.magnitude_only else _STEPS
+    if not few.magnitude_only:
+        yield _relax(few, _middle(few), steps, robust)
+    bias, gain = fit_least_median_sphere(few.points, few.magnitude, seed=seed)
+    yield _relax(few, _start(few, bias, gain * np.eye(3)), steps, robust)
+    if algebraic is not None:
+        yield _relax(few, algebraic, steps[-1:], robust)
+
+
+def nearest_parameters(bias: Array, matrix: Array, basis: Array) -> Array:
+    """The parameters (m,) of a model nearest to a bias and matrix (least squares).
+
+    Parameters: bias (3,), matrix (3, 3), basis (12, m) of the model.
+    """
+    return np.asarray(np.linalg.lstsq(basis, join(bias, matrix), rcond=None)[0])
+
+
+def _start(few: Problem, bias: Array, matrix: Array) -> Array:
+    terms = 0 if few.terms is None else few.terms.shape[1]
+    return np.concatenate([nearest_parameters(bias, matrix, few.basis), np.zeros(3 * terms)])
+
+
+def _middle(few: Problem) -> Array:
+    """The mean of the readings, less the vertical field where down is known."""
+    bias = few.points.mean(axis=0)
+    turning = np.sqrt(np.var(few.points - bias, axis=0).sum())
+    level = float(np.mean(few.magnitude))
+    if few.dip is not None:
+        level = float(np.mean(few.dip.horizontal))
+        down, vertical = few.dip.down.mean(axis=0), float(np.mean(few.dip.vertical))
+        bias = bias - down * vertical * turning / level
+    return _start(few, bias, level / max(turning, 1e-9) * np.eye(3))
+
+
+def _relax(few: Problem, params: Array, steps: tuple[float, ...], robust: bool) -> Array:
+    """From a start to the minimum with the prior on soft iron loosened step by step."""
+    loss = leastsq.cauchy() if robust else leastsq.squares()
+    final = few.soft_iron_sd or np.inf
+    tighter = [sd for sd in steps if sd < final]
+    for sd in (*tighter, few.soft_iron_sd, few.soft_iron_sd):
+        channels = []
+        for channel in few.channels:
+            residuals = compute_residuals(few, channel, params)
+            scale = max(leastsq.robust_scale(residuals, len(params)), 1e-9)
+            channels.append(leastsq.Channel(pieces(few, channel), scale, loss))
+        params = leastsq.solve_together(
+            channels, params, prior=few.prior(sd), tolerance=0.1, max_iterations=25
+        ).params
+    return params
