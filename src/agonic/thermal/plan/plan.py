@@ -178,8 +178,8 @@ def plan_thermal(
     magnitude, inclination_deg : the field to expect, nT and degrees.
     degree : of the polynomials in temperature. bin_width_C : of the bins.
     fixture_sd_deg : how well the turns of the fixture are known.
-    chamber_sd : how far, nT, the field of a station may be from that of the others. name : of the
-    campaign.
+    chamber_sd : how far, nT, the field of a station may be from that of the others.
+    name : of the campaign.
 
     Returns a `ThermalPlan`. Raises `AgonicError` for a plan that cannot be carried out.
 
