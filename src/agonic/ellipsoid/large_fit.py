@@ -118,10 +118,10 @@ def _fit(
     check_choice("method", settings.method, get_args(Method))
     if reference is not None and len(reference.values) > 1:
         raise AgonicError("a recording read in pieces needs one constant reference magnitude")
-    told = progress or (lambda _name, _rows: None)
-    scan = scan_recording(recording, settings.method == "adjusted", settings.seed, told)
+    report = progress or (lambda _name, _rows: None)
+    scan = scan_recording(recording, settings.method == "adjusted", settings.seed, report)
     solve = _adjust if settings.method == "adjusted" else _maximise
-    solved = solve(recording, scan, reference, settings, told)
+    solved = solve(recording, scan, reference, settings, report)
     return _assess(recording, scan, reference, settings, solved), scan.samples
 
 
@@ -157,7 +157,7 @@ def _maximise(
     scan: Scan,
     reference: Reference | None,
     settings: Settings,
-    told: Progress,
+    report: Progress,
 ) -> _Solved:
     """The maximum of the likelihood of all readings, from that of the rows in memory."""
     usable = find_usable_rows(scan.samples.field)
@@ -169,7 +169,9 @@ def _maximise(
     def attempt(chosen: Fixed) -> Found:
         problem = Problem(points, magnitude, chosen, settings.soft_iron_sd)
         start = estimate(problem, robust=robust, seed=settings.seed)
-        whole = maximise(recording, scan, scale, chosen, start, settings.soft_iron_sd, robust, told)
+        whole = maximise(
+            recording, scan, scale, chosen, start, settings.soft_iron_sd, robust, report
+        )
         residuals, _ = compute_distances(points, whole.found.bias, whole.found.matrix, magnitude)
         weights = whole.noise.loss.weight((residuals / whole.noise.sd) ** 2)
         seen[chosen] = whole
@@ -221,18 +223,18 @@ def _assess(
         fit = replace(fit, remarks=(*fit.remarks, thinned))
     return fit.with_findings(
         *check_rejected(scan.rejected, scan.rows + sum(scan.rejected.values())),
-        *_passed(scan, solved, fit),
+        *_find_over_all(scan, solved, fit),
     )
 
 
-def _passed(scan: Scan, solved: _Solved, fit: Fit) -> tuple[Finding | None, ...]:
+def _find_over_all(scan: Scan, solved: _Solved, fit: Fit) -> tuple[Finding | None, ...]:
     """What the passes over all readings found out: outliers, and a bias that moves."""
     whole = solved.whole
     if whole is None or fit.verdict == "refused":
         return ()
     if any(f.name == "field changed" for f in fit.findings):
         return ()  # one cause is not told twice
-    outliers, moved = check_outliers(whole.outliers, whole.n), whole.moved
+    outliers, moved = check_outliers(whole.outliers, whole.n), whole.change_point
     if moved is None or moved.significance < BEYOND_CHANCE:
         return (outliers,)
     shift = float(np.linalg.norm(moved.shift[:3])) * solved.scale.size

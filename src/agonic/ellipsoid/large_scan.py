@@ -87,9 +87,9 @@ class Segment(NamedTuple):
     factor: float
 
 
-def scan_recording(recording: Recording, summed: bool, seed: int, told: Progress) -> Scan:
+def scan_recording(recording: Recording, summed: bool, seed: int, report: Progress) -> Scan:
     """The first pass; `summed` adds the moments up."""
-    drawn = _drawn(recording.rows, seed)
+    drawn = _draw_rows(recording.rows, seed)
     stride = max(-(-recording.rows // MOST), 1)
     long = max(-(-recording.rows // STRETCHES), SHORTEST)
     fields, times, begun = [], [], []
@@ -114,7 +114,7 @@ def scan_recording(recording: Recording, summed: bool, seed: int, told: Progress
             field = strip.field
             moments = Moments.of(field, unit=head.unit) if moments is None else moments.add(field)
         done += len(strip)
-        told("reading", done)
+        report("reading", done)
     if not done:
         raise LogError("the recording holds no usable readings")
     known = len(times) == len(fields)
@@ -131,20 +131,26 @@ def scan_recording(recording: Recording, summed: bool, seed: int, told: Progress
         largest,
         dict(rejected),
         any("time" in why for why in rejected),
-        _spoilt(samples.field, drawn, done, stride),
+        _find_spoilt(samples.field, drawn, done, stride),
         long,
         np.concatenate(begun) if known else None,
         moments,
     )
-    return scan._replace(moments=_summed(recording, scan, told)) if scan.spoilt and summed else scan
+    return (
+        scan._replace(moments=_sum_moments(recording, scan, report))
+        if scan.spoilt and summed
+        else scan
+    )
 
 
-def segments(recording: Recording, scan: Scan, told: Callable[[int], None]) -> Iterator[Segment]:
+def read_segments(
+    recording: Recording, scan: Scan, report: Callable[[int], None]
+) -> Iterator[Segment]:
     """The usable readings, stretch by stretch, for one more pass."""
     done = 0
     for strip in recording.strips(timed=scan.timed):
         n = len(strip)
-        bad = _bad(strip, scan.spoilt, done)
+        bad = _find_bad_rows(strip, scan.spoilt, done)
         for stretch in range(done // scan.stretch, -(-(done + n) // scan.stretch)):
             start = max(stretch * scan.stretch - done, 0)
             part = slice(start, min((stretch + 1) * scan.stretch - done, n))
@@ -155,10 +161,10 @@ def segments(recording: Recording, scan: Scan, told: Callable[[int], None]) -> I
             if len(x):
                 yield Segment(stretch, (x, y, z), strip.factor)
         done += n
-        told(done)
+        report(done)
 
 
-def _drawn(rows: int, seed: int) -> Index:
+def _draw_rows(rows: int, seed: int) -> Index:
     """One row of each stride, drawn, for what turns in step with the stride would be missed."""
     stride = max(-(-rows // MOST), 1)
     starts = np.arange(0, rows, stride)
@@ -166,7 +172,7 @@ def _drawn(rows: int, seed: int) -> Index:
     return np.asarray(np.minimum(starts + offsets, rows - 1))
 
 
-def _spoilt(field: Array, drawn: Index, rows: int, stride: int) -> tuple[Spoilt, ...]:
+def _find_spoilt(field: Array, drawn: Index, rows: int, stride: int) -> tuple[Spoilt, ...]:
     """The values at which axes are clipped, and the stretches in which one is stuck."""
     found = []
     clipped = field[find_clipped_rows(field)]
@@ -185,7 +191,7 @@ def _spoilt(field: Array, drawn: Index, rows: int, stride: int) -> tuple[Spoilt,
     return tuple(found)
 
 
-def _bad(strip: Strip, spoilt: tuple[Spoilt, ...], done: int) -> Mask | None:
+def _find_bad_rows(strip: Strip, spoilt: tuple[Spoilt, ...], done: int) -> Mask | None:
     """The rows of a strip that are spoilt, or None."""
     bad = np.zeros(len(strip), dtype=bool)
     for axis, value, start, stop in spoilt:
@@ -194,7 +200,7 @@ def _bad(strip: Strip, spoilt: tuple[Spoilt, ...], done: int) -> Mask | None:
     return bad if bad.any() else None
 
 
-def _summed(recording: Recording, scan: Scan, told: Progress) -> Moments:
+def _sum_moments(recording: Recording, scan: Scan, report: Progress) -> Moments:
     """The moments once more, without what turned out to be spoilt."""
     assert scan.moments is not None
     sums = Moments(
@@ -203,6 +209,8 @@ def _summed(recording: Recording, scan: Scan, told: Progress) -> Moments:
         sums=np.zeros(35),
         unit=scan.moments.unit,
     )
-    for _, columns, factor in segments(recording, scan, lambda done: told("once more", done)):
+    for _, columns, factor in read_segments(
+        recording, scan, lambda done: report("once more", done)
+    ):
         sums = sums.add(np.stack(columns, axis=1) * np.float64(factor))
     return sums

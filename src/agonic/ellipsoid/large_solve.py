@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.ellipsoid.calibration import Scale
-from agonic.ellipsoid.large_scan import Progress, Recording, Scan, segments
+from agonic.ellipsoid.large_scan import Progress, Recording, Scan, read_segments
 from agonic.ellipsoid.maths import block_sums
 from agonic.ellipsoid.maths.block_sums import Assumed, Frame, Sums
 from agonic.ellipsoid.settings import Fixed
@@ -39,7 +39,7 @@ class Whole(NamedTuple):
     noise: Assumed
     n: int
     outliers: int
-    moved: batch_means.ChangePoint | None
+    change_point: batch_means.ChangePoint | None
 
 
 def maximise(
@@ -50,7 +50,7 @@ def maximise(
     start: Estimate,
     soft_iron_sd: float | None,
     robust: bool,
-    told: Progress,
+    report: Progress,
 ) -> Whole:
     """The minimum over all readings, from that over some of them.
 
@@ -61,20 +61,26 @@ def maximise(
     change = block_sums.reduction(model)
     prior = make_prior(model, soft_iron_sd)
     noise = start.noise["magnitude"]
-    params, lasts = start.solution.params, noise.correlation
+    params, correlation = start.solution.params, noise.correlation
     outliers_count_nothing = noise.loss.weight(np.array([1e6]))[0] == 0.0
     assumed = Assumed(noise.sd, bool(outliers_count_nothing))
     for number in range(1, MOST_PASSES + 1):
-        sums = _summed(recording, scan, scale, change @ params, assumed, number, told)
+        sums = _sum_pass(recording, scan, scale, change @ params, assumed, number, report)
         normal = sums.normal(assumed.sd, change)
-        held, pull = _held(prior, params)
-        curved = normal.information * (normal.curvature / normal.weight / lasts) + held
-        step = -leastsq.inverse(curved) @ (normal.gradient / lasts + pull)
+        prior_information, pull = _prior_terms(prior, params)
+        curved = (
+            normal.information * (normal.curvature / normal.weight / correlation)
+            + prior_information
+        )
+        step = -leastsq.inverse(curved) @ (normal.gradient / correlation + pull)
         params = params + step
-        scores, white = sums.score @ change / assumed.sd, _white(normal, len(params))
+        scores, white = (
+            sums.score @ change / assumed.sd,
+            _scatter_of_white_noise(normal, len(params)),
+        )
         scatter = batch_means.compute_scatter(scores, white)
-        lasts = scatter.correlation
-        seen = _seen(sums, assumed, robust, len(params))
+        correlation = scatter.correlation
+        seen = _estimate_noise(sums, assumed, robust, len(params))
         # noise moves the result by its effect on a curved surface, σ²/F, over σ/√n
         shifts = 2 * abs(seen.sd / assumed.sd - 1) * seen.sd * np.sqrt(normal.total)
         near = float(np.sqrt(step @ curved @ step)) < NEAR
@@ -83,7 +89,7 @@ def maximise(
             break
         assumed = seen
     steady = batch_means.compute_scatter(scores, white, steady=True)
-    covariance, data = _sandwich(normal, scatter, held, len(params))
+    covariance, data = _sandwich(normal, scatter, prior_information, len(params))
     bias, matrix = split(model_basis(model) @ params)
     found = Found(
         model,
@@ -91,7 +97,7 @@ def maximise(
         matrix,
         gauge.expand_model_covariance(model, covariance),
         seen.sd,
-        lasts,
+        correlation,
         condition=float(leastsq.condition(data)),
         iterations=number,
         converged=converged,
@@ -101,29 +107,29 @@ def maximise(
         seen,
         normal.total,
         round(float(sums.facts[6])),
-        batch_means.find_change_point(-scores, data * lasts, steady.matrix),
+        batch_means.find_change_point(-scores, data * correlation, steady.matrix),
     )
 
 
-def _summed(
+def _sum_pass(
     recording: Recording,
     scan: Scan,
     scale: Scale,
     params: Array,
     assumed: Assumed,
     number: int,
-    told: Progress,
+    report: Progress,
 ) -> Sums:
     """One pass."""
     sums = Sums.empty(batch_means.STRETCHES)
     compiled = scan.rows >= COMPILE_FROM
-    for part in segments(recording, scan, lambda done: told(f"iteration {number}", done)):
+    for part in read_segments(recording, scan, lambda done: report(f"iteration {number}", done)):
         frame = Frame(scale.centre, scale.size, part.factor)
         block_sums.add(sums, part.stretch, part.columns, frame, params, assumed, compiled=compiled)
     return sums._replace(score=sums.score[: -(-scan.rows // scan.stretch)])
 
 
-def _held(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Array]:
+def _prior_terms(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Array]:
     """The information of the prior (m, m) and its gradient (m,)."""
     if prior is None:
         return np.zeros((len(params), len(params))), np.zeros(len(params))
@@ -131,7 +137,7 @@ def _held(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Array]:
     return jacobian.T @ jacobian, residuals @ jacobian
 
 
-def _seen(sums: Sums, assumed: Assumed, robust: bool, parameters: int) -> Assumed:
+def _estimate_noise(sums: Sums, assumed: Assumed, robust: bool, parameters: int) -> Assumed:
     """The noise of all readings, by those that the loss lets through (`maths.estimation.noise`)."""
     _, weight, _, _, power, total, _, largest = sums.facts.tolist()
     stands_out = largest > np.sqrt(2 * np.log(2 * total)) + 1
@@ -144,23 +150,23 @@ def _seen(sums: Sums, assumed: Assumed, robust: bool, parameters: int) -> Assume
     return assumed._replace(sd=max(float(sd), 1e-9))
 
 
-def _white(normal: leastsq.Normal, parameters: int) -> Array:
+def _scatter_of_white_noise(normal: leastsq.Normal, parameters: int) -> Array:
     """The scatter of the gradient by residuals of which each counts."""
     freedom = normal.total / max(normal.total - parameters, 1)
     return np.asarray(normal.information * (freedom * normal.scatter / normal.weight))
 
 
 def _sandwich(
-    normal: leastsq.Normal, scatter: batch_means.Scatter, held: Array, parameters: int
+    normal: leastsq.Normal, scatter: batch_means.Scatter, prior_information: Array, parameters: int
 ) -> tuple[Array, Array]:
     """A⁻¹BA⁻¹ and the readings' part D of A = D/ν + H, B = S/ν² + H, as `leastsq` has them; S the
     scatter of the gradient."""
-    lasts = scatter.correlation
+    correlation = scatter.correlation
     curved = max(normal.curvature / normal.weight, 0.1)
-    data = normal.information * (curved / lasts)
+    data = normal.information * (curved / correlation)
     freedom = normal.total / max(normal.total - parameters, 1)
     least = freedom * normal.scatter / normal.weight / curved
-    bread = leastsq.inverse(data + held)
-    rest = scatter.matrix / lasts**2 - least * data + (1 - least) * held
+    bread = leastsq.inverse(data + prior_information)
+    rest = scatter.matrix / correlation**2 - least * data + (1 - least) * prior_information
     covariance = least * bread + bread @ rest @ bread
     return (covariance + covariance.T) / 2, data

@@ -20,7 +20,7 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import verdict_of
 from agonic.maths.rotations.angles import angle_deg
-from agonic.recording.choice import Choice, Kind, choose
+from agonic.recording.choice import Choice, Kind, choose, describe_latency
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Check, Verification, verify
@@ -86,7 +86,7 @@ def calibrate(
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    return _verified(_with_latency(choose(samples, reference, kind, settings)))
+    return _verify(_keep_latency(choose(samples, reference, kind, settings)))
 
 
 def calibrate_recording(
@@ -117,28 +117,28 @@ def calibrate_recording(
         model=fit.calibration.model,
     )
     why = "the recording is longer than memory: it was read piece by piece"
-    return _verified(Choice(samples, reference, fit, "ellipsoid", why, again))
+    return _verify(Choice(samples, reference, fit, "ellipsoid", why, again))
 
 
-def _verified(choice: Choice) -> Calibrated:
+def _verify(choice: Choice) -> Calibrated:
     """A choice with its checks on held-out parts."""
     samples, reference, fit = choice.samples, choice.reference, choice.fit
-    folds = _folds(samples, reference, choice.again)
+    folds = _fit_folds(samples, reference, choice.again)
     gain = float(np.trace(fit.calibration.matrix) / 3)
-    believed = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
+    used = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
     verification = verify(
         fit.calibration,
         samples,
         reference,
         noise=fit.noise * gain,
         corrected=folds.unseen if folds else None,
-        held_out=believed if believed.any() else None,
+        held_out=used if used.any() else None,
     )
-    checks = (*verification.checks, _agreement(folds))
-    return _judged(choice, replace(verification, checks=checks))
+    checks = (*verification.checks, _compare_halves(folds))
+    return _conclude(choice, replace(verification, checks=checks))
 
 
-def _with_latency(choice: Choice) -> Choice:
+def _keep_latency(choice: Choice) -> Choice:
     """The choice, with the latency kept in the calibration for all that use it later."""
     if choice.latency is None:
         return choice
@@ -165,7 +165,7 @@ def judge(
     known = reference if calibration.unit_out == "nT" else None
     why = "the calibration was made before"
     given = Choice(samples, reference, fit, method, why, fit_ellipsoid_alone)
-    return _judged(given, verify(calibration, samples, known))
+    return _conclude(given, verify(calibration, samples, known))
 
 
 def _evidence(
@@ -177,8 +177,8 @@ def _evidence(
     mean = stack_inputs(calibration.sources, None, select_columns(calibration, samples)).mean(
         axis=0
     )
-    held = calibration.cleaned(samples.field, **select_columns(calibration, samples))
-    steady = samples.with_columns(field=held + calibration.coefficients @ mean)
+    cleaned = calibration.cleaned(samples.field, **select_columns(calibration, samples))
+    steady = samples.with_columns(field=cleaned + calibration.coefficients @ mean)
     fit = evaluate(calibration.at(mean), steady, reference, **settings)
     return replace(fit, calibration=calibration)
 
@@ -191,7 +191,7 @@ class _Folds:
     seen: Array
 
 
-def _folds(
+def _fit_folds(
     samples: Samples, reference: Reference | None, again: Callable[..., Calibration]
 ) -> _Folds | None:
     """Fits to the odd and to the even blocks of time, each applied to all rows."""
@@ -208,7 +208,7 @@ def _folds(
     return _Folds(unseen, np.where(even[:, None], fields[0], fields[1]))
 
 
-def _agreement(folds: _Folds | None) -> Check:
+def _compare_halves(folds: _Folds | None) -> Check:
     """Whether two halves of the log, fitted apart, point the same way."""
     name = "two halves of the log agree"
     if folds is None:
@@ -237,15 +237,17 @@ def _agreement(folds: _Folds | None) -> Check:
     )
 
 
-def _judged(choice: Choice, verification: Verification) -> Calibrated:
+def _conclude(choice: Choice, verification: Verification) -> Calibrated:
     """The verdict: refused by the fit, to be checked for a failed check, or good."""
     fit = choice.fit
     failed = [check for check in verification.checks if check.passed is False]
     verdict, said = verdict_of(fit.findings, failed=bool(failed)), [fit.status]
     if verdict != "refused":
-        said += [f"On held-out parts {_of(check)}: {check.meaning}." for check in failed]
+        said += [
+            f"On held-out parts {_describe_check(check)}: {check.meaning}." for check in failed
+        ]
         if choice.latency is not None:
-            said.append(choice.undone)
+            said.append(describe_latency(choice.latency))
     return Calibrated(
         samples=choice.samples,
         fit=fit,
@@ -258,7 +260,7 @@ def _judged(choice: Choice, verification: Verification) -> Calibrated:
     )
 
 
-def _of(check: Check) -> str:
+def _describe_check(check: Check) -> str:
     """A failed check with its numbers."""
     unit = f" {check.unit}" if check.unit not in ("", "°") else check.unit
     limit = "" if check.limit is None else f" (limit {check.limit:g}{unit})"

@@ -51,13 +51,8 @@ class Choice:
     again: Callable[..., Calibration]
     latency: LatencyFit | None = None
 
-    @property
-    def undone(self) -> str:
-        """What is done about the latency, in a sentence."""
-        return undone(self.latency) if self.latency else ""
 
-
-def undone(latency: LatencyFit) -> str:
+def describe_latency(latency: LatencyFit) -> str:
     """What is done about a latency, in a sentence."""
     late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms"
     way = "late" if latency.latency_s > 0 else "early"
@@ -69,22 +64,24 @@ def choose(
 ) -> Choice:
     """The fit that a log allows, or the one that was asked for."""
     check_choice("kind", kind, get_args(Kind))
-    method, reason = _method(samples, reference) if kind == "auto" else (kind, "it was asked for")
+    method, reason = (
+        _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
+    )
     if method == "ellipsoid":
-        alone = _ellipsoid(samples, reference, reason, settings)
+        alone = _fit_magnitude(samples, reference, reason, settings)
         return replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
     if reference is None:
         raise AgonicError(
             f"a {method} fit needs the field of the place: give it (--at LAT,LON, --date), or a "
             "reference with horizontal and vertical intensity"
         )
-    taught = _taught(samples, reference, method, reason, settings)
-    if kind != "auto" or taught.fit.verdict != "refused":
-        return taught
-    return _or_by_magnitude(taught, samples, reference, settings)
+    aided = _fit_with_attitude(samples, reference, method, reason, settings)
+    if kind != "auto" or aided.fit.verdict != "refused":
+        return aided
+    return _fall_back_to_magnitude(aided, samples, reference, settings)
 
 
-def _method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
+def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
     """The word of the method, and why."""
     if reference is None:
         return "ellipsoid", "the log holds no place, so only the steadiness of the magnitude counts"
@@ -97,25 +94,25 @@ def _method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
     return "vector", "the whole attitude was recorded and the field of the place is known"
 
 
-def _ellipsoid(
+def _fit_magnitude(
     samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
     """The fit to the magnitude; its latency matters to a heading, and is told with it."""
     fit = fit_ellipsoid(samples, reference, **settings)
     again = partial(fit_ellipsoid_alone, **{**settings, "model": fit.calibration.model})
-    return Choice(samples, reference, fit, "ellipsoid", reason, again, _latency(samples))
+    return Choice(samples, reference, fit, "ellipsoid", reason, again, _find_latency(samples))
 
 
-def _taught(
+def _fit_with_attitude(
     samples: Samples, reference: Reference, method: str, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
     """The fit to magnitude, dip and perhaps azimuth, delay undone, a current joined."""
     run = _FITS[method]
-    latency = _latency(samples)
+    latency = _find_latency(samples)
     if latency is not None:
         late = samples
         samples = undelayed(samples, latency.latency_s)
-        reference = _of_rows(reference, late, samples)
+        reference = _select_reference(reference, late, samples)
     fit = None
     if "sources" not in settings and _varies(samples.current_A):
         fit = run(samples, reference, **settings, sources=("current_A",))
@@ -133,22 +130,22 @@ def _taught(
     return Choice(samples, reference, fit, method, reason, again, latency)
 
 
-def _or_by_magnitude(
-    taught: Choice, samples: Samples, reference: Reference, settings: Mapping[str, Any]
+def _fall_back_to_magnitude(
+    aided: Choice, samples: Samples, reference: Reference, settings: Mapping[str, Any]
 ) -> Choice:
     """Where the attitude does not fit the readings, the magnitude alone may still do."""
     own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
     try:
-        alone = _ellipsoid(samples, reference, "", own)
+        alone = _fit_magnitude(samples, reference, "", own)
     except CoverageError:
-        return taught
+        return aided
     if alone.fit.verdict == "refused":
-        return taught
-    why = taught.fit.findings[0].what
-    return replace(alone, reason=f"a {taught.method} fit was refused ({why})")
+        return aided
+    why = aided.fit.findings[0].what
+    return replace(alone, reason=f"a {aided.method} fit was refused ({why})")
 
 
-def _latency(samples: Samples) -> LatencyFit | None:
+def _find_latency(samples: Samples) -> LatencyFit | None:
     """The delay of the readings, where the log can tell and it stands out."""
     if samples.time is None:
         return None
@@ -159,7 +156,7 @@ def _latency(samples: Samples) -> LatencyFit | None:
     return latency if latency.significant else None
 
 
-def _of_rows(reference: Reference, before: Samples, after: Samples) -> Reference:
+def _select_reference(reference: Reference, before: Samples, after: Samples) -> Reference:
     """The reference of the rows that are left, which keep their order in time."""
     assert before.time is not None
     assert after.time is not None

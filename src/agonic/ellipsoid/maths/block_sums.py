@@ -187,7 +187,7 @@ def _sweep(
     j, weighted = np.empty((9, _TILE)), np.empty((9, _TILE))
     pulls, bends = np.empty(_TILE), np.empty(_TILE)
     outer = 1.0 / (reach * reach) if reach > 0 else 0.0
-    cost = weight = curvature = scatter = power = strays = largest = 0.0
+    cost = weight = curvature = scatter = power = outliers = largest = 0.0
     for start in range(0, len(x), _TILE):
         n = min(_TILE, len(x) - start)
         for i in range(n):
@@ -245,7 +245,7 @@ def _sweep(
                 cost += q / 2
                 bends[i] = 1.0
             curvature += bends[i]
-            strays += w == 0.0
+            outliers += w == 0.0
             largest = max(largest, q)
         for a in range(9):
             total = 0.0
@@ -266,7 +266,7 @@ def _sweep(
     facts[3] += scatter
     facts[4] += power
     facts[5] += len(x)
-    facts[6] += strays
+    facts[6] += outliers
     facts[7] = max(facts[7], np.sqrt(largest))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.choice import undone
+from agonic.recording.choice import describe_latency
 from agonic.recording.report.quantities import (
     Group,
     Quantity,
@@ -60,7 +60,7 @@ def method(result: Calibrated) -> Markup:
         "p",
         f"Method: {result.method}. {sentence(result.reason)} "
         f"Model: {calibration.model}, {calibration.gauge} matrix."
-        + (f" {undone(result.latency)}" if result.latency else ""),
+        + (f" {describe_latency(result.latency)}" if result.latency else ""),
     )
     if not fit.tests:
         return chosen
