@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from agonic.maths.equation import network
-from agonic.maths.estimation import marquardt
 from agonic.network.fit import fit_network
+from agonic.network.maths import levenberg_marquardt
 from agonic.network.simulate import SimulatedField, simulate_nonaffine, simulate_paper
 from benchmarks import tables
 
 Array = NDArray[np.float64]
-Trainer = Callable[[marquardt.Problem, Array], Array]
+Trainer = Callable[[levenberg_marquardt.Problem, Array], Array]
 
 INTRODUCTION = """Median over {draws} draws. `rms` is the error on an axis of other readings of the
 same sensor, whose noise is {paper} nT in the first task and {bent} nT in the second; `worst` is the
@@ -33,8 +33,8 @@ class Task(NamedTuple):
     """What is to be learned, the same on unseen readings, and how to get back to nT."""
 
     name: str
-    problem: marquardt.Problem
-    unseen: marquardt.Problem
+    problem: levenberg_marquardt.Problem
+    unseen: levenberg_marquardt.Problem
     half: float
 
 
@@ -55,7 +55,7 @@ def scaled(
         if not parts:
             middle, half = (x.max(0) + x.min(0)) / 2, (x.max(0) - x.min(0)) / 2
             centre, size = (y.max(0) + y.min(0)) / 2, float(np.ptp(y, axis=0).max()) / 2
-        parts.append(marquardt.Problem((x - middle) / half, (y - centre) / size, hidden))
+        parts.append(levenberg_marquardt.Problem((x - middle) / half, (y - centre) / size, hidden))
     return Task(name, parts[0], parts[1], size)
 
 
@@ -71,22 +71,24 @@ def tasks(seed: int, quick: bool) -> tuple[Task, ...]:
     )
 
 
-def residuals(problem: marquardt.Problem, weights: Array) -> Array:
+def residuals(problem: levenberg_marquardt.Problem, weights: Array) -> Array:
     u, v = network.split(weights, problem.shape)
     return (network.forward(u, v, problem.x) - problem.target).ravel()
 
 
-def rows(problem: marquardt.Problem, weights: Array) -> Array:
+def rows(problem: levenberg_marquardt.Problem, weights: Array) -> Array:
     u, v = network.split(weights, problem.shape)
     return network.jacobian(u, v, problem.x).reshape(-1, len(weights))
 
 
 def ours(stopping: Any) -> Trainer:
-    return lambda problem, start: marquardt.train(problem, start, stopping=stopping).weights
+    return lambda problem, start: (
+        levenberg_marquardt.train(problem, start, stopping=stopping).weights
+    )
 
 
 def scipy_of(method: Any) -> Trainer:
-    def train(problem: marquardt.Problem, start: Array) -> Array:
+    def train(problem: levenberg_marquardt.Problem, start: Array) -> Array:
         found = least_squares(
             lambda w: residuals(problem, w),
             start,
@@ -108,7 +110,7 @@ def torch_of(name: str, steps: int) -> Trainer | None:
         return None
     torch.set_num_threads(1)
 
-    def train(problem: marquardt.Problem, start: Array) -> Array:
+    def train(problem: levenberg_marquardt.Problem, start: Array) -> Array:
         x, target = torch.tensor(problem.x), torch.tensor(problem.target)
         u, v = (
             torch.tensor(p.copy(), requires_grad=True) for p in network.split(start, problem.shape)

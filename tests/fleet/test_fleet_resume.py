@@ -16,7 +16,8 @@ from agonic.errors import AgonicError
 from agonic.fleet import one_log
 from agonic.fleet.inputs import JOURNAL
 from agonic.fleet.journal import Journal
-from agonic.fleet.run import FleetRun, run_fleet
+from agonic.fleet.result import FleetRun
+from agonic.fleet.run import run_fleet
 from agonic.fleet.settings import FleetSettings
 from tests.fleet.boards import run_here, write_bad, write_boards
 

@@ -18,9 +18,9 @@ from agonic.inflight.report.causes import explain
 from agonic.inflight.report.document import describe_inflight
 from agonic.inflight.report.flight import flight_of_fit, measure_correlated_errors
 from agonic.inflight.report.ground import compare
+from agonic.inflight.report.tracking_document import describe_tracking
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.inflight.tracking import Tracker
-from agonic.inflight.tracking.document import describe_tracking
 from agonic.report.digits import MINUS, NO_BREAK, THIN
 from agonic.simulation import simulate
 

@@ -20,7 +20,7 @@ from agonic.report.document import Document, Section
 from agonic.report.markup import Markup, element, markup
 
 if TYPE_CHECKING:
-    from agonic.fleet.run import FleetRun
+    from agonic.fleet.result import FleetRun
 
 MOST_GROUPS = 4
 REASONS = 5

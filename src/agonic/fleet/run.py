@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,46 +14,16 @@ from agonic.fleet.engine import Engine
 from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, find_inputs
 from agonic.fleet.journal import Journal
 from agonic.fleet.local import Processes
+from agonic.fleet.result import FleetRun
 from agonic.fleet.settings import FleetSettings
 from agonic.fleet.work import Progress, Work
 from agonic.population import (
     Compared,
-    Duplicate,
     History,
-    Outlier,
     Population,
     compare,
     write_population,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetRun:
-    """The table of a fleet, where it is kept, and how it came about.
-
-    `outliers` and `duplicates` are what is unusual. `calibrated` logs and datasets were worked on,
-    and `made` rows of them; `resumed` were finished by an earlier run, `repeated` have the content
-    of another; `skipped` files of folders are no logs.
-    """
-
-    population: Population
-    outliers: tuple[Outlier, ...]
-    duplicates: tuple[Duplicate, ...]
-    table: Path
-    page: Path
-    logs: int
-    datasets: int
-    calibrated: int
-    made: int
-    resumed: int
-    repeated: int
-    skipped: int
-    seconds: float
-
-    @property
-    def rate(self) -> float:
-        """Rows made in a second."""
-        return self.made / self.seconds if self.seconds else 0.0
 
 
 def calibrate_fleet(

@@ -8,7 +8,8 @@ from scipy.optimize import least_squares
 
 from agonic.maths.equation import network
 from agonic.maths.equation.network import Shape
-from agonic.maths.estimation import domain, marquardt
+from agonic.maths.estimation import domain
+from agonic.network.maths import levenberg_marquardt
 
 
 def drawn(seed: int, shape: Shape, n: int = 9):
@@ -94,18 +95,20 @@ def made(seed=0, *, n=400, noise=0.02, hidden=3):
     truth = network.draw_weights(rng, shape)
     x = rng.uniform(-1, 1, (n, 3))
     target = network.forward(*network.split(truth, shape), x)
-    return marquardt.Problem(x, target + noise * rng.normal(size=target.shape), hidden), target
+    return levenberg_marquardt.Problem(
+        x, target + noise * rng.normal(size=target.shape), hidden
+    ), target
 
 
 def test_a_step_is_that_of_the_paper():
     """Δω = −(JᵀJ + μI)⁻¹Jᵀe, Eq. 14 of Wang et al. (2020); μ falls tenfold after it helped."""
     problem, _ = made()
     drawn = network.draw_weights(np.random.default_rng(9), problem.shape)
-    start = marquardt.train(problem, drawn, stopping="plain", most_epochs=6).weights
+    start = levenberg_marquardt.train(problem, drawn, stopping="plain", most_epochs=6).weights
     rows = network.jacobian(*network.split(start, problem.shape), problem.x)
     rows = rows.reshape(-1, len(start))
     error = network.forward(*network.split(start, problem.shape), problem.x) - problem.target
-    once = marquardt.train(problem, start, stopping="plain", most_epochs=1)
+    once = levenberg_marquardt.train(problem, start, stopping="plain", most_epochs=1)
     mu = 10 * once.epochs[0].mu
     wanted = -np.linalg.solve(rows.T @ rows + mu * np.eye(len(start)), rows.T @ error.ravel())
     np.testing.assert_allclose(once.weights - start, wanted, rtol=1e-6, atol=1e-9)
@@ -126,14 +129,14 @@ def test_the_minimum_is_no_worse_than_that_of_scipy(seed):
         return rows.reshape(-1, len(weights))
 
     theirs = least_squares(error, start, jac=jacobian, method="lm", xtol=1e-10, ftol=1e-10)
-    ours = marquardt.train(problem, start, stopping="plain", most_epochs=2000)
+    ours = levenberg_marquardt.train(problem, start, stopping="plain", most_epochs=2000)
     assert (error(ours.weights) ** 2).sum() < 1.01 * (error(theirs.x) ** 2).sum()
 
 
 def test_without_noise_the_truth_is_found():
     problem, target = made(2, noise=0.0)
-    start = marquardt.choose_start(problem, seed=0, restarts=8)
-    found = marquardt.train(problem, start, stopping="plain", most_epochs=500)
+    start = levenberg_marquardt.choose_start(problem, seed=0, restarts=8)
+    found = levenberg_marquardt.train(problem, start, stopping="plain", most_epochs=500)
     outputs = network.forward(*network.split(found.weights, problem.shape), problem.x)
     assert np.abs(outputs - target).max() < 1e-4
 
@@ -142,8 +145,8 @@ def test_a_row_of_weight_zero_is_as_if_it_were_not_there():
     problem, _ = made()
     keep = np.arange(400) % 3 > 0
     start = network.draw_weights(np.random.default_rng(9), problem.shape)
-    few = marquardt.train(problem.subset(keep), start, stopping="plain", most_epochs=20)
-    weighted = marquardt.train(
+    few = levenberg_marquardt.train(problem.subset(keep), start, stopping="plain", most_epochs=20)
+    weighted = levenberg_marquardt.train(
         problem._replace(weight=keep.astype(float)), start, stopping="plain", most_epochs=20
     )
     np.testing.assert_allclose(weighted.weights, few.weights, rtol=1e-6, atol=1e-8)
@@ -155,7 +158,7 @@ def wave(seed: int, n: int = 80, noise: float = 0.3):
     x = np.sort(rng.uniform(-1, 1, n))[:, None]
     grid = np.linspace(-0.95, 0.95, 200)[:, None]
     noisy = np.sin(3 * x) + noise * rng.normal(size=x.shape)
-    return marquardt.Problem(x, noisy, 12), grid, np.sin(3 * grid)
+    return levenberg_marquardt.Problem(x, noisy, 12), grid, np.sin(3 * grid)
 
 
 @pytest.mark.parametrize("stopping", ["bayesian", "early"])
@@ -168,7 +171,7 @@ def test_overfitting_is_met(stopping):
         start = network.draw_weights(np.random.default_rng(seed), problem.shape)
         errors = {}
         for name in ("plain", stopping):
-            found = marquardt.train(
+            found = levenberg_marquardt.train(
                 problem.subset(~held), start, stopping=name, held_out=problem.subset(held)
             )
             outputs = network.forward(*network.split(found.weights, problem.shape), grid)
@@ -182,7 +185,9 @@ def test_early_stopping_returns_the_weights_of_the_least_error_held_out():
     held = np.arange(80) % 4 == 1
     unseen = problem.subset(held)
     start = network.draw_weights(np.random.default_rng(1), problem.shape)
-    found = marquardt.train(problem.subset(~held), start, stopping="early", held_out=unseen)
+    found = levenberg_marquardt.train(
+        problem.subset(~held), start, stopping="early", held_out=unseen
+    )
     assert found.converged
     outputs = network.forward(*network.split(found.weights, problem.shape), unseen.x)
     least = min(epoch.held_out for epoch in found.epochs)
@@ -191,10 +196,14 @@ def test_early_stopping_returns_the_weights_of_the_least_error_held_out():
 
 def test_the_evidence_finds_the_noise_and_leaves_no_weight_to_noise_alone():
     problem, _ = made(5, n=2000, noise=0.05)
-    found = marquardt.train(problem, marquardt.choose_start(problem, seed=5, restarts=4))
+    found = levenberg_marquardt.train(
+        problem, levenberg_marquardt.choose_start(problem, seed=5, restarts=4)
+    )
     assert 1 / np.sqrt(found.precision) == pytest.approx(0.05, rel=0.05)
     nothing = problem._replace(target=np.random.default_rng(1).normal(size=(2000, 3)))
-    idle = marquardt.train(nothing, marquardt.choose_start(nothing, seed=5, restarts=4))
+    idle = levenberg_marquardt.train(
+        nothing, levenberg_marquardt.choose_start(nothing, seed=5, restarts=4)
+    )
     outputs = network.forward(*network.split(idle.weights, problem.shape), problem.x)
     assert np.sqrt(np.mean(outputs**2)) < 0.1
     assert idle.effective < 15
@@ -202,19 +211,21 @@ def test_the_evidence_finds_the_noise_and_leaves_no_weight_to_noise_alone():
 
 def test_correlated_rows_make_weights_less_sure():
     problem, _ = made(6, n=1000)
-    start = marquardt.choose_start(problem, seed=6, restarts=2)
-    alone = marquardt.train(problem, start)
-    alike = marquardt.train(problem._replace(correlation=4.0), start)
+    start = levenberg_marquardt.choose_start(problem, seed=6, restarts=2)
+    alone = levenberg_marquardt.train(problem, start)
+    alike = levenberg_marquardt.train(problem._replace(correlation=4.0), start)
     ratio = np.median(np.sqrt(np.diag(alike.covariance) / np.diag(alone.covariance)))
     assert ratio == pytest.approx(2.0, rel=0.2)
 
 
 def test_a_warm_start_needs_few_epochs():
     problem, _ = made(7)
-    first = marquardt.train(problem, marquardt.choose_start(problem, seed=7, restarts=4))
-    again = marquardt.train(problem, first.weights, ridge=first.ridge)
+    first = levenberg_marquardt.train(
+        problem, levenberg_marquardt.choose_start(problem, seed=7, restarts=4)
+    )
+    again = levenberg_marquardt.train(problem, first.weights, ridge=first.ridge)
     assert len(again.epochs) <= len(first.epochs)
-    assert len(again.epochs) <= 2 * marquardt.PATIENCE
+    assert len(again.epochs) <= 2 * levenberg_marquardt.PATIENCE
     assert again.mean_square == pytest.approx(first.mean_square, rel=1e-2)
 
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError
-from agonic.maths.estimation.marquardt import Stopping
 from agonic.network.fit import evidence
 from agonic.network.fit.cross_validation import cross_validate
 from agonic.network.fit.problem import Problem, pose_problem
 from agonic.network.fit.result import NetworkFit
 from agonic.network.fit.settings import Base, Settings, Target
 from agonic.network.fit.solve import Training, train
+from agonic.network.maths.levenberg_marquardt import Stopping
 from agonic.reference import Reference
 from agonic.samples import Samples
 

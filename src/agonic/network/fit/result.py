@@ -12,7 +12,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.fit import Estimated
 from agonic.health import Finding, figure
-from agonic.maths.estimation.marquardt import Epoch
+from agonic.network.maths.levenberg_marquardt import Epoch
 
 WORTH = 0.95
 """A network is worth it when it brings the rms error of unseen readings below this share."""

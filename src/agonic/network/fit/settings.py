@@ -10,7 +10,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
-from agonic.maths.estimation.marquardt import Stopping
+from agonic.network.maths.levenberg_marquardt import Stopping
 
 Target = Literal["vector", "magnitude"]
 Base = Affine | Thermal | Literal["affine"] | None

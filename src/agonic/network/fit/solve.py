@@ -14,13 +14,14 @@ from agonic.calibration.inputs import WIDTH
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import network
-from agonic.maths.estimation import domain, marquardt
+from agonic.maths.estimation import domain
 from agonic.maths.estimation.domain import estimate_neighbour_covariance
 from agonic.maths.estimation.leastsq import correlation_length, robust_scale
 from agonic.maths.estimation.noise import Noise, estimate_noise
 from agonic.network.fit.base import BaseFit
 from agonic.network.fit.input_noise import Noiseless, Scale
 from agonic.network.fit.problem import Problem, compute_errors
+from agonic.network.maths import levenberg_marquardt
 from agonic.network.maths.blocks import hold_out
 from agonic.provenance import Provenance
 
@@ -40,7 +41,7 @@ class Training(NamedTuple):
     """A network trained on some of the rows, what it leaves there, and how it went."""
 
     calibration: Network
-    trained: marquardt.Training
+    trained: levenberg_marquardt.Training
     noise: Noise
     residuals: Array  # (k, o) nT, of the rows it was given
     weights: Array  # (k,)
@@ -55,7 +56,7 @@ def train(problem: Problem, rows: Index, start: Network | None = None) -> Traini
     target = -compute_errors(field, problem.wanted[rows])
     used = _select_near(target, settings.robust)
     scale = _find_scale(problem, rows[used], target[used]) if start is None else _scale_from(start)
-    scaled = marquardt.Problem(
+    scaled = levenberg_marquardt.Problem(
         x=(problem.inputs[rows] - scale.input_middle) / scale.input_half,
         target=(target - scale.output_middle) / scale.output_half,
         hidden=settings.hidden,
@@ -111,8 +112,8 @@ def _scale_from(start: Network) -> Scale:
 
 
 def _train_until_settled(
-    scaled: marquardt.Problem, problem: Problem, noiseless: Noiseless, warm: Array | None
-) -> tuple[marquardt.Training, Noise, marquardt.Problem]:
+    scaled: levenberg_marquardt.Problem, problem: Problem, noiseless: Noiseless, warm: Array | None
+) -> tuple[levenberg_marquardt.Training, Noise, levenberg_marquardt.Problem]:
     """Train until the weights of rows, and their correlation, are what they were taken for.
 
     Rows that stand out lose their weight, and any may have it back; inputs lose their noise.
@@ -122,17 +123,17 @@ def _train_until_settled(
     held = hold_out(len(x)) if settings.stopping == "early" else np.zeros(len(x), dtype=bool)
     seen, unseen = np.flatnonzero(~held), np.flatnonzero(held)
     error = -(noiseless.scale.output_middle + size * scaled.target)
-    epochs: tuple[marquardt.Epoch, ...] = ()
+    epochs: tuple[levenberg_marquardt.Epoch, ...] = ()
     start, ridge, twice = warm, None, noiseless.possible
     for _ in range(_ROUNDS):
         calm = scaled._replace(x=noiseless.x(error))
         shown = calm.subset(seen) if held.any() else calm
         other = calm.subset(unseen) if held.any() else None
         if start is None:
-            start = marquardt.choose_start(
+            start = levenberg_marquardt.choose_start(
                 shown, seed=settings.seed, restarts=settings.restarts, held_out=other
             )
-        found = marquardt.train(
+        found = levenberg_marquardt.train(
             shown,
             start,
             stopping=settings.stopping,
@@ -157,7 +158,7 @@ def _train_until_settled(
 
 
 def _estimate_noise(
-    left: Array, scaled: marquardt.Problem, weights: Array, robust: bool
+    left: Array, scaled: levenberg_marquardt.Problem, weights: Array, robust: bool
 ) -> tuple[Noise, Array]:
     """The noise of what is left (k, o), axis after axis, and the weight of each row.
 
@@ -181,11 +182,11 @@ def _estimate_noise(
 
 
 def _estimate_unmodelled(
-    scaled: marquardt.Problem,
+    scaled: levenberg_marquardt.Problem,
     outputs: Array,
     kept: Mask,
     noise: Noise,
-    found: marquardt.Training,
+    found: levenberg_marquardt.Training,
 ) -> float:
     """What the network leaves that is no noise, scaled: neighbours share it.
 
@@ -216,9 +217,9 @@ def _network(
     problem: Problem,
     base: Affine | Thermal | None,
     scale: Scale,
-    found: marquardt.Training,
+    found: levenberg_marquardt.Training,
     noise: Noise,
-    scaled: marquardt.Problem,
+    scaled: levenberg_marquardt.Problem,
     outputs: Array,
     target: Array,
     weights: Array,
