@@ -17,10 +17,12 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.inflight.fit.drift import Drift
+from agonic.inflight.fit.ground_errors import compute_shape_covariance
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import Estimate, rotation_of
 from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.rotations.polar import split_rotation
+from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
@@ -118,7 +120,7 @@ def build_calibration(
     if ground is None and not steps:
         return last
     if type(ground) is Affine and type(last) is Affine:
-        return join_affine(ground, last, samples)
+        return join_affine(ground, last, samples, find_rotation_covariance(problem, estimate))
     if isinstance(ground, Chain):
         steps = [*ground.steps, *steps]
     elif ground is not None:
@@ -126,43 +128,48 @@ def build_calibration(
     return Chain(steps=(*steps, last), provenance=change.provenance)
 
 
-def find_ground_affine(problem: Problem, estimate: Estimate) -> Affine | None:
-    """The ground calibration at the middle temperature of the record."""
-    ground: Any = problem.ground
-    if isinstance(ground, (Thermal, Chain)):
-        ground = ground.at(estimate.terms.centre_C)
-    composed: Affine | None = ground.composed if isinstance(ground, Chain) else ground
-    return composed
-
-
-def join_affine(ground: Affine, change: Affine, samples: Samples) -> Affine:
-    """Ground and change as one affine calibration."""
+def join_affine(
+    ground: Affine, change: Affine, samples: Samples, rotation_covariance: Array
+) -> Affine:
+    """Ground and change as one affine calibration; `rotation_covariance` (3, 3), rad², is what the
+    ground leaves open of the rotation, which the flight does not tell."""
     return replace(
         change,
         bias=ground.bias + np.linalg.solve(ground.matrix, change.bias),
         matrix=change.matrix @ ground.matrix,
         gauge="free",
-        covariance=_joined_covariance(ground, change),
+        covariance=_joined_covariance(ground, change, rotation_covariance),
         unit_in=ground.unit_in,
         frame_in=ground.frame_in,
         validity=Validity.of(samples),
     )
 
 
-def _joined_covariance(ground: Affine, change: Affine) -> Array:
+def find_rotation_covariance(problem: Problem, estimate: Estimate) -> Array:
+    """What the ground leaves open of the rotation, (3, 3), rad²; nothing where the attitude tells
+    the rotation, which is then the alignment's."""
+    if problem.ground is None or problem.direction is not None:
+        return np.zeros((3, 3))
+    return compute_shape_covariance(problem.ground, estimate.terms.centre_C)[6:, 6:]
+
+
+def _joined_covariance(ground: Affine, change: Affine, rotation_covariance: Array) -> Array:
     """Covariance (12, 12) of bias and matrix of the two in one.
 
-        matrix = M W,   bias = b + W⁻¹ c
+        matrix = (1 + Ω) M W,   bias = b + W⁻¹ c
 
-    The flight knows bias and gains of the present; the ground's own errors of them are inside the
-    change already, so that only the change is uncertain.
+    The flight knows bias and gains of the present, with the ground's covariance of W as its prior,
+    so that the change is all that is uncertain, but for the rotation Ω.
     """
     local = np.zeros((12, 12))
     local[:3, :3] = np.linalg.inv(ground.matrix)
     local[3:, 3:] = np.kron(np.eye(3), ground.matrix.T)
     assert change.covariance is not None
-    onto = np.linalg.pinv(model_basis("full", "free")) @ local @ model_basis("full")
-    return np.asarray(onto @ change.covariance @ onto.T)
+    free = np.linalg.pinv(model_basis("full", "free"))
+    onto = free @ local @ model_basis("full")
+    turned = skew(np.eye(3)) @ change.matrix @ ground.matrix
+    turn = free[:, 3:] @ turned.reshape(3, 9).T
+    return np.asarray(onto @ change.covariance @ onto.T + turn @ rotation_covariance @ turn.T)
 
 
 def _interference(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
+from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
 from agonic.inflight.fit.result import InflightFit
 from agonic.maths.equation.coverage import find_nearest_axis
@@ -145,6 +146,8 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
         said.append(
             f"it has moved by {figure(float(np.linalg.norm(fit.change.bias)))} nT since the ground"
         )
+        if not states_covariance(problem.ground):
+            said.append("the ground states no standard errors, so its gains count as exact")
     if fit.drift.changes:
         ends, _ = fit.drift.at(np.array([fit.drift.start, fit.drift.stop]))
         said.append(

@@ -18,6 +18,7 @@ from agonic.inflight.fit.problem import (
     Problem,
     Settings,
     Solve,
+    check_ground,
     require_enough,
     select_rows,
 )
@@ -158,6 +159,7 @@ def _pose_problem(
 
 
 def _check(samples: Samples, ground: Calibration | None, settings: Settings) -> None:
+    check_ground(ground)
     check_choice("solve", settings.solve, get_args(Solve))
     check_choice("attitude", settings.attitude, get_args(Attitude))
     if samples.time is None:

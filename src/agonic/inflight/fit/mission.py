@@ -22,7 +22,7 @@ from agonic.inflight.fit.large_scan import (
     scan_recording,
 )
 from agonic.inflight.fit.prior import build_prior
-from agonic.inflight.fit.problem import Problem, Settings, Solve, require_enough
+from agonic.inflight.fit.problem import Problem, Settings, Solve, check_ground, require_enough
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import (
     Estimate,
@@ -101,6 +101,7 @@ def fit_mission(
         robust=robust,
         seed=seed,
     )
+    check_ground(ground)
     check_choice("solve", settings.solve, get_args(Solve))
     if ground is None and settings.solve != "full":
         raise AgonicError(
@@ -161,7 +162,7 @@ def _solve_whole(
     solution = leastsq.solve_together(
         [channel],
         estimate.solution.params,
-        prior=build_prior(problem, estimate.layout),
+        prior=build_prior(problem, estimate.terms, estimate.layout),
         tolerance=3e-2,
     )
     time = problem.time[problem.used]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
+from agonic.inflight.fit.ground_errors import compute_shape_covariance
 from agonic.inflight.fit.problem import Problem
+from agonic.inflight.fit.terms import Terms
 from agonic.inflight.maths.residuals import Layout
 from agonic.maths.equation.affine import model_basis
 from agonic.maths.estimation import leastsq
@@ -22,34 +23,35 @@ UNIT = np.array([1.0, 1, 1, 0, 0, 0])
 FREED = {"bias": 0, "gains": 3, "full": 6}
 
 
-def compute_matrix_sd(ground: Calibration | None, solve: str, gain_sd: float) -> Array:
-    """Standard deviations (6,) of xx yy zz xy xz yz of the change about identity.
+def compute_matrix_covariance(
+    ground: Calibration, temperature_C: float, solve: str, gain_sd: float
+) -> Array:
+    """Covariance (6, 6) of xx yy zz xy xz yz of the change about identity.
 
-    With a ground calibration: what it was uncertain by and `gain_sd`, by which gains may have moved
-    since. Diagonal and other entries that are not solved for are fixed.
+    What the ground calibration was uncertain by, whatever is solved for, and `gain_sd`, by which
+    what is solved for may have moved since.
     """
-    sd = np.full(6, gain_sd)
-    if isinstance(ground, Affine) and ground.covariance is not None:
-        gain = float(np.trace(ground.matrix)) / 3
-        sd = np.hypot(sd, np.sqrt(np.diag(ground.covariance)[3:9]) / gain)
-    sd[FREED[solve] :] = FIXED
-    return sd
+    moved = np.full(6, FIXED)
+    moved[: FREED[solve]] = np.hypot(gain_sd, FIXED)
+    return compute_shape_covariance(ground, temperature_C)[:6, :6] + np.diag(moved**2)
 
 
-def build_prior(problem: Problem, layout: Layout) -> leastsq.Prior:
+def build_prior(problem: Problem, terms: Terms, layout: Layout) -> leastsq.Prior:
     """Gaussian prior on the matrix and on all terms; bias and turn are free.
 
-    Residuals (S − identity)/sd over the six symmetric entries with a ground calibration,
-    (S/g − identity)/soft_iron_sd with g = tr S/3 without, and coefficients over their own.
+    Residuals L⁻¹(S − identity) over the six symmetric entries with a ground calibration, LLᵀ the
+    covariance of `compute_matrix_covariance`; (S/g − identity)/soft_iron_sd with g = tr S/3
+    without; and coefficients over their own.
     """
     ground, asked = problem.ground, problem.settings
     m, c = layout.parameters, layout.constants
     shape = np.zeros((6, m))
     shape[:, :c] = _symmetric() @ model_basis("full", layout.gauge)
     mean = shape[:3].mean(axis=0)
-    sd = np.full(6, asked.soft_iron_sd or np.inf)
+    whiten = np.eye(6) / (asked.soft_iron_sd or np.inf)
     if ground is not None:
-        sd = compute_matrix_sd(ground, asked.solve, asked.gain_sd)
+        covariance = compute_matrix_covariance(ground, terms.centre_C, asked.solve, asked.gain_sd)
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     matrix_term_sd = np.where(np.arange(6) < FREED[asked.solve], MATRIX_TERM_SD, FIXED)
     term_sd = np.concatenate(
         [np.full(3 * layout.bias_terms, TERM_SD), np.repeat(matrix_term_sd, layout.matrix_terms)]
@@ -62,9 +64,9 @@ def build_prior(problem: Problem, layout: Layout) -> leastsq.Prior:
         jacobian[:6] = shape / gain
         if ground is None:
             jacobian[:6] -= np.outer(entries, mean) / gain
-        jacobian[:6] /= sd[:, None]
+        jacobian[:6] = whiten @ jacobian[:6]
         jacobian[6:, c:] = np.diag(1 / term_sd)
-        return np.concatenate([(entries - UNIT) / sd, params[c:] / term_sd]), jacobian
+        return np.concatenate([whiten @ (entries - UNIT), params[c:] / term_sd]), jacobian
 
     return residuals
 

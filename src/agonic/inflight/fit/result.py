@@ -20,6 +20,7 @@ from agonic.fit import Channel
 from agonic.health import Finding, Judged
 from agonic.inflight.fit import calibration as saved
 from agonic.inflight.fit.drift import Drift
+from agonic.inflight.fit.ground_errors import find_ground_affine
 from agonic.inflight.fit.pointing import find_eclipse
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import Estimate, compute_residuals_of, rotation_of
@@ -122,7 +123,7 @@ class InflightFit(Judged):
 def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> InflightFit:
     """The fit in nT, before it is examined; `samples` are those before the ground calibration."""
     change = saved.build_change(problem, estimate, samples)
-    ground = saved.find_ground_affine(problem, estimate)
+    ground = find_ground_affine(problem.ground, estimate.terms.centre_C)
     sources, sources_sd = saved.build_sources(problem, estimate)
     params, layout = estimate.solution.params, estimate.layout
     field = correct(problem.rows(estimate.terms), params, layout) * problem.magnitude
@@ -134,7 +135,11 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
     return InflightFit(
         calibration=saved.build_calibration(problem, estimate, change, samples),
         change=change,
-        after=change if ground is None else saved.join_affine(ground, change, samples),
+        after=change
+        if ground is None
+        else saved.join_affine(
+            ground, change, samples, saved.find_rotation_covariance(problem, estimate)
+        ),
         before=ground,
         ground=problem.ground,
         drift=saved.build_drift(estimate, problem.magnitude),

@@ -103,7 +103,7 @@ def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: 
     if clock.count < FEWEST_STRETCHES:
         return estimate
     params, layout, noise = estimate.solution.params, estimate.layout, estimate.noise
-    _, jacobian = build_prior(problem, layout)(params)
+    _, jacobian = build_prior(problem, estimate.terms, layout)(params)
     information = jacobian.T @ jacobian
     found = compute_covariance(
         source,
@@ -163,7 +163,7 @@ def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: A
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
     kinds = KINDS if problem.direction is not None else KINDS[:1]
-    prior = build_prior(problem, layout)
+    prior = build_prior(problem, terms, layout)
 
     def source() -> list[Rows]:
         return [rows]

@@ -56,7 +56,7 @@ def describe_inflight(
         status=fit.status,
         findings=fit.findings,
         entries={
-            "Bias" if fit.calibration is fit.change else "Moved by": f"{bias} {fit.change.unit_in}",
+            "Bias" if fit.ground is None else "Moved by": f"{bias} {fit.change.unit_in}",
             "Residual": f"{quantity(rms, 'nT', 3)} rms; errors are correlated, "
             f"{quantity(fit.correlation_s, 's', 2)} count as one reading",
         },

@@ -97,8 +97,10 @@ class Comparison:
         both = f"{figure(self.network.rms)} nT with the network, {figure(self.base.rms)} without"
         if self.winner == "network":
             return f"unseen readings err by {both} (rms): the network wins"
-        word = "no better" if self.ratio < 1 / WORTH else "worse"
-        return f"unseen readings err by {both} (rms): the network is {word}, so the base wins"
+        word = "is no better" if self.ratio < 1 / WORTH else "is worse"
+        if self.ratio < WORTH:
+            word = f"gains {figure(self.certainty)} standard errors, {figure(CERTAIN)} are needed"
+        return f"unseen readings err by {both} (rms): the network {word}, so the base wins"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

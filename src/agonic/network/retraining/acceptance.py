@@ -97,6 +97,8 @@ def describe_outcome(accepted: bool, running_rms: float, candidate_rms: float) -
         return "there was nothing before"
     if accepted:
         return "the candidate is better"
+    if candidate_rms < 0.95 * running_rms:
+        return "the candidate gains no more than chance may"
     return f"the candidate is {'no better' if candidate_rms < 1.05 * running_rms else 'worse'}"
 
 

@@ -1,0 +1,63 @@
+"""What the ground calibration itself is uncertain by, as errors of the field it gives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain, steps_of
+from agonic.calibration.thermal import Thermal
+from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.rotations.polar import split_rotation
+
+
+def find_ground_affine(ground: Calibration | None, temperature_C: float) -> Affine | None:
+    """The ground calibration at a temperature as one affine; None without one."""
+    held = ground.at(temperature_C) if isinstance(ground, (Thermal, Chain)) else ground
+    whole = held.composed if isinstance(held, Chain) else held
+    return whole if isinstance(whole, Affine) else None
+
+
+def states_covariance(ground: Calibration) -> bool:
+    """Whether any step of the calibration says how well its matrix is known."""
+    return any(_covariance(step, 0.0) is not None for step in steps_of(ground))
+
+
+def compute_shape_covariance(ground: Calibration, temperature_C: float) -> Array:
+    """Covariance (9, 9) of the errors of the ground's matrix, as the flight meets them.
+
+    Where the true matrix is (1 + S)(1 + Ω) W, of xx yy zz xy xz yz of S, then of the rotation
+    vector of Ω, rad, which magnitudes do not tell. Zero where the ground states no covariance.
+
+    A step k behind others adds dW_k W_k⁻¹ and carries the errors before it as W_k dM W_k⁻¹.
+    """
+    whole = np.zeros((9, 9))
+    for step in steps_of(ground):
+        held = step.at(temperature_C) if isinstance(step, Thermal) else step
+        matrix = held.matrix if isinstance(held, Affine) else None
+        if matrix is None:
+            rotation = getattr(held, "rotation", None)
+            matrix = np.eye(3) if rotation is None else rotation.as_matrix()
+        inverse = np.linalg.inv(matrix)
+        carried = np.kron(matrix, inverse.T)
+        whole = carried @ whole @ carried.T
+        covariance = _covariance(step, temperature_C)
+        if covariance is not None:
+            assert isinstance(held, Affine)
+            own = np.kron(np.eye(3), inverse.T) @ model_basis("full", held.gauge)[3:, 3:]
+            whole += own @ covariance @ own.T
+    free = np.zeros((12, 12))
+    onto = model_basis("full", FREE)[3:, 3:].T
+    free[3:, 3:] = onto @ whole @ onto.T
+    return split_rotation(np.eye(3), free, FREE)[1].covariance[3:, 3:]
+
+
+def _covariance(step: Calibration, temperature_C: float) -> Array | None:
+    """That of the matrix entries of a step in its gauge, (6, 6) or (9, 9); None if not known."""
+    held = step.at(temperature_C) if isinstance(step, Thermal) else step
+    if not isinstance(held, Affine) or held.covariance is None:
+        return None
+    entries = 3 + model_basis("full", held.gauge)[3:, 3:].shape[1]
+    return held.covariance[3:entries, 3:entries]
