@@ -36,9 +36,13 @@ def test_steering_undoes_the_card_level_and_heeled() -> None:
 def test_the_standard_error_is_that_of_the_covariance() -> None:
     draws = np.random.default_rng(0).multivariate_normal(np.zeros(9), CARD.covariance, 20_000)
     rows = np.array([CARD._rows(50.0, 10.0, 3.0)])
-    assert CARD.sd_at(50.0, 10.0, 3.0) == pytest.approx(np.std(draws @ rows.T), rel=0.02)
-    width = student(3).ppf(0.975) * CARD.sd_at(COMPASS)
-    assert CARD.band_at(COMPASS) == pytest.approx(width)
+    # widened so that 1.96 of them are the 95 % of Student's t
+    widened = student(3).ppf(0.975) / 1.95996
+    wanted = widened * np.std(draws @ rows.T)
+    assert CARD.sd_at(50.0, 10.0, 3.0) == pytest.approx(wanted, rel=0.02)
+    assert CARD.band_at(COMPASS) == pytest.approx(1.95996 * CARD.sd_at(COMPASS), rel=1e-4)
+    narrower = student(3).ppf(0.84) / widened * CARD.sd_at(COMPASS)
+    assert CARD.band_at(COMPASS, 0.68) == pytest.approx(narrower, rel=1e-4)
 
 
 def test_a_known_noise_gives_a_gaussian_band() -> None:

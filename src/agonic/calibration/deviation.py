@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from agonic.arrays import Array
 from agonic.calibration.base import read_only
@@ -131,9 +131,17 @@ class Deviation:
     ) -> Array:
         """The standard error of the deviation there, degrees.
 
+        It is half of a confidence interval of 95 % over 1.96: where few readings have told the
+        noise, Student's t is wider than a normal distribution of the covariance alone.
+
         Parameters: compass_deg (…), roll_deg (…), pitch_deg (…), degrees. Raises `AgonicError`
         where the covariance is not known.
         """
+        return self._widening * self._band(compass_deg, roll_deg, pitch_deg)
+
+    def _band(
+        self, compass_deg: ArrayLike, roll_deg: ArrayLike | None, pitch_deg: ArrayLike | None
+    ) -> Array:
         if self.covariance is None:
             raise AgonicError("this card carries no covariance; fit it again with agonic")
         return kernel.compute_band(self._rows(compass_deg, roll_deg, pitch_deg), self.covariance)
@@ -143,10 +151,7 @@ class Deviation:
 
         Parameters: compass_deg (…), degrees; confidence, a share.
         """
-        freedom = np.inf if self.freedom is None else max(self.freedom, 1.0)
-        return np.asarray(
-            stdtrit(min(freedom, 1e6), (1 + confidence) / 2) * self.sd_at(compass_deg)
-        )
+        return np.asarray(self._quantile(confidence) * self._band(compass_deg, None, None))
 
     def magnetic(
         self,
@@ -176,8 +181,20 @@ class Deviation:
 
     @property
     def sd(self) -> Array | None:
-        """Standard errors of `PARAMETERS`, (9,)."""
-        return None if self.covariance is None else np.sqrt(np.diag(self.covariance))
+        """Standard errors of `PARAMETERS`, (9,), widened as those of `sd_at`."""
+        if self.covariance is None:
+            return None
+        return np.asarray(self._widening * np.sqrt(np.diag(self.covariance)))
+
+    def _quantile(self, confidence: float) -> float:
+        """Student's t that encloses a share of all errors, with the freedom of the noise."""
+        freedom = np.inf if self.freedom is None else max(self.freedom, 1.0)
+        return float(stdtrit(min(freedom, 1e6), (1 + confidence) / 2))
+
+    @property
+    def _widening(self) -> float:
+        """How much wider the interval of 95 % is than with a noise that is known."""
+        return 1.0 if self.freedom is None else self._quantile(0.95) / float(ndtri(0.975))
 
     @property
     def least_turn(self) -> float:

@@ -66,8 +66,10 @@ class Setup:
     tilt_order : what roll and pitch mean: "roll-pitch" is aerospace yaw-pitch-roll; "pitch-roll"
         the inclinometer's order.
     tilt_sd_deg : standard deviation of recorded roll and pitch, of an accelerometer at rest (what
-        motion does to it is added), or of a vehicle taken to be level; `None` for 0.5°, and for a
-        level one what the log tells, else 3°.
+        motion does to it is added), or of a vehicle taken to be level; `None` for 0.5°, less where
+        the dip of the field shows it, and for a level one what the log tells, else 3°. Where the
+        dip scatters by more than is stated, the tilt counts for as much; 0 of recorded ones is
+        taken as exact.
     settling_s : how long the filter of "gyro" takes to follow the accelerometer: longer where
         turns and accelerations last longer, shorter where the gyro drifts.
     declination_deg, declination_sd_deg : east positive; `None` takes them from the world model at

@@ -41,7 +41,8 @@ UNSURE_DEG = 5.0
 class Attitude:
     """The tilt, the order of its turns, where it came from, how well it is known, (n,) or (1,).
 
-    `roll_sd`, `pitch_sd` in rad; `unsure` and `missing` mark rows; `notes` say why it came thence.
+    `roll_sd`, `pitch_sd` in rad; `assumed_sd`, rad, is what of them was neither stated nor felt;
+    `unsure` and `missing` mark rows; `notes` say why it came thence.
     """
 
     tilt: kernel.Tilt
@@ -51,6 +52,7 @@ class Attitude:
     source: str
     roll_sd: Array
     pitch_sd: Array
+    assumed_sd: float = 0.0
     missing: Mask | None = None
     notes: tuple[str, ...] = ()
 
@@ -92,6 +94,7 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
             source=source,
             roll_sd=sd,
             pitch_sd=sd,
+            assumed_sd=_assumed(setup),
             notes=why,
         )
     force = _needed(samples, "acceleration", source) @ turn.T
@@ -110,6 +113,11 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
 def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
     """The sd of roll and pitch that the setup states, or that of such a source, rad."""
     return float(np.radians(otherwise_deg if setup.tilt_sd_deg is None else setup.tilt_sd_deg))
+
+
+def _assumed(setup: Setup) -> float:
+    """The sd of roll and pitch that is assumed where the setup states none, rad."""
+    return float(np.radians(RECORDED_SD_DEG)) if setup.tilt_sd_deg is None else 0.0
 
 
 def _felt(
@@ -135,6 +143,7 @@ def _felt(
         source=source,
         roll_sd=roll_sd,
         pitch_sd=pitch_sd,
+        assumed_sd=_assumed(setup),
         missing=missing,
         notes=notes,
     )

@@ -20,6 +20,7 @@ from agonic.headings.compass_heading import (
     compute_indication,
     interpolate_readings,
 )
+from agonic.headings.dip_residuals import refine_tilt_sd
 from agonic.headings.disagreement import (
     choose_compass,
     compare_with_expected,
@@ -86,6 +87,8 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
     read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
     tilt = find_attitude(first, setup, pairs[0][0].calibration)
     around = find_surroundings(first, setup)
+    seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
+    tilt = refine_tilt_sd(tilt, seen, around, setup, first.time)
     notes = [*tilt.notes, *around.notes]
     taken = []
     for (compass, _), readings in zip(pairs, read, strict=True):

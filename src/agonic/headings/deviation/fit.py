@@ -53,6 +53,13 @@ class DeviationFit(Estimated):
     remarks: tuple[str, ...] = ()
 
     @property
+    def sd(self) -> Array:
+        """Standard errors of the same, widened by Student's t where few readings tell the noise."""
+        sd = self.calibration.sd
+        assert sd is not None, "a fitted card has a covariance"
+        return sd
+
+    @property
     def n(self) -> int:
         """How many readings were used."""
         return len(self.compass_deg)

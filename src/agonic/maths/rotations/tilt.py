@@ -98,6 +98,18 @@ def tilt_from_down(down: Array) -> Tilt:
     return Tilt(np.where(on_end, 0.0, y / divisor), cos_roll, -x / size, across / size)
 
 
+def compute_down(tilt: Tilt, order: Order = "roll-pitch") -> Array:
+    """The direction of down (…, 3) in body axes, the third level axis.
+
+    >>> compute_down(tilt_from_angles(30.0, 0.0)).round(3).tolist()
+    [-0.0, 0.5, 0.866]
+    """
+    sr, cr, sp, cp = tilt
+    if order == "roll-pitch":
+        return np.stack([-sp, cp * sr, cp * cr], axis=-1)
+    return np.stack([-cr * sp, sr, cr * cp], axis=-1)
+
+
 def down_from_force(specific_force: Array) -> Array:
     """The direction of down (…, 3), from the specific force at rest, which points up.
 
