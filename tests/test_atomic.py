@@ -2,10 +2,12 @@
 
 import os
 import stat
+import subprocess
+import sys
 
 import pytest
 
-from agonic.atomic import write_atomically
+from agonic.atomic import replacing, write_atomically
 from agonic.errors import AgonicError
 
 
@@ -49,3 +51,28 @@ def test_says_what_is_in_the_way(tmp_path):
         write_atomically(tmp_path, "x")
     with pytest.raises(AgonicError, match="folder or a device"):
         write_atomically("/dev/null", "x")
+
+
+def test_removes_what_killed_processes_left(tmp_path):
+    script = (
+        "import os, signal\n"
+        "from agonic.atomic import replacing\n"
+        f"with replacing({str(tmp_path / 'a.csv')!r}) as fresh:\n"
+        "    fresh.write_text('half')\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=False)
+    assert len(os.listdir(tmp_path)) == 1
+    with replacing(tmp_path / "b.csv") as fresh:  # another process at work must not lose its own
+        fresh.write_text("b")
+        other = subprocess.run(
+            [sys.executable, "-c", script.replace("os.kill", "print")], check=False
+        )
+        assert other.returncode == 0
+    assert sorted(os.listdir(tmp_path)) == ["a.csv", "b.csv"]
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "a\0b"])
+def test_names_that_no_file_can_have_are_one_line(tmp_path, name):
+    with pytest.raises(AgonicError, match="cannot write"):
+        write_atomically(tmp_path / name, "x")

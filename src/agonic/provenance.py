@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from agonic.atomic import mark_input
 from agonic.version import __version__
 
 
@@ -42,7 +43,8 @@ def escape_text(name: str) -> str:
 
 
 def hash_file(path: Path) -> str:
-    """The SHA-256 of a file, read in pieces."""
+    """The SHA-256 of a file, read in pieces; nothing is written over it from now on."""
+    mark_input(path)
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

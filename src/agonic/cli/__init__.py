@@ -7,12 +7,9 @@ import sys
 import warnings
 from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING
+from typing import Any
 
 from agonic.version import __version__
-
-if TYPE_CHECKING:
-    from typer import Typer
 
 COMMANDS = {
     "calibrate": "agonic.cli.calibrate",
@@ -39,6 +36,9 @@ COMMANDS = {
 GOOD, FAILED, UNUSABLE = 0, 1, 2
 """Exit status: all well; a check failed or a fit was refused; bad input or usage."""
 
+DEBUG = "AGONIC_DEBUG"
+"""The environment variable that lets an error that was not foreseen show its traceback."""
+
 
 def main(arguments: list[str] | None = None) -> None:
     """Run `agonic` and leave with its exit status; an error is one line on stderr."""
@@ -53,6 +53,8 @@ def run(arguments: list[str]) -> int:
     """The exit status of `agonic` with these arguments."""
     import typer
 
+    from agonic.atomic import protect
+    from agonic.console.boundary import explain
     from agonic.errors import AgonicError
 
     if arguments in (["--version"], ["-V"]):
@@ -60,7 +62,8 @@ def run(arguments: list[str]) -> int:
         return GOOD
     warnings.showwarning = _warn
     try:
-        status = _app()(args=arguments, prog_name="agonic", standalone_mode=False)
+        with protect():
+            status = _app()(args=arguments, prog_name="agonic", standalone_mode=False)
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         command = "agonic" if context is None else context.command_path
@@ -71,6 +74,10 @@ def run(arguments: list[str]) -> int:
         return int(leave.exit_code)
     except (AgonicError, OSError) as error:
         return _complain(str(error))
+    except Exception as error:  # a fault of ours: one line that says where, never a traceback
+        if os.environ.get(DEBUG):
+            raise
+        return _complain(explain(error, arguments))
     return int(status or GOOD)
 
 
@@ -83,9 +90,11 @@ def _complain(message: str) -> int:
     return UNUSABLE
 
 
-def _app() -> Typer:
-    """The Typer application with every command; their heavy imports wait until they run."""
+def _app() -> Any:
+    """The application with every command; their heavy imports wait until they run."""
     import typer
+
+    from agonic.console.boundary import add_force
 
     app = typer.Typer(
         name="agonic",
@@ -98,4 +107,6 @@ def _app() -> Typer:
     )
     for module in COMMANDS.values():
         import_module(module).add_to(app)
-    return app
+    command = typer.main.get_command(app)
+    add_force(command)
+    return command

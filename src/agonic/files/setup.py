@@ -41,7 +41,7 @@ import msgspec
 import msgspec.structs
 from msgspec import Struct
 
-from agonic.atomic import write_atomically
+from agonic.atomic import sign_text, write_atomically
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
@@ -49,6 +49,7 @@ from agonic.calibration.setup import Compass, Setup, Tilt
 from agonic.calibration.setup import find_mistakes as out_of_range
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, save
+from agonic.files.names import file_stem
 from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
 from agonic.logs.contents import read_bytes
 from agonic.maths.rotations.tilt import Order
@@ -78,7 +79,7 @@ def load_setup(path: Path | str) -> Setup:
         return Setup(compasses=(Compass(calibration=_calibration(file)),))
     try:
         table = tomllib.loads(data.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise LogError(
             f"neither a setup (TOML) nor a calibration file (JSON): {error}", path=file
         ) from None
@@ -221,7 +222,7 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
     file = Path(path)
     lines: list[str] = []
     for compass in setup.compasses:
-        stem = "".join(c if c.isalnum() or c in "-_" else "_" for c in compass.sensor)
+        stem = file_stem(compass.sensor)
         beside: dict[str, Any] = {
             "calibration": compass.calibration,
             "deviation": compass.deviation,
@@ -240,7 +241,7 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
         lines.append("")
     for section in SECTIONS:
         lines += _write_section(section, setup)
-    return write_atomically(file, "\n".join(lines).rstrip() + "\n")
+    return write_atomically(file, sign_text("\n".join(lines).rstrip() + "\n"))
 
 
 def _write_section(section: str, setup: Setup) -> list[str]:

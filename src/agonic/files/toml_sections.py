@@ -20,7 +20,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file, or a `LogError` that says why there are none."""
     try:
         return tomllib.loads(read_bytes(path).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise LogError(f"this is no TOML: {error}", path=path) from None
 
 

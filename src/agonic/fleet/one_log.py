@@ -14,6 +14,7 @@ from agonic.atomic import make_folder
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.field.place import choose_reference
 from agonic.files.calibration import save
+from agonic.files.names import file_stem
 from agonic.fleet.inputs import SINGLE
 from agonic.fleet.rows import make_refused_row, make_row
 from agonic.fleet.settings import FleetSettings, digest
@@ -23,7 +24,7 @@ from agonic.logs.read import open_log
 from agonic.population import Row
 from agonic.provenance import escape_text, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate, calibrate_recording
-from agonic.recording.report.folder import file_stem, write_folder
+from agonic.recording.report.folder import write_folder
 from agonic.samples import Samples
 from agonic.version import __version__
 

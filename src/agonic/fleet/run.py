@@ -8,7 +8,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from agonic.atomic import make_folder, write_atomically
+from agonic.atomic import check_target, make_folder, write_atomically
 from agonic.fleet.document import describe_population
 from agonic.fleet.engine import Engine
 from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, find_inputs
@@ -86,6 +86,8 @@ def run_fleet(
     settings = settings or FleetSettings()
     found = find_inputs(inputs, settings)
     folder = make_folder(out)
+    for name in (TABLE, PAGE):  # before the work and not after it
+        check_target(folder / name)
     with Journal(folder / JOURNAL, work=settings.work) as journal:
         today = datetime.now(UTC).date().isoformat()
         settings = replace(settings, undated=journal.undated(today))

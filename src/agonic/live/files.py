@@ -41,7 +41,7 @@ class StateFile(Struct, frozen=True):
 def save_state(params: LiveParams, state: LiveState, path: Path | str, origin: str = "") -> Path:
     """Write the state in one step; `AgonicError` where the file cannot be written."""
     record = StateFile(SCHEMA, origin, asdict(params), vars(state))
-    return write_atomically(path, msgspec.msgpack.encode(record, enc_hook=_encode))
+    return write_atomically(path, msgspec.msgpack.encode(record, enc_hook=_encode), updates=True)
 
 
 def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:

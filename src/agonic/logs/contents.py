@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from agonic.atomic import mark_input
 from agonic.errors import LogError
 
 
@@ -16,9 +17,13 @@ def read_bytes(path: Path | str) -> bytes:
     agonic.errors.LogError: nowhere.json: cannot be read (No such file or directory)
     """
     try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise LogError("cannot be read (it is a folder, a device or a pipe)", path=path)
+        mark_input(path)
         return Path(path).read_bytes()
-    except OSError as error:
-        raise LogError(f"cannot be read ({error.strerror or error})", path=path) from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise LogError(f"cannot be read ({why})", path=path) from None
 
 
 def read_text(path: Path | str, needed: str = "a text table") -> str:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.atomic import make_folder, write_atomically
+from agonic.atomic import check_target, make_folder, replacing, write_atomically
 from agonic.errors import AgonicError, MissingExtraError
 
 ROW_GROUP = 500_000
@@ -36,6 +33,7 @@ def write_logs(logs: Iterable[tuple[str, bytes]], folder: Path | str) -> list[Pa
     try:
         for name, content in logs:
             path = home / name
+            check_target(path, content)
             path.write_bytes(content)
             paths.append(path)
     except OSError as error:
@@ -58,7 +56,8 @@ def write_dataset(tables: Iterable[Mapping[str, NDArray[Any]]], path: Path | str
         from pyarrow import parquet
     except ImportError:
         raise MissingExtraError("a dataset of many sensors", "fleet") from None
-    with _replace_when_whole(Path(path)) as part:
+    make_folder(Path(path).parent)
+    with replacing(path) as part:
         writer = None
         for table in _group_tables(tables):
             arrow = pa.table({name: _encode(pa, column) for name, column in table.items()})
@@ -121,16 +120,3 @@ def _encode(pa: Any, column: NDArray[Any]) -> Any:
     """A column for Parquet; names, which repeat, by a dictionary."""
     array = pa.array(column)
     return array.dictionary_encode() if column.dtype == object else array
-
-
-@contextmanager
-def _replace_when_whole(path: Path) -> Iterator[Path]:
-    """A file beside `path` that takes its place when it is whole."""
-    make_folder(path.parent)
-    try:
-        with TemporaryDirectory(prefix=".agonic-", dir=path.parent) as folder:
-            part = Path(folder, path.name)
-            yield part
-            os.replace(part, path)
-    except OSError as error:
-        raise AgonicError(f"cannot write {path}: {error.strerror or error}") from error

@@ -148,7 +148,7 @@ def save_track(
     if state.n == 0:
         raise AgonicError("nothing has been followed yet; update the tracker before saving it")
     record = TrackFile(SCHEMA, asdict(params), _record(StateRecord, state), history.tolist())
-    return write_atomically(path, msgspec.json.encode(record) + b"\n")
+    return write_atomically(path, msgspec.json.encode(record) + b"\n", updates=True)
 
 
 def load_track(path: Path | str) -> tuple[TrackerParams, TrackerState, Array]:

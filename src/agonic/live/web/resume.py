@@ -11,10 +11,10 @@ from pathlib import Path
 
 from agonic.atomic import make_folder
 from agonic.errors import AgonicError
+from agonic.files.names import file_stem
 from agonic.live.files import save_state
 from agonic.live.fit import LiveFit
 from agonic.live.state import LiveParams, LiveState
-from agonic.recording.report.folder import file_stem
 
 SAVE_S = 5.0
 """Between two times that the files are written."""

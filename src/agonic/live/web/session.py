@@ -10,6 +10,7 @@ from dataclasses import replace
 from agonic.atomic import make_folder
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
+from agonic.files.names import file_stem
 from agonic.live.streams import Chunk, Notice, Source
 from agonic.live.streams.device import Change, Device
 from agonic.live.web.messages import Outcome, Sensor, Setting, Status, describe_read_back
@@ -19,7 +20,7 @@ from agonic.live.web.view import RecentReadings
 from agonic.live.web.watch import WatchedSensor, find_calibration_before
 from agonic.provenance import Input, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate
-from agonic.recording.report.folder import Written, file_stem, write_folder
+from agonic.recording.report.folder import Written, write_folder
 from agonic.samples import Samples
 
 DIGEST_S = 0.2

@@ -181,7 +181,7 @@ def find_calibration_before(folder: Path, name: str, given: dict[str, Affine]) -
     """The calibration of a sensor that was given, or was written to the folder before."""
     from agonic.errors import AgonicError
     from agonic.files.calibration import load
-    from agonic.recording.report.folder import file_stem
+    from agonic.files.names import file_stem
 
     if name in given:
         return given[name]

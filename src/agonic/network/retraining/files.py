@@ -134,7 +134,7 @@ def save_retrainer(params: RetrainerParams, state: RetrainerState, path: Path | 
             **{name: getattr(state, name) for name in _AS_THEY_ARE},
         ),
     )
-    return write_atomically(path, msgspec.json.encode(record) + b"\n")
+    return write_atomically(path, msgspec.json.encode(record) + b"\n", updates=True)
 
 
 def load_retrainer(path: Path | str) -> tuple[RetrainerParams, RetrainerState]:

@@ -13,6 +13,7 @@ from agonic.errors import UnitError
 from agonic.exports.targets import TARGETS
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import save
+from agonic.files.names import file_stem
 from agonic.files.setup import save_setup
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.report.page import render
@@ -81,13 +82,3 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
         written.files.append(str(export.path))
         written.warnings.extend(f"{export.path.name}: {text}" for text in export.warnings)
     return written
-
-
-def file_stem(sensor: str) -> str:
-    """A sensor's name as part of a file name.
-
-    >>> file_stem("sensor_mag[0]")
-    'sensor_mag_0'
-    """
-    kept = "".join(c if c.isalnum() or c in "-_" else "_" for c in sensor)
-    return kept.strip("_") or "sensor"

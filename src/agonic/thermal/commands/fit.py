@@ -99,13 +99,10 @@ def _count_workers(rows: int) -> int:
 def _write_calibrations(result: CalibratedCampaign, home: Path) -> dict[str, list[str]]:
     """A calibration file for every sensor that was not refused, by sensor."""
     from agonic.files.calibration import save
+    from agonic.files.names import file_stem
 
     return {
-        sensor.name: [str(save(sensor.fit.calibration, home / f"{_make_stem(sensor.name)}.json"))]
+        sensor.name: [str(save(sensor.fit.calibration, home / f"{file_stem(sensor.name)}.json"))]
         for sensor in result.sensors
         if sensor.fit is not None and sensor.verdict != "refused"
     }
-
-
-def _make_stem(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)

@@ -1,0 +1,64 @@
+"""What holds for every command: how an unforeseen error is told, and when a file is replaced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+_CAUSES: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("MemoryError", "ArrayMemoryError"), "there is not enough memory for what it needs"),
+    (("RecursionError",), "something in its input is nested too deeply"),
+    (("LinAlgError",), "the readings do not determine what is computed from them"),
+    (
+        ("OverflowError", "FloatingPointError", "ZeroDivisionError"),
+        "a number is beyond what can be computed with",
+    ),
+)
+
+
+def explain(error: Exception, arguments: Sequence[str]) -> str:
+    """One line on an error that was not foreseen: the command, what was wrong, the next move.
+
+    >>> explain(OverflowError("int too large"), ["apply", "mag.json", "log.csv"])[:62]
+    'agonic apply mag.json log.csv: a number is beyond what can be '
+    """
+    name = type(error).__name__
+    known = (words for names, words in _CAUSES if name in names)
+    what = next(known, "it failed in a way that was not foreseen")
+    command = " ".join(["agonic", *arguments])
+    shown = command if len(command) <= 200 else command[:199] + "…"
+    said = " ".join(f"{name}: {error}".split())[:200]
+    return (
+        f"{shown}: {what} ({said}); look at the input for values that no sensor gives, and please "
+        "report this with the line above: AGONIC_DEBUG=1 shows where it happened"
+    )
+
+
+def add_force(command: Any) -> None:
+    """Give every command that writes a file the option `--force`."""
+    option = _make_force()
+    for one in getattr(command, "commands", {}).values():
+        add_force(one)
+    if any("--out" in param.opts for param in command.params):
+        command.params.append(option)
+
+
+def _make_force() -> Any:
+    """The option, as Typer makes it of a command that has nothing else."""
+    import typer
+
+    from agonic.atomic import overwrite_all
+
+    def note(value: bool) -> None:
+        if value:
+            overwrite_all()
+
+    help = "Replace a file that agonic did not write; never one that is read."
+    force = typer.Option(False, "--force", help=help, callback=note, expose_value=False)
+    app = typer.Typer(add_completion=False)
+
+    @app.command()
+    def only(force: bool = force) -> None:
+        """Nothing but the option."""
+
+    return typer.main.get_command(app).params[0]

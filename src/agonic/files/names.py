@@ -1,0 +1,29 @@
+"""The names of files that belong to a sensor: readable, and never one name for two sensors."""
+
+from __future__ import annotations
+
+import re
+from hashlib import sha256
+
+_INSTANCE = re.compile(r"(sensor_mag|vehicle_magnetometer)\[(\d+)\]")
+_LIKE_MADE = re.compile(r"(sensor_mag|vehicle_magnetometer)_\d+|.*-[0-9a-f]{8}", re.DOTALL)
+_LONGEST = 80
+
+
+def file_stem(sensor: str) -> str:
+    """A sensor's name as part of a file name; distinct names give distinct parts.
+
+    Letters, digits, "-" and "_" stay. Where others had to be replaced, a digest of the name
+    follows, but for the numbered topics of PX4.
+
+    >>> file_stem("MAG2"), file_stem("sensor_mag[0]"), file_stem("left.mag")
+    ('MAG2', 'sensor_mag_0', 'left_mag-25793d4c')
+    """
+    if topic := _INSTANCE.fullmatch(sensor):
+        return f"{topic[1]}_{topic[2]}"
+    kept = re.sub(r"[^A-Za-z0-9_-]", "_", sensor)
+    plain = kept.strip("_") == sensor != "" and len(kept) <= _LONGEST
+    if plain and not _LIKE_MADE.fullmatch(kept):
+        return kept
+    digest = sha256(sensor.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+    return f"{kept[:_LONGEST].strip('_') or 'sensor'}-{digest}"
