@@ -9,14 +9,13 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
-from agonic.errors import AgonicError
-from agonic.inflight.fit import drift
 from agonic.inflight.fit.channel_noise import (
     compute_mean_correlation,
     compute_spreads,
     rescale_noise,
 )
 from agonic.inflight.fit.covariance import Clock, compute_covariance
+from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
 from agonic.inflight.fit.terms import Terms
@@ -35,14 +34,9 @@ from agonic.maths.equation.channels import Problem as Known
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.correlated_errors import CorrelatedError
-from agonic.maths.estimation.leastsq import robust_scale
 from agonic.maths.estimation.noise import Noise, estimate_noise
 from agonic.maths.rotations.vectors import find_best_rotation
 
-BLOCKS = 10
-MOST_INTERVALS = 32
-WORTH = 0.98
-"""More knots are kept when they bring the held-out error below this share."""
 FEWEST_STRETCHES = 120
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
@@ -77,7 +71,11 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     """The estimate, and the problem with the rows and the rotation that were settled on the way."""
     first = find_start(problem)
     plain = replace(problem, direction=None)
-    intervals, held_out = _choose_intervals(plain, first)
+    intervals, held_out = choose_intervals(
+        problem.settings.drift_knots,
+        problem.used,
+        lambda used, k: fit_held_out(plain, first, used, k),
+    )
     estimate = fit_rows(plain, first, problem.used, intervals)
     limit = problem.settings.residual_limit
     for _ in range(_ROUNDS if limit is not None else 0):
@@ -148,6 +146,12 @@ def fit_rows(problem: Problem, first: Array, used: Mask, intervals: int) -> Esti
     return refine(
         problem, problem.rows(terms).select(used), layout, terms, _start_params(layout, first)
     )
+
+
+def fit_held_out(problem: Problem, first: Array, used: Mask, intervals: int) -> Array:
+    """The magnitude's residuals (n,) of every row, nT, about a fit to some of them."""
+    estimate = fit_rows(problem, first, used, intervals)
+    return compute_residuals_of(problem, estimate, "magnitude") * problem.magnitude
 
 
 def _start_params(layout: Layout, first: Array) -> Array:
@@ -251,32 +255,3 @@ def _symmetric_part(estimate: Estimate, rotation: Array) -> Array:
     c = estimate.layout.constants
     bias, matrix = split(model_basis("full", FREE) @ estimate.solution.params[:c])
     return np.concatenate([bias, pack_symmetric(rotation.T @ matrix)])
-
-
-def _choose_intervals(problem: Problem, first: Array) -> tuple[int, dict[int, float]]:
-    """How many intervals of drift, by cross-validation, and the held-out error of each, nT."""
-    asked = problem.settings.drift_knots
-    if asked != "auto":
-        if asked < 0:
-            raise AgonicError(f"drift_knots is {asked}; it counts intervals, 0 for a constant bias")
-        return asked, {}
-    tried = {0: _held_out_error(problem, first, 0)}
-    best, intervals = 0, 1
-    while intervals <= MOST_INTERVALS and problem.used.sum() > 40 * (intervals + drift.DEGREE):
-        tried[intervals] = _held_out_error(problem, first, intervals)
-        if tried[intervals] < WORTH * tried[best]:
-            best = intervals
-        elif intervals > 2 * max(best, 1):
-            break
-        intervals *= 2
-    return best, tried
-
-
-def _held_out_error(problem: Problem, first: Array, intervals: int) -> float:
-    """Robust rms of residuals in every second block of time, by a fit to the others, nT."""
-    block = np.arange(len(problem.time)) * BLOCKS // len(problem.time) % 2 == 0
-    left = []
-    for rows in (block, ~block):
-        estimate = fit_rows(problem, first, problem.used & rows, intervals)
-        left.append(compute_residuals_of(problem, estimate, "magnitude")[problem.used & ~rows])
-    return robust_scale(np.concatenate(left)) * problem.magnitude
