@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError
 from agonic.inflight.fit.drift import DEGREE
 from agonic.maths.estimation.leastsq import robust_scale
@@ -64,7 +64,7 @@ def list_candidates(rows: int) -> list[int]:
     return [0, *(k for k in doublings if rows > ROWS_AN_INTERVAL * (k + DEGREE))]
 
 
-def compute_certainty(before: Array, after: Array, block: Array) -> float:
+def compute_certainty(before: Array, after: Array, block: Index) -> float:
     """By how many standard errors, over the blocks (n,), residuals (n,) are smaller than before.
 
     >>> block = np.arange(4)
@@ -79,7 +79,7 @@ def compute_certainty(before: Array, after: Array, block: Array) -> float:
     return float(by_block.sum() / max(spread, 1e-300))
 
 
-def _residuals_unseen(held_out: HeldOut, used: Mask, block: Array, intervals: int) -> Array:
+def _residuals_unseen(held_out: HeldOut, used: Mask, block: Index, intervals: int) -> Array:
     """Residuals of the used rows, each by the fit to the other half of the blocks."""
     left = np.empty(len(used))
     for half in (block % 2 == 0, block % 2 == 1):
