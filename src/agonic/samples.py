@@ -17,6 +17,9 @@ from agonic.errors import FrameError, LogError, UnitError
 from agonic.provenance import Input
 from agonic.units import RAW, find_unit, nanotesla_per
 
+LARGEST_FIELD = 1e15
+"""Readings (nT, or raw) beyond it are garbage; a million tesla, or 50 bits of raw counts."""
+
 VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
     "time",
@@ -127,7 +130,8 @@ class Samples:
         lengths = {name: len(c) for name, c in columns.items() if c is not None}
         if len(set(lengths.values())) > 1:
             raise LogError(f"columns differ in length: {lengths}; give one value a row in each")
-        keep, rejected = _usable(columns)
+        factor = nanotesla_per(self.unit)
+        keep, rejected = _usable(columns, factor)
         for name, values in columns.items():
             self._put(
                 name, None if values is None else _frozen(values if keep.all() else values[keep])
@@ -136,7 +140,6 @@ class Samples:
         if not keep.any():
             reasons = ", ".join(f"{n} rows: {why}" for why, n in self.rejected.items())
             raise LogError(f"no usable readings ({reasons or 'no rows at all'})")
-        factor = nanotesla_per(self.unit)
         if factor != 1.0:
             self._put("field", _frozen(self.field * factor))
             if self.second is not None:
@@ -245,8 +248,11 @@ def _column(name: str, values: ArrayLike | None) -> Array | None:
     return array
 
 
-def _usable(columns: Mapping[str, Array | None]) -> tuple[Mask, dict[str, int]]:
-    """The rows without a NaN and with increasing time, and why the others are not."""
+def _usable(columns: Mapping[str, Array | None], factor: float) -> tuple[Mask, dict[str, int]]:
+    """The rows of usable numbers and with increasing time, and why the others are not.
+
+    `factor` makes nanotesla of the field.
+    """
     present = {name: c for name, c in columns.items() if c is not None}
     keep = np.ones(len(present["field"]), dtype=bool)
     rejected: dict[str, int] = {}
@@ -255,6 +261,12 @@ def _usable(columns: Mapping[str, Array | None]) -> tuple[Mask, dict[str, int]]:
         if not finite.all():
             rejected[f"NaN or infinite {name}"] = int((keep & ~finite).sum())
             keep &= finite
+        if name in ("field", "second"):
+            most = LARGEST_FIELD / max(factor, 1.0)
+            sane = ~(np.abs(values) > most).any(axis=1)
+            if not sane[keep].all():
+                rejected[f"{name} beyond what any sensor gives"] = int((keep & ~sane).sum())
+                keep &= sane
     time = present.get("time")
     if time is not None and keep.any():
         latest = np.maximum.accumulate(np.where(keep, time, -np.inf))

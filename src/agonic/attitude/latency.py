@@ -100,6 +100,11 @@ def fit_latency(
             f"latency needs {FEWEST}",
             turns="record for half a minute while turning to and fro",
         )
+    if not np.ptp(record.raw, axis=0).any():
+        raise CoverageError(
+            "the readings never change, so nothing tells how late they are",
+            turns="check the sensor and its wiring",
+        )
     if chosen == "attitude":
         found = kernel.estimate_attitude(record, time, _attitude(samples), limit_s)
     else:

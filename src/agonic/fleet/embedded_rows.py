@@ -133,9 +133,10 @@ def _round(values: Array) -> bytes:
 
 
 def _count_minutes(starts: NDArray[np.object_]) -> bytes:
-    """Minutes since 1970 as int32."""
+    """Minutes since 1970 as int32; later than it can count is not known."""
     minutes = [_NO_TIME if t is None else int(t.timestamp() // 60) for t in starts.tolist()]
-    return _split_bytes(np.array(minutes, dtype="<i4"))
+    bounded = [m if abs(m) < 2**31 else _NO_TIME for m in minutes]  # up to the year 6053
+    return _split_bytes(np.array(bounded, dtype="<i4"))
 
 
 def _split_bytes(values: NDArray[np.generic]) -> bytes:

@@ -64,12 +64,12 @@ def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
         except Exception as error:  # whatever is wrong with a log becomes its row
             return report_unread(path, explain(error, path), settings, final=_is_final(error))
         results = [outcome for outcome in outcomes if isinstance(outcome, Calibrated)]
-        written = _write_files(results, log, settings, Path(folder)) if results else {}
+        written, trouble = _try_to_write(results, log, settings, Path(folder))
     rows = []
     for samples, outcome in zip(log.sensors, outcomes, strict=True):
         known = describe_log(path, log.source.sha256, settings, samples.name)
         rows.append(
-            make_row(outcome, **known, **written.get(samples.name, {}))
+            _note(make_row(outcome, **known, **written.get(samples.name, {})), trouble)
             if isinstance(outcome, Calibrated)
             else make_refused_row(explain(outcome, path), **known, samples=samples)
         )
@@ -159,6 +159,22 @@ def try_calibrate(
         return calibrate(samples, reference, kind=settings.method, **of_place)  # type: ignore[arg-type]
     except Exception as error:  # as above
         return error
+
+
+def _try_to_write(
+    results: Sequence[Calibrated], log: Log, settings: FleetSettings, folder: Path
+) -> tuple[Mapping[str, dict[str, str]], str]:
+    """The files of each sensor, or why there are none; a disk that is full is raised."""
+    try:
+        return (_write_files(results, log, settings, folder) if results else {}), ""
+    except (AgonicError, OSError):
+        raise
+    except Exception as error:  # a page that cannot be drawn must not end the others' run
+        return {}, f"Its files could not be written ({explain(error, '')})."
+
+
+def _note(row: Row, trouble: str) -> Row:
+    return replace(row, status=f"{row.status} {trouble}") if trouble else row
 
 
 def _write_files(

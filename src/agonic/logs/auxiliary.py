@@ -29,6 +29,14 @@ RANGES: dict[str, tuple[float, float]] = {
     "throttle": (-0.01, 1.01),
     "latitude_deg": (-90.0, 90.0),
     "longitude_deg": (-180.0, 360.0),
+    "altitude_m": (-1e5, 1e10),
+    "acceleration": (-1e6, 1e6),
+    "rotation_rate": (-1e6, 1e6),
+    "current_A": (-1e7, 1e7),
+    "roll_deg": (-1e5, 1e5),
+    "pitch_deg": (-1e5, 1e5),
+    "heading_deg": (-1e7, 1e7),
+    "scalar": (0.0, 1e15),
 }
 """Outside these a cell does not hold what its column is named for."""
 

@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from numpy.linalg import LinAlgError
+
 from agonic.console.place import find_reference
 from agonic.console.progress import progress
 from agonic.console.sensors import open_sensors
@@ -58,4 +60,13 @@ def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[dict[str, object]
             results.append(run())
         except CoverageError as error:
             failures.append(unfitted(name, str(error)))
+        except (ArithmeticError, LinAlgError) as error:  # nor do numbers that no sensor gives
+            why = " ".join(f"{type(error).__name__}: {error}".split())
+            failures.append(
+                unfitted(
+                    name,
+                    f"the readings could not be computed with ({why}): look for values that no "
+                    "sensor gives, and leave those rows out (--between)",
+                )
+            )
     return results, failures

@@ -32,7 +32,7 @@ class Axis:
 
     def share(self, values: Array) -> Array:
         """Where values lie between the ends, 0…1; what lies beyond is drawn at the end."""
-        return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))
+        return np.asarray(np.clip((values - self.low) / ((self.high - self.low) or 1.0), 0.0, 1.0))
 
     def ticks(self, most: int = 6) -> Array:
         """Round numbers along the axis: steps of 1, 2 or 5 times a power of ten.
@@ -41,6 +41,8 @@ class Axis:
         array([ 0., 10., 20., 30., 40.])
         """
         rough = (self.high - self.low) / most
+        if not 1e-300 < rough < 1e300:  # all in one place, or too far apart to be told apart
+            return np.array([self.low])
         power = 10.0 ** np.floor(np.log10(rough))
         step = power * next(m for m in (1, 2, 5, 10) if m * power >= rough * (1 - 1e-9))
         first = np.ceil(self.low / step - 1e-9)
