@@ -50,7 +50,7 @@ def evaluate(
     if calibration.covariance is None or calibration.magnitude is None:
         raise AgonicError("the calibration carries no covariance; fit it again with agonic")
     usable = find_usable_rows(samples.field)
-    magnitude = _magnitude(calibration, reference, len(samples))
+    magnitude = wanted_magnitude(calibration, reference, len(samples))
     residuals, _ = compute_distances(samples.field, calibration.bias, calibration.matrix, magnitude)
     residuals = residuals[rows_of(usable)]
     noise = estimate_noise(residuals, robust=True, parameters=0)
@@ -76,7 +76,7 @@ def evaluate(
     )
 
 
-def _magnitude(affine: Affine, reference: Reference | None, n: int) -> Array:
+def wanted_magnitude(affine: Affine, reference: Reference | None, n: int) -> Array:
     """The magnitude that the calibrated field should have, (1,) or (n,), in its unit."""
     assert affine.magnitude is not None
     if reference is None or affine.unit_out != "nT":
@@ -113,7 +113,7 @@ def assess(
     `usable` (n,).
     """
     residuals, normals = compute_distances(
-        samples.field, affine.bias, affine.matrix, _magnitude(affine, reference, len(samples))
+        samples.field, affine.bias, affine.matrix, wanted_magnitude(affine, reference, len(samples))
     )
     weights = np.zeros(len(samples))
     weights[rows_of(usable)] = 1.0 if found.weights is None else found.weights

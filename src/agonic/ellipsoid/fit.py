@@ -11,7 +11,7 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.ellipsoid.calibration import Scale, make_calibration
-from agonic.ellipsoid.evidence import assess, rows_of
+from agonic.ellipsoid.evidence import assess, rows_of, wanted_magnitude
 from agonic.ellipsoid.settings import CITATIONS, Fixed, Gauge, Method, Model, Settings
 from agonic.ellipsoid.solve import (
     Found,
@@ -22,7 +22,16 @@ from agonic.ellipsoid.solve import (
 )
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, find_usable_rows, inspect
+from agonic.health import (
+    FEWEST,
+    Fitted,
+    describe_model_errors,
+    examine_model,
+    find_usable_rows,
+    inspect,
+    widen,
+)
+from agonic.health.adequacy import ModelError
 from agonic.maths.equation import moments
 from agonic.maths.equation.channels import Problem
 from agonic.provenance import Provenance
@@ -88,7 +97,10 @@ def fit_ellipsoid(
         seed=seed,
     )
     found, affine, usable, tests = _solve(samples, reference, settings)
-    return assess(found, affine, samples, reference, usable, tests, inclination_deg)
+    errors = _find_model_errors(found, affine, samples, reference, usable, settings)
+    wider = widen(affine, errors)
+    fit = assess(found, wider, samples, reference, usable, tests, inclination_deg)
+    return fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
 
 
 def fit_ellipsoid_alone(
@@ -139,6 +151,38 @@ def _solve(
     )
     assert affine.noise is not None
     return found._replace(noise=affine.noise), affine, usable, tests
+
+
+def _find_model_errors(
+    found: Found,
+    affine: Affine,
+    samples: Samples,
+    reference: Reference | None,
+    usable: Mask,
+    settings: Settings,
+) -> tuple[ModelError, ...]:
+    """What the residuals of the usable rows show that the model does not have."""
+    if found.weights is None:
+        return ()
+    rows = rows_of(usable)
+    magnitude = wanted_magnitude(affine, reference, len(samples))
+    prior = np.zeros((9, 9))
+    if settings.soft_iron_sd is not None:
+        gain = float(np.trace(affine.matrix)) / 3
+        prior[3:, 3:] = np.eye(6) / (settings.soft_iron_sd * gain) ** 2
+    return examine_model(
+        Fitted(
+            calibration=affine,
+            readings=samples.field[rows],
+            time=None if samples.time is None else samples.time[rows],
+            weights=found.weights,
+            wanted=magnitude if len(magnitude) == 1 else magnitude[rows],
+            noise=found.noise,
+            correlation=found.correlation,
+            prior=prior,
+            inclination_deg=settings.inclination_deg,
+        )
+    )
 
 
 def _without_hold(samples: Samples) -> CoverageError:

@@ -1,5 +1,6 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
+from agonic.health.adequacy import Fitted, describe_model_errors, examine_model, widen
 from agonic.health.evidence import (
     Evidence,
     check_bias_drift,
@@ -32,6 +33,7 @@ __all__ = [
     "FEWEST",
     "Evidence",
     "Finding",
+    "Fitted",
     "Judged",
     "Severity",
     "Verdict",
@@ -43,7 +45,9 @@ __all__ = [
     "check_rejected",
     "check_scale",
     "describe",
+    "describe_model_errors",
     "examine",
+    "examine_model",
     "figure",
     "find_quantisation",
     "find_usable_rows",
@@ -51,4 +55,5 @@ __all__ = [
     "sentences",
     "sort_findings",
     "verdict_of",
+    "widen",
 ]

@@ -1,0 +1,727 @@
+"""Recordings that break what a fit assumes, each with its truth: what a sensor, a vehicle or a
+person can do to a log. Motions and faults are written here with NumPy alone, so that the program is
+not judged by its own simulator.
+
+A recording is made in three steps: attitudes over time (a motion), what the sensor reads there
+(hard and soft iron, noise), and a fault on the way. `KINDS` lists all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+import agonic as ag
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+
+MAGNITUDE = 50_000.0
+DIP_DEG = 60.0
+FIELD_N = MAGNITUDE * np.array([np.cos(np.radians(DIP_DEG)), 0.0, np.sin(np.radians(DIP_DEG))])
+NOISE = 150.0
+RATE_HZ = 10.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Readings, and what the same sensor would read without noise in any field, for the truth.
+
+    `reads(field_m)` (n, 3) → (n, 3), nT, as at the end of the recording, its fault included where
+    that belongs to the sensor.
+    """
+
+    samples: ag.Samples
+    reads: Callable[[Array], Array]
+    attitude: bool = False
+
+
+# --- motions: rotations from the sensor to north-east-down, one a row -------------------------
+
+
+def tumble(n: int, rng: Rng) -> Rotation:
+    """Turned by hand, smoothly, all ways."""
+    rate = lfilter([1], [1, -0.97], rng.normal(size=(n, 3)) * 0.035, axis=0)
+    turned = [Rotation.random(random_state=int(rng.integers(2**31)))]
+    for step in Rotation.from_rotvec(rate[1:]):
+        turned.append(turned[-1] * step)
+    return Rotation.concatenate(turned)
+
+
+def _euler(yaw: Array, pitch: Array, roll: Array) -> Rotation:
+    return Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll]))
+
+
+def _smooth(n: int, rng: Rng, size: float, memory: float = 0.98) -> Array:
+    """A wandering angle of this rms."""
+    x = np.asarray(lfilter([1], [1, -memory], rng.normal(size=n + 200)))[200:]
+    return size * x / max(x.std(), 1e-12)
+
+
+def tilts(limit_deg: float) -> Callable[[int, Rng], Rotation]:
+    """All headings, tilts of this size."""
+
+    def motion(n: int, rng: Rng) -> Rotation:
+        yaw = np.cumsum(np.abs(0.06 + 0.03 * _smooth(n, rng, 1.0)))
+        size = np.radians(limit_deg) / 1.7
+        pitch = np.clip(_smooth(n, rng, size), -1.7 * size, 1.7 * size)
+        return _euler(yaw, pitch, np.clip(_smooth(n, rng, size), -1.7 * size, 1.7 * size))
+
+    return motion
+
+
+def circles(n: int, rng: Rng) -> Rotation:
+    """Exact turns: level about the vertical, then about the nose, then about the wing."""
+    a = np.linspace(0, 6 * np.pi, n // 3)
+    zero = np.zeros_like(a)
+    parts = [_euler(a, zero, zero), _euler(zero, zero, a), _euler(zero, a, zero)]
+    return Rotation.concatenate(parts)
+
+
+def poses(count: int, hold: int) -> Callable[[int, Rng], Rotation]:
+    """Held still in a few poses, as by hand on a table."""
+
+    def motion(n: int, rng: Rng) -> Rotation:
+        each = Rotation.random(count, random_state=int(rng.integers(2**31)))
+        return each[np.repeat(np.arange(count), hold)]
+
+    return motion
+
+
+def still_then(
+    share: float, then: Callable[[int, Rng], Rotation]
+) -> Callable[[int, Rng], Rotation]:
+    """At rest on the bench for most of the log, then turned."""
+
+    def motion(n: int, rng: Rng) -> Rotation:
+        moving = then(max(int(n * (1 - share)), 30), rng)
+        rest = moving[np.zeros(n - len(moving), dtype=int)]
+        return Rotation.concatenate([rest, moving])
+
+    return motion
+
+
+def cap(limit_deg: float) -> Callable[[int, Rng], Rotation]:
+    """Directions within a cone only: never upside down, never all headings."""
+
+    def motion(n: int, rng: Rng) -> Rotation:
+        size = np.radians(limit_deg) / 1.7
+        angles = [np.clip(_smooth(n, rng, size), -1.7 * size, 1.7 * size) for _ in range(3)]
+        return _euler(*angles)
+
+    return motion
+
+
+# --- the sensor ------------------------------------------------------------------------------
+
+
+def _sensor(rng: Rng, iron: float = 15_000.0, soft: float = 0.06) -> tuple[Array, Array]:
+    """A bias of this size and a symmetric distortion of this size."""
+    bias = rng.normal(size=3)
+    bias *= iron / np.linalg.norm(bias)
+    half = rng.normal(size=(3, 3)) * soft / 2
+    return bias, np.eye(3) + half + half.T
+
+
+Fault = Callable[["Draft"], None]
+
+
+@dataclass
+class Draft:
+    """A recording that is being made; faults change it in place."""
+
+    rng: Rng
+    rot_nm: Rotation
+    time: Array
+    bias: Array
+    distortion: Array
+    field: Array
+    raw: Array
+    reads: Callable[[Array], Array]
+    columns: dict[str, Any]
+
+    @property
+    def n(self) -> int:
+        """Rows."""
+        return len(self.time)
+
+
+def record(
+    seed: int,
+    motion: Callable[[int, Rng], Rotation],
+    faults: tuple[Fault, ...] = (),
+    *,
+    n: int = 3000,
+    noise: float = NOISE,
+    attitude: bool = False,
+    iron: float = 15_000.0,
+    soft: float = 0.06,
+) -> Recording:
+    """A recording with these faults, applied in order; noise comes before them."""
+    rng = np.random.default_rng(seed)
+    rot_nm = motion(n, rng)
+    n = len(rot_nm)
+    bias, distortion = _sensor(rng, iron, soft)
+    field = rot_nm.inv().apply(FIELD_N)
+
+    def reads(field_m: Array) -> Array:
+        return field_m @ distortion.T + bias
+
+    raw = reads(field) + noise * rng.normal(size=(n, 3))
+    draft = Draft(rng, rot_nm, np.arange(n) / RATE_HZ, bias, distortion, field, raw, reads, {})
+    for fault in faults:
+        fault(draft)
+    if attitude:
+        yaw, pitch, roll = draft.rot_nm.as_euler("ZYX", degrees=True).T
+        angles = {"roll_deg": roll, "pitch_deg": pitch, "heading_deg": yaw % 360}
+        draft.columns = {
+            k: v + 0.3 * rng.normal(size=n) for k, v in angles.items() if k != "heading_deg"
+        } | draft.columns
+    samples = ag.Samples(time=draft.time, field=draft.raw, unit="nT", name="mag", **draft.columns)
+    return Recording(samples, draft.reads, attitude)
+
+
+# --- faults: of the sensor -------------------------------------------------------------------
+
+
+def _non_linear(law: Callable[[Array], Array]) -> Fault:
+    def fault(d: Draft) -> None:
+        before = d.reads
+        noise = d.raw - before(d.field)
+        d.reads = lambda field: law(before(field))
+        d.raw = d.reads(d.field) + noise
+
+    return fault
+
+
+def soft_saturation(at: float) -> Fault:
+    """Each axis compresses like tanh."""
+    return _non_linear(lambda x: at * np.tanh(x / at))
+
+
+def saturation_across(at: float) -> Fault:
+    """The whole vector compresses by its length."""
+
+    def law(x: Array) -> Array:
+        size = np.linalg.norm(x, axis=1, keepdims=True)
+        return np.asarray(x / np.sqrt(1 + (size / at) ** 2))
+
+    return _non_linear(law)
+
+
+def cubic(share: float) -> Fault:
+    """A cubic error of this share at the magnitude of the field."""
+    return _non_linear(lambda x: x + share * x**3 / MAGNITUDE**2)
+
+
+def square(share: float) -> Fault:
+    """A quadratic error of this share."""
+    return _non_linear(lambda x: x + share * x * np.abs(x) / MAGNITUDE)
+
+
+def clipped(at: float) -> Fault:
+    """Hard limits."""
+    return _non_linear(lambda x: np.clip(x, -at, at))
+
+
+def hysteresis(share: float) -> Fault:
+    """Lags behind by a share of the field, by an old field that fades."""
+
+    def fault(d: Draft) -> None:
+        old = lfilter([0.02], [1, -0.98], d.raw, axis=0)
+        d.raw = d.raw + share * (old - d.raw) * 0.5
+
+    return fault
+
+
+def lag(rows: float) -> Fault:
+    """A slow sensor: a first-order filter."""
+
+    def fault(d: Draft) -> None:
+        a = np.exp(-1 / rows)
+        d.raw = np.asarray(lfilter([1 - a], [1, -a], d.raw - d.raw[0], axis=0)) + d.raw[0]
+
+    return fault
+
+
+def quantised(step: float) -> Fault:
+    """Steps of this size."""
+
+    def fault(d: Draft) -> None:
+        d.raw = step * np.round(d.raw / step)
+
+    return fault
+
+
+def gain_changes(axis: int, share: float) -> Fault:
+    """One axis changes its gain half-way."""
+
+    def fault(d: Draft) -> None:
+        d.raw[d.n // 2 :, axis] *= 1 + share
+
+    return fault
+
+
+def axis_dies(axis: int) -> Fault:
+    """One axis keeps its last value from 60 % on."""
+
+    def fault(d: Draft) -> None:
+        d.raw[int(0.6 * d.n) :, axis] = d.raw[int(0.6 * d.n), axis]
+
+    return fault
+
+
+def second_sensor(size: float, every: int = 2) -> Fault:
+    """Another sensor in alternate rows, a little apart."""
+
+    def fault(d: Draft) -> None:
+        away = d.rng.normal(size=3)
+        d.raw[::every] += size * away / np.linalg.norm(away)
+
+    return fault
+
+
+def unequal_noise(*sizes: float) -> Fault:
+    """Axes of different noise."""
+
+    def fault(d: Draft) -> None:
+        d.raw = d.reads(d.field) + np.array(sizes) * d.rng.normal(size=(d.n, 3))
+
+    return fault
+
+
+def coloured(memory: float, size: float) -> Fault:
+    """Noise with memory (AR 1) of this rms."""
+
+    def fault(d: Draft) -> None:
+        x = np.asarray(lfilter([1], [1, -memory], d.rng.normal(size=(d.n + 5000, 3)), axis=0))
+        d.raw = d.reads(d.field) + size * np.sqrt(1 - memory**2) * x[5000:]
+
+    return fault
+
+
+def random_walk(size: float) -> Fault:
+    """A bias that walks, ending this far (rms an axis)."""
+
+    def fault(d: Draft) -> None:
+        steps = d.rng.normal(size=(d.n, 3)) * size / np.sqrt(d.n)
+        d.raw = d.raw + np.cumsum(steps, axis=0)
+
+    return fault
+
+
+# --- faults: of the surroundings -------------------------------------------------------------
+
+
+def slow_step(share: float) -> Fault:
+    """The bias moves over a tenth of the log, by this share of the field."""
+
+    def fault(d: Draft) -> None:
+        ramp = np.clip((np.arange(d.n) / d.n - 0.45) * 10, 0, 1)
+        way = d.rng.normal(size=3)
+        d.raw = d.raw + ramp[:, None] * share * MAGNITUDE * way / np.linalg.norm(way)
+
+    return fault
+
+
+def switching(size: float, mean_rows: float = 40.0) -> Fault:
+    """A current that goes on and off at random."""
+
+    def fault(d: Draft) -> None:
+        on = np.cumsum(d.rng.random(d.n) < 1 / mean_rows) % 2
+        way = d.rng.normal(size=3)
+        d.raw = d.raw + on[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def follows_attitude(size: float) -> Fault:
+    """A disturbance that goes with the bank, as of something that swings."""
+
+    def fault(d: Draft) -> None:
+        down = d.rot_nm.inv().apply([0.0, 0.0, 1.0])
+        way = d.rng.normal(size=3)
+        d.raw = d.raw + (down[:, 1:2] ** 2) * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def one_sided_outliers(size: float) -> Fault:
+    """Disturbed whenever the sensor looks one way, as near a steel table."""
+
+    def fault(d: Draft) -> None:
+        way = d.rng.normal(size=3)
+        near = d.field @ way / np.linalg.norm(way) / MAGNITUDE > 0.8
+        d.raw[near] += size * d.rng.normal(size=3)
+
+    return fault
+
+
+def outliers(share: float, size: float) -> Fault:
+    """Gross readings here and there."""
+
+    def fault(d: Draft) -> None:
+        bad = d.rng.random(d.n) < share
+        d.raw[bad] += size * d.rng.normal(size=(int(bad.sum()), 3))
+
+    return fault
+
+
+def magnet_passes(size: float) -> Fault:
+    """A magnet is passed for a twenty-fifth of the log."""
+
+    def fault(d: Draft) -> None:
+        at = d.rng.uniform(0.2, 0.8)
+        near = np.exp(-(((np.arange(d.n) / d.n - at) / 0.02) ** 2))
+        way = d.rng.normal(size=3)
+        d.raw = d.raw + near[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def magnet_added(size: float) -> Fault:
+    """Something magnetic is added at 60 % of the log."""
+
+    def fault(d: Draft) -> None:
+        way = d.rng.normal(size=3)
+        d.raw[int(0.6 * d.n) :] += size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def gradient(size: float) -> Fault:
+    """The field is not the same everywhere: the sensor is moved while it is turned."""
+
+    def fault(d: Draft) -> None:
+        place = np.asarray(lfilter([1], [1, -0.99], d.rng.normal(size=d.n)))
+        place /= place.std()
+        change_n = place[:, None] * size * np.array([0.6, 0.3, -0.7])
+        d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
+
+    return fault
+
+
+# --- faults: of the log ----------------------------------------------------------------------
+
+
+def unit_changes(factor: float) -> Fault:
+    """The last twentieth of the rows in another unit."""
+
+    def fault(d: Draft) -> None:
+        d.raw[int(0.95 * d.n) :] *= factor
+
+    return fault
+
+
+def repeated(times: int) -> Fault:
+    """Each reading stands there several times."""
+
+    def fault(d: Draft) -> None:
+        d.raw = d.raw[(np.arange(d.n) // times) * times]
+
+    return fault
+
+
+def without_time(d: Draft) -> None:
+    """Rows that carry no clock."""
+    d.time = None  # type: ignore[assignment]
+
+
+def wrong_magnitude(share: float) -> Fault:
+    """Nothing in the readings; the reference is wrong (see `Kind.magnitude`)."""
+    return lambda d: None
+
+
+# --- faults: of the attitude beside ----------------------------------------------------------
+
+
+def _angles(d: Draft) -> dict[str, Array]:
+    yaw, pitch, roll = d.rot_nm.as_euler("ZYX", degrees=True).T
+    return {"roll_deg": roll, "pitch_deg": pitch, "heading_deg": yaw % 360}
+
+
+def with_attitude(
+    sd_deg: float = 0.5, *, heading: bool = False, biased_deg: float = 0.0, memory: float = 0.0
+) -> Fault:
+    """Roll and pitch (and heading) with errors of this size, perhaps lasting, perhaps biased."""
+
+    def fault(d: Draft) -> None:
+        for name, angle in _angles(d).items():
+            if name == "heading_deg" and not heading:
+                continue
+            error = d.rng.normal(size=d.n)
+            if memory:
+                error = np.asarray(lfilter([1], [1, -memory], error)) * np.sqrt(1 - memory**2)
+            d.columns[name] = angle + sd_deg * error + biased_deg * (name == "roll_deg")
+        if heading:
+            d.columns["heading_deg"] %= 360
+
+    return fault
+
+
+def heading_is(law: Callable[[Array], Array]) -> Fault:
+    """A heading column that means something else."""
+
+    def fault(d: Draft) -> None:
+        with_attitude(heading=True)(d)
+        d.columns["heading_deg"] = law(d.columns["heading_deg"]) % 360
+
+    return fault
+
+
+def misaligned(deg: float) -> Fault:
+    """The sensor sits turned in the body that the attitude is of."""
+
+    def fault(d: Draft) -> None:
+        turn = Rotation.from_rotvec(np.radians(deg) * np.array([0.6, 0.0, 0.8]))
+        _yaw, pitch, roll = (d.rot_nm * turn).as_euler("ZYX", degrees=True).T
+        d.columns |= {"roll_deg": roll, "pitch_deg": pitch}
+
+    return fault
+
+
+def another_vehicle(d: Draft) -> None:
+    """Roll and pitch that belong to something else."""
+    other = tilts(40)(d.n, d.rng)
+    _, pitch, roll = other.as_euler("ZYX", degrees=True).T
+    d.columns |= {"roll_deg": roll, "pitch_deg": pitch}
+
+
+# --- the kinds -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of recording: how it is made, and whether anything is wrong with it.
+
+    `good`: nothing is wrong, the verdict should be good. `magnitude` is what the reference says,
+    0 for none.
+    """
+
+    name: str
+    motion: Callable[[int, Rng], Rotation]
+    faults: tuple[Fault, ...] = ()
+    good: bool = False
+    n: int = 3000
+    noise: float = NOISE
+    magnitude: float = MAGNITUDE
+    iron: float = 15_000.0
+    soft: float = 0.06
+
+    def reference(self, recording: Recording) -> ag.Reference | None:
+        """The field of the place where roll and pitch can make use of it, else its magnitude."""
+        if not self.magnitude:
+            return None
+        if recording.samples.roll_deg is None:
+            return ag.Reference.constant(self.magnitude)
+        return ag.Reference.vector(FIELD_N, frame="n")
+
+    def recording(self, seed: int) -> Recording:
+        """The recording of a seed."""
+        return record(
+            seed,
+            self.motion,
+            self.faults,
+            n=self.n,
+            noise=self.noise,
+            iron=self.iron,
+            soft=self.soft,
+        )
+
+
+def _good() -> list[Kind]:
+    return [
+        Kind("clean, tumbled", tumble, good=True),
+        Kind("clean, tumbled, 500 rows", tumble, n=500, good=True),
+        Kind("clean, tumbled, 30 000 rows", tumble, n=30_000, good=True),
+        Kind("clean, no reference", tumble, magnitude=0.0, good=True),
+        Kind("clean, no clock", tumble, (without_time,), good=True),
+        Kind("clean, tilts of 60°", tilts(60), good=True),
+        Kind("clean, quiet sensor", tumble, noise=20.0, good=True),
+        Kind("clean, noisy sensor", tumble, noise=500.0, good=True),
+        Kind("clean, resolution of 100 nT", tumble, (quantised(100.0),), good=True),
+        Kind("clean, large iron", tumble, iron=60_000.0, soft=0.15, good=True),
+        Kind("clean, no iron", tumble, iron=1.0, soft=0.0, good=True),
+        Kind("clean, 1 % gross outliers", tumble, (outliers(0.01, 20_000),), good=True),
+        Kind("clean, with roll and pitch", tilts(45), (with_attitude(),), good=True),
+        Kind("clean, still for 50 %, then tumbled", still_then(0.5, tumble), good=True),
+        Kind("clean, still for 80 %, then tumbled", still_then(0.8, tumble), good=True),
+        Kind("clean, still for 90 %, then tumbled", still_then(0.9, tumble), good=True),
+        Kind("clean, still for 95 %, then tumbled", still_then(0.95, tumble), n=6000, good=True),
+        Kind("clean, still for 99 %, then tumbled", still_then(0.99, tumble), n=30_000, good=True),
+    ]
+
+
+def _of_the_sensor() -> list[Kind]:
+    return [
+        *(
+            Kind(f"soft saturation at {a / 1e3:.0f} µT", tumble, (soft_saturation(a),))
+            for a in (70_000.0, 90_000.0, 150_000.0, 300_000.0)
+        ),
+        Kind("soft saturation at 90 µT, tilts of 60°", tilts(60), (soft_saturation(9e4),)),
+        *(
+            Kind(f"saturation across axes at {a / 1e3:.0f} µT", tumble, (saturation_across(a),))
+            for a in (100_000.0, 200_000.0)
+        ),
+        *(
+            Kind(f"cubic non-linearity {100 * s:g} %", tumble, (cubic(s),))
+            for s in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
+        ),
+        Kind("cubic non-linearity 0.5 %, tilts of 30°", tilts(30), (cubic(0.005),)),
+        Kind("cubic non-linearity 2 %, tilts of 30°", tilts(30), (cubic(0.02),)),
+        *(
+            Kind(f"quadratic non-linearity {100 * s:g} %", tumble, (square(s),))
+            for s in (0.01, 0.03)
+        ),
+        Kind("clipped at 45 µT", tumble, (clipped(45_000.0),)),
+        *(Kind(f"hysteresis {100 * s:g} %", tumble, (hysteresis(s),)) for s in (0.01, 0.03, 0.1)),
+        *(Kind(f"slow sensor, {r:g} rows", tumble, (lag(r),)) for r in (0.5, 2.0, 8.0)),
+        *(
+            Kind(f"steps of {s / 1e3:g} µT", tumble, (quantised(s),))
+            for s in (1000.0, 5000.0, 20_000.0, 45_000.0, 70_000.0)
+        ),
+        Kind("steps of 20 µT, quiet", tumble, (quantised(20_000.0),), noise=10.0),
+        *(
+            Kind(f"one axis changes its gain by {100 * s:g} %", tumble, (gain_changes(1, s),))
+            for s in (0.01, 0.03, 0.1)
+        ),
+        Kind("one axis stops", tumble, (axis_dies(2),)),
+        *(
+            Kind(
+                f"second sensor {s / 1e3:g} µT apart in alternate rows", tumble, (second_sensor(s),)
+            )
+            for s in (1000.0, 3000.0, 10_000.0)
+        ),
+        Kind("second sensor 3 µT apart in every third row", tumble, (second_sensor(3000.0, 3),)),
+        Kind("noise 100, 200, 600 nT by axis", tumble, (unequal_noise(100, 200, 600),)),
+        Kind(
+            "noise 100, 200, 600 nT by axis, tilts of 30°",
+            tilts(30),
+            (unequal_noise(100, 200, 600),),
+        ),
+        *(
+            Kind(f"noise with memory, AR {m:g}", tumble, (coloured(m, 200.0),))
+            for m in (0.9, 0.99, 0.999)
+        ),
+        Kind("noise with memory, AR 0.99, tilts of 45°", tilts(45), (coloured(0.99, 200.0),)),
+        *(
+            Kind(f"bias walks {s / 1e3:g} µT", tumble, (random_walk(s),))
+            for s in (300.0, 1000.0, 3000.0)
+        ),
+    ]
+
+
+def _of_the_place() -> list[Kind]:
+    return [
+        *(
+            Kind(f"bias moves by {100 * s:g} % over a tenth", tumble, (slow_step(s),))
+            for s in (0.005, 0.01, 0.03, 0.1)
+        ),
+        *(
+            Kind(f"current of {s / 1e3:g} µT at random", tumble, (switching(s),))
+            for s in (1000.0, 2500.0, 8000.0)
+        ),
+        Kind("current of 2.5 µT at random, tilts of 45°", tilts(45), (switching(2500.0),)),
+        *(
+            Kind(f"{s / 1e3:g} µT that follow the bank", tumble, (follows_attitude(s),))
+            for s in (1000.0, 3000.0, 8000.0)
+        ),
+        Kind("3 µT that follow the bank, tilts of 45°", tilts(45), (follows_attitude(3000.0),)),
+        *(
+            Kind(f"outliers of {s / 1e3:g} µT in one direction", tumble, (one_sided_outliers(s),))
+            for s in (1000.0, 3000.0, 10_000.0)
+        ),
+        *(
+            Kind(f"gross outliers {100 * s:g} %", tumble, (outliers(s, 20_000.0),))
+            for s in (0.05, 0.2, 0.4)
+        ),
+        Kind("outliers 5 %, 100 rows, tilts of 30°", tilts(30), (outliers(0.05, 20_000.0),), n=100),
+        *(
+            Kind(f"a magnet of {s / 1e3:g} µT is passed", tumble, (magnet_passes(s),))
+            for s in (3000.0, 10_000.0, 50_000.0)
+        ),
+        *(
+            Kind(f"a magnet of {s / 1e3:g} µT is added", tumble, (magnet_added(s),))
+            for s in (500.0, 2000.0, 10_000.0, 40_000.0)
+        ),
+        *(
+            Kind(f"field uneven by {s / 1e3:g} µT", tumble, (gradient(s),))
+            for s in (500.0, 1500.0, 5000.0)
+        ),
+        *(
+            Kind(f"field uneven by {s / 1e3:g} µT, tilts of 45°", tilts(45), (gradient(s),))
+            for s in (500.0, 1500.0)
+        ),
+    ]
+
+
+def _of_the_log() -> list[Kind]:
+    return [
+        *(Kind(f"{c} poses held still", poses(c, 3000 // c)) for c in (6, 9, 12, 14, 24)),
+        Kind("12 poses held still, quiet", poses(12, 250), noise=10.0),
+        Kind("exact circles", circles),
+        Kind("exact circles, quiet", circles, noise=20.0),
+        *(
+            Kind(f"still for {100 * s:g} %, then tilts of 30°", still_then(s, tilts(30)))
+            for s in (0.8, 0.95)
+        ),
+        *(Kind(f"directions within {a}°", cap(a)) for a in (15, 30, 45, 60)),
+        *(Kind(f"tilts of {a}°", tilts(a)) for a in (5, 10, 20, 30)),
+        *(Kind(f"tilts of {a}°, 100 rows", tilts(a), n=100) for a in (20, 30, 45)),
+        Kind("50 rows", tumble, n=50),
+        Kind("15 rows", tumble, n=15),
+        Kind("last rows in another unit, × 0.1", tumble, (unit_changes(0.1),)),
+        Kind("last rows in another unit, × 1.05", tumble, (unit_changes(1.05),)),
+        Kind("each reading ten times", tumble, (repeated(10),)),
+        *(
+            Kind(f"magnitude wrong by {100 * s:g} %", tumble, magnitude=MAGNITUDE * (1 + s))
+            for s in (0.01, 0.05, 0.3)
+        ),
+    ]
+
+
+def _of_the_attitude() -> list[Kind]:
+    return [
+        *(
+            Kind(f"roll and pitch, tilts of {a}°", tilts(a), (with_attitude(),))
+            for a in (5, 15, 30)
+        ),
+        *(
+            Kind(f"roll biased by {b:g}°, tilts of {a}°", tilts(a), (with_attitude(biased_deg=b),))
+            for b, a in ((1.0, 15), (3.0, 15), (3.0, 45))
+        ),
+        Kind("attitude errors of 1° with memory", tilts(20), (with_attitude(1.0, memory=0.99),)),
+        *(
+            Kind(f"sensor turned by {b:g}°, tilts of {a}°", tilts(a), (misaligned(b),))
+            for b, a in ((2.0, 30), (5.0, 30), (5.0, 60))
+        ),
+        Kind("roll and pitch of another vehicle", tilts(40), (another_vehicle,)),
+        *(
+            Kind(f"heading {name}", tilts(30), (heading_is(law),))
+            for name, law in (
+                ("negated", lambda h: -h),
+                ("from east", lambda h: 90 - h),
+                ("off by 180°", lambda h: h + 180),
+                ("in radians", lambda h: np.radians(h)),
+                ("magnetic", lambda h: h - 12.0),
+            )
+        ),
+        Kind("levelled, cubic non-linearity 2 %", tilts(30), (cubic(0.02), with_attitude())),
+        Kind("levelled, current at random", tilts(30), (switching(2500.0), with_attitude())),
+        Kind(
+            "levelled, 3 µT that follow the bank",
+            tilts(30),
+            (follows_attitude(3000.0), with_attitude()),
+        ),
+        Kind("levelled, field uneven by 1.5 µT", tilts(30), (gradient(1500.0), with_attitude())),
+    ]
+
+
+KINDS = [*_good(), *_of_the_sensor(), *_of_the_place(), *_of_the_log(), *_of_the_attitude()]
+"""Every kind of recording, the good ones first."""

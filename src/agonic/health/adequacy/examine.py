@@ -1,0 +1,112 @@
+"""All tests of a fit, the wider covariance, and the findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from agonic.calibration.affine import Affine
+from agonic.health.adequacy.fitted import Fitted, ModelError, prepare
+from agonic.health.adequacy.moving_bias import find_moving_bias
+from agonic.health.adequacy.structure import find_prior, find_structure
+from agonic.health.adequacy.terms import find_terms
+from agonic.health.finding import Finding, figure
+
+DOUBTFUL_DEG = 0.5
+"""Of heading: what the model leaves open beyond this asks for a look."""
+
+CAUSES: dict[str, tuple[str, str]] = {
+    "non-linear": (
+        "the sensor is not linear: its readings bend",
+        "take iron and magnets away from it, choose a wider range, or calibrate it with a network "
+        "(agonic fit network)",
+    ),
+    "compressed": (
+        "readings are compressed where the field on the sensor is strong",
+        "take iron and magnets away from it or choose a wider range",
+    ),
+    "late": (
+        "readings are late where the sensor turns fast",
+        "turn it slowly, or take the delay out (agonic fit latency)",
+    ),
+    "hysteresis": (
+        "readings depend on those before them (hysteresis, or iron that is magnetised)",
+        "take soft iron away from the sensor, or demagnetise it",
+    ),
+    "bias drift": (
+        "the bias moved during the log",
+        "let it warm up, keep iron and currents as they are, and record again",
+    ),
+    "gain drift": (
+        "gains changed during the log",
+        "let it warm up and keep its settings as they are, and record again",
+    ),
+    "alternating": (
+        "even and odd rows differ: two sensors take turns",
+        "separate them (a sensor column, --sensor) and calibrate each by itself",
+    ),
+    "comes and goes": (
+        "a disturbance along one direction comes and goes (a current, something that moves)",
+        "switch currents off or record them beside the field, and fasten what moves",
+    ),
+    "two populations": (
+        "readings sit about two values along one direction: two sensors or a current that switches",
+        "separate the sensors, or record the current beside the field",
+    ),
+    "prior": (
+        "the directions seen do not determine the heading; what is known of it is the prior's word",
+        "turn the sensor about all three axes",
+    ),
+    "by direction": (
+        "residuals depend on the direction, by what the model does not know",
+        "record away from steel, turning about the sensor itself; look at the map of residuals",
+    ),
+}
+"""What each cause means, and what to do."""
+
+_MOVING_CAUSES = ("bias drift", "gain drift", "alternating", "comes and goes", "two populations")
+
+
+def examine_model(fitted: Fitted) -> tuple[ModelError, ...]:
+    """What the residuals show that the model does not have, the most telling first."""
+    work = prepare(fitted)
+    if work is None:
+        return ()
+    found = [*find_terms(work), *find_moving_bias(work)]
+    return (*found, *find_structure(work, found), *find_prior(work))
+
+
+def widen(calibration: Affine, errors: Sequence[ModelError]) -> Affine:
+    """The calibration with a covariance that covers what the model does not have."""
+    if not errors or calibration.covariance is None:
+        return calibration
+    return replace(
+        calibration, covariance=calibration.covariance + sum(error.growth for error in errors)
+    )
+
+
+def describe_model_errors(
+    errors: Sequence[ModelError], others: Sequence[Finding], unit: str
+) -> tuple[Finding, ...]:
+    """A finding for each cause, none where another finding already names it.
+
+    A check where it matters beside what was stated without it, else a note.
+    """
+    if any(finding.severity == "refuse" for finding in others):
+        return ()
+    told = any(finding.name in ("field changed", "two sensors mixed") for finding in others)
+    return tuple(
+        _finding(error, unit) for error in errors if not (told and error.cause in _MOVING_CAUSES)
+    )
+
+
+def _finding(error: ModelError, unit: str) -> Finding:
+    what, move = CAUSES[error.cause]
+    matters = error.heading_deg > max(DOUBTFUL_DEG, error.stated_deg)
+    size = f", by {figure(error.size)} {unit} rms" if error.size else ""
+    return Finding(
+        error.cause,
+        "check" if matters else "note",
+        f"{what}{size}; it leaves the heading open by {figure(error.heading_deg)}°",
+        move if matters else "",
+    )

@@ -1,0 +1,114 @@
+"""Causes that can be written as an error of the readings, chosen one by one (Rao's score test)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.health.adequacy.fitted import (
+    ModelError,
+    Work,
+    field_per_degree,
+    level_readings,
+    make_error,
+    moved_field,
+)
+from agonic.maths.equation import unmodelled
+from agonic.maths.equation.coverage import level_directions
+from agonic.maths.estimation.score_test import score_test, with_columns
+
+SIGNIFICANT = 1e-3
+"""Of all tests of a fit together (Bonferroni): clean logs alarm more rarely than this."""
+
+MOST_CAUSES = 3
+
+
+class _Cause(NamedTuple):
+    """A cause: its columns over unit noise, what noise does to them, and the error itself."""
+
+    name: str
+    columns: Array
+    noise: Array | None
+    error: Callable[[Array], Array]
+    level: Callable[[Array], Array] | None
+
+
+def find_terms(work: Work) -> list[ModelError]:
+    """Causes with terms, chosen one by one by how much they explain, each beside those before."""
+    causes = list(_causes(work))
+    linear, found = work.linear, list[ModelError]()
+    allowed = SIGNIFICANT / len(causes)
+    while causes and len(found) < MOST_CAUSES:
+        scores = [(score_test(linear, c.columns, c.noise), c) for c in causes]
+        telling = [(s, c) for s, c in scores if s is not None and s.p_value < allowed]
+        if not telling:
+            break
+        score, cause = max(telling, key=lambda pair: pair[0].gain)
+        p = work.onto.shape[1]
+        found.append(_model_error(work, cause, score.p_value, score.size, score.move[:p]))
+        linear = with_columns(linear, cause.columns)
+        causes = [other for other in causes if other is not cause]
+    return found
+
+
+def _causes(work: Work) -> Iterator[_Cause]:
+    """Every cause that can be written as an error of the readings."""
+    n, rows, time = len(work.fitted.readings), work.rows, work.fitted.time
+    t = (rows + 0.5) / n if time is None else (time[rows] - time[0]) / max(np.ptp(time), 1e-9)
+    centre = work.fitted.calibration.bias / work.radius
+    apart = np.r_[True, np.diff(rows) != 1]
+    yield _cause(work, "non-linear", unmodelled.non_linearity, static=True)
+    yield _cause(work, "compressed", unmodelled.compression, static=True)
+    yield _cause(work, "late", lambda x: unmodelled.lag(x, apart))
+    yield _cause(work, "hysteresis", lambda x: unmodelled.memory(x - centre))
+    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t), moved=False)
+    yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
+    yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)
+
+
+def _cause(
+    work: Work, name: str, terms: unmodelled.Terms, *, static: bool = False, moved: bool = True
+) -> _Cause:
+    """A cause from its terms at the feet.
+
+    `static` where the terms are a function of one reading, `moved` where its noise enters them.
+    """
+    over_noise = work.radius / work.fitted.noise
+    errors = terms(work.feet)
+
+    def seen(values: Array) -> Array:
+        return np.asarray(np.matmul(work.normals[:, None, :], values)[:, 0] * over_noise)
+
+    columns = seen(errors)
+    noise = seen(terms(work.blurred)) - columns if moved else None
+
+    def error(size: Array) -> Array:
+        return np.asarray(errors @ size) * work.radius
+
+    def level(size: Array) -> Array:
+        return np.asarray(terms(level_readings(work) / work.radius) @ size) * work.radius
+
+    return _Cause(name, columns, noise, error, level if static else None)
+
+
+def _model_error(work: Work, cause: _Cause, p_value: float, size: Array, move: Array) -> ModelError:
+    """The error in the readings, the heading and the covariance."""
+    fitted = work.fitted
+    shift = move * work.scale
+    growth = np.outer(shift, shift)
+    errors = cause.error(size)
+    rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+    if cause.level is None:
+        if cause.name != "late":  # which is nothing to a sensor at rest
+            growth[:3, :3] += errors.T @ errors / len(errors)
+    else:
+        own = cause.level(size) @ fitted.calibration.matrix.T
+        _, across = level_directions(fitted.inclination_deg)
+        left = moved_field(work, shift) - own
+        total = float(np.sqrt(np.mean(np.sum(left * across, axis=1) ** 2)))
+        by_move = work.fitted.heading_deg(growth) * field_per_degree(work)
+        growth[:3, :3] += np.eye(3) * max(total**2 - by_move**2, 0.0) / fitted.gain**2
+    return make_error(work, cause.name, p_value, rms, growth)

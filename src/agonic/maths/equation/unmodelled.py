@@ -1,0 +1,71 @@
+"""What a magnetometer can do beyond field = matrix @ (raw − bias): errors of a reading by cause.
+
+Every cause is a set of k terms, an error of the raw reading e_i = E_i γ with E (n, 3, k), over the
+field's radius R in raw units. A residual that measures along the unit normal n_i sees n_i·e_i.
+Readings are those without their noise along the normal (the foot on the ellipsoid).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.signal import lfilter
+
+from agonic.arrays import Array, Index, Mask
+
+Terms = Callable[[Array], Array]
+"""Readings over the radius, (n, 3), to E (n, 3, k)."""
+
+MEMORY_ROWS = 50
+DRIFT_COSINES = 4
+
+
+def non_linearity(x: Array) -> Array:
+    """Even and odd bending of each axis: x|x| and x³; saturation, missing linearity."""
+    return np.concatenate([_by_axis(x * np.abs(x)), _by_axis(x**3)], axis=2)
+
+
+def compression(x: Array) -> Array:
+    """The whole vector shrinks with its length: x|x|²."""
+    return np.asarray((x * np.sum(x**2, axis=1, keepdims=True))[:, :, None])
+
+
+def lag(x: Array, apart: Mask) -> Array:
+    """The reading is late: dx/dt of each axis, by central differences, which hold no own noise.
+
+    `apart` (n,) is true for a row that does not follow the one before it.
+    """
+    slope = np.zeros_like(x)
+    slope[1:-1] = np.where((apart[1:-1] | apart[2:])[:, None], 0.0, (x[2:] - x[:-2]) / 2)
+    return _by_axis(slope)
+
+
+def memory(x: Array) -> Array:
+    """The reading holds something of those before it: an average that fades, own reading apart."""
+    share = 1.0 / MEMORY_ROWS
+    faded = lfilter([share], [1.0, share - 1.0], x - x[0], axis=0) + x[0]
+    return _by_axis(np.vstack([x[:1], faded[:-1]]))
+
+
+def drift(t: Array) -> Array:
+    """A bias that moves: the first cosines over the recording's time, t (n,) from 0 to 1."""
+    waves = np.cos(np.pi * np.outer(t, np.arange(1, DRIFT_COSINES + 1)))
+    return np.asarray(
+        (waves[:, None, None, :] * np.eye(3)[:, :, None]).reshape(len(t), 3, 3 * DRIFT_COSINES)
+    )
+
+
+def gain_drift(x: Array, t: Array) -> Array:
+    """Gains that change over the recording: (2t − 1) x of each axis."""
+    return _by_axis((2 * t - 1)[:, None] * x)
+
+
+def alternation(rows: Index) -> Array:
+    """Even and odd rows (their numbers, (n,)) differ in bias: two sensors that take turns."""
+    return _by_axis(np.where(rows % 2, 1.0, -1.0)[:, None] * np.ones(3))
+
+
+def _by_axis(values: Array) -> Array:
+    """One term an axis: (n, 3) values to (n, 3, 3)."""
+    return np.asarray(values[:, :, None] * np.eye(3))

@@ -1,0 +1,142 @@
+"""Rao's score test: would a fit be better with terms that it does not have, and by how much.
+
+Nothing is fitted again. With residuals r (scaled to unit noise), their Jacobian J, weights W,
+information A = JᵀWJ + P and the columns Z of the terms that are missing (they leave r − Z γ),
+
+    Z⊥ = Z − J A⁻¹ JᵀW Z,   g = Z⊥ᵀW r,   γ = (Z⊥ᵀW Z⊥)⁻¹ g,   δθ = A⁻¹ JᵀW Z γ
+
+are what the terms explain beyond the fit, their score, their size by one Gauss–Newton step, and how
+far the estimate moves with them. The covariance of g is that of its sums over batches of rows, so
+that noise with memory, unequal or non-Gaussian, does not raise a false alarm: T = gᵀS⁻¹g with
+S = Σ g_b g_bᵀ over B batches is Hotelling's statistic, (T/k)/((B − T)/(B − k)) follows F(k, B − k).
+
+Source: C. R. Rao (1948), Math. Proc. Cambridge Phil. Soc. 44, 50; W. Newey, K. West (1987),
+Econometrica 55, 703, for scores with memory.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import fdtrc
+
+from agonic.arrays import Array, Index
+
+FEWEST_BATCHES, MOST_BATCHES = 24, 200
+SEEN = 2.0
+"""A combination of columns must stand out of its own noise by this factor to be tested."""
+
+
+class Score(NamedTuple):
+    """One test: its p-value, the size (k,) of the terms, and how far they move the estimate (p,).
+
+    `gain` is by how much the terms lower the weighted sum of squares.
+    """
+
+    p_value: float
+    size: Array
+    move: Array
+    gain: float
+
+
+class Linearised(NamedTuple):
+    """A fit at its solution: residuals (n,) over their noise, Jacobian (n, p), weights (n,).
+
+    `prior` (p, p) is the information of the prior, `batch` (n,) the number of the batch of each
+    row, from zero.
+    """
+
+    residuals: Array
+    jacobian: Array
+    weights: Array
+    prior: Array
+    batch: Index
+
+    @property
+    def information(self) -> Array:
+        """JᵀWJ + P, (p, p)."""
+        return np.asarray((self.jacobian.T * self.weights) @ self.jacobian + self.prior)
+
+
+def batches_of(n: int, correlation: float) -> Index:
+    """Consecutive rows in batches several correlation times long, (n,) numbers from zero.
+
+    >>> np.bincount(batches_of(100, 1.0)).tolist()[:4]
+    [1, 1, 1, 1]
+    """
+    wanted = int(n / max(3.0 * correlation, 1.0)) if correlation > 1 else n
+    count = max(min(wanted, MOST_BATCHES, n), min(FEWEST_BATCHES, n))
+    return np.asarray(np.arange(n) * count // n, dtype=np.intp)
+
+
+def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
+    """Sums of rows (n, k) by the number of their group (n,), (groups, k)."""
+    return np.stack([np.bincount(group, column, groups) for column in rows.T], axis=1)
+
+
+def score_test(fit: Linearised, columns: Array, noise: Array | None = None) -> Score | None:
+    """Whether `columns` (n, k) belong into the fit; None where the rows cannot tell.
+
+    `noise` (n, k) is a draw of what noise in the readings does to the columns themselves:
+    combinations that hardly stand out of it are left out, for there the noise of columns and
+    residuals is the same, and they would seem to agree.
+    """
+    weighted = fit.jacobian.T * fit.weights
+    information = fit.information
+    projected = columns - fit.jacobian @ np.linalg.solve(information, weighted @ columns)
+    seen = _seen(projected, columns, noise, fit.weights)
+    if seen is None:
+        return None
+    projected = projected @ seen
+    gram = (projected.T * fit.weights) @ projected
+    scores = sums_by(fit.batch, projected * (fit.weights * fit.residuals)[:, None])
+    p_value = _hotelling(scores)
+    total = scores.sum(axis=0)
+    found = np.linalg.solve(gram, total)
+    size = np.asarray(seen @ found)
+    move = np.linalg.solve(information, weighted @ (columns @ size))
+    return Score(p_value, size, np.asarray(move), float(total @ found))
+
+
+def with_columns(fit: Linearised, columns: Array) -> Linearised:
+    """The fit with further terms among its unknowns, so that what is left can be tested.
+
+    Columns are scaled to that of largest size; the residuals become those with the terms.
+    """
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    kept = columns[:, size > 0] / size[size > 0]
+    p, k = fit.jacobian.shape[1], kept.shape[1]
+    prior = np.zeros((p + k, p + k))
+    prior[:p, :p] = fit.prior
+    prior[p:, p:] = 1e-9 * len(columns) * np.eye(k)
+    jacobian = np.hstack([fit.jacobian, kept])
+    wider = Linearised(fit.residuals, jacobian, fit.weights, prior, fit.batch)
+    step = np.linalg.solve(wider.information, (jacobian.T * fit.weights) @ fit.residuals)
+    return wider._replace(residuals=fit.residuals - jacobian @ step)
+
+
+def _seen(projected: Array, columns: Array, noise: Array | None, weights: Array) -> Array | None:
+    """Combinations (k, m) of columns that the fit does not hold already and the rows can show."""
+    size = np.sqrt(np.sum(columns**2 * weights[:, None], axis=0))
+    scale = 1 / np.where(size > 0, size, 1.0)
+    gram = (projected.T * weights) @ projected * np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(gram)
+    keep = values > 1e-9
+    if noise is not None:
+        own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
+        keep &= values > SEEN**2 * own
+    return scale[:, None] * vectors[:, keep] if keep.any() else None
+
+
+def _hotelling(scores: Array) -> float:
+    """The p-value that the scores of batches (B, k) have mean zero."""
+    batches, k = scores.shape
+    if batches <= k + 1:
+        return 1.0
+    length = np.sqrt((scores**2).sum(axis=0))
+    left, values, _ = np.linalg.svd(scores / np.where(length > 0, length, 1.0), full_matrices=False)
+    rank = int(np.count_nonzero(values > 1e-7 * values[0]))
+    statistic = min(float(((left[:, :rank].sum(axis=0)) ** 2).sum()), batches * (1 - 1e-12))
+    ratio = (statistic / rank) / ((batches - statistic) / (batches - rank))
+    return float(fdtrc(rank, batches - rank, ratio))

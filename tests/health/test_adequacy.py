@@ -1,0 +1,96 @@
+"""What a fit must notice of its own model: silent on clean readings, sized right on wrong ones."""
+
+import numpy as np
+import pytest
+from benchmarks.faults import (
+    DIP_DEG,
+    FIELD_N,
+    MAGNITUDE,
+    coloured,
+    cubic,
+    outliers,
+    record,
+    second_sensor,
+    slow_step,
+    soft_saturation,
+    switching,
+    tilts,
+    tumble,
+    unequal_noise,
+)
+from benchmarks.torture import heading_error_deg
+
+import agonic as ag
+from agonic.health.adequacy.examine import CAUSES
+
+KNOWN = ag.Reference.constant(MAGNITUDE)
+
+
+def causes(fit: ag.Fit) -> set[str]:
+    return {finding.name for finding in fit.findings} & set(CAUSES)
+
+
+def fitted(seed: int, *faults, motion=tumble, **settings):
+    recording = record(seed, motion, faults, **settings)
+    return recording, ag.fit_ellipsoid(recording.samples, KNOWN)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [(), (outliers(0.02, 20_000.0),), (coloured(0.9, 200.0),), (unequal_noise(100, 200, 400),)],
+    ids=["clean", "outliers", "AR 0.9", "unequal noise"],
+)
+def test_noise_of_any_kind_is_no_fault_of_the_model(faults) -> None:
+    alarms = [fitted(seed, *faults, n=1500)[1] for seed in range(20)]
+    assert sum(bool(causes(fit)) for fit in alarms) <= 1
+    assert all(fit.verdict == "good" for fit in alarms)
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        (soft_saturation(90_000.0), "non-linear"),
+        (cubic(0.02), "non-linear"),
+        (second_sensor(3000.0), "alternating"),
+        (second_sensor(3000.0, 3), "two populations"),
+        (switching(2500.0), "comes and goes"),
+        (slow_step(0.01), "bias drift"),
+    ],
+    ids=["saturation", "cubic", "every other row", "every third row", "current", "slow step"],
+)
+def test_a_broken_model_is_named_and_the_stated_error_covers_the_true_one(fault, cause) -> None:
+    over = []
+    for seed in range(6):
+        recording, fit = fitted(seed, fault)
+        if fit.verdict == "refused":
+            continue
+        assert cause in causes(fit) or "field changed" in {f.name for f in fit.findings}
+        over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
+    assert max(over, default=0.0) < 3.0
+    assert np.median(over) > 0.2  # and not by stating any error at all
+
+
+def test_non_linearity_that_matters_is_a_check() -> None:
+    _, fit = fitted(1, soft_saturation(90_000.0))
+    assert fit.verdict == "check"
+    assert "network" in fit.status
+
+
+def test_standard_errors_of_clean_readings_stay_as_they_were() -> None:
+    recording, fit = fitted(3)
+    assert fit.coverage.heading_sd_deg < 0.03
+    assert heading_error_deg(fit.calibration, recording) < 4 * fit.coverage.heading_sd_deg
+
+
+def test_what_only_the_prior_knows_is_not_stated_as_known() -> None:
+    rng = np.random.default_rng(0)
+    recording, _ = fitted(0, motion=tilts(60))
+    u = rng.normal(size=(3000, 3)) * 0.12 + FIELD_N / MAGNITUDE
+    field = MAGNITUDE * u / np.linalg.norm(u, axis=1, keepdims=True)
+    readings = recording.reads(field) + 150.0 * rng.normal(size=field.shape)
+    samples = ag.Samples(field=readings, time=np.arange(3000) / 10)
+    fit = ag.fit_ellipsoid(samples, KNOWN, inclination_deg=DIP_DEG)
+    without = ag.fit_ellipsoid(samples, KNOWN, soft_iron_sd=None, inclination_deg=DIP_DEG)
+    stated, alone = fit.coverage.heading_sd_deg, without.coverage.heading_sd_deg
+    assert fit.verdict != "good"
+    assert stated > 0.5 * alone or stated > 10.0
