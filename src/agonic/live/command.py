@@ -219,11 +219,12 @@ class _Lines:
 
     def show(self, status: Any) -> None:
         """Print what is new in a status."""
+        import re
         import time
 
         self._line("", status.heard, status.heard, 0.0)
         for note in [*status.notes, *filter(None, [status.trouble])]:
-            self._line(note, note, note, time.monotonic())
+            self._line(re.sub(r"[\d,]+", "", note), note, note, time.monotonic())
         for one in status.sensors:
             error = "" if one.heading_sd_deg is None else f"  heading ±{one.heading_sd_deg:.2f}°"
             wrong = "".join(f"  ! {problem.text}" for problem in one.problems)

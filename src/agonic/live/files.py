@@ -12,6 +12,7 @@ from msgspec import Struct
 
 from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
+from agonic.live.plausible import find_plausible
 from agonic.live.state import LiveParams, LiveState
 from agonic.logs.contents import read_bytes
 
@@ -56,12 +57,26 @@ def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:
             raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
         params = msgspec.convert(record.params, LiveParams)
         state = msgspec.convert(record.state, LiveState, dec_hook=_decode)
-        for name, columns in _SHAPES.items():
-            if getattr(state, name).shape[1:] != (columns,):
-                raise LogError(f"its {name} is no table of {columns} columns")
+        _check(params, state)
     except (AgonicError, msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
         raise LogError(f"not a usable state of a live calibration: {error}", path=path) from None
     return params, state, record.origin
+
+
+def _check(params: LiveParams, state: LiveState) -> None:
+    """`LogError` where a state has tables of other shapes, or readings that no sensor gives."""
+    for name, columns in _SHAPES.items():
+        table = getattr(state, name)
+        if table.ndim != 2 or table.shape[1] != columns:
+            raise LogError(f"its {name} is no table of {columns} columns")
+        if not (np.isfinite(table[:, 0]) & find_plausible(table[:, 1:], params.unit)).all():
+            raise LogError(f"its {name} holds readings that no sensor gives")
+    boxes = state.voxels
+    if boxes is not None:
+        count = len(boxes.keys)
+        whole = boxes.sums.shape == (count, 35) and boxes.keys.shape == (count, 3)
+        if not (whole and np.isfinite(boxes.sums).all() and (boxes.counts > 0).all()):
+            raise LogError("its boxes are damaged")
 
 
 def _encode(value: Any) -> Any:

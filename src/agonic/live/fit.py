@@ -76,6 +76,12 @@ class LiveFit:
         return self.state.n
 
     @property
+    def left_out(self) -> int:
+        """How many readings do not count: no sensor gives them, or they lie far from all others."""
+        found = self.state.found
+        return self.state.rejected + (0 if found is None else found.left_out)
+
+    @property
     def unit(self) -> str:
         """The unit in which readings are kept."""
         return RAW if self.params.unit == RAW else "nT"

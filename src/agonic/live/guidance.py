@@ -111,7 +111,7 @@ def _find_missing(state: LiveState) -> list[Finding]:
     total = state.n + state.rejected
     if state.rejected < 0.01 * max(total, 1):
         return []
-    what = f"{state.rejected} of {total} readings are no numbers"
+    what = f"{state.rejected} of {total} readings are no numbers, or none that a sensor gives"
     return [Finding("NaN", "check", what, "look at the sensor and its cable")]
 
 

@@ -67,7 +67,8 @@ class LiveParams:
 class Found(NamedTuple):
     """The last fit: centre and size of the points it was made on, and what came out there.
 
-    reading = centre + size · point; `covariance` (9, 9) of bias and matrix to magnitude one.
+    reading = centre + size · point; `covariance` (9, 9) of bias and matrix to magnitude one;
+    `left_out` readings were too far from all others to count.
     """
 
     n: int
@@ -78,13 +79,14 @@ class Found(NamedTuple):
     covariance: Array
     noise: float
     condition: float
+    left_out: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LiveState:
     """Where a live calibration stands; of bounded size, whatever has been seen.
 
-    `n` readings seen, and `rejected` ones that were not finite; `voxels` those that were let in;
+    `n` readings seen, and `rejected` ones that no sensor gives; `voxels` those that were let in;
     `found` the fit to them and to what waits; `kept` (m, 4) the rows of time and field to make the
     final calibration of: the first of every box, and ever fewer of the later ones; `recent` (j, 4)
     the last rows; `repeats` (3,) how often in a row each axis has said the same.

@@ -9,6 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.live.maths import voxels
 from agonic.live.maths.voxels import Voxels
+from agonic.live.plausible import find_plausible, find_stray
 from agonic.live.quarantine import Alarm, judge_blocks
 from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import moment_fit, moments
@@ -36,11 +37,12 @@ FINEST = 2.0**-12
 def update_state(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     """The state after rows (n, 4) of time and field, the same however they are cut in chunks.
 
-    A fit is made where the count of readings last passed a multiple of `params.every`.
+    Rows that no sensor gives are left out and counted. A fit is made where the count of readings
+    last passed a multiple of `params.every`.
     """
-    finite = np.isfinite(rows).all(axis=1)
-    state = replace(state, rejected=state.rejected + int((~finite).sum()))
-    rows = rows[finite]
+    good = np.isfinite(rows[:, 0]) & find_plausible(rows[:, 1:], params.unit)
+    state = replace(state, rejected=state.rejected + int((~good).sum()))
+    rows = rows[good]
     blocks = state.n // params.every
     while len(rows):
         until = _plan_next_judge(params, state)
@@ -57,7 +59,7 @@ def update_state(params: LiveParams, state: LiveState, rows: Array) -> LiveState
 def collect_boxes(params: LiveParams, state: LiveState) -> Voxels | None:
     """The boxes with the readings that wait in them too, as long as nothing speaks against them."""
     waiting = state.waiting[: len(state.waiting) - state.n % params.every]
-    return _put_in_boxes(state.voxels, waiting)[0]
+    return _put_in_boxes(state.voxels, waiting, params.every)[0]
 
 
 def _plan_next_judge(params: LiveParams, state: LiveState) -> int:
@@ -94,7 +96,7 @@ def _take(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     fresh = np.concatenate([fresh, rows])
     fresh, partly = np.split(fresh, [len(fresh) - len(fresh) % params.every])
     made = judge_blocks(state.judge, Alarm(state.alarm, state.off), judged, fresh, params.every)
-    boxes, memorable = _put_in_boxes(state.voxels, made.let_in)
+    boxes, memorable = _put_in_boxes(state.voxels, made.let_in, params.every)
     return replace(
         state,
         n=state.n + len(rows),
@@ -109,13 +111,14 @@ def _take(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     )
 
 
-def _put_in_boxes(boxes: Voxels | None, rows: Array) -> tuple[Voxels | None, Mask]:
-    """Boxes with rows put in, and which rows to remember."""
+def _put_in_boxes(boxes: Voxels | None, rows: Array, every: int) -> tuple[Voxels | None, Mask]:
+    """Boxes with rows put in, and which rows to remember; the first `every` set the edge."""
     if not len(rows):
         return boxes, np.zeros(0, dtype=bool)
     field = rows[:, 1:]
     if boxes is None:
-        boxes = voxels.begin(field[0], float(np.abs(field[0]).max() or 1.0) * FINEST)
+        first = np.median(field[:every], axis=0)  # of several: the very first may be garbled
+        boxes = voxels.begin(first, float(np.abs(first).max() or 1.0) * FINEST)
     boxes, place = voxels.add_readings(boxes, field)
     return boxes, (place <= moment_fit.PLENTY) | (np.log2(place) % 1 == 0)
 
@@ -124,6 +127,9 @@ def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) 
     """The fit to boxes, from the judge on."""
     if boxes is None or len(boxes.keys) < FEWEST_BOXES:
         return None
+    stray = find_stray(boxes.middles, boxes.counts)
+    left_out = int(boxes.counts[stray].sum())
+    boxes = boxes._replace(keys=boxes.keys[~stray], sums=boxes.sums[~stray])
     middles = boxes.middles
     centre = middles.mean(axis=0)
     size = float(np.linalg.norm(middles - centre) / np.sqrt(len(middles)))
@@ -138,5 +144,13 @@ def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) 
     if made is None:
         return None
     return Found(
-        n, centre, size, made.bias, made.matrix, made.covariance, made.noise, made.condition
+        n,
+        centre,
+        size,
+        made.bias,
+        made.matrix,
+        made.covariance,
+        made.noise,
+        made.condition,
+        left_out,
     )

@@ -41,8 +41,10 @@ class Parameters:
         self._list_at: float | None = None
 
     def take(self, message: Any, now: float) -> None:
-        """A PARAM_VALUE that came."""
-        self.values[str(message.param_id)] = float(message.param_value)
+        """A PARAM_VALUE that came; one that is no number counts as not told."""
+        value = float(message.param_value)
+        if np.isfinite(value):
+            self.values[str(message.param_id)] = value
         if self._list_at is not None and message.param_index < 65_535:
             self._listed.add(int(message.param_index))
             self._count, self._list_at = int(message.param_count), now

@@ -20,6 +20,10 @@ STEP_S = 0.02
 RATE_HZ = 50.0
 """Of readings that were logged without times."""
 
+LONGEST_PAUSE_S = 10.0
+"""Of the log; nobody waits for longer ones, and a clock in other units than seconds has them
+between any two readings."""
+
 
 class Replay:
     """Recorded sensors, played at `speed` times their own pace; as fast as possible at 0."""
@@ -51,6 +55,10 @@ class Replay:
                 played = first + self.speed * (time.monotonic() - began)
             else:
                 played += 1.0
+            left = [t[k] for t, k in zip(times, done, strict=True) if k < len(t)]
+            pause = min(left, default=played) - played
+            if pause > (LONGEST_PAUSE_S if self.speed > 0 else 0.0):
+                first, played = first + pause, played + pause
             for k, samples in enumerate(self.sensors):
                 until = int(np.searchsorted(times[k], played, side="right"))
                 if until > done[k]:

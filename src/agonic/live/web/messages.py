@@ -35,7 +35,7 @@ class Sensor(msgspec.Struct, frozen=True):
     `centre` (3) and `shape` (9) bring readings onto the unit sphere; `cells` (80) readings in each
     direction; `present` and `wanted` where the field points in the sensor's axes and should;
     `heading_sd_deg` and `progress` (0…1) are of the calibration so far; `course` the former over
-    the time since the first reading, s.
+    the time since the first reading, s; `left_out` what became of readings that do not count.
     """
 
     name: str
@@ -57,6 +57,7 @@ class Sensor(msgspec.Struct, frozen=True):
     numbers: list[Number] = []
     before: str = ""
     course: list[tuple[float, float]] = []
+    left_out: str = ""
 
 
 class Outcome(msgspec.Struct, frozen=True):

@@ -89,6 +89,15 @@ class SavedFits:
         self._finished.discard(sensor)
         self._forget(sensor)
 
+    def leave(self, sensor: str) -> str:
+        """Set the saved readings of a sensor aside, and say so."""
+        self._saved.pop(sensor, None)
+        path = self.path(sensor)
+        with suppress(AgonicError):
+            if self._origin and path.is_file():
+                return f"; the readings before are kept as {_set_aside(path).name}"
+        return ""
+
     def _forget(self, sensor: str) -> None:
         self._saved.pop(sensor, None)
         if not self._origin:

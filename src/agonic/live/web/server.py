@@ -13,6 +13,7 @@ import uvicorn
 from agonic.errors import AgonicError
 from agonic.live.web.app import make_app
 from agonic.live.web.messages import LARGEST
+from agonic.live.web.requests import Requests
 from agonic.live.web.session import Session
 
 
@@ -42,6 +43,7 @@ def serve(session: Session, *, listen: str | None, port: int, ready: Callable[[s
         log_level="critical",
         access_log=False,
         lifespan="off",
+        http=Requests,
         ws="websockets-sansio",
         ws_max_size=LARGEST,
         ws_max_queue=4,

@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
-from dataclasses import replace
 
-from agonic.atomic import make_folder
 from agonic.errors import AgonicError
-from agonic.exports.csv import write_csv
-from agonic.files.names import file_stem
 from agonic.live.streams import Chunk, Notice, Source
 from agonic.live.streams.device import Change, Device
 from agonic.live.web.messages import Outcome, Sensor, Setting, Status, describe_read_back
 from agonic.live.web.plan import Plan
+from agonic.live.web.results import write_results
 from agonic.live.web.resume import SavedFits
 from agonic.live.web.view import RecentReadings
 from agonic.live.web.watch import WatchedSensor, find_calibration_before
-from agonic.provenance import Input, hash_file
-from agonic.recording.calibrated import Calibrated, calibrate
-from agonic.recording.report.folder import Written, write_folder
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.report.folder import Written
 from agonic.samples import Samples
 
 DIGEST_S = 0.2
 """Between two fits, and two statuses."""
 
+RETRY_S = 1.0
+"""Before a source whose driver failed is opened again."""
+
 MOST_SENSORS = 8
+MOST_NOTES = 16
 
 
 class Session:
@@ -62,8 +61,7 @@ class Session:
         for thread in self._threads:
             thread.join(timeout=3.0)
         with self._lock:
-            for watched in self._watched.values():
-                watched.digest()
+            self._sensors = [self._digest_one(one) for one in self._watched.values()]
         self._save()
 
     @property
@@ -91,7 +89,7 @@ class Session:
                 offered=self._offer[0],
                 offer=self._offer[1],
                 device_says=self._offer[2],
-                notes=list(self._notes),
+                notes=self._notes + [one.left_out for one in self._sensors if one.left_out],
             )
 
     @property
@@ -172,8 +170,7 @@ class Session:
                 return self._outcomes
             self._busy, self._trouble = True, ""
             self._changed()
-            for one in self._watched.values():
-                one.digest()
+            self._sensors = [self._digest_one(one) for one in self._watched.values()]
             samples = {n: one.samples for n, one in self._watched.items() if one.live.n}
         try:
             outcomes, trouble = self._write(samples), ""
@@ -192,49 +189,30 @@ class Session:
             self._changed()
         return outcomes
 
-    def _write(self, samples: Mapping[str, Samples]) -> list[Outcome]:
-        if not samples:
-            raise AgonicError("there are no readings yet; turn the sensor first")
-        make_folder(self.plan.folder)
-        results, failures = [], []
-        for name, readings in samples.items():
-            path = write_csv(readings, self.plan.folder / f"{file_stem(name)}-readings.csv")
-            told = Input(name=path.name, sha256=hash_file(path), count=len(readings))
-            try:
-                results.append(
-                    calibrate(
-                        replace(readings, source=told), self.plan.reference, **self.plan.settings
-                    )
-                )
-            except AgonicError as error:
-                failures.append(Outcome(name, "refused", str(error), []))
-        stack = self.source.stack
-        self.written = write_folder(
-            results, self.plan.folder, title=f"Live: {self.source.name}", stack=stack
-        )
-        self.results = results
-        written = self.written
-        return [
-            *(
-                Outcome(r.samples.name, r.verdict, r.status, *written[r.samples.name])
-                for r in results
-            ),
-            *failures,
-        ]
+    def _write(self, samples: dict[str, Samples]) -> list[Outcome]:
+        made = write_results(self.plan, self.source, samples)
+        self.results, self.written = made.calibrated, made.written
+        return made.outcomes
 
     # ---- in the background ----------------------------------------------------------------
 
     def _read(self) -> None:
-        try:
-            for event in self.source.events(self._stop):
-                if isinstance(event, Notice):
-                    self._say(event)
-                else:
-                    self._take(event)
-        except AgonicError as error:
-            self._say(Notice(False, str(error), ended=True))
-        except Exception as error:  # whatever a driver raises must reach the page
-            self._say(Notice(False, f"stopped: {type(error).__name__}: {error}", ended=True))
+        """Read the source; one that goes on is opened again after whatever its driver raises."""
+        while not self._stop.is_set():
+            try:
+                for event in self.source.events(self._stop):
+                    if isinstance(event, Notice):
+                        self._say(event)
+                    else:
+                        self._take(event)
+                return
+            except Exception as error:
+                again = self.source.lasting and not isinstance(error, AgonicError)
+                text = str(error) if isinstance(error, AgonicError) else f"stopped: {_tell(error)}"
+                self._say(Notice(False, text + ("; trying again" * again), ended=not again))
+                if not again:
+                    return
+                self._stop.wait(RETRY_S)
 
     def _say(self, said: Notice) -> None:
         with self._lock:
@@ -260,10 +238,7 @@ class Session:
 
     def _pass_over(self, sensor: str) -> None:
         """Say once that a sensor is heard that was not asked for."""
-        note = f"{sensor} is heard and left aside: only {self.plan.sensor} was asked for"
-        if note not in self._notes and len(self._notes) < MOST_SENSORS:
-            self._notes.append(note)
-            self._changed()
+        self._note(f"{sensor} is heard and left aside: only {self.plan.sensor} was asked for")
 
     def _go_on(self, watched: WatchedSensor) -> None:
         """Take a sensor up where it was left."""
@@ -283,18 +258,38 @@ class Session:
             self._changed()
 
     def _digest(self) -> None:
+        """Fit and save, again and again; what goes wrong is told, and it goes on."""
         while not self._stop.is_set():
             began = time.monotonic()
-            with self._lock:
-                for watched in self._watched.values():
-                    watched.digest()
-                sensors = [watched.status() for watched in self._watched.values()]
-                self._sensors = sensors
-                self._changed()
-            if self._unfinished.due():
-                self._save()
+            try:
+                with self._lock:
+                    self._sensors = [self._digest_one(one) for one in self._watched.values()]
+                    self._changed()
+                if self._unfinished.due():
+                    self._save()
+            except Exception as error:
+                with self._lock:
+                    self._note(f"the fits stopped ({_tell(error)}) and were started again")
             # a slow machine fits less often rather than falls behind
             self._stop.wait(max(DIGEST_S - (time.monotonic() - began), 0.1 * DIGEST_S))
 
+    def _digest_one(self, watched: WatchedSensor) -> Sensor:
+        """Fit what has come of a sensor; one that begins anew leaves its saved readings aside."""
+        status, trouble = watched.proceed()
+        if trouble:
+            aside = self._unfinished.leave(watched.name) if not watched.live.n else ""
+            self._note(trouble + aside)
+        return status
+
+    def _note(self, note: str) -> None:
+        """Say something once."""
+        if note not in self._notes and len(self._notes) < MOST_NOTES:
+            self._notes.append(note)
+            self._changed()
+
     def _changed(self) -> None:
         self._version += 1
+
+
+def _tell(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

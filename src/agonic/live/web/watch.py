@@ -11,6 +11,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS, Affine
 from agonic.live.fit import LiveFit
+from agonic.live.plausible import find_plausible
 from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Sensor
@@ -58,7 +59,8 @@ class WatchedSensor:
 
     def take(self, chunk: Chunk) -> None:
         """Show readings at once; the fit has them at the next `digest`."""
-        self.shown.add(chunk.field * nanotesla_per(chunk.unit), time.time())
+        field = chunk.field * nanotesla_per(chunk.unit)
+        self.shown.add(field[find_plausible(field, chunk.unit)], time.time())
         self._waiting.append(chunk)
         now = time.monotonic()
         self._arrived.append((now, len(chunk.time)))
@@ -71,9 +73,36 @@ class WatchedSensor:
         if not waiting:
             return
         times = np.concatenate([chunk.time for chunk in waiting])
-        if self._last_s is not None:  # this machine's clock may have begun anew since
-            self._later_s, self._last_s = self._last_s + PAUSE_S - float(times[0]), None
+        first = times[np.isfinite(times)][:1]
+        if self._last_s is not None and len(first):  # this machine's clock may have begun anew
+            self._later_s, self._last_s = self._last_s + PAUSE_S - float(first[0]), None
         self.live.add(times + self._later_s, np.concatenate([chunk.field for chunk in waiting]))
+
+    def proceed(self) -> tuple[Sensor, str]:
+        """Fit what has come; the status, and what went wrong, in words.
+
+        Where the fit stops, the readings that had come are left out, and it begins anew only where
+        it cannot go on from those before.
+        """
+        before = self.live.state
+        try:
+            self.digest()
+            return self.status(), ""
+        except Exception as error:
+            trouble = f"{self.name}: the fit stopped ({type(error).__name__}: {error})"
+        try:
+            self.live.state = before
+            return self.status(), f"{trouble}; the last readings are left out"
+        except Exception:
+            self.restart()
+            return self.status(), f"{trouble} and was begun anew"
+
+    def _describe_left_out(self) -> str:
+        """How many readings were left out, in words; "" where none was."""
+        count = self.live.left_out
+        word = "reading was" if count == 1 else "readings were"
+        reason = "no sensor gives them, or they lie far from all others"
+        return f"{self.name}: {count:,} {word} left out: {reason}" if count else ""
 
     @property
     def rate_Hz(self) -> float:
@@ -114,6 +143,7 @@ class WatchedSensor:
             numbers=[] if calibration is None else self._numbers(calibration),
             before="" if self.before is None else _describe(self.before),
             course=list(self._course),
+            left_out=self._describe_left_out(),
         )
 
     def _note(self) -> None:

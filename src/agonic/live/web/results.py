@@ -1,0 +1,51 @@
+"""`write_results`: the calibrations of a live session, written as `agonic calibrate` does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from agonic.atomic import make_folder
+from agonic.errors import AgonicError
+from agonic.exports.csv import write_csv
+from agonic.files.names import file_stem
+from agonic.live.streams import Source
+from agonic.live.web.messages import Outcome
+from agonic.live.web.plan import Plan
+from agonic.provenance import Input, hash_file
+from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.report.folder import Written, write_folder
+from agonic.samples import Samples
+
+
+class Results(NamedTuple):
+    """What was calibrated, what was written of each sensor, and both in words."""
+
+    calibrated: list[Calibrated]
+    written: dict[str, Written]
+    outcomes: list[Outcome]
+
+
+def write_results(plan: Plan, source: Source, samples: Mapping[str, Samples]) -> Results:
+    """Calibrate each sensor from its readings, and write the folder of the plan.
+
+    Raises `AgonicError` where there are no readings, or the folder cannot be written.
+    """
+    if not samples:
+        raise AgonicError("there are no readings yet; turn the sensor first")
+    make_folder(plan.folder)
+    results, failures = [], []
+    for name, readings in samples.items():
+        path = write_csv(readings, plan.folder / f"{file_stem(name)}-readings.csv")
+        told = Input(name=path.name, sha256=hash_file(path), count=len(readings))
+        try:
+            readings = replace(readings, source=told)
+            results.append(calibrate(readings, plan.reference, **plan.settings))
+        except AgonicError as error:
+            failures.append(Outcome(name, "refused", str(error), []))
+    written = write_folder(results, plan.folder, title=f"Live: {source.name}", stack=source.stack)
+    outcomes = [
+        Outcome(r.samples.name, r.verdict, r.status, *written[r.samples.name]) for r in results
+    ]
+    return Results(results, written, outcomes + failures)
