@@ -129,7 +129,7 @@ from agonic.population import write_population as write_population
 from agonic.provenance import Provenance as Provenance
 from agonic.recording.calibrated import Calibrated as Calibrated
 from agonic.recording.calibrated import calibrate as calibrate
-from agonic.recording.report.page import render as render
+from agonic.recording.document import render as render
 from agonic.reference import Reference as Reference
 from agonic.samples import Samples as Samples
 from agonic.simulation import SimulatedVehicle as SimulatedVehicle

@@ -67,7 +67,7 @@ def test_the_surface_of_a_sensor_record_is_stable(log, capsys) -> None:
     }
     _, calibrated = answer(capsys, "calibrate", log)
     _, fitted = answer(capsys, "fit", "ellipsoid", log)
-    from agonic.recording.report.record import FIELDS
+    from agonic.recording.values import FIELDS
 
     assert tuple(calibrated["sensors"][0]) == FIELDS
     assert promised <= calibrated["sensors"][0].keys()
@@ -91,7 +91,7 @@ def test_a_refusal_names_files_that_an_earlier_run_left(log, capsys) -> None:
 
 
 def test_a_sensor_that_cannot_be_fitted_is_a_whole_record_too(capsys) -> None:
-    from agonic.recording.report.record import FIELDS
+    from agonic.recording.values import FIELDS
 
     Path("stuck.csv").write_text("mag_x_nT,mag_y_nT,mag_z_nT\n" + "1,2,3\n" * 50)
     status, said = answer(capsys, "calibrate", "stuck.csv")

@@ -6,14 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.recording.report.figures import (
-    Axis,
-    magnitude_strip,
-    residual_histogram,
-    residual_strip,
-    time_axis,
-)
-from agonic.recording.report.residuals import residuals_of
+from agonic.recording.figures import draw_histogram, draw_magnitude, draw_strip
+from agonic.recording.residuals import compute_residuals
+from agonic.report.strips import Axis
+from agonic.report.time_axis import along_rows
 from tests.recording.handmade import samples_of, tumble
 
 
@@ -38,13 +34,13 @@ def test_ticks_are_round_and_inside(low, high):
 @pytest.mark.parametrize(("seconds", "unit"), [(50, "s"), (900, "min"), (10_000, "h")])
 def test_time_is_counted_in_a_unit_that_fits(good, seconds, unit):
     time = 5.0 + np.linspace(0, seconds, len(good.samples))
-    axis, along = time_axis(replace(good, samples=good.samples.with_columns(time=time)))
+    axis, along = along_rows(time, np.arange(len(time)))
     assert axis.label == f"time since the first reading, {unit}"
     assert along[-1] == axis.high == pytest.approx(seconds / {"s": 1, "min": 60, "h": 3600}[unit])
 
 
 def test_a_log_without_times_is_drawn_by_reading(good):
-    axis, along = time_axis(replace(good, samples=good.samples.with_columns(time=None)))
+    axis, along = along_rows(None, np.arange(len(good.samples)))
     assert axis.label == "reading"
     assert along[-1] == len(good.samples) - 1
 
@@ -57,8 +53,8 @@ def test_a_single_peak_of_a_long_log_is_drawn(good):
     values = good.fit.residuals.copy()
     values[3000] = 700.0
     peaked = with_residuals(good, values)
-    residuals = residuals_of(peaked)
-    points = path(residual_strip(peaked, residuals), "range")
+    residuals = compute_residuals(peaked)
+    points = path(draw_strip(peaked, residuals), "range")
     top = points[np.argmin(points[:, 1])]
     assert top[1] == pytest.approx(500 * (1 - 700 / residuals.limit), abs=1)
     assert top[0] == pytest.approx(500, abs=2)
@@ -67,21 +63,21 @@ def test_a_single_peak_of_a_long_log_is_drawn(good):
 def test_the_mean_shows_a_drift_that_noise_hides(good):
     drift = np.linspace(-60, 60, len(good.samples))
     drifting = with_residuals(good, good.fit.residuals + drift)
-    residuals = residuals_of(drifting)
-    mean = path(residual_strip(drifting, residuals), "mean")
+    residuals = compute_residuals(drifting)
+    mean = path(draw_strip(drifting, residuals), "mean")
     slope = np.polyfit(mean[:, 0], mean[:, 1], 1)[0]
     assert slope == pytest.approx(-60 / residuals.limit, rel=0.15)
 
 
 def test_held_out_stretches_are_marked(good):
-    svg = residual_strip(good, residuals_of(good))
+    svg = draw_strip(good, compute_residuals(good))
     d = re.search(r'<path d="([^"]*)" class="held-out">', svg).group(1)
     marks = np.array(re.findall(r"M([\d.]+) 990H([\d.]+)", d), dtype=float)
     assert np.sum(marks[:, 1] - marks[:, 0]) == pytest.approx(200, abs=5)
 
 
 def test_the_histogram_meets_the_normal_curve_of_the_noise(good):
-    svg = residual_histogram(residuals_of(good))
+    svg = draw_histogram(compute_residuals(good))
     curve, bars = path(svg, "normal"), path(svg, "bars")
     assert curve[np.argmin(curve[:, 1]), 0] == pytest.approx(500, abs=5)
     tops = np.interp(curve[20:-20, 0], bars[:, 0], bars[:, 1])
@@ -89,7 +85,7 @@ def test_the_histogram_meets_the_normal_curve_of_the_noise(good):
 
 
 def test_magnitudes_before_and_after(good):
-    svg = magnitude_strip(good)
+    svg = draw_magnitude(good)
     before, after = path(svg, "before"), path(svg, "after")
     assert np.ptp(before[:, 1]) > 800
     assert np.ptp(after[:, 1]) < 40
@@ -106,11 +102,11 @@ def test_a_sensor_that_says_always_the_same_can_be_drawn(good):
             good.verification, magnitude_before=after, magnitude_after=after, held_out=None
         ),
     )
-    residuals = residuals_of(result)
+    residuals = compute_residuals(result)
     strips = (
-        residual_strip(result, residuals),
-        residual_histogram(residuals),
-        magnitude_strip(result),
+        draw_strip(result, residuals),
+        draw_histogram(residuals),
+        draw_magnitude(result),
     )
     assert "nan" not in "".join(strips)
 
@@ -118,9 +114,9 @@ def test_a_sensor_that_says_always_the_same_can_be_drawn(good):
 def test_strays_that_did_not_count_are_arrows_and_set_no_scale(logged):
     weights = np.where(np.arange(len(logged.samples)) % 211 == 0, 0.0, 1.0)
     strayed = replace(logged, fit=replace(logged.fit, weights=weights))
-    residuals = residuals_of(strayed)
+    residuals = compute_residuals(strayed)
     assert np.abs(residuals.values).max() > 10 * residuals.limit
-    svg = residual_strip(strayed, residuals)
+    svg = draw_strip(strayed, residuals)
     assert 'class="beyond"' in svg
     assert "▲" in svg
     mean = path(svg, "mean")

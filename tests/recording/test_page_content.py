@@ -12,9 +12,8 @@ import pytest
 import agonic.report
 from agonic.calibration.interference import mean_of
 from agonic.health import Finding
-from agonic.recording.report.page import render
-from agonic.recording.report.quantities import quantities
-from agonic.recording.report.text import summary
+from agonic.recording.document import describe_recording, render
+from agonic.recording.quantities import list_quantities
 from agonic.report.digits import MINUS, THIN
 from tests.recording.handmade import calibrated, samples_of, tumble
 
@@ -217,10 +216,10 @@ def test_a_mix_of_two_sensors_has_no_bias(good):
     assert "neither sensor has a bias" in words
     assert "Scale factor" not in words
     assert "Bias, nT" not in words
-    names = [group.name for group in quantities(result)]
+    names = [group.name for group in list_quantities(result)]
     assert names == ["Constant", "Weights of this sensor", "Weights of the second sensor"]
-    own, other = (np.array([q.value for q in g.rows]) for g in quantities(result)[1:])
+    own, other = (np.array([q.value for q in g.rows]) for g in list_quantities(result)[1:])
     half = np.array([good.fit.calibration.matrix[i, j] for i, j in ENTRIES]) / 2
     np.testing.assert_allclose(own, half, atol=1e-12)
     np.testing.assert_allclose(other, half, atol=1e-12)
-    assert summary([result]).splitlines()[2].startswith("  Constant")
+    assert describe_recording([result]).to_text().splitlines()[2].startswith("  Constant")

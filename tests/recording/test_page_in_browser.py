@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.recording.report.page import render
+from agonic.recording.document import render
 from tests.recording.handmade import BIAS
 
 YAW, PITCH, FILL, DRAG = -0.6, 0.4, 0.40, 0.008

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
-from agonic.recording.report.quantities import propagated_sd, quantities, turn_deg, views
+from agonic.recording.quantities import list_quantities, list_views, propagate_sd, turn_deg
 from tests.recording.handmade import BIAS, MATRIX
 
 
@@ -22,7 +22,7 @@ def test_propagated_standard_errors_are_the_scatter_of_many_draws(good, view):
         error = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         values.append(view(Affine(bias=BIAS, matrix=MATRIX + error)))
     scatter = np.std(values, axis=0)
-    np.testing.assert_allclose(propagated_sd(fit.calibration, view), scatter, rtol=0.06)
+    np.testing.assert_allclose(propagate_sd(fit.calibration, view), scatter, rtol=0.06)
 
 
 def test_the_turn_of_a_sensor_has_the_scatter_of_many_draws(good):
@@ -38,14 +38,14 @@ def test_the_turn_of_a_sensor_has_the_scatter_of_many_draws(good):
         drawn.append(turn_deg(replace(calibration, matrix=matrix)))
     assert np.mean(drawn, axis=0) == pytest.approx(np.degrees([0.03, -0.05, 0.2]), abs=0.02)
     np.testing.assert_allclose(
-        propagated_sd(calibration, turn_deg), np.std(drawn, axis=0), rtol=0.06
+        propagate_sd(calibration, turn_deg), np.std(drawn, axis=0), rtol=0.06
     )
     freed = replace(good, fit=replace(good.fit, calibration=calibration))
-    assert [q.name for q in views(freed)[-1].rows] == ["x", "y", "z"]
+    assert [q.name for q in list_views(freed)[-1].rows] == ["x", "y", "z"]
 
 
 def test_numbers_stand_beside_those_of_the_log(logged):
-    groups = {group.name: group for group in [*quantities(logged), *views(logged)]}
+    groups = {group.name: group for group in [*list_quantities(logged), *list_views(logged)]}
     assert [q.value - q.logged for q in groups["Bias"].rows] == pytest.approx([-250, 90, -40])
     assert [q.logged for q in groups["Scale factor"].rows] == pytest.approx([1, 1, 1])
     assert [q.logged for q in groups["Non-orthogonality"].rows] == pytest.approx([0, 0, 0])
@@ -54,7 +54,7 @@ def test_numbers_stand_beside_those_of_the_log(logged):
 def test_readings_without_a_unit_say_so(good):
     calibration = replace(good.fit.calibration, unit_in="raw")
     result = replace(good, fit=replace(good.fit, calibration=calibration))
-    assert [group.unit for group in [*quantities(result), *views(result)]] == [
+    assert [group.unit for group in [*list_quantities(result), *list_views(result)]] == [
         "raw units",
         "nT per raw unit",
         "raw units per nT",

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.recording.report.residuals import residuals_of
-from agonic.recording.report.sphere import sphere_data
+from agonic.recording.residuals import compute_residuals
+from agonic.recording.sphere import pack_sphere
 from tests.recording.handmade import BIAS, NOISE
 
 
@@ -17,7 +17,7 @@ def decoded(data) -> np.ndarray:
 
 
 def test_points_come_back_to_a_fraction_of_the_noise(good):
-    data = sphere_data(good, residuals_of(good), 50_000)
+    data = pack_sphere(good, compute_residuals(good), 50_000)
     assert np.abs(decoded(data) - good.samples.field).max() < 0.02 * NOISE
 
 
@@ -25,7 +25,7 @@ def test_a_stray_does_not_cost_the_others_their_resolution(good):
     field = good.samples.field.copy()
     field[7] = 1e9
     result = replace(good, samples=good.samples.with_columns(field=field))
-    back = decoded(sphere_data(result, residuals_of(good), 50_000))
+    back = decoded(pack_sphere(result, compute_residuals(good), 50_000))
     keep = np.arange(len(back)) != 7
     assert np.abs(back - field)[keep].max() < 0.1 * NOISE
     direction = (back[7] - BIAS) / np.linalg.norm(back[7] - BIAS)
@@ -33,6 +33,6 @@ def test_a_stray_does_not_cost_the_others_their_resolution(good):
 
 
 def test_many_points_are_thinned_over_the_whole_log(good):
-    back = decoded(sphere_data(good, residuals_of(good), 1000))
+    back = decoded(pack_sphere(good, compute_residuals(good), 1000))
     assert len(back) == 1000
     np.testing.assert_allclose(back, good.samples.field[::6], atol=0.02 * NOISE)

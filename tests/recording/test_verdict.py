@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 from agonic.health import Finding
-from agonic.recording.report.next_move import next_move
+from agonic.recording.document import choose_move
 from agonic.report.verdict import WHEN_GOOD
 
 
 def test_a_good_calibration_is_to_be_used(good):
-    assert next_move(good) == WHEN_GOOD
+    assert choose_move(good) == WHEN_GOOD
 
 
 def test_the_gravest_finding_has_the_first_word(good):
@@ -18,9 +18,9 @@ def test_the_gravest_finding_has_the_first_word(good):
         Finding("static", "refuse", "it did not turn", "turn it about all axes"),
     )
     refused = replace(good, verdict="refused", fit=replace(good.fit, findings=found))
-    assert next_move(refused) == "turn it about all axes"
+    assert choose_move(refused) == "turn it about all axes"
     checked = replace(good, verdict="check", fit=replace(good.fit, findings=found[:2]))
-    assert next_move(checked) == "move it away from iron"
+    assert choose_move(checked) == "move it away from iron"
 
 
 def test_without_a_move_the_check_that_failed_says_what_to_do(good):
@@ -28,4 +28,4 @@ def test_without_a_move_the_check_that_failed_says_what_to_do(good):
     failed = replace(first, passed=False, meaning="record again away from the car")
     verification = replace(good.verification, checks=(*others, failed))
     result = replace(good, verdict="check", verification=verification)
-    assert next_move(result) == "record again away from the car"
+    assert choose_move(result) == "record again away from the car"

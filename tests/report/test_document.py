@@ -132,3 +132,31 @@ def test_lines_are_as_wide_as_a_terminal(words: str) -> None:
 def test_control_characters_stay_out_of_the_terminal() -> None:
     said = Document(name="\x1b[31m", verdict="good", status="\x1b[2J", method="\x07").to_text()
     assert said.isprintable() or set(said) - set("\n") == {c for c in said if c.isprintable()}
+
+
+def test_of_a_refused_result_numbers_are_shown_where_the_wing_says_so() -> None:
+    coil = Document(
+        name="coil",
+        verdict="refused",
+        status="Too few. " * 40,
+        entries={"Constant": "76 nT/A"},
+        key_figures=[("Noise", "12 nT", "one reading")],
+        refused_numbers=True,
+        most_lines=2,
+    )
+    head, first, second, last = coil.to_text().splitlines()
+    assert head == "✗ coil: refused"
+    assert (first.startswith("  Too few."), second.endswith(" …")) == (True, True)
+    assert last == "  Constant  76 nT/A"
+    assert "12 nT" in coil.to_html()
+
+
+def test_values_may_say_the_verdict_in_a_place_of_their_own() -> None:
+    made = Document(name="coil", verdict="good", values={"sensor": "coil", "verdict": "good"})
+    assert list(made.to_record()) == ["sensor", "verdict"]
+
+
+def test_without_a_verdict_that_of_every_sensor_decides() -> None:
+    good, bad = (Document(name=word, verdict=word) for word in ("good", "check"))
+    assert Document(name="log", sensors=[good]).good
+    assert not Document(name="log", sensors=[good, bad]).good

@@ -60,12 +60,11 @@ def calibrate(
     Parquet table of more than five million rows is read piece by piece.
     """
     from agonic.cli.keep import keep_results
-    from agonic.console.output import print_json, say
+    from agonic.console.finish import finish
     from agonic.errors import check_choice
+    from agonic.recording.document import describe_recording
     from agonic.recording.each_sensor import calibrate_each
-    from agonic.recording.report.folder import write_folder
-    from agonic.recording.report.record import record
-    from agonic.recording.report.text import summary
+    from agonic.recording.files import write_folder
 
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "vector"))
     recording, results, failures = calibrate_each(
@@ -76,16 +75,5 @@ def calibrate(
     if store is not None:
         place = (unit, at, date, field)
         keep_results(store, results, recording, place, method, between, name)
-    if as_json:
-        records = [record(result, *written[result.samples.name]) for result in results]
-        print_json("agonic/calibrate@1", {"sensors": records + failures})
-    else:
-        if results or not failures:
-            say(summary(results))
-        for failure in failures:
-            say(f"\n✗ {failure['sensor']}: refused\n  {failure['status']}")
-        for of_sensor in written.values():
-            for warning in of_sensor.warnings:
-                say(f"\nWarning   {warning}")
-        say(f"\nReport    {folder / 'report.html'}")
-    return 0 if not failures and all(result.verdict == "good" for result in results) else 1
+    document = describe_recording(results, written=written, failures=failures)
+    return finish(document, page=folder / "report.html", as_json=as_json)

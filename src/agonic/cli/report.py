@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from agonic.calibration.network import Network
     from agonic.calibration.thermal import Thermal
     from agonic.reference import Reference
+    from agonic.report.document import Document
     from agonic.samples import Samples
 
 
@@ -52,8 +53,7 @@ def report(
     from agonic.files.calibration import load
     from agonic.recording.calibrated import judge
     from agonic.recording.calibration_and_log import open_calibration_and_log
-    from agonic.recording.report.page import render
-    from agonic.recording.report.record import record
+    from agonic.recording.document import describe_recording
 
     given = require_calibration(load(cal))
     step = find_step(given, Network) or find_step(given, Thermal)
@@ -62,35 +62,33 @@ def report(
         if log is not None:
             _, samples = open_calibration_and_log(cal, log, sensor, unit)
             reference, _ = find_reference(samples, at, date, field)
-        return _show_file(given, step, cal, samples, reference, out, as_json)
-    calibration, samples = open_calibration_and_log(cal, log or find_own_log(cal), sensor, unit)
-    reference, settings = find_reference(samples, at, date, field)
-    result = judge(calibration, samples, reference, **settings)
-    path = write_atomically(
-        out or cal.with_suffix(".html"), render([result], title=f"{cal.name} on {samples.name}")
-    )
-    if as_json:
-        print_json("agonic/report@1", record(result, [str(path)]))
+        document, values = _describe_file(given, step, cal, samples, reference)
     else:
-        say(f"Report    {path}")
-    return 0 if result.verdict == "good" else 1
+        calibration, samples = open_calibration_and_log(cal, log or find_own_log(cal), sensor, unit)
+        reference, settings = find_reference(samples, at, date, field)
+        result = judge(calibration, samples, reference, **settings)
+        document = describe_recording([result], title=f"{cal.name} on {samples.name}")
+        values = document.sensors[0].to_record()
+    page = write_atomically(out or cal.with_suffix(".html"), document.to_html())
+    if as_json:
+        print_json("agonic/report@1", values | {"files": [str(page)]})
+    else:
+        say(f"Report    {page}")
+    return 0 if values["verdict"] == "good" else 1
 
 
-def _show_file(
+def _describe_file(
     calibration: Calibration,
     step: Network | Thermal,
     cal: Path,
     samples: Samples | None,
     reference: Reference | None,
-    out: Path | None,
-    as_json: bool,
-) -> int:
-    """The page of a calibration over temperature, or of a network; what it does to a log too."""
+) -> tuple[Document, dict[str, Any]]:
+    """A calibration over temperature, or a network, as a page and in JSON; with what it does to a
+    log."""
     from dataclasses import asdict
 
-    from agonic.atomic import write_atomically
     from agonic.calibration.network import Network
-    from agonic.console.output import print_json, say
     from agonic.network.report.document import describe_network_file
     from agonic.thermal.calibration_document import describe_calibration
     from agonic.verification import verify
@@ -108,23 +106,14 @@ def _show_file(
     else:
         document = describe_calibration(calibration, step, **shown)
         about = {"range_C": step.validity.temperature_C, "degree": step.degree}
-    path = write_atomically(out or cal.with_suffix(".html"), document.to_html())
     good = verification is None or verification.passed
-    if as_json:
-        print_json(
-            "agonic/report@1",
-            {
-                "sensor": calibration.sensor,
-                "method": step.kind,
-                "verdict": "good" if good else "check",
-                "checks": [asdict(c) for c in verification.checks] if verification else [],
-                **about,
-                "files": [str(path)],
-            },
-        )
-    else:
-        say(f"Report    {path}")
-    return 0 if good else 1
+    return document, {
+        "sensor": calibration.sensor,
+        "method": step.kind,
+        "verdict": "good" if good else "check",
+        "checks": [asdict(c) for c in verification.checks] if verification else [],
+        **about,
+    }
 
 
 def find_own_log(cal: Path) -> Path:

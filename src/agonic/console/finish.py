@@ -17,12 +17,15 @@ def finish(
     files: Sequence[Path | str] = (),
     report: Path | None = None,
     option: str = "--report",
+    page: Path | None = None,
     as_json: bool = False,
 ) -> int:
     """Save the calibration, write the report, say the result, and return the exit status.
 
     The document's calibration is saved to `out`, unless it is refused. `files` are written already.
-    `option` is the one that `report` was given by. The status is 0 where nothing is objected to.
+    `option` is the one that `report` was given by. `page` is a report that is written already, and
+    that the documents of the sensors have among their files. The status is 0 where nothing is
+    objected to.
     """
     from agonic.console.output import print_json, say
     from agonic.files.calibration import save
@@ -34,10 +37,13 @@ def finish(
         made = {".html": document.to_html, ".txt": lambda: document.to_text() + "\n"}
         written.append(write_as_named(report, option, made))
     if as_json:
-        print_json(document.schema, {**document.to_record(), "files": written})
+        own = {} if page is not None else {"files": written}
+        print_json(document.schema, document.to_record() | own)
     else:
         say(document.to_text())
-        if written:
+        if page is not None:
+            say(f"\nReport    {page}")
+        elif written:
             say(f"\nWritten   {', '.join(written)}")
         elif document.calibration is not None or document.sensors:
             say("\nNothing was written.")

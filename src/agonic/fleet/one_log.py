@@ -24,7 +24,7 @@ from agonic.logs.read import open_log
 from agonic.population import Row
 from agonic.provenance import escape_text, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate, calibrate_recording
-from agonic.recording.report.folder import write_folder
+from agonic.recording.files import write_folder
 from agonic.samples import Samples
 from agonic.version import __version__
 

@@ -171,9 +171,8 @@ def _run_in_terminal(session: Session, as_json: bool) -> int:
     import sys
     import time
 
-    from agonic.console.output import print_json, say
-    from agonic.recording.report.record import record, unfitted
-    from agonic.recording.report.text import summary
+    from agonic.console.finish import finish
+    from agonic.recording.document import describe_recording
 
     session.start()
     stream = sys.stderr if as_json else sys.stdout
@@ -197,18 +196,11 @@ def _run_in_terminal(session: Session, as_json: bool) -> int:
     outcomes = session.accept()
     if session.status.trouble:
         raise AgonicError(session.status.trouble)
-    failures = [unfitted(o.sensor, o.status) for o in outcomes if o.sensor not in session.written]
-    if as_json:
-        records = [record(r, *session.written[r.samples.name]) for r in session.results]
-        print_json("agonic/live@1", {"sensors": records + failures})
-    else:
-        if session.results:
-            say(summary(session.results))
-        for failure in failures:
-            say(f"\n✗ {failure['sensor']}: refused\n  {failure['status']}")
-        say(f"\nReport    {session.plan.folder / 'report.html'}")
-    good = not failures and all(result.verdict == "good" for result in session.results)
-    return 0 if good else 1
+    failures = [(o.sensor, o.status) for o in outcomes if o.sensor not in session.written]
+    document = describe_recording(
+        session.results, written=session.written, failures=failures, schema="agonic/live@1"
+    )
+    return finish(document, page=session.plan.folder / "report.html", as_json=as_json)
 
 
 class _Lines:

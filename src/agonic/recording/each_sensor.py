@@ -16,7 +16,6 @@ from agonic.errors import CoverageError
 from agonic.logs.log import Log
 from agonic.recording.calibrated import Calibrated, calibrate
 from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
-from agonic.recording.report.record import unfitted
 from agonic.samples import Samples
 
 _Job = tuple[str, Callable[[], Calibrated]]
@@ -33,8 +32,8 @@ def calibrate_each(
     at: str | None,
     date: str | None,
     field: float | None,
-) -> tuple[Log, list[Calibrated], list[dict[str, object]]]:
-    """The log, the sensors that could be fitted, and records of those that could not."""
+) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
+    """The log, the sensors that could be fitted, and the names of others with the reason."""
     aided = f"--method {method}" if method in ("levelled", "vector") else None
     long = open_missions(log, sensor, unit, {"--between": between, f"--method {method}": aided})
     if long:
@@ -52,21 +51,16 @@ def calibrate_each(
     return recording, *_run([(one.name, partial(run, one)) for one in sensors])
 
 
-def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[dict[str, object]]]:
+def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[tuple[str, str]]]:
     results: list[Calibrated] = []
-    failures: list[dict[str, object]] = []
+    failures: list[tuple[str, str]] = []
     for name, run in progress(jobs, "Calibrating"):
         try:
             results.append(run())
         except CoverageError as error:
-            failures.append(unfitted(name, str(error)))
+            failures.append((name, str(error)))
         except (ArithmeticError, LinAlgError) as error:  # nor do numbers that no sensor gives
             why = " ".join(f"{type(error).__name__}: {error}".split())
-            failures.append(
-                unfitted(
-                    name,
-                    f"the readings could not be computed with ({why}): look for values that no "
-                    "sensor gives, and leave those rows out (--between)",
-                )
-            )
+            move = "look for values that no sensor gives, and leave those rows out (--between)"
+            failures.append((name, f"the readings could not be computed with ({why}): {move}"))
     return results, failures

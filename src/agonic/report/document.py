@@ -15,6 +15,8 @@ from agonic.report.page_file import assemble_page, read_static
 from agonic.report.verdict import MEANINGS, moves, sentence
 from agonic.samples import Samples
 
+_LABEL = 8  # characters, so that entries, "Note" and "Written" stand in one column
+
 
 @dataclass(frozen=True)
 class Table:
@@ -90,7 +92,9 @@ class Document:
         what helps against the gravest finding. remarks : notes for whoever uses it.
     key_figures : name, value, and what it is of. entries : label → text, in the text, and on the
         page under the heading `entries_title`, unless that is "". sections : the rest.
-    values : what the JSON says beside verdict, status and findings.
+    refused_numbers : whether key figures and entries are shown of a refused result too.
+    most_lines : of the status and of each entry in text; default: all.
+    values : what the JSON says beside verdict, status and findings, which it may override.
     sensors : a document for each sensor, where there are several.
     calibration, samples : whose provenance is shown.
     styles, scripts : files of `static/`. data : JSON for the scripts, by its id in the page.
@@ -111,6 +115,8 @@ class Document:
     entries: Mapping[str, str] | None = None
     entries_title: str = "What was found"
     sections: Sequence[Section] = ()
+    refused_numbers: bool = False
+    most_lines: int | None = None
     values: Mapping[str, Any] | None = None
     sensors: Sequence[Document] = ()
     calibration: Calibration | None = None
@@ -121,8 +127,12 @@ class Document:
 
     @property
     def good(self) -> bool:
-        """Nothing to object."""
-        return self.verdict in ("", "good")
+        """Nothing to object: by the verdict, or, without one, by those of all sensors."""
+        return self.verdict == "good" or (not self.verdict and all(s.good for s in self.sensors))
+
+    @property
+    def _shows_numbers(self) -> bool:
+        return self.refused_numbers or self.verdict != "refused"
 
     def to_html(self) -> str:
         """The page, which needs nothing else.
@@ -172,7 +182,8 @@ class Document:
             record["status"] = self.status
         if self.findings is not None:
             record["findings"] = [asdict(finding) for finding in self.findings]
-        record |= self.values or {}
+        values = dict(self.values or {})
+        record = {name: value for name, value in record.items() if name not in values} | values
         if self.sensors:
             record["sensors"] = [sensor.to_record() for sensor in self.sensors]
         return record
@@ -190,9 +201,13 @@ class Document:
             method = f" ({self.method})" if self.method else ""
             yield text.printable(f"{text.SIGNS[self.verdict]} {self.name}: {word}{method}")
         if self.status:
-            yield text.wrap(self.status, indent="  " if self.verdict else "")
-        if self.verdict != "refused":
-            yield from text.wrap_entries(self.entries or {})
+            indent = "  " if self.verdict else ""
+            yield text.wrap(self.status, indent=indent, most_lines=self.most_lines)
+        if self._shows_numbers:
+            entries = self.entries or {}
+            yield from text.wrap_entries(
+                entries, least=_LABEL if self.verdict else 0, most_lines=self.most_lines
+            )
             for section in self.sections:
                 if section.printed:
                     yield from section.to_text()
@@ -205,11 +220,11 @@ class Document:
         """Verdict and figures to look at first; of a refused result the verdict alone."""
         if self.verdict:
             yield blocks.verdict(self.verdict, minused(self.status), move=self.next_move)
-        if self.key_figures and self.verdict != "refused":
+        if self.key_figures and self._shows_numbers:
             yield blocks.key_figures(self.key_figures)
 
     def _middle(self, level: str) -> Iterable[Markup]:
-        if self.entries and self.entries_title and self.verdict != "refused":
+        if self.entries and self.entries_title and self._shows_numbers:
             yield Section(self.entries_title, [self.entries]).to_html(level)
         yield from (section.to_html(level) for section in self.sections)
         if self.findings is not None:

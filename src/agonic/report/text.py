@@ -36,14 +36,20 @@ def wrap(text: str, *, indent: str = "  ", label: str = "", most_lines: int | No
     )
 
 
-def wrap_entries(entries: Mapping[str, str]) -> list[str]:
-    """Each entry on as many lines as it takes, its label before it.
+def wrap_entries(
+    entries: Mapping[str, str], *, least: int = 0, most_lines: int | None = None
+) -> list[str]:
+    """Each entry on as many lines as it takes, its label before it, `least` characters wide.
 
     >>> wrap_entries({"Noise": "12 nT", "Condition": "3.1"})
     ['  Noise      12 nT', '  Condition  3.1']
     """
-    wide = max(map(len, entries), default=0) + 2
-    return [wrap(text, label=f"{label:<{wide}}") for label, text in entries.items() if text]
+    wide = max(least, *map(len, entries), 0) + 2
+    return [
+        wrap(text, label=f"{label:<{wide}}", most_lines=most_lines)
+        for label, text in entries.items()
+        if text
+    ]
 
 
 def format_columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

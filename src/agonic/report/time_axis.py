@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from agonic.arrays import Array
+import numpy as np
+
+from agonic.arrays import Array, Index
 from agonic.report.strips import Axis
 
 _TIME_UNITS = (
@@ -25,3 +27,17 @@ def along_time(
     seconds, name = next((s, n) for least, s, n in _TIME_UNITS if stop - start >= least)
     label = f"time since {since}, {name}"
     return Axis(label, 0.0, (stop - start) / seconds), (time - start) / seconds
+
+
+def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
+    """Time since the first reading, or the number of the reading where no times were logged.
+
+    `time` (n,) is that of all readings, `rows` (m,) those that are shown.
+
+    >>> import numpy as np
+    >>> along_rows(None, np.arange(3))
+    (Axis(label='reading', low=0.0, high=2.0), array([0., 1., 2.]))
+    """
+    if time is None or len(time) < 2:
+        return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)
+    return along_time(time[rows], float(time[0]), float(time[-1]))

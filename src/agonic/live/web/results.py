@@ -15,7 +15,8 @@ from agonic.live.web.messages import Outcome
 from agonic.live.web.plan import Plan
 from agonic.provenance import Input, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate
-from agonic.recording.report.folder import Written, write_folder
+from agonic.recording.document import Written
+from agonic.recording.files import write_folder
 from agonic.samples import Samples
 
 

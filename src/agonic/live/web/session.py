@@ -15,7 +15,7 @@ from agonic.live.web.resume import SavedFits
 from agonic.live.web.view import RecentReadings
 from agonic.live.web.watch import WatchedSensor, find_calibration_before
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.report.folder import Written
+from agonic.recording.document import Written
 from agonic.samples import Samples
 
 DIGEST_S = 0.2

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, NetworkFit
 from agonic.report.markup import Markup
@@ -27,7 +27,7 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
-from agonic.report.time_axis import along_time
+from agonic.report.time_axis import along_rows, along_time
 
 PUBLISHED = -3.0
 """log₁₀ of the mean square error that the paper reaches, of a network without a base."""
@@ -62,7 +62,7 @@ def draw_training(fit: NetworkFit) -> Markup:
 
 def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
     """The rms error of unseen readings over time, by the base and by the network."""
-    x, along = _along(time, comparison.rows)
+    x, along = along_rows(time, comparison.rows)
     columns = Columns(x, along, min(BLOCKS, max(len(along) // 10, 1)))
     named = {"by-base": comparison.base, "by-network": comparison.network}
     curves = {
@@ -78,7 +78,7 @@ def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
 
 def draw_guard(inside: Array, time: Array | None) -> Markup:
     """The share g of the correction that is applied, over time: 1 near the training, 0 far away."""
-    x, along = _along(time, np.arange(len(inside)))
+    x, along = along_rows(time, np.arange(len(inside)))
     columns = Columns(x, along, BINS)
     y = Axis("share g", 0.0, 1.05)
     layers = [
@@ -118,10 +118,3 @@ def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining
 def has_middle(residual: Array) -> bool:
     """Whether the middle two thirds of residuals (n, o) mean something in each column."""
     return int(np.isfinite(residual).sum()) > MIDDLE * BINS
-
-
-def _along(time: Array | None, rows: Index) -> tuple[Axis, Array]:
-    """Time since the first reading, or the number of the reading where no times were logged."""
-    if time is None or len(time) < 2:
-        return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)
-    return along_time(time[rows], float(time[0]), float(time[-1]))

@@ -23,18 +23,20 @@ def demo(
     as_json: Json = False,
 ) -> int:
     """Simulate a hand-turned sensor with outliers, calibrate it, and compare with the truth."""
+    from dataclasses import replace
+
     from agonic import simulation
     from agonic.atomic import make_folder
     from agonic.calibration.affine import PARAMETERS
-    from agonic.console.output import print_json, say
+    from agonic.console.finish import finish
     from agonic.exports.csv import write_csv
     from agonic.logs.read import open_log
     from agonic.maths.equation.symmetric import pack_symmetric
     from agonic.recording.calibrated import calibrate
-    from agonic.recording.report.folder import write_folder
-    from agonic.recording.report.record import record
-    from agonic.recording.report.text import summary
+    from agonic.recording.document import describe_recording
+    from agonic.recording.files import write_folder
     from agonic.reference import Reference
+    from agonic.report.document import Section, Table
 
     made = simulation.simulate(
         "hand", noise=200.0, seed=seed, defects=[simulation.with_outliers(0.02, seed=seed)]
@@ -45,20 +47,17 @@ def demo(
     written = write_folder([result], out, title=log.path.name)
     fit, truth = result.fit, [*made.truth.bias, *pack_symmetric(made.truth.matrix)]
     found = [*fit.calibration.bias, *pack_symmetric(fit.calibration.matrix)]
-    if as_json:
-        print_json(
-            "agonic/demo@1",
-            {
-                "truth": dict(zip(PARAMETERS, truth, strict=True)),
-                "sensors": [record(result, *written[result.samples.name])],
-            },
-        )
-    else:
-        say(summary([result]))
-        say(f"\n  {'':<12}{'truth':>12}{'found':>12}{'sd':>10}{'error/sd':>10}")
-        for name, true, value, sd in zip(PARAMETERS, truth, found, fit.sd, strict=True):
-            error = "" if sd == 0 else f"{(value - true) / sd:10.2f}"
-            digits = 1 if name.startswith("bias") else 6
-            say(f"  {name:<12}{true:12.{digits}f}{value:12.{digits}f}{sd:10.2g}{error}")
-        say(f"\nReport    {out / 'report.html'}")
-    return 0 if result.verdict == "good" else 1
+    rows = []
+    for name, true, value, sd in zip(PARAMETERS, truth, found, fit.sd, strict=True):
+        digits = 1 if name.startswith("bias") else 6
+        error = "" if sd == 0 else f"{(value - true) / sd:.2f}"
+        rows.append([name, f"{true:.{digits}f}", f"{value:.{digits}f}", f"{sd:.2g}", error])
+    table = Table(["", "truth", "found", "sd", "error/sd"], rows)
+    document = describe_recording([result], written=written, schema="agonic/demo@1")
+    compared = [replace(s, sections=[Section("", [table], printed=True)]) for s in document.sensors]
+    values = {"truth": dict(zip(PARAMETERS, truth, strict=True))}
+    return finish(
+        replace(document, values=values, sensors=compared),
+        page=out / "report.html",
+        as_json=as_json,
+    )

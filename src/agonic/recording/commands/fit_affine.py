@@ -212,15 +212,7 @@ def _run(
 
 def _finish(result: Calibrated, out: Path | None, as_json: bool) -> int:
     """Write the calibration where it can be used, and say what came of it."""
-    from agonic.console.output import print_json, say
-    from agonic.files.calibration import save
-    from agonic.recording.report.record import record
-    from agonic.recording.report.text import summary
+    from agonic.console.finish import finish
+    from agonic.recording.document import describe_sensor
 
-    files = [str(save(result.fit.calibration, out))] if out and result.verdict != "refused" else []
-    if as_json:
-        print_json("agonic/fit@1", record(result, files))
-    else:
-        say(summary([result]))
-        say(f"\nWritten   {files[0]}" if files else "\nNothing was written.")
-    return 0 if result.verdict == "good" else 1
+    return finish(describe_sensor(result), out=out, as_json=as_json)

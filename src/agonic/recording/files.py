@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Compass, Setup
@@ -16,14 +15,7 @@ from agonic.files.calibration import save
 from agonic.files.names import file_stem
 from agonic.files.setup import save_setup
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.report.page import render
-
-
-class Written(NamedTuple):
-    """The files of one sensor, and what its exports do not hold or do."""
-
-    files: list[str]
-    warnings: list[str]
+from agonic.recording.document import Written, describe_recording
 
 
 def write_folder(
@@ -35,11 +27,10 @@ def write_folder(
     """
     make_folder(folder)
     written = {result.samples.name: _sensor_files(result, stack, folder) for result in results}
-    files = {name: of_sensor.files for name, of_sensor in written.items()}
     setup = _setup(results, written, folder)
     page = str(folder / "report.html")
-    write_atomically(page, render(results, title=title, exports=files))
-    return {name: Written([*w.files, *setup, page], w.warnings) for name, w in written.items()}
+    write_atomically(page, describe_recording(results, title=title, written=written).to_html())
+    return {name: w._replace(files=[*w.files, *setup, page]) for name, w in written.items()}
 
 
 def _setup(results: Sequence[Calibrated], written: dict[str, Written], folder: Path) -> list[str]:
@@ -71,14 +62,14 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
         stale = f"{', '.join(sorted(old))}: of an earlier run, not of this report"
         return Written([], [stale] if old else [])
     calibration = result.fit.calibration
-    written = Written([str(save(calibration, stem.with_suffix(".json")))], [])
+    files, warnings = [str(save(calibration, stem.with_suffix(".json")))], []
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
     for target in ("c", *autopilot):
         try:
             export = write_target(target, calibration, stem.with_suffix(TARGETS[target].suffix))
         except UnitError as error:  # raw units have no place in an autopilot
-            written.warnings.append(f"no export for {target}: {error}")
+            warnings.append(f"no export for {target}: {error}")
             continue
-        written.files.append(str(export.path))
-        written.warnings.extend(f"{export.path.name}: {text}" for text in export.warnings)
-    return written
+        files.append(str(export.path))
+        warnings += [f"{export.path.name}: {text}" for text in export.warnings]
+    return Written(files, warnings)

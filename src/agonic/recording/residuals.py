@@ -54,7 +54,7 @@ class Residuals:
         return f"The largest is {value}, towards ({x}, {y}, {z})."
 
 
-def residuals_of(result: Calibrated) -> Residuals:
+def compute_residuals(result: Calibrated) -> Residuals:
     """The residuals of the fit, worked out again where it kept none (a fit from moments)."""
     fit = result.fit
     values = _distances(result) if fit.residuals is None else fit.residuals
@@ -68,7 +68,7 @@ def residuals_of(result: Calibrated) -> Residuals:
     )
 
 
-def parted(result: Calibrated) -> Mask | None:
+def find_held_out(result: Calibrated) -> Mask | None:
     """The rows held out of the fit (n,) where they are a part of it; `None` where every reading
     was judged in its turn, by a fit to others, and where the readings are others altogether."""
     held_out, weights = result.verification.held_out, result.fit.weights
@@ -78,16 +78,15 @@ def parted(result: Calibrated) -> Mask | None:
     return None if held_out[counted].all() else held_out
 
 
-def level(result: Calibrated) -> float:
+def find_level(result: Calibrated) -> float:
     """The magnitude that the calibrated readings lie around, in the unit of the field."""
     return result.fit.calibration.magnitude or float(np.mean(result.verification.magnitude_after))
 
 
 def _distances(result: Calibrated) -> Array:
     calibration = result.fit.calibration
-    return magnitude_residual(result.cleaned, calibration.bias, calibration.matrix, level(result))[
-        0
-    ]
+    level = find_level(result)
+    return magnitude_residual(result.cleaned, calibration.bias, calibration.matrix, level)[0]
 
 
 def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.maths.equation.coverage import icosphere
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.report.residuals import Residuals, level
+from agonic.recording.residuals import Residuals, find_level
 
 MOST_POINTS = 50_000
 """Points that a report holds, over all its sensors; more are thinned evenly."""
@@ -20,12 +20,12 @@ _REACH = 4.0  # in radii: what lies farther is drawn there, so that one stray co
 _STEPS = 32767  # of an int16
 
 
-def corners() -> list[float]:
+def list_corners() -> list[float]:
     """The corners of the 80 cells, nine numbers a cell."""
     return [float(v) for v in icosphere()[1].round(4).ravel()]
 
 
-def sphere_data(result: Calibrated, residuals: Residuals, most: int) -> dict[str, Any]:
+def pack_sphere(result: Calibrated, residuals: Residuals, most: int) -> dict[str, Any]:
     """All that the page's script needs to draw one sensor.
 
     Points are raw − bias as base64 int16 in `step`s of raw units; `matrix` turns them into the
@@ -33,9 +33,9 @@ def sphere_data(result: Calibrated, residuals: Residuals, most: int) -> dict[str
     `levelRaw` before and `level` after; `counts` and `means` (null where few) are per cell.
     """
     calibration = result.fit.calibration
-    centred = (result.cleaned - calibration.bias)[thinned(len(result.samples), most)]
+    centred = (result.cleaned - calibration.bias)[thin(len(result.samples), most)]
     radius = float(np.median(np.linalg.norm(centred, axis=1))) or 1.0
-    points, step = _quantised(centred, radius)
+    points, step = _quantise(centred, radius)
     return {
         "points": base64.b64encode(points.tobytes()).decode(),
         "step": step,
@@ -43,20 +43,20 @@ def sphere_data(result: Calibrated, residuals: Residuals, most: int) -> dict[str
         "bias": calibration.bias.tolist(),
         "matrix": calibration.matrix.ravel().tolist(),
         "levelRaw": float(np.mean(np.linalg.norm(centred + calibration.bias, axis=1))),
-        "level": level(result),
-        "deviation": deviation_limit(result),
+        "level": find_level(result),
+        "deviation": find_deviation_limit(result),
         "counts": result.fit.coverage.cells.tolist(),
         "means": [None if np.isnan(m) else float(m) for m in residuals.means],
         "meanLimit": residuals.mean_limit,
     }
 
 
-def thinned(n: int, most: int) -> NDArray[np.int64]:
+def thin(n: int, most: int) -> NDArray[np.int64]:
     """Rows that are shown: all, or `most` of them evenly."""
     return np.linspace(0, n, min(n, most), endpoint=False).astype(np.int64)
 
 
-def deviation_limit(result: Calibrated) -> float:
+def find_deviation_limit(result: Calibrated) -> float:
     """The relative deviation of the magnitude at which colour is full, to one digit.
 
     It covers 98 % of the readings before the correction, and is the same before and after.
@@ -68,14 +68,14 @@ def deviation_limit(result: Calibrated) -> float:
     return float(np.ceil(reach / power) * power)
 
 
-def coverage_words(result: Calibrated) -> str:
+def describe_coverage(result: Calibrated) -> str:
     """How many of the 80 cells were visited."""
     cells = result.fit.coverage.cells
     visited = int(np.count_nonzero(cells))
     return f"{visited} of {len(cells)} directions were visited"
 
 
-def _quantised(centred: Array, radius: float) -> tuple[NDArray[np.int16], float]:
+def _quantise(centred: Array, radius: float) -> tuple[NDArray[np.int16], float]:
     size = np.linalg.norm(centred, axis=1, keepdims=True)
     inside = centred * np.minimum(1.0, _REACH * radius / np.maximum(size, radius))
     step = max(float(np.abs(inside).max()), radius) / _STEPS

@@ -1,0 +1,299 @@
+"""What is said and shown of a calibrated recording: its page, its text and its JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.recording import figures, sphere
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.choice import describe_latency
+from agonic.recording.quantities import ADDED, Group, list_quantities, mixes_sensors
+from agonic.recording.residuals import compute_residuals, find_held_out
+from agonic.recording.tables import describe_method, list_numbers
+from agonic.recording.values import FIELDS, list_values
+from agonic.report import tables
+from agonic.report.digits import counted, degrees, grouped, percent, quantity, with_sd
+from agonic.report.document import Block, Document, Section, Table
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup, element
+from agonic.report.verdict import MEANINGS, WHEN_GOOD, moves, sentence
+
+SUMMARY = (
+    "Sensor",
+    "Verdict",
+    "Readings",
+    "Spread of magnitude",
+    "Heading standard error",
+    "Noise",
+)
+LABELS = {"current_A": "Current", "throttle": "Throttle"}
+
+_MOST_LINES = 2  # of a sentence, so that three sensors fit on a screen of 24 lines
+
+
+class Written(NamedTuple):
+    """The files of one sensor, and what its exports do not hold or do."""
+
+    files: list[str]
+    warnings: list[str]
+
+
+def render(
+    results: Sequence[Calibrated],
+    *,
+    title: str,
+    exports: Mapping[str, Sequence[str]] | None = None,
+) -> str:
+    """The report of every calibrated magnetometer of a log, as one self-contained HTML page.
+
+    Parameters
+    ----------
+    results : one per sensor, in the order they are shown.
+    title : what the report is about, usually the name of the log.
+    exports : the files written for each sensor, by its name.
+
+    Returns the page: no network, dark and light, made for screens from 360 px and for A4.
+
+    >>> render([], title="<log>").count("&lt;log&gt;")
+    2
+    """
+    written = {name: Written([*files], []) for name, files in (exports or {}).items()}
+    return describe_recording(results, title=title, written=written).to_html()
+
+
+def describe_recording(
+    results: Sequence[Calibrated],
+    *,
+    title: str = "",
+    written: Mapping[str, Written] | None = None,
+    failures: Iterable[tuple[str, str]] = (),
+    schema: str = "agonic/calibrate@1",
+) -> Document:
+    """What is said and shown of every magnetometer of a log.
+
+    Parameters
+    ----------
+    results, title : as in `render`. written : the files of each sensor, by its name.
+    failures : the names of sensors that could not be fitted at all, and why. schema : of the JSON.
+
+    Its text is made for a screen: at most 7 lines for each of several sensors, and a line more for
+    a latency, each source on board, and each warning.
+
+    >>> describe_recording([]).to_text()
+    'No magnetometer was found in the log.'
+    """
+    alone, most = len(results) == 1, sphere.MOST_POINTS // max(len(results), 1)
+    sensors = [
+        describe_sensor(
+            result,
+            (written or {}).get(result.samples.name),
+            number=k,
+            alone=alone,
+            most=most,
+        )
+        for k, result in enumerate(results, start=1)
+    ]
+    sensors += [_describe_failure(*failure) for failure in failures]
+    rows = [_summarise(k, result) for k, result in enumerate(results, start=1)]
+    return Document(
+        schema=schema,
+        kind="Magnetometer calibration",
+        name=title,
+        status="" if sensors else "No magnetometer was found in the log.",
+        sections=[Section("", [Table(SUMMARY, rows, style="summary")])] if len(rows) > 1 else (),
+        sensors=sensors,
+        scripts=["canvas.js", "sphere.js"],
+        data={"icosphere": sphere.list_corners},
+    )
+
+
+def _summarise(number: int, result: Calibrated) -> list[str]:
+    """A sensor's row of the table at the head of a page with several."""
+    unit = unit_label(result.fit.calibration.unit_in)
+    return [
+        element("a", result.samples.name, href=f"#sensor-{number}"),
+        tables.mark(result.verdict, MEANINGS[result.verdict][0]),
+        grouped(result.fit.n),
+        tables.spread(result.verification),
+        degrees(result.fit.coverage.heading_sd_deg),
+        quantity(result.fit.noise, unit, 2),
+    ]
+
+
+def _describe_failure(sensor: str, why: str) -> Document:
+    """What is said of a sensor that could not be fitted at all: refused, every figure null."""
+    known = {"sensor": sensor, "verdict": "refused", "status": why}
+    lists = dict.fromkeys(("findings", "checks", "files", "warnings"), ())
+    return Document(
+        name=sensor,
+        verdict="refused",
+        status=why,
+        values=dict.fromkeys(FIELDS) | known | lists,
+    )
+
+
+def describe_sensor(
+    result: Calibrated,
+    written: Written | None = None,
+    *,
+    number: int = 1,
+    alone: bool = True,
+    most: int = sphere.MOST_POINTS,
+    schema: str = "agonic/fit@1",
+) -> Document:
+    """What is said and shown of one sensor.
+
+    `number` counts the sensors of a page, on which `most` points are drawn of this one; of a sensor
+    `alone`, the text says why the method was chosen.
+    """
+    fit, calibration = result.fit, result.fit.calibration
+    files, warnings = written or ([], [])
+    residuals = cache(lambda: compute_residuals(result))
+    return Document(
+        schema=schema,
+        name=result.samples.name,
+        method=f"{result.method}, {calibration.model} model, {grouped(fit.n)} readings",
+        verdict=result.verdict,
+        status=sentence(result.status),
+        findings=fit.findings,
+        move=choose_move(result),
+        remarks=warnings,
+        key_figures=_list_key_figures(result),
+        entries=_list_entries(result, alone),
+        entries_title="",
+        refused_numbers=True,
+        most_lines=_MOST_LINES,
+        sections=[
+            Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
+            Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
+            Section(
+                "Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]
+            ),
+            Section(
+                "Verification",
+                [_describe_held_out(result), lambda: tables.checks(result.verification)],
+            ),
+            Section("Method and model", [lambda: describe_method(result)]),
+            Section("Coverage", _describe_coverage(result)),
+            Section("Exports", [_list_files(files)]),
+        ],
+        values=list_values(result, files, warnings),
+        calibration=calibration,
+        samples=result.samples,
+        data={f"sensor-{number}-data": lambda: sphere.pack_sphere(result, residuals(), most)},
+    )
+
+
+def choose_move(result: Calibrated) -> str:
+    """What to do first: the move of the gravest finding, or of the first check that failed."""
+    if result.verdict == "good":
+        return WHEN_GOOD
+    failed = [check.meaning for check in result.verification.checks if check.passed is False]
+    return next(
+        (m for m in (*moves(result.fit.findings), result.fit.coverage.turns, *failed) if m),
+        result.status,
+    )
+
+
+def _describe_heading(result: Calibrated) -> tuple[str, str]:
+    """The standard error of a heading, and where it holds."""
+    coverage = result.fit.coverage
+    place = f"at {grouped(coverage.inclination_deg)}° inclination"
+    return degrees(coverage.heading_sd_deg), place
+
+
+def _list_key_figures(result: Calibrated) -> list[tuple[str, str, str]]:
+    """The four numbers to look at first."""
+    fit, cells = result.fit, result.fit.coverage.cells
+    heading, place = _describe_heading(result)
+    noise = quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)
+    return [
+        (SUMMARY[3], tables.spread(result.verification), "held out, before → after"),
+        (SUMMARY[4], heading, f"level, {place}"),
+        (SUMMARY[5], noise, "one reading on one axis"),
+        (
+            "Coverage",
+            f"{np.count_nonzero(cells)} of {len(cells)}",
+            f"directions, from {counted(fit.n, 'reading')}",
+        ),
+    ]
+
+
+def _list_entries(result: Calibrated, alone: bool) -> dict[str, str]:
+    """The lines of the text: numbers, what is beside them, and the next move."""
+    fit = result.fit
+    heading, place = _describe_heading(result)
+    first, *others = list_quantities(result)  # the bias, or the constant of a mix
+    entries = {
+        first.name: _join_numbers(first),
+        "Spread": f"{tables.spread(result.verification)}   heading standard error {heading} "
+        f"{place}   noise {quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)}",
+    }
+    if result.verdict != "refused":
+        if result.latency is not None:
+            entries["Latency"] = describe_latency(result.latency)
+        for group in others:
+            if group.name.startswith(ADDED):
+                name = group.name.removeprefix(ADDED)
+                entries[LABELS.get(name, name)] = f"{_join_numbers(group)} ({name})"
+    if alone:
+        entries["Method"] = f"{result.method}: {result.reason}"
+    return entries | {"Next": sentence(choose_move(result))}
+
+
+def _join_numbers(group: Group) -> str:
+    """The numbers of a group in a line."""
+    numbers = "   ".join(f"{q.name} {with_sd(q.value, q.sd)}" for q in group.rows)
+    return f"{numbers} {group.unit}"
+
+
+def _explain_numbers(result: Calibrated) -> Markup:
+    logged = result.samples.logged
+    if mixes_sensors(result.fit.calibration):
+        text = (
+            "field = weights @ readings + weights of the second @ its readings + constant. In such "
+            "a mix neither sensor has a bias or scale factors of its own."
+        )
+    elif logged is None:
+        text = "The log holds no earlier correction to compare with."
+    else:
+        text = (
+            f"“In the log” is the correction found there ({logged.source}). It was taken out of "
+            "the readings before this calibration was made."
+        )
+    return element("p", text, " ± is one standard error.", class_="aside")
+
+
+def _describe_held_out(result: Calibrated) -> Markup:
+    held_out = result.verification.held_out
+    if held_out is None:
+        text = "Checked on other readings than the fit has seen."
+    elif find_held_out(result) is None:
+        text = (
+            f"Each of {counted(int(held_out.sum()), 'reading')} was judged by a fit to other parts "
+            "of the log, which had not seen it."
+        )
+    else:
+        text = f"Checked on {counted(int(held_out.sum()), 'reading')} held out of the fit."
+    return element("p", text, class_="aside")
+
+
+def _describe_coverage(result: Calibrated) -> list[Block]:
+    """Which directions were seen, and which orientations are missing."""
+    coverage = result.fit.coverage
+    seen = f"{sphere.describe_coverage(result)} ({percent(coverage.filled)})."
+    if result.verdict == "good":
+        return [seen, "No further turns are needed."]
+    if not coverage.turns:
+        return [seen]
+    return [seen, element("p", element("strong", "Turns to add: "), sentence(coverage.turns))]
+
+
+def _list_files(files: Sequence[str]) -> Markup:
+    if not files:
+        return element("p", "No files were written.")
+    return element("ul", *(element("li", element("code", name)) for name in files))

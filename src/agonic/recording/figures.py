@@ -1,0 +1,195 @@
+"""Figures of one calibrated sensor: spheres before and after, magnitude, residuals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.residuals import FEWEST, Residuals, find_held_out
+from agonic.recording.sphere import describe_coverage, find_deviation_limit
+from agonic.report.digits import counted, grouped, percent, quantity
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup, element
+from agonic.report.strips import (
+    Axis,
+    Columns,
+    arrows,
+    beyond_words,
+    captioned,
+    down,
+    level,
+    line,
+    marked,
+    path,
+    plot,
+    points,
+    right,
+    spread,
+)
+from agonic.report.time_axis import along_rows
+
+TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys; Home turns back."
+
+
+def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
+    """Two canvases that turn together, with what they show in words; `most` points are drawn."""
+    n, verification = len(result.samples), result.verification
+    limit = percent(find_deviation_limit(result))
+    drawn = f"{grouped(most)} of {grouped(n)} readings are drawn, evenly chosen."
+    return [
+        element(
+            "div",
+            _draw_sphere(
+                "before",
+                f"Raw readings, whose magnitude spreads by {percent(verification.spread_before)}.",
+                "Before: readings as logged, the bias in the middle; the cross is where a reading "
+                "of zero lies.",
+            ),
+            _draw_sphere(
+                "after",
+                "Calibrated readings, whose magnitude spreads by "
+                f"{percent(verification.spread_after)}; {describe_coverage(result)}.",
+                "After: the calibrated field and the 80 directions; those never seen are red.",
+            ),
+            class_="pair",
+        ),
+        element(
+            "p",
+            element("span", f"−{limit} "),
+            element("i", class_="ramp"),
+            element("span", f" +{limit}"),
+            " magnitude against its mean, in the same colours before and after",
+            class_="legend",
+        ),
+        element(
+            "p",
+            f"All {grouped(n)} readings are drawn." if n <= most else drawn,
+            " ",
+            element("span", TURNING, class_="screen-only"),
+            class_="aside",
+        ),
+    ]
+
+
+def _draw_sphere(part: str, shows: str, caption: str, **attributes: str) -> Markup:
+    canvas = element(
+        "canvas",
+        shows,
+        data_part=part,
+        tabindex=0,
+        role="img",
+        aria_label=f"{shows} Arrow keys turn it.",
+    )
+    return element("figure", canvas, element("figcaption", caption), **attributes)
+
+
+def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
+    """The magnitude over time; residuals over time, as a histogram and over the sphere."""
+    noise = quantity(residuals.noise, residuals.unit, 2)
+    strips = [_caption_strip(result, residuals, "Residuals over time", f"± noise, {noise}")]
+    for kind, channel in result.fit.channels.items():
+        if kind != "magnitude":  # what the attitude gives: how far from its dip and its azimuth
+            own = replace(residuals, values=channel.residuals, noise=channel.noise)
+            scatter = quantity(channel.noise, residuals.unit, 2)
+            words = f"± scatter, {scatter}: the sensor’s noise and the attitude’s"
+            strips.append(_caption_strip(result, own, f"Residuals of the {kind} over time", words))
+    doubted = int(np.sum(residuals.weights < 0.5))
+    histogram = captioned(
+        "Histogram of residuals",
+        draw_histogram(residuals),
+        {"bars": "readings", "normal": f"normal curve of the noise, {noise}"},
+        f"{counted(doubted, 'reading')} {'counts' if doubted == 1 else 'count'} less than half in "
+        "the fit.",
+    )
+    shows = f"Mean residual of each direction. {residuals.worst}"
+    sphere = _draw_sphere(
+        "residuals",
+        shows,
+        f"{shows} Near half and far half of the sphere; full colour at "
+        f"±{quantity(residuals.mean_limit, residuals.unit, 2)}, "
+        f"blank with fewer than {FEWEST} readings.",
+        class_="wide",
+    )
+    keys = {"before": "before", "after": "after the correction"}
+    return [
+        captioned("Magnitude over time", draw_magnitude(result), keys),
+        *strips,
+        element("div", histogram, sphere, class_="pair"),
+    ]
+
+
+def _caption_strip(result: Calibrated, residuals: Residuals, name: str, noise: str) -> Markup:
+    """Residuals over time, with the words of its colours; `noise` are those of its lines."""
+    keys = {"range": "least to largest", "mean": "mean, weighted as in the fit", "noise": noise}
+    if find_held_out(result) is not None:
+        keys["held-out"] = "held out of the fit"
+    beyond = beyond_words(residuals.values, residuals.limit, residuals.unit)
+    return captioned(name, draw_strip(result, residuals), keys, beyond)
+
+
+def draw_strip(result: Calibrated, residuals: Residuals) -> Markup:
+    """Residuals over time with lines at the stated noise, and a bar under what was held out."""
+    limit = residuals.limit
+    x, along = along_rows(result.samples.time, np.arange(len(result.samples)))
+    y = Axis(f"residual, {residuals.unit}", -limit, limit)
+    columns = Columns(x, along)
+    layers = [
+        spread(columns, y, residuals.values, "range"),
+        line(columns, y, columns.mean(residuals.values, residuals.weights), "mean"),
+        *(level(y, at * residuals.noise, "noise") for at in (-1.0, 1.0)),
+    ]
+    held_out = find_held_out(result)
+    if held_out is not None:
+        layers.append(marked(columns, held_out, "held-out"))
+    label = f"Residuals between −{limit:.3g} and +{limit:.3g} over time"
+    return plot(x, y, layers, label, arrows(columns, y, residuals.values))
+
+
+def draw_histogram(residuals: Residuals, bins: int = 60) -> Markup:
+    """How often each residual occurs, with the normal curve of the stated noise."""
+    limit = residuals.limit
+    counts, edges = np.histogram(residuals.values, bins=bins, range=(-limit, limit))
+    at = np.linspace(-limit, limit, 201)
+    expected = len(residuals.values) * (edges[1] - edges[0]) * _normal(at, residuals.noise)
+    x = Axis(f"residual, {residuals.unit}", -limit, limit)
+    y = Axis("readings", 0.0, 1.05 * float(max(counts.max(), expected.max(), 1.0)))
+    steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)
+    layers = [
+        path(f"M0 1000L{points(*steps)}L1000 1000Z", "bars"),
+        path(f"M{points(right(x, at), down(y, expected))}", "normal"),
+    ]
+    return plot(x, y, layers, "Histogram of residuals with the normal curve of the stated noise")
+
+
+def _normal(at: Array, sd: float) -> Array:
+    """The normal density; nothing where there is no noise."""
+    if sd == 0.0:
+        return np.zeros_like(at)
+    return np.asarray(np.exp(-0.5 * (at / sd) ** 2) / (sd * np.sqrt(2 * np.pi)))
+
+
+def draw_magnitude(result: Calibrated) -> Markup:
+    """The magnitude of the field over time, before and after the correction.
+
+    The axis holds what counted in the fit; of the rest, arrows say where it lies beyond.
+    """
+    before, after = result.verification.magnitude_before, result.verification.magnitude_after
+    weights = result.fit.weights
+    counted = np.ones(len(before), dtype=bool) if weights is None else weights > 0
+    if not counted.any():
+        counted[:] = True
+    both = np.concatenate([before[counted], after[counted]])
+    low, high = (float(v) for v in np.percentile(both, (0.25, 99.75)))
+    reach = 0.25 * (high - low)  # so that noise is not cut off, and strays still are
+    low, high = max(low - reach, float(both.min())), min(high + reach, float(both.max()))
+    margin = max(0.05 * (high - low), 1e-6 * abs(high), 1e-9)
+    x, along = along_rows(result.samples.time, np.arange(len(result.samples)))
+    unit = unit_label(result.fit.calibration.unit_out)
+    y = Axis(f"magnitude, {unit}", low - margin, high + margin)
+    columns = Columns(x, along)
+    layers = [spread(columns, y, before, "before"), spread(columns, y, after, "after")]
+    words = "Magnitude of the field over time, before and after"
+    return plot(x, y, layers, words, arrows(columns, y, after))

@@ -1,0 +1,82 @@
+"""What the JSON of a calibrated recording says of one sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from agonic.arrays import Array
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
+from agonic.recording.calibrated import Calibrated
+
+_VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
+    "sensor": lambda result: result.samples.name,
+    "method": lambda result: result.method,
+    "reason": lambda result: result.reason,
+    "model": lambda result: result.fit.calibration.model,
+    "verdict": lambda result: result.verdict,
+    "status": lambda result: result.status,
+    "n": lambda result: result.fit.n,
+    "unit": lambda result: result.fit.calibration.unit_in,
+    "bias_nT": lambda result: _if_nT(result, result.fit.calibration.bias),
+    "bias_sd_nT": lambda result: _if_nT(result, result.fit.sd[:3]),
+    "bias": lambda result: result.fit.calibration.bias,
+    "bias_sd": lambda result: result.fit.sd[:3],
+    "matrix": lambda result: result.fit.calibration.matrix,
+    "matrix_sd": lambda result: result.fit.sd[3 : _count_affine(result.fit.calibration)],
+    "gauge": lambda result: result.fit.calibration.gauge,
+    "sources": lambda result: getattr(result.fit.calibration, "sources", None),
+    "coefficients": lambda result: getattr(result.fit.calibration, "coefficients", None),
+    "coefficients_sd": lambda result: _coefficients_sd(result),
+    "second_sensor": lambda result: getattr(result.fit.calibration, "second_sensor", None),
+    "latency_s": lambda result: result.latency.latency_s if result.latency else None,
+    "latency_sd_s": lambda result: result.latency.sd_s if result.latency else None,
+    "magnitude": lambda result: result.fit.calibration.magnitude,
+    "noise_nT": lambda result: _if_nT(result, result.fit.noise),
+    "noise": lambda result: result.fit.noise,
+    "correlation": lambda result: result.fit.correlation,
+    "spread_before": lambda result: result.verification.spread_before,
+    "spread_after": lambda result: result.verification.spread_after,
+    "residual_rms_nT": lambda result: (
+        result.verification.residual_rms if result.fit.calibration.unit_out == "nT" else None
+    ),
+    "heading_sd_deg": lambda result: result.fit.coverage.heading_sd_deg,
+    "inclination_deg": lambda result: result.fit.coverage.inclination_deg,
+    "coverage": lambda result: result.fit.coverage.filled,
+    "findings": lambda result: [asdict(finding) for finding in result.fit.findings],
+    "checks": lambda result: [asdict(check) for check in result.verification.checks],
+}
+"""What is said of a sensor, by its key.
+
+`bias_nT` and the like are null where the readings are in raw units; `bias`, `bias_sd`, `noise` and
+`unit` are always there. `matrix_sd` are the standard errors of xx, yy, zz, xy, xz, yz, in the gauge
+free of yx, zx, zy as well. `coefficients` (3, k) are what a unit of each signal of the `sources`
+adds to the readings; null without any. `latency_s` is null where none was found.
+"""
+
+FIELDS = (*_VALUES, "files", "warnings")
+"""The keys of a sensor, kept stable."""
+
+
+def list_values(
+    result: Calibrated, files: Sequence[str] = (), warnings: Sequence[str] = ()
+) -> dict[str, Any]:
+    """What `agonic calibrate --json` says of one sensor; all of `FIELDS`."""
+    values = {name: find(result) for name, find in _VALUES.items()}
+    return values | {"files": list(files), "warnings": list(warnings)}
+
+
+def _if_nT(result: Calibrated, value: Any) -> Any:
+    """A value in the unit of the readings, where that is nanotesla."""
+    return value if result.fit.calibration.unit_in == "nT" else None
+
+
+def _count_affine(calibration: Affine) -> int:
+    """How many parameters stand before the coefficients of sources."""
+    return len(FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS)
+
+
+def _coefficients_sd(result: Calibrated) -> Array | None:
+    sd = result.fit.sd[_count_affine(result.fit.calibration) :]
+    return sd.reshape(3, -1) if len(sd) else None
