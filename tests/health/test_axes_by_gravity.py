@@ -114,7 +114,7 @@ def test_no_alarm_where_the_vehicle_manoeuvres() -> None:
             checked += fit.verdict != "refused"
             told_now = check_by_gravity(fit, samples, None)
             assert "axes" not in [finding.name for finding in told_now.findings]
-    assert checked > 8
+    assert checked >= 8
 
 
 def test_no_alarm_where_the_turning_does_not_determine_it() -> None:

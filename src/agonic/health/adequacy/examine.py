@@ -29,7 +29,7 @@ CAUSES: dict[str, tuple[str, str]] = {
         "readings are late where the sensor turns fast",
         "turn it slowly, or take the delay out (agonic fit latency)",
     ),
-    "hysteresis": (
+    "memory": (
         "readings depend on those before them (hysteresis, or iron that is magnetised)",
         "take soft iron away from the sensor, or demagnetise it",
     ),

@@ -15,6 +15,8 @@ from agonic.maths.estimation.score_test import Linearised, batches_of
 
 MOST_ROWS, BLOCK = 20_000, 200
 FEWEST_ROWS = 60
+WORST_CONDITION = 1e12
+"""Of the information over the scales: beyond it the fit itself is undetermined."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,6 +116,8 @@ def prepare(fitted: Fitted) -> Work | None:
         fitted.prior * np.outer(scale, scale),
         batches_of(len(rows), fitted.correlation),
     )
+    if np.linalg.cond(linear.information) > WORST_CONDITION:
+        return None
     blurred = (feet + blur) / radius
     return Work(fitted, rows, normals, feet / radius, blurred, radius, scale, onto, linear)
 

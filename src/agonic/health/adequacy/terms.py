@@ -63,7 +63,7 @@ def _causes(work: Work) -> Iterator[_Cause]:
     yield _cause(work, "non-linear", unmodelled.non_linearity, static=True)
     yield _cause(work, "compressed", unmodelled.compression, static=True)
     yield _cause(work, "late", lambda x: unmodelled.lag(x, apart))
-    yield _cause(work, "hysteresis", lambda x: unmodelled.memory(x - centre))
+    yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
     yield _cause(work, "bias drift", lambda x: unmodelled.drift(t), moved=False)
     yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
     yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)

@@ -24,7 +24,7 @@ from scipy.special import fdtrc
 from agonic.arrays import Array, Index
 
 FEWEST_BATCHES, MOST_BATCHES = 24, 200
-SEEN = 2.0
+SEEN = 4.0
 """A combination of columns must stand out of its own noise by this factor to be tested."""
 
 
