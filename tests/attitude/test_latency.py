@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
@@ -243,3 +244,36 @@ def test_fitted_and_undone_nothing_is_left() -> None:
     again = fit_latency(undelayed(samples, fit_latency(samples).latency_s))
     assert abs(again.latency_s) < 3 * again.sd_s
     assert not again.significant
+
+
+@pytest.mark.parametrize(("kind", "attitude_deg"), [("car", 0.0), ("boat", 0.3), ("flight", 0.3)])
+def test_on_time_is_not_called_late(kind: str, attitude_deg: float) -> None:
+    """A car's few gentle turns, and attitudes whose errors last for seconds."""
+    z = []
+    for seed in range(12):
+        samples = simulate(kind, n=2500, seed=seed).samples
+        noise = np.random.default_rng(seed).standard_normal((3000, 3))
+        error = attitude_deg * lfilter([np.sqrt(1 - 0.99**2)], [1, -0.99], noise, axis=0)[500:]
+        roll, pitch, heading = error.T
+        fit = fit_latency(
+            samples.with_columns(
+                roll_deg=samples.roll_deg + roll,
+                pitch_deg=samples.pitch_deg + pitch,
+                heading_deg=samples.heading_deg + heading,
+            )
+        )
+        assert not fit.significant
+        z.append(fit.latency_s / fit.sd_s)
+    assert np.sqrt(np.mean(np.square(z))) < 1.3
+
+
+def test_a_car_without_noise_is_on_time() -> None:
+    """What is left out as too small to see must be smaller than the noise, not than the field."""
+    fit = fit_latency(simulate("car", n=3000, seed=7, noise=0.0).samples)
+    assert 1000 * abs(fit.latency_s) < 3.0
+
+
+def test_a_dead_magnetometer_tells_no_latency() -> None:
+    samples = simulate("hand", n=2000, seed=1).samples
+    fit = fit_latency(samples.with_columns(field=np.zeros((2000, 3))))
+    assert (fit.known, fit.significant) == (False, False)

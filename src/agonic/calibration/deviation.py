@@ -7,11 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from agonic.arrays import Array
 from agonic.calibration.base import read_only
 from agonic.errors import AgonicError
+from agonic.maths.estimation.student import compute_widening
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.provenance import Provenance
@@ -194,7 +195,7 @@ class Deviation:
     @property
     def _widening(self) -> float:
         """How much wider the interval of 95 % is than with a noise that is known."""
-        return 1.0 if self.freedom is None else self._quantile(0.95) / float(ndtri(0.975))
+        return 1.0 if self.freedom is None else compute_widening(max(self.freedom, 1.0))
 
     @property
     def least_turn(self) -> float:

@@ -18,14 +18,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from agonic.arrays import Array, Index
+from agonic.attitude.maths.score_variance import compute_score_variance
 from agonic.maths.estimation.leastsq import MAD_TO_SD, tukey
 from agonic.maths.rotations.attitude import integrate_rates
 
-_SUPPORTED = 1e-6  # part of a stretch's largest mean square that a regressor has to have
+_SUPPORTED = 1e-8  # part of a stretch's largest mean square; 5 nT of 50 000 are below the noise
 _MEDIAN_NORM = 1.5382  # median length of three Gaussian numbers, √(median of χ²₃)
 _FEWEST = 30  # rows of a stretch, for ten regressors
 _SCAN_S = 0.02  # a hand's fastest motion takes ten times as long
 _SCAN_ROWS = 4000
+_SHRUNK = 3.0  # variances of the noise, one an axis: what noise alone fits is not motion
 _BLOCKS = 40
 _ITERATIONS = 20
 _SETTLED = 0.05  # of a standard error
@@ -168,7 +170,7 @@ def _concluded(record: Record, path: Path, latency: float, weights: Array) -> Es
         there = _standardised(near.residuals, slope, weights, noise)
         scores.append(float((trust * there[0] * there[1]).sum()))
     curvature = (scores[0] - scores[1]) / (2 * half)
-    scatter = _scatter(z, trust * fall)
+    scatter = compute_score_variance(z, fall, trust)
     sd = np.sqrt(scatter) / curvature if curvature > 0 else np.inf
     none = _projected(record, path, 0.0, weights).residuals
     counted = int((weights * trust[:, 0] > 0).sum())
@@ -200,26 +202,6 @@ def _trusted(z: Array, fall: Array) -> Array:
     return np.repeat(weights, [len(rows) for rows in blocks])[:, None]
 
 
-def _scatter(z: Array, fall: Array) -> float:
-    """The variance of Σ s, s = J·z: Σ s² (1 + 2 Σ_k ρ_k c_k), lags up to where ρ is lost in noise.
-
-    ρ is the correlation of the residuals and c that of J, which are independent of each other.
-    """
-    rho, along = _correlations(z), _correlations(fall)
-    quiet = np.flatnonzero(rho < 2 / np.sqrt(z.size))
-    last = int(quiet[0]) if len(quiet) else len(rho)
-    scores = (fall * z).sum(axis=1)
-    return float(scores @ scores) * max(1 + 2 * float(rho[1:last] @ along[1:last]), 0.0)
-
-
-def _correlations(rows: Array) -> Array:
-    """Σ_i x_i · x_{i+k} / Σ_i x_i · x_i of rows (n, 3), for k up to a quarter of them."""
-    size = 1 << (2 * len(rows) - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(rows, size, axis=0)) ** 2
-    sums = np.fft.irfft(spectrum.sum(axis=1), size)[: max(len(rows) // 4, 1)]
-    return np.asarray(sums / max(sums[0], 1e-300))
-
-
 def _scanned(record: Record, path: Path, limit_s: float) -> float:
     """The best latency of a coarse grid on some of the rows: Σ n log σ over stretches is least."""
     every = max(1, len(record.time) // _SCAN_ROWS)
@@ -247,7 +229,10 @@ def _projected(record: Record, path: Path, latency: float, weights: Array) -> _P
         basis = x @ scaled
         found = basis.T @ (w * raw)
         residuals[rows] = raw - basis @ found
-        moved = changes[:, rows] @ (scaled @ found)[1:]
+        noise = (w * residuals[rows] ** 2).sum() / max(w.sum() - len(found), 1.0)
+        size = np.maximum((found**2).sum(axis=1, keepdims=True), 1e-300)
+        clear = np.maximum(1.0 - _SHRUNK * noise / size, 0.0)
+        moved = changes[:, rows] @ (scaled @ (clear * found))[1:]
         slopes[:, rows] = moved - basis @ (basis.T @ (w * moved))
     return _Projected(residuals, slopes)
 
@@ -258,7 +243,7 @@ def _weighed(record: Record, residuals: Array) -> tuple[Array, Array]:
     noise = np.empty(len(far))
     for rows in record.stretches():
         noise[rows] = np.median(far[rows]) / _MEDIAN_NORM
-    noise = np.maximum(noise, 1e-9 * np.abs(record.raw).max())
+    noise = np.maximum(noise, max(1e-9 * float(np.abs(record.raw).max()), 1e-150))
     return tukey().weight((far / noise) ** 2 / 3), noise
 
 

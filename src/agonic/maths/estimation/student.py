@@ -1,0 +1,19 @@
+"""Standard errors whose noise few residuals have told: as wide as Student's t has it."""
+
+from __future__ import annotations
+
+from scipy.special import ndtri, stdtrit
+
+
+def compute_widening(freedom: float) -> float:
+    """The interval of 95 % by Student's t over that of a normal distribution, ≥ 1.
+
+    A standard error s of a noise with few degrees of freedom, times this, holds 95 % of all
+    errors within 1.96 of it, as one with a known noise does. NaN without any freedom.
+
+    >>> [round(compute_widening(freedom), 2) for freedom in (1, 3, 30, 1e9)]
+    [6.48, 1.62, 1.04, 1.0]
+    """
+    if not freedom > 0:
+        return float("nan")
+    return float(stdtrit(min(freedom, 1e6), 0.975) / ndtri(0.975))
