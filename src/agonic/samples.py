@@ -263,7 +263,7 @@ def _usable(columns: Mapping[str, Array | None], factor: float) -> tuple[Mask, d
             keep &= finite
         if name in ("field", "second"):
             most = LARGEST_FIELD / max(factor, 1.0)
-            sane = ~(np.abs(values) > most).any(axis=1)
+            sane = np.asarray((np.abs(values) <= most).all(axis=1)) | ~finite
             if not sane[keep].all():
                 rejected[f"{name} beyond what any sensor gives"] = int((keep & ~sane).sum())
                 keep &= sane

@@ -1,4 +1,4 @@
-"""MATLAB files: version 5 to 7.2 with SciPy, version 7.3 with h5py.
+"""MATLAB files: version 5 to 7.2 by `matlab_5`, version 7.3 with h5py.
 
 Variables, and fields of structures, are named as the columns of a table are; see `columns` and
 `arrays`. Recordings of the BROAD data set are known by their variables; see `broad`.
@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from agonic.errors import MissingExtraError
 from agonic.logs import broad
-from agonic.logs.columns import MOST_COLUMNS, refuse_many
+from agonic.logs.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.log import Log
+from agonic.logs.matlab_5 import read_version_5
 from agonic.logs.stacked import build_table
 from agonic.logs.table import build_log
 from agonic.provenance import Input
 
 VERSION_7_3 = b"MATLAB 7.3 MAT-file"
-_HEADER_BYTES = 128
 _DEEPEST = 4
 
 
@@ -30,7 +30,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a MATLAB file is; `unit` is that of the field where no variable names one."""
     with path.open("rb") as stream:
         hdf = stream.read(len(VERSION_7_3)) == VERSION_7_3
-    arrays = _version_7_3(path) if hdf else _version_5(path)
+    arrays = _version_7_3(path) if hdf else _flat(read_version_5(path))
     remarks: tuple[str, ...] = ()
     if broad.is_broad(arrays):
         arrays, remarks = broad.rename_variables(arrays)
@@ -46,43 +46,24 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     )
 
 
-def _version_5(path: Path) -> dict[str, NDArray[Any]]:
-    from scipy.io import loadmat
-
-    refuse_many(_count_version_5(path), "variables")
-    return _flat(loadmat(path, simplify_cells=True))
-
-
-def _count_version_5(path: Path) -> int:
-    """How many variables there are, by going from one element's tag to the next."""
-    count = 0
-    with path.open("rb") as stream:
-        header = stream.read(_HEADER_BYTES)
-        order = ">" if header.endswith(b"MI") else "<"
-        while count <= MOST_COLUMNS and len(tag := stream.read(8)) == 8:
-            stream.seek(int(np.frombuffer(tag, f"{order}u4")[1]), 1)
-            count += 1
-    return count
-
-
 def _version_7_3(path: Path) -> dict[str, NDArray[Any]]:
     try:
         import h5py
     except ImportError:
         raise MissingExtraError("reading a MATLAB 7.3 file", "space") from None
+    check_heaps(path)
     with h5py.File(path, "r") as file:
-        return _flat(_contents(file))
+        return _flat(_contents(file, Budget()))
 
 
-def _contents(group: Any, depth: int = 0) -> dict[str, Any]:
+def _contents(group: Any, budget: Budget, depth: int = 0) -> dict[str, Any]:
     """The numeric data sets of an HDF5 group; MATLAB stores them with their axes reversed."""
-    refuse_many(len(group), "variables")
     contents: dict[str, Any] = {}
-    for name, item in group.items():
+    for name, item in list_items(group).items():
         if hasattr(item, "items"):
-            contents[name] = _contents(item, depth + 1) if depth < _DEEPEST else {}
+            contents[name] = _contents(item, budget, depth + 1) if depth < _DEEPEST else {}
         elif item.dtype.kind in "fiu" and item.attrs.get("MATLAB_class") != b"char":
-            contents[name] = item[()].T
+            contents[name] = budget.values(item).T
     return contents
 
 

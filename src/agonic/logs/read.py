@@ -108,6 +108,8 @@ def _read(kind: Format, file: Path, source: Input, unit: str | None) -> Log:
             log: Log = kind.reader.read(file, source, *given)
     except AgonicError:
         raise
+    except MemoryError as error:
+        raise LogError("reading it takes more memory than there is; cut it") from error
     except Exception as error:  # parsers fail on damaged files in every way there is
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise LogError(f"damaged, or not what it looks like ({reason})") from error

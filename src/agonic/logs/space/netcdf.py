@@ -18,8 +18,8 @@ from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.clock import read_clock
 from agonic.logs.columns import refuse_many
+from agonic.logs.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.log import Log
-from agonic.logs.space.hdf5 import check_heaps
 from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input
 
@@ -30,7 +30,7 @@ _SECONDS = {"d": 86_400.0, "h": 3600.0, "mi": 60.0, "s": 1.0, "ms": 1e-3, "us": 
 _SPELLED = {"mil": "ms", "msec": "ms", "mic": "us", "usec": "us", "n": "ns", "min": "mi"}
 _ATTRIBUTES = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value")
 _DIMENSION = b"This is a netCDF dimension but not a netCDF variable"
-_MOST_BYTES = 4_000_000_000
+_LONGEST, _LONGEST_TEXT = 65_536, 200  # bytes of an attribute, letters of a text
 _MOST_EXTENT_S = 1e11
 
 Found = tuple[NDArray[Any], Mapping[str, Any]]
@@ -71,16 +71,18 @@ def _version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
     found: dict[str, Found] = {}
     notes: list[str] = []
     with h5py.File(path, "r") as file:
-        items = dict(file.items())
+        items, budget = list_items(file), Budget()
         for group in [name for name, item in items.items() if isinstance(item, h5py.Group)]:
-            items |= {f"{group}.{name}": item for name, item in items.pop(group).items()}
+            items |= {
+                f"{group}.{name}": item for name, item in list_items(items.pop(group)).items()
+            }
         refuse_many(len(items), "variables")
         for name, item in items.items():
-            if isinstance(name, bytes):
-                continue  # its name is no text: it is damaged
             try:
                 if isinstance(item, h5py.Dataset) and 1 <= item.ndim <= 2 and _is_variable(item):
-                    found[str(name)] = np.asarray(item[()]), _attributes(item.attrs)
+                    found[name] = budget.values(item), _attributes(item.attrs)
+            except LogError as error:
+                notes.append(str(error))
             except Exception as error:
                 notes.append(f"{name} cannot be read ({type(error).__name__}): it is damaged")
     return found, notes
@@ -91,19 +93,25 @@ def _attributes(given: Any) -> dict[str, Any]:
 
     HDF5 does not survive damaged ones of other kinds that have no fixed length.
     """
-    types = {key: given.get_id(key).dtype for key in _ATTRIBUTES if key in given}
+    known = {key: given.get_id(key) for key in _ATTRIBUTES if key in given}
     return {
-        key: given[key]
-        for key, kind in types.items()
-        if kind.kind != "O" or (kind.metadata or {}).get("vlen") is str
+        key: _shorten(given[key])
+        for key, one in known.items()
+        if np.prod(one.shape, dtype=np.float64) * max(one.dtype.itemsize, 1) <= _LONGEST
+        and (one.dtype.kind != "O" or (one.dtype.metadata or {}).get("vlen") is str)
     }
 
 
+def _shorten(value: Any) -> Any:
+    """An attribute; a text no longer than a unit may be."""
+    return value[:_LONGEST_TEXT] if isinstance(value, str | bytes) else value
+
+
 def _is_variable(item: Any) -> bool:
-    """Not a mere dimension, and not larger than memory."""
+    """Not a mere dimension."""
     named = "NAME" in item.attrs and item.attrs.get_id("NAME").dtype.kind == "S"
     mere = named and item.attrs["NAME"].startswith(_DIMENSION)
-    return not mere and int(np.prod(item.shape, dtype=np.float64)) * 8 < _MOST_BYTES
+    return not mere
 
 
 def _version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
@@ -111,7 +119,10 @@ def _version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
 
     with netcdf_file(path, "r", mmap=False) as file:
         return {
-            name: (np.array(variable.data), dict(vars(variable)["_attributes"]))
+            name: (
+                np.array(variable.data),
+                {k: _shorten(v) for k, v in vars(variable)["_attributes"].items()},
+            )
             for name, variable in file.variables.items()
             if 1 <= variable.data.ndim <= 2
         }, []

@@ -1,0 +1,186 @@
+"""Files that are damaged or made to harm: one line each, at once, in little memory."""
+
+from __future__ import annotations
+
+import io
+import os
+import resource
+import struct
+import zipfile
+import zlib
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+from agonic.errors import LogError
+from agonic.logs.matlab_5 import read_version_5
+from agonic.logs.read import open_log, read
+from tests.logs.damage import damaged
+
+FIELD = np.arange(300.0).reshape(100, 3) % 17 + [20.0, 1.0, 43.0]
+
+
+@pytest.fixture(autouse=True)
+def little_memory():
+    """No test here may take more than a gigabyte beyond what it has."""
+    with open("/proc/self/statm") as stream:
+        used = int(stream.read().split()[0]) * resource.getpagesize()
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used + 1_000_000_000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def element(kind: int, content: bytes) -> bytes:
+    return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_reads_matlab_5_as_scipy_does(tmp_path, compressed):
+    rng = np.random.default_rng(1)
+    given = {kind: rng.integers(0, 100, (7, 3)).astype(kind) for kind in "bBhHiIlLfd"}
+    given |= {
+        "small": np.int16([[3]]),
+        "cube": rng.normal(size=(2, 3, 4)),
+        "flag": np.array([True]),
+    }
+    given |= {"imu": {"mag": FIELD, "inner": {"gyr": FIELD[:, 0]}, "note": "text"}, "text": "words"}
+    path = tmp_path / "log.mat"
+    savemat(path, {f"v_{key}": value for key, value in given.items()}, do_compression=compressed)
+    ours, theirs = read_version_5(path), loadmat(path, simplify_cells=True)
+    for name, value in ours.items():
+        if isinstance(value, dict):
+            np.testing.assert_array_equal(value["mag"], FIELD)
+            np.testing.assert_array_equal(value["inner"]["gyr"], FIELD[:, 0])
+            assert "note" not in value
+        else:
+            np.testing.assert_array_equal(value, theirs[name])
+            assert value.dtype.kind == np.asarray(theirs[name]).dtype.kind or name == "v_flag"
+    assert set(ours) == {f"v_{key}" for key in given} - {"v_text"}
+
+
+def test_no_damage_to_a_matlab_file_is_more_than_one_line(tmp_path):
+    path = tmp_path / "log.mat"
+    for compressed in (False, True):
+        savemat(path, {"imu": {"mag_uT": FIELD}, "t": np.arange(100.0)}, do_compression=compressed)
+        whole = np.fromfile(path, np.uint8)
+        rng = np.random.default_rng(3)
+        for turn in range(300):
+            if turn % 2:
+                changed = whole.copy()
+                changed[rng.integers(0, min(len(whole), 600))] = rng.integers(0, 256)
+            else:
+                changed = damaged(whole, rng)
+            changed.tofile(path)
+            with suppress(LogError):
+                open_log(path)
+
+
+def test_a_matlab_bomb(tmp_path):
+    path = tmp_path / "bomb.mat"
+    machine = zlib.compressobj(1)
+    zeros = machine.compress(struct.pack("<II", 14, 600_000_000))
+    zeros += b"".join(machine.compress(bytes(10_000_000)) for _ in range(60)) + machine.flush()
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
+    path.write_bytes(head + struct.pack("<II", 15, len(zeros)) + zeros)
+    with pytest.raises(LogError, match="memory"):
+        open_log(path)
+    flags = element(6, struct.pack("<II", 6, 0))
+    huge = flags + element(5, struct.pack("<ii", 2**31 - 1, 2**31 - 1)) + element(1, b"mag")
+    path.write_bytes(path.read_bytes()[:128] + element(14, huge + element(9, bytes(80))))
+    with pytest.raises(LogError, match="size it states"):
+        open_log(path)
+
+
+def test_numpy_bombs(tmp_path):
+    path = tmp_path / "bomb.npz"
+    np.savez_compressed(path, mag_uT=np.zeros((1000, 3)))
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+        for number in range(3):
+            archive.writestr(f"more{number}.npy", bytes(170_000_000), compresslevel=1)
+    with pytest.raises(LogError, match=r"declares .* GB"):
+        open_log(path)
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        stream, {"descr": "<f8", "fortran_order": False, "shape": (10**11, 3)}
+    )
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("mag_uT.npy", stream.getvalue() + bytes(24))
+    with pytest.raises(LogError, match="shorter than the array"):
+        open_log(path)
+
+
+@pytest.fixture(params=["mat", "nc"])
+def hdf5(request, tmp_path):
+    """Makes a file of HDF5, with good readings, that another function adds to."""
+    h5py = pytest.importorskip("h5py")
+
+    def make(change):
+        path = tmp_path / f"log.{request.param}"
+        block = 512 if request.param == "mat" else 0
+        with h5py.File(path, "w", userblock_size=block) as file:
+            for k, axis in enumerate("xyz"):
+                file[f"mag_{axis}_uT"] = FIELD[:, k]
+            change(h5py, file)
+        if block:
+            with path.open("r+b") as stream:
+                stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
+        return path
+
+    return make
+
+
+def check_left_out(path, column, why):
+    """A netCDF file is read without the column; a MATLAB file is refused for it."""
+    if path.suffix == ".mat":
+        with pytest.raises(LogError, match=why):
+            read(path)
+    else:
+        assert getattr(read(path), column) is None
+        assert any(why in note for note in open_log(path).notes)
+
+
+def test_links_out_of_a_file_and_around_are_not_followed(hdf5, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "secret").write_bytes(bytes(800))
+
+    def change(h5py, file):
+        file["heading_deg"] = h5py.ExternalLink(str(tmp_path / "pipe"), "/x")
+        file["other"] = h5py.SoftLink("/other")
+        group = file.create_group("group")
+        group["again"] = group
+        group["root"] = file["/"]
+
+    np.testing.assert_allclose(read(hdf5(change)).field, FIELD * 1e3)
+
+
+def test_values_in_another_file_are_not_read(hdf5, tmp_path):
+    (tmp_path / "secret").write_bytes(bytes(800))
+
+    def change(h5py, file):
+        kept = [(str(tmp_path / "secret"), 0, 800)]
+        file.create_dataset("temperature_C", (100,), "f8", external=kept)
+
+    check_left_out(hdf5(change), "temperature", "another file")
+
+
+def test_sparse_chunks_take_no_memory(hdf5):
+    def change(h5py, file):
+        file.create_dataset("current_A", (10**9,), "f8", chunks=(1000,))
+        file.create_dataset("throttle", (10**8, 4), "f8", chunks=(1000, 4), compression="gzip")
+
+    path = hdf5(change)
+    assert path.stat().st_size < 20_000
+    check_left_out(path, "current_A", "declares")
+
+
+def test_long_attributes_take_no_time(hdf5):
+    def change(h5py, file):
+        for name in ("units", "missing_value"):
+            file["mag_x_uT"].attrs[name] = " " * 60_000
+        file["time"] = np.arange(100.0)
+        file["time"].attrs["units"] = "s since " + " " * 60_000 + "x"
+
+    np.testing.assert_allclose(read(hdf5(change)).field, FIELD * 1e3)
