@@ -263,6 +263,33 @@ def test_no_jump_is_found_where_there_is_none() -> None:
     assert tracker.jumps == ()
 
 
+@pytest.mark.parametrize("kept", [0.8, 0.9, 0.97])
+def test_noise_with_memory_is_no_jump_and_is_in_the_standard_error(kept: float) -> None:
+    """As much of it as of white noise; a white model says 2.4, 3.5 and 7.6, and sees jumps."""
+    z = []
+    for seed in range(10):
+        samples, reference, bias, _ = orbiting(seed)
+        rng = np.random.default_rng(7000 + seed)
+        stirred = NOISE * np.sqrt(1 - kept**2) * rng.standard_normal((len(samples) + 200, 3))
+        lasting = lfilter([1.0], [1.0, -kept], stirred, axis=0)[200:]
+        tracker = Tracker()
+        tracker.update(samples.with_columns(field=samples.field + lasting), reference)
+        z.append((tracker.bias - bias[-1]) / tracker.bias_sd)
+        assert not tracker.jumps
+        assert tracker.state.external_sd == pytest.approx(NOISE, rel=0.35)
+    assert np.sqrt(np.mean(np.square(z))) < 1.8
+
+
+def test_the_error_that_a_reference_states_is_taken_unless_another_is_given() -> None:
+    samples, reference, _, _ = orbiting(1, n=100)
+    stated = replace(reference, sd=90.0)
+    for given, expected in ((None, 90.0), (0.0, 0.0), (20.0, 20.0)):
+        params = replace(PARAMS, external_sd=given)
+        tracker = Tracker(params=params)
+        tracker.update(samples, stated)
+        assert tracker.state.settle_params(params).model(NOISE).external_sd == expected
+
+
 def test_strays_are_refused() -> None:
     samples, reference, bias, _ = orbiting(5, strays=0.05)
     clean, _, _, _ = orbiting(5)

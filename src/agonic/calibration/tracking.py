@@ -39,7 +39,8 @@ class TrackerParams:
         moved by walk·√t.
     matrix_walk : the same of each entry of the matrix.
     external_sd, external_time_s : what the reference magnitude leaves out (crust, ring current):
-        sd, nT, and correlation time.
+        sd, nT, and correlation time; `None`: what the reference states, and what noise with memory
+        the first readings show, with its own time.
     bias_sd : how far the bias may have moved since the starting calibration, beside its own
         standard error; `None`: a twentieth of the field, or, without a calibration, all of it.
     matrix_sd : how far each entry of the matrix may be from the starting one; `None`: nothing
@@ -59,7 +60,7 @@ class TrackerParams:
     noise: float | None = None
     walk: float = 0.0
     matrix_walk: float = 0.0
-    external_sd: float = 0.0
+    external_sd: float | None = None
     external_time_s: float = 600.0
     bias_sd: float | None = None
     matrix_sd: float | None = None
@@ -81,7 +82,7 @@ class TrackerParams:
         """What the kernel takes."""
         return Model(
             noise,
-            self.external_sd,
+            self.external_sd or 0.0,
             self.external_time_s,
             self.walk,
             self.matrix_walk,
@@ -143,7 +144,8 @@ class TrackerState:
     and `base` what it is at its middle temperature. `estimate` is the filter's, with its
     covariance, `noise` of one reading on one axis; `n` readings were seen, `refused` of them not
     used; `jumps` are all jumps so far; `epoch` is the UTC moment of time zero, if known;
-    `magnitude` the last reference magnitude, nT.
+    `magnitude` the last reference magnitude, nT; `external_sd`, nT, and `external_time_s` of errors
+    with memory, as the reference states them or as the readings show.
     """
 
     base: Affine
@@ -159,6 +161,14 @@ class TrackerState:
     epoch: datetime | None = None
     magnitude: float | None = None
     ground: Thermal | None = None
+    external_sd: float = 0.0
+    external_time_s: float = 600.0
+
+    def settle_params(self, params: TrackerParams) -> TrackerParams:
+        """The settings with what was found of errors with memory, where it was not given."""
+        if params.external_sd is not None or not self.external_sd:
+            return params
+        return replace(params, external_sd=self.external_sd, external_time_s=self.external_time_s)
 
     @property
     def time(self) -> float:

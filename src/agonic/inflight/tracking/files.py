@@ -112,6 +112,8 @@ class StateRecord(Struct, frozen=True, kw_only=True, rename={"estimate": "belief
     jumps: tuple[JumpRecord, ...]
     epoch: datetime | None
     magnitude: float
+    external_sd: float = 0.0
+    external_time_s: float = 600.0
 
 
 class TrackFile(Struct, frozen=True):
@@ -220,6 +222,8 @@ def _restore_state(record: StateRecord) -> TrackerState:
         ),
         epoch=record.epoch,
         magnitude=record.magnitude,
+        external_sd=record.external_sd,
+        external_time_s=record.external_time_s,
     )
 
 

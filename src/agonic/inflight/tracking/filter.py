@@ -147,7 +147,7 @@ def update(
             f"({state.time:g} s); pass on only what is new"
         )
     if state.n == 0:
-        state = _begin(state, params, rows[0])
+        state = _begin(state, state.settle_params(params), rows[0])
     before, done = state, 0
     seen: list[kalman.Seen] = []
     history: list[Array] = []
@@ -199,7 +199,7 @@ def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     away = params.matrix_sd or (0.1 * gain if fresh else 0.0)
     covariance = np.zeros((10, 10))
     covariance[1:, 1:] = state.turned.covariance[:9, :9]
-    spread = [params.external_sd**2, *[moved**2] * 3, *[away**2] * 6]
+    spread = [(params.external_sd or 0.0) ** 2, *[moved**2] * 3, *[away**2] * 6]
     least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
     covariance += np.diag(spread) + np.diag(least)
     noise = state.noise if state.noise_known else 0.01 * size
@@ -241,7 +241,8 @@ def _step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
 ) -> tuple[TrackerState, kalman.Seen]:
     """The state after a few readings, and what was predicted of them."""
-    opening, recent = state.opening, state.recent
+    opening, recent, given = state.opening, state.recent, params
+    params = state.settle_params(params)
     model = params.model(state.noise)
     if opening is None:
         estimate, seen, jumped = kalman.advance(state.estimate, model, rows, compiled=fast)
@@ -268,7 +269,7 @@ def _step(
         magnitude=float(taken[-1, 4]),
     )
     if opening is not None and len(opening.rows) in openings.MOMENTS:
-        whole = openings.solve_opening(after, params)
+        whole = openings.solve_opening(after, given)
         since = openings.count_since_jump(opening, state, whole, params)
-        after, jumped = settle_before_jump(after, params, since) if since else whole, since > 0
-    return (reopen(after, params) if jumped else after), seen
+        after, jumped = settle_before_jump(after, given, since) if since else whole, since > 0
+    return (reopen(after, given) if jumped else after), seen

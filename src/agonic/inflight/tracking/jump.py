@@ -31,6 +31,7 @@ def settle_before_jump(state: TrackerState, params: TrackerParams, since: int) -
     rows = opening.rows[-since:]
     shorter = replace(opening, rows=opening.rows[:-since], outliers=None)
     settled = openings.solve_opening(replace(state, opening=shorter), params)
+    params = settled.settle_params(params)
     model = params.model(settled.noise)._replace(jump_level=0.0)
     estimate, seen, _ = kalman.advance(settled.estimate, model, rows)
     return replace(
@@ -45,8 +46,9 @@ def settle_before_jump(state: TrackerState, params: TrackerParams, since: int) -
 
 def reopen(state: TrackerState, params: TrackerParams) -> TrackerState:
     """The state after a jump was seen: back to where it began, and opened from there."""
-    recent = state.recent
+    recent, given = state.recent, params
     assert recent is not None, "only a settled state sees jumps"
+    params = state.settle_params(params)
     model = params.model(state.noise)._replace(jump_level=0.0)
     _, seen, _ = kalman.advance(recent.before, model, recent.rows)
     first = _find_onset(state, params, model, seen)
@@ -62,7 +64,7 @@ def reopen(state: TrackerState, params: TrackerParams) -> TrackerState:
         refused=max(state.refused - int((~seen.used[first:]).sum()), 0),
         jumps=(*state.jumps, jump),
     )
-    return openings.solve_opening(opened, params) if len(since) >= openings.MOMENTS[0] else opened
+    return openings.solve_opening(opened, given) if len(since) >= openings.MOMENTS[0] else opened
 
 
 def _find_onset(

@@ -56,7 +56,7 @@ def find_most_probable(
 
 def compute_total_sd(params: TrackerParams, noise: float, about: Array) -> float:
     """The standard deviation of a residual: noise, and what the reference leaves out."""
-    return float(np.hypot(noise, params.external_sd / float(np.mean(about[4:7]))))
+    return float(np.hypot(noise, (params.external_sd or 0.0) / float(np.mean(about[4:7]))))
 
 
 def _cost(rows: Array, about: Array, prior: GaussianPrior, scale: float) -> float:

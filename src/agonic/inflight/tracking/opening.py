@@ -21,6 +21,7 @@ from agonic.inflight.tracking.map_estimate import (
     linearise,
     residuals_at,
 )
+from agonic.inflight.tracking.memory import MEMORY_FROM, find_memory, widen_external
 from agonic.maths.estimation import kalman, leastsq
 
 MOMENTS = tuple(sorted({n << k for n in (2, 3) for k in range(3, 12)} | {8192}))
@@ -125,21 +126,29 @@ def predict(
 
 def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     """The state with its opening taken as a whole, and closed where the bias has settled."""
-    opening = state.opening
+    opening, given = state.opening, params
     assert opening is not None, "only an opening can be solved"
-    prior, rows = opening.prior, opening.rows
+    prior, rows, params = opening.prior, opening.rows, state.settle_params(given)
     about, noise, apart = find_most_probable(state, prior, rows, params)
-    total = compute_total_sd(params, noise, about)
+    total = compute_total_sd(params, noise, about) if state.noise_known else noise
     residuals, _ = linearise(rows, about)
     fits = np.abs(residuals) <= params.gate * max(total, leastsq.robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], fits])
-    model = params.model(noise)._replace(jump_level=0.0, gate=np.inf)
+    model = _find_model(state, given, noise, total, marked, about)
+    if model.external_sd:
+        state = replace(state, external_sd=model.external_sd, external_time_s=model.external_time_s)
+        prior, noise = widen_external(prior, model), model.noise
+        opening = replace(opening, prior=prior)
+        state = replace(state, opening=opening)
+    model = model._replace(jump_level=0.0, gate=np.inf)
     earlier = max(len(rows) - STRIDE, 0)
     before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
     estimate, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, estimate=estimate, noise=noise)
     after = replace(after, jumps=_measure_jump(after, opening.before))
-    fitting = opening.outliers is not None and 4 * opening.outliers <= len(rows)
+    known = given.external_sd is not None or opening.before is not None or len(rows) >= _PATIENT
+    known |= _has_walked(estimate, rows, params)
+    fitting = known and opening.outliers is not None and 4 * opening.outliers <= len(rows)
     alone = bool((apart < params.gate * after.bias_sd).all())
     closed = fitting and alone and _has_settled(after, params, total)
     if not closed and len(rows) < MOMENTS[-1]:
@@ -154,6 +163,21 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
         recent=_keep_recent(before, estimate, rows[earlier:]),
         refused=state.refused + int((~fits).sum()),
     )
+
+
+def _find_model(
+    state: TrackerState,
+    given: TrackerParams,
+    noise: float,
+    total: float,
+    rows: Array,
+    about: Array,
+) -> kalman.Model:
+    """The noise model of an opening: as given, or with the memory that its rows (k, 6) show."""
+    opening, model = state.opening, state.settle_params(given).model(noise)
+    if given.external_sd is not None or opening is None or len(rows) < MEMORY_FROM:
+        return model
+    return find_memory(opening.prior, model, rows, about, total) or model
 
 
 def _has_settled(state: TrackerState, params: TrackerParams, total: float) -> bool:

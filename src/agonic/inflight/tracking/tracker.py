@@ -36,11 +36,11 @@ class Tracker(Judged):
     Examples
     --------
     >>> from agonic.simulation import simulate
-    >>> made = simulate("tumble", n=1000, noise=50.0)
+    >>> made = simulate("tumble", n=1500, noise=50.0)
     >>> tracker = Tracker(params=TrackerParams(noise=50.0))
     >>> seen = tracker.update(made.samples, Reference.constant(50_000))
     >>> tracker.n, len(seen.residual), tracker.ok
-    (1000, 1000, True)
+    (1500, 1500, True)
     """
 
     def __init__(
@@ -65,7 +65,11 @@ class Tracker(Judged):
         those of the calibration, `AgonicError` where they are not later than what was seen.
         """
         if self.state.n == 0:
-            self.state = self._name_sensor(samples)
+            named = self._name_sensor(samples)
+            stated = reference.sd if self.params.external_sd is None else 0.0
+            self.state = replace(
+                named, external_sd=stated, external_time_s=self.params.external_time_s
+            )
         base = self.state.base
         if samples.unit != base.unit_in:
             raise UnitError(
