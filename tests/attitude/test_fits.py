@@ -105,7 +105,9 @@ def test_error_over_sd_is_standard_normal(kind: str, tilt_sd_deg: float) -> None
 
 def test_a_turn_of_the_sensor_is_found_where_it_is_and_only_there() -> None:
     _, samples = flown(1)
-    assert fit_levelled(samples, PLACE).calibration.gauge == "symmetric"
+    straight = fit_levelled(samples, PLACE)
+    assert "turned by" not in straight.status
+    assert straight.coverage.heading_sd_deg < 0.5
     turn = Rotation.from_euler("yx", [3.0, 2.0], degrees=True)
     turned = samples.with_columns(field=samples.field @ turn.as_matrix().T)
     fit = fit_levelled(turned, PLACE)
@@ -121,8 +123,8 @@ def test_a_mix_of_two_sensors_cancels_what_the_current_does_to_both() -> None:
     opposite = made.field_b - np.outer(samples.current_A, STRAY)
     second = opposite @ np.diag([1.05, 0.95, 1.1]) + [900.0, -300.0, 4000.0]
     both = samples.with_columns(second=second + 200.0 * rng.normal(size=second.shape))
-    plain = fit_levelled(samples, PLACE)
-    mix = fit_interference(both, PLACE, ["second"])
+    plain = fit_levelled(samples, PLACE, gauge="symmetric")
+    mix = fit_interference(both, PLACE, ["second"], gauge="symmetric")
     before = rms(error_deg(both, plain.calibration.correct(both.field)))
     after = rms(error_deg(both, ag.apply(mix.calibration, both).field))
     assert after < 0.5 * before

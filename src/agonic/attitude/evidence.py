@@ -6,9 +6,16 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import polar
 
 from agonic.arrays import Array, Index, Mask
 from agonic.attitude.calibration import make_mean_calibration
+from agonic.attitude.heading_column import check_heading_column
+from agonic.attitude.mounted_heading import (
+    MountedHeading,
+    check_turned_sensor,
+    compute_mounted_heading,
+)
 from agonic.attitude.problem import Scale
 from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
@@ -35,6 +42,7 @@ from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
 
 ATTITUDE_DOUBTFUL_DEG = 5.0
+ATTITUDE_REFUSED_DEG = 15.0
 HEADING_DOUBTFUL_DEG = 5.0
 HEADING_REFUSED_DEG = 20.0
 WIDEST_GAP_DEG = 60.0
@@ -52,9 +60,13 @@ def assess(
     samples: Samples,
     usable: Mask,
     tests: tuple[ModelTest, ...],
+    turned: bool,
     settings: Settings,
 ) -> Fit:
-    """The fit with residuals of every row, coverage, findings and remarks."""
+    """The fit with residuals of every row, coverage, findings and remarks.
+
+    Parameters: as the fit has them; `turned` where a turn of the sensor was found.
+    """
     weights = np.zeros(len(samples))
     weights[usable] = estimate.weights
     plain = make_mean_calibration(estimate, problem, scale, samples)
@@ -79,8 +91,29 @@ def assess(
     _, normals = compute_distances(cleaned, plain.bias, plain.matrix, magnitude)
     evidence = gather_evidence(fit, plain, samples, cleaned, normals, usable, plain.magnitude)
     tilt_sd = _tilt_sd_deg(channels, evidence.radius)
-    found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd)
-    return replace(fit, remarks=_remarks(fit, tilt_sd, problem)).with_findings(*found)
+    mounted = compute_mounted_heading(plain, coverage)
+    own = replace(coverage, heading_sd_deg=mounted.own_sd_deg)
+    found = _findings(samples, replace(evidence, coverage=own), problem, cleaned, channels, tilt_sd)
+    told = check_turned_sensor(mounted, turned) if "dip" in channels else None
+    column = _check_heading(plain, cleaned, samples, problem, weights > 0)
+    if column is not None:
+        found = tuple(f for f in found if f.name != column.name)
+    fit = replace(fit, remarks=_remarks(fit, tilt_sd, mounted))
+    return fit.with_findings(*found, told, column)
+
+
+def _check_heading(
+    plain: Affine, cleaned: Array, samples: Samples, problem: Problem, used: Mask
+) -> Finding | None:
+    """Whether the logged heading is the true one, by the field in the sensor's own axes."""
+    if problem.across is None or problem.dip is None or samples.heading_deg is None:
+        return None
+    down, logged = problem.dip.down[used], samples.heading_deg[used]
+    own = plain.correct(cleaned[used]) @ polar(plain.matrix)[0]
+    magnetic_north = np.cross(problem.across[used], down)
+    declination = logged - heading_by_vectors_deg(magnetic_north, down)
+    mean = float(np.degrees(np.angle(np.exp(1j * np.radians(declination)).mean())))
+    return check_heading_column(heading_by_vectors_deg(own, down) + mean, logged, mean)
 
 
 def _channels(estimate: Estimate, problem: Problem, size: float) -> dict[str, Channel]:
@@ -213,7 +246,7 @@ def _findings(
         found.append(
             Finding(
                 "attitude",
-                "check",
+                "refuse" if tilt_sd > ATTITUDE_REFUSED_DEG else "check",
                 f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model: "
                 "roll and pitch are wrong, late, or the field is disturbed",
                 "check the attitude, its axes and its delay; fly gentle turns",
@@ -233,25 +266,17 @@ def _findings(
     return tuple(found)
 
 
-def _remarks(fit: Fit, tilt_sd: float | None, problem: Problem) -> tuple[str, ...]:
+def _remarks(fit: Fit, tilt_sd: float | None, mounted: MountedHeading) -> tuple[str, ...]:
     """How good the result is, in words."""
     said = [
         describe_accuracy(
             float(fit.sd[:3].max()),
             fit.calibration.unit_in,
-            fit.coverage.heading_sd_deg,
+            mounted.own_sd_deg,
             fit.coverage.inclination_deg,
         ),
         *(test.sentence for test in fit.tests),
     ]
     if tilt_sd:
         said.append(f"roll and pitch are good to {figure(tilt_sd)}° by the field's dip")
-    if (
-        "azimuth" not in problem.channels
-        and "dip" in problem.channels
-        and fit.calibration.gauge != "free"
-    ):
-        said.append(
-            "a turn of the sensor about the vertical cannot be seen without a known heading"
-        )
     return tuple(said)

@@ -9,6 +9,7 @@ from agonic.attitude.calibration import make_calibration
 from agonic.attitude.evidence import assess
 from agonic.attitude.problem import normalise
 from agonic.attitude.settings import Settings
+from agonic.attitude.shared_errors import add_shared_errors, find_turn_move
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
 from agonic.health import FEWEST, figure, find_usable_rows
@@ -21,7 +22,7 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 
 TURN_SIGNIFICANT = 1e-4
-"""A turn between sensor and vehicle is kept when chance would make it this seldom."""
+"""A turn between sensor and vehicle is told when chance would make it this seldom."""
 
 
 def fit_channels(
@@ -34,8 +35,7 @@ def fit_channels(
     """The fit of a calibration to the channels that are known; `name` is for the record.
 
     Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
-    of the fit where the readings ask for it. A known heading determines it; the magnitude alone
-    never shows it.
+    of the fit, under a prior. A known heading determines it; the magnitude alone never shows it.
     """
     usable = find_usable_rows(samples.field)
     if usable.sum() < FEWEST:
@@ -48,15 +48,17 @@ def fit_channels(
     if gauge == "auto":
         gauge = SYMMETRIC if "dip" not in channels else FREE
     problem, scale = normalise(samples, reference, channels, gauge, settings)
-    found = _estimate(problem, usable, settings)
+    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
+    robust = settings.robust and len(part.points) >= 2 * FEWEST
+    found = estimate(part, robust=robust, seed=settings.seed)
     tests: tuple[ModelTest, ...] = ()
     if settings.gauge == "auto" and "dip" in channels and "azimuth" not in channels:
         tests = (_turn_test(problem, found),)
-        if tests[0].p_value > TURN_SIGNIFICANT:
-            problem = problem._replace(gauge=SYMMETRIC)
-            found = _estimate(problem, usable, settings)
+    turn = find_turn_move(found, part)
+    found = add_shared_errors(found, part, scale, turn)
     affine = make_calibration(found, problem, scale, samples, settings, name)
-    return assess(affine, found, problem, scale, samples, usable, tests, settings)
+    turned = turn is not None
+    return assess(affine, found, problem, scale, samples, usable, tests, turned, settings)
 
 
 def _left_out(samples: Samples, usable: Mask) -> str:
@@ -67,21 +69,20 @@ def _left_out(samples: Samples, usable: Mask) -> str:
     return f" (left out: {', '.join(reasons)})" if reasons else ""
 
 
-def _estimate(problem: Problem, usable: Mask, settings: Settings) -> Estimate:
-    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
-    robust = settings.robust and len(part.points) >= 2 * FEWEST
-    return estimate(part, robust=robust, seed=settings.seed)
-
-
 def _turn_test(problem: Problem, found: Estimate) -> ModelTest:
-    """Wald's test that the matrix is symmetric: no turn between the sensor and the attitude."""
+    """Wald's test that the matrix is symmetric: no turn between the sensor and the attitude.
+
+    It decides what is said. The turn stays in the fit under its prior, for what a test does not see
+    is not zero, and standard errors of a matrix without it would not contain it.
+    """
     turn, covariance = compute_turn(problem.basis, found.solution)
     # errors of the attitude last, and what lasts is known from few independent readings
     independent = len(problem.points) / found.noise["dip"].correlation
     statistic, p = wald(turn, covariance, independent)
     degrees = figure(float(np.degrees(np.linalg.norm(turn))))
     words = (
-        f"the sensor sits turned by {degrees}° against the axes of roll and pitch"
+        f"the sensor sits turned by {degrees}° against the axes of roll and pitch, or their zero "
+        "is off by as much: the heading's standard error allows for either"
         if p <= TURN_SIGNIFICANT
         else "no sign of a turn between the sensor and the axes of roll and pitch"
     )

@@ -41,7 +41,7 @@ def fit_levelled(
         the frame n as `ag.wmm().along(samples)` gives it.
     model : "full" (default), "diagonal" or "sphere".
     gauge : "symmetric" (nine numbers), "free" (twelve: a small turn between the sensor and the
-        axes of roll and pitch as well), or "auto": free where the readings ask for it.
+        axes of roll and pitch as well), or "auto": free.
     sources : what disturbs on board, recorded in the samples: "current_A", "throttle", "second"
         (a second magnetometer); the result is then an `Interference`.
     robust : down-weight outliers by Tukey's loss when a reading stands out.

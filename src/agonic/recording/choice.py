@@ -33,6 +33,8 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 MATTERS = 0.003
 """A current joins the fit when its usual changes move the readings by this share of the field."""
 SIGNIFICANT = 1e-4
+NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting"}
+"""Reasons to refuse a fit that do not concern one that knows the magnitude only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,7 @@ def choose(
     aided = _fit_with_attitude(samples, reference, method, reason, settings)
     if kind != "auto" or aided.fit.verdict != "refused":
         return aided
-    return _fall_back_to_magnitude(aided, samples, reference, settings)
+    return _fall_back(aided, samples, reference, settings)
 
 
 def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
@@ -130,19 +132,42 @@ def _fit_with_attitude(
     return Choice(samples, reference, fit, method, reason, again, latency)
 
 
-def _fall_back_to_magnitude(
+def _fall_back(
     aided: Choice, samples: Samples, reference: Reference, settings: Mapping[str, Any]
 ) -> Choice:
-    """Where the attitude does not fit the readings, the magnitude alone may still do."""
+    """A fit without what was recorded wrongly: without the heading, then without roll and pitch.
+
+    Where anything else refuses a fit, one that knows less would be refused too, or should be.
+    """
+    if "heading" in _causes(aided) and _causes(aided) <= NOT_OF_THE_MAGNETOMETER:
+        levelled = _fit_with_attitude(samples, reference, "levelled", "", settings)
+        aided = _tell(levelled, aided)
+    causes = _causes(aided)
+    if not causes or not causes <= NOT_OF_THE_MAGNETOMETER:
+        return aided
     own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
     try:
         alone = _fit_magnitude(samples, reference, "", own)
     except CoverageError:
         return aided
-    if alone.fit.verdict == "refused":
-        return aided
-    why = aided.fit.findings[0].what
-    return replace(alone, reason=f"a {aided.method} fit was refused ({why})")
+    return aided if alone.fit.verdict == "refused" else _tell(alone, aided)
+
+
+def _causes(choice: Choice) -> set[str]:
+    """The names of what refuses a fit."""
+    return {finding.name for finding in choice.fit.findings if finding.severity == "refuse"}
+
+
+def _tell(choice: Choice, refused: Choice) -> Choice:
+    """A choice with what refused the fit before it: the log's attitude has to be looked at.
+
+    A mounting by right angles is the reason and no more: the calibration is in the sensor's axes.
+    """
+    grave = [finding for finding in refused.fit.findings if finding.severity == "refuse"]
+    told = [replace(one, severity="check") for one in grave if one.name != "mounting"]
+    carried = [one for one in refused.fit.findings if one.name == "heading" and one not in grave]
+    why = f"a {refused.method} fit was refused ({grave[0].what})"
+    return replace(choice, fit=choice.fit.with_findings(*told, *carried), reason=why)
 
 
 def _find_latency(samples: Samples) -> LatencyFit | None:

@@ -1,0 +1,92 @@
+"""The heading of the sensor's own axes, and that of the vehicle that it is mounted in.
+
+Without a known heading, a turn of the sensor about the vertical shows only while the vehicle banks
+and pitches. It turns every heading by the same angle. A turn about the horizontal axes shows, but
+an error of the zero of roll and pitch looks the same.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.calibration.affine import Affine
+from agonic.coverage import Coverage
+from agonic.health import Finding, figure
+from agonic.maths.equation.affine import FREE
+from agonic.maths.equation.coverage import heading_sd_deg
+from agonic.maths.estimation.leastsq import inverse
+
+_PAIRS = ((6, 9), (7, 10), (8, 11))
+"""xy yx, xz zx, yz zy among bias x y z, then matrix xx yy zz xy xz yz yx zx zy."""
+UNSEEN_DEG = 0.5
+"""A turn about the vertical that is known no better is told."""
+TURN_DOUBTFUL_DEG = 2.0
+"""Of the vehicle's heading: a turn that leaves more than this in doubt has to be looked at."""
+
+
+class MountedHeading(NamedTuple):
+    """What is known of a level heading, degrees: `own_sd_deg` for the sensor's own axes,
+    `vehicle_sd_deg` with the sensor's turn in the vehicle, of which `turn_deg` was found;
+    `vertical_sd_deg` is that of the turn about the vertical."""
+
+    own_sd_deg: float
+    vehicle_sd_deg: float
+    turn_deg: float = 0.0
+    vertical_sd_deg: float = 0.0
+
+
+def compute_mounted_heading(plain: Affine, coverage: Coverage) -> MountedHeading:
+    """The heading's standard error with the sensor's turn in the vehicle known, and not.
+
+    Given A = ∂turn/∂parameters (3, m), what is left of the covariance is C − C Aᵀ (A C Aᵀ)⁻¹ A C.
+    """
+    covariance, vehicle = plain.covariance, coverage.heading_sd_deg
+    assert covariance is not None
+    if plain.gauge != FREE or plain.magnitude is None:
+        return MountedHeading(vehicle, vehicle)
+    gain = float(np.trace(plain.matrix) / 3)
+    along = np.zeros((3, len(covariance)))
+    for row, (above, below) in enumerate(_PAIRS):
+        along[row, above], along[row, below] = 0.5 / gain, -0.5 / gain
+    across = covariance @ along.T
+    turn = along @ across
+    if not turn.any():
+        return MountedHeading(vehicle, vehicle)
+    known = covariance - across @ inverse(turn) @ across.T
+    own = heading_sd_deg(
+        coverage.inclination_deg, plain.magnitude, plain.matrix, known, plain.gauge
+    )
+    found = (plain.matrix - plain.matrix.T)[[0, 0, 1], [1, 2, 2]] / (2 * gain)
+    sizes = np.degrees([np.linalg.norm(found), np.sqrt(turn[0, 0])])
+    return MountedHeading(float(own), vehicle, *map(float, sizes))
+
+
+def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None:
+    """The finding that the vehicle's heading is known less well than that of the sensor's axes.
+
+    Parameters: `turned` where a turn was found that is more than chance.
+    """
+    own, vehicle = figure(mounted.own_sd_deg), figure(mounted.vehicle_sd_deg)
+    if turned:
+        if mounted.vehicle_sd_deg < max(TURN_DOUBTFUL_DEG, 1.5 * mounted.own_sd_deg):
+            return None
+        return Finding(
+            "turned sensor",
+            "check",
+            f"the sensor sits turned by {figure(mounted.turn_deg)}° in the vehicle, or its "
+            "attitude is off by as much: a heading of the sensor's own axes is known to "
+            f"{own}°, the vehicle's to {vehicle}°",
+            "look how the sensor sits, and set the zero of roll and pitch with the vehicle level",
+        )
+    if mounted.vertical_sd_deg < UNSEEN_DEG or mounted.vehicle_sd_deg < 1.5 * mounted.own_sd_deg:
+        return None
+    return Finding(
+        "mounting about the vertical",
+        "note",
+        f"the verdict is on the heading of the sensor's own axes, known to {own}°; how far the "
+        f"sensor sits turned about the vertical is known to {figure(mounted.vertical_sd_deg)}° "
+        f"only, and so is the vehicle's heading, to {vehicle}°",
+        "bank and pitch more while turning, or compare with one known heading",
+    )
