@@ -117,3 +117,15 @@ def test_logs_that_will_not_do() -> None:
         fit_gravity(made.samples)
     with pytest.raises(LogError, match="without acceleration"):
         fit_gravity(made.samples.with_columns(acceleration=None))
+
+
+@pytest.mark.parametrize("orientations", [6, 8])
+def test_few_orientations_state_an_error_that_holds(orientations: int) -> None:
+    """Six orientations leave two residuals to tell the noise: Student's t, not Gauss."""
+    z = []
+    for seed in range(60):
+        made = simulate_gravity(orientations=orientations, seed=seed)
+        fit = fit_gravity(made.samples)
+        off = Rotation.from_matrix(fit.rot_bm @ made.rot_bm.T).as_rotvec(degrees=True)
+        z.append(off / fit.sd_deg)
+    assert np.mean(np.abs(z) < 1.96) > 0.92

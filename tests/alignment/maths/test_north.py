@@ -128,8 +128,9 @@ def test_pointing_in_two_faces() -> None:
     found = north.average_faces(np.array([10.002, 189.998, 10.004, 190.0]))
     assert found.reading_deg == pytest.approx(10.001)
     assert found.collimation_deg == pytest.approx(0.002)
-    # left over ±0.001 four times with two freedoms: σ = 0.001 √2, of the mean half that
-    assert found.sd_deg == pytest.approx(0.001 * np.sqrt(2) / 2)
+    # left over ±0.001 four times with two freedoms: σ = 0.001 √2, of the mean half that, widened
+    # by Student's t, 4.30 over 1.96
+    assert found.sd_deg == pytest.approx(0.001 * np.sqrt(2) / 2 * 2.1953, rel=1e-4)
     over = north.average_faces(np.array([359.9995, 180.0005]))
     assert (over.reading_deg + 180) % 360 - 180 == pytest.approx(0.0, abs=1e-9)
     assert np.isnan(north.average_faces(np.array([12.0])).collimation_deg)

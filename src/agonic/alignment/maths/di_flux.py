@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.student import compute_widening
 
 NAMES = ("meridian", "inclination", "delta", "epsilon", "offset", "scale")
 """Unknowns: h₀, I, δ, ε in radians, S₀/F, and F in the unit of the readings."""
@@ -79,7 +80,8 @@ def estimate(
     """The unknowns of settings that repeat in `groups`, by least squares.
 
     Readings of one setting share what the circle was set wrong by, so the noise follows from the
-    means of the groups: their misfit over the settings less the unknowns.
+    means of the groups: their misfit over the settings less the unknowns. The covariance is
+    widened by Student's t: the usual eight settings leave three to tell the noise.
     """
     free = np.ones(len(NAMES), dtype=bool)
     free[-1] = not scale_known
@@ -99,7 +101,8 @@ def estimate(
     freedom = len(residuals) - int(free.sum())
     noise = float(np.sqrt(residuals @ residuals / freedom)) if freedom > 0 else float("nan")
     covariance = np.zeros((len(NAMES), len(NAMES)))
-    covariance[np.ix_(free, free)] = noise**2 * leastsq.inverse(jacobian.T @ jacobian)
+    told = (noise * compute_widening(freedom)) ** 2
+    covariance[np.ix_(free, free)] = told * leastsq.inverse(jacobian.T @ jacobian)
     return SheetEstimate(params, covariance, residuals * unit, freedom, noise * unit)
 
 

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.student import compute_widening
 from agonic.maths.rotations.mounting import right_angles
 
 WINDOW_S, LEAST_S, TRIM_S = 0.5, 1.0, 0.2
@@ -87,7 +88,8 @@ def _numbered(rest: Mask, time: Array) -> NDArray[np.int64]:
 def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimate:
     """R, Z and perhaps b of k orientations, from whichever of the 24 right angles fits best.
 
-    Parameters: down (k, 3) unit vectors, field (k, 3). The noise follows from the residuals.
+    Parameters: down (k, 3) unit vectors, field (k, 3). The noise follows from the residuals, and
+    the covariance is widened by Student's t of their freedom.
     """
     free = 7 if bias else 4
     size = float(np.linalg.norm(field, axis=1).mean())
@@ -99,6 +101,7 @@ def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimat
     jacobian = _jacobian(rotation, rest, down, field / size)[:, :free]
     freedom = len(down) - free
     variance = float(residuals @ residuals) / freedom if freedom > 0 else np.nan
+    variance *= compute_widening(freedom) ** 2
     units = np.array([1.0] * 3 + [size] * 4)
     covariance = np.zeros((7, 7))
     inner = variance * leastsq.inverse(jacobian.T @ jacobian)

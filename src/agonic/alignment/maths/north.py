@@ -17,6 +17,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.student import compute_widening
 
 _SCHULER = np.array([0.25, 0.5, 0.25])
 _GRID, _PERIODS = 400, 0.4
@@ -37,7 +38,8 @@ class North(NamedTuple):
 class Swing(NamedTuple):
     """A damped sinusoid: N, p, q, λ, ω with covariance, residuals (n,) and noise of a reading.
 
-    `correlation` is how many successive readings count as one.
+    `correlation` is how many successive readings count as one. `drift_deg` is how far N moves over
+    the record, and `drift_sd_deg` its standard error.
     """
 
     params: Array
@@ -46,6 +48,8 @@ class Swing(NamedTuple):
     noise: float
     correlation: float
     converged: bool
+    drift_deg: float = 0.0
+    drift_sd_deg: float = float("inf")
 
 
 def compute_schuler_means(turning: Array) -> Array:
@@ -78,7 +82,10 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
     variance = (
         reading_sd**2
         if reading_sd
-        else (float(((means - means.mean()) ** 2).sum() / (centred**2).sum()) if m > 1 else np.nan)
+        else float(((means - means.mean()) ** 2).sum() / (centred**2).sum())
+        * compute_widening(m - 1) ** 2
+        if m > 1
+        else np.nan
     )
     sd = float(np.sqrt(variance * (weight @ weight)))
     return North(float(means.mean()), sd, m - 1)
@@ -141,7 +148,9 @@ def _variance(residuals: Array, stated_sd: Array, freedom: int) -> float:
     """Of one transit: what is stated, or else the spread; NaN with neither."""
     if np.isfinite(stated_sd).all():
         return float((stated_sd**2).mean())
-    return float((residuals**2).sum() / freedom) if freedom > 0 else float("nan")
+    if not freedom > 0:
+        return float("nan")
+    return float((residuals**2).sum() / freedom) * compute_widening(freedom) ** 2
 
 
 def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
@@ -159,9 +168,34 @@ def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None
     correlation = leastsq.correlation_length(first.residuals, np.ones(len(since)))
     _, jacobian = pieces(first.params)
     covariance = noise**2 * correlation * leastsq.inverse(jacobian.T @ jacobian)
+    drift, drift_sd = _drift(since, first.residuals, jacobian)
     return Swing(
-        first.params, covariance, first.residuals, float(noise), correlation, first.converged
+        first.params,
+        covariance,
+        first.residuals,
+        float(noise),
+        correlation,
+        first.converged,
+        drift,
+        drift_sd,
     )
+
+
+def _drift(since: Array, residuals: Array, jacobian: Array) -> tuple[float, float]:
+    """How far N moves, linearly, over the record, by what the swing leaves; its standard error.
+
+    Residuals are the swing less the readings. The noise is that left beside the drift.
+    """
+    ramp = since / since[-1] - 0.5
+    design = np.column_stack([jacobian, ramp])
+    size = np.linalg.norm(design, axis=0)
+    inverse = leastsq.inverse((design / size).T @ (design / size))
+    found = inverse @ ((design / size).T @ -residuals)
+    left = residuals + design / size @ found
+    freedom = max(len(left) - len(found), 1)
+    correlation = leastsq.correlation_length(left, np.ones(len(left)))
+    sd = np.sqrt(float(left @ left) / freedom * correlation * inverse[-1, -1])
+    return float(found[-1] / size[-1]), float(sd / size[-1])
 
 
 def evaluate_swing_deg(params: Array, since_s: Array) -> Array:
@@ -231,7 +265,11 @@ def average_faces(reading_deg: Array, reading_sd: float | None = None) -> Pointi
     freedom = len(off) - design.shape[1]
     left = off - design @ found
     variance = (
-        reading_sd**2 if reading_sd else (float(left @ left) / freedom if freedom > 0 else np.nan)
+        reading_sd**2
+        if reading_sd
+        else (
+            float(left @ left) / freedom * compute_widening(freedom) ** 2 if freedom > 0 else np.nan
+        )
     )
     sd = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
     collimation = float(found[1]) if second.any() else float("nan")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import north as kernel
-from agonic.alignment.maths.north import North
+from agonic.alignment.maths.north import North, Swing
 from agonic.alignment.north.platform import Aligned, align_platform
 from agonic.alignment.north.result import Azimuth, NorthFit
 from agonic.alignment.session.north import NorthSession, Sighting
@@ -23,6 +23,8 @@ APART = 4.0
 """Two methods that differ by more standard errors do not agree."""
 FEW_PERIODS = 1.0
 RARE = 1e-4
+DRIFTS = 3.0
+"""Standard errors by which a drift of the zero stands out."""
 BAD_FACES_ARCSEC = 60.0
 
 
@@ -75,6 +77,12 @@ def _found(session: NorthSession) -> NorthFit:
         by["reversal"] = kernel.fit_reversals(session.turning_deg, sd)
     if session.transits is not None:
         by["transit"], constant, constant_sd = _transit(session)
+    if swing is not None and _drifts(swing):
+        # north is where the zero was at some moment of the record, and nobody knows at which
+        by = {
+            name: one._replace(sd_deg=float(np.hypot(one.sd_deg, swing.drift_deg / 2)))
+            for name, one in by.items()
+        }
     method = min(by, key=lambda name: (not np.isfinite(by[name].sd_deg), by[name].sd_deg))
     return NorthFit(
         session=session,
@@ -84,6 +92,11 @@ def _found(session: NorthSession) -> NorthFit:
         constant=constant,
         constant_sd=constant_sd,
     )
+
+
+def _drifts(swing: Swing) -> bool:
+    """Whether the zero of the gyro moves by more than chance."""
+    return swing.converged and abs(swing.drift_deg) > DRIFTS * swing.drift_sd_deg
 
 
 def _transit(session: NorthSession) -> tuple[North, float, float]:
@@ -150,7 +163,7 @@ def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignmen
 
 def _findings(fit: NorthFit) -> list[Finding]:
     """What is wrong or worth knowing."""
-    said = [*_disagreement(fit), *_swing(fit)]
+    said = [*_disagreement(fit), *_swing(fit), *_drift(fit)]
     if not np.isfinite(fit.by[fit.method].sd_deg):
         said.append(
             Finding(
@@ -226,6 +239,20 @@ def _swing(fit: NorthFit) -> list[Finding]:
             "check",
             f"the record holds {figure(periods)} periods of the swing",
             "follow the gyro for two periods or more",
+        )
+    ]
+
+
+def _drift(fit: NorthFit) -> list[Finding]:
+    if fit.swing is None or not _drifts(fit.swing):
+        return []
+    return [
+        Finding(
+            "zero drifts",
+            "check",
+            f"the middle of the swing moves by {figure(3600 * abs(fit.swing.drift_deg))}″ over the "
+            "record, so north is known to half of that at best",
+            "let the gyro warm up, keep it out of sun and wind, and follow it again",
         )
     ]
 
