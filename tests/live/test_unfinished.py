@@ -104,7 +104,7 @@ def test_a_damaged_file_is_set_aside(tmp_path):
 def test_a_full_disk_stops_nothing_and_is_told_as_long_as_it_lasts(tmp_path, monkeypatch):
     session = sat(tmp_path, slice(0, 300))
 
-    def full(path, data):
+    def full(path, data, **options):
         raise AgonicError(f"cannot write {path}: No space left on device")
 
     more = Chunk("mag", 60 + MADE.time[300:900], MADE.field[300:900], "nT")

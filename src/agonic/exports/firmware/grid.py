@@ -21,6 +21,8 @@ from agonic.field.place import choose_model
 STEPS_DEG = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25)
 LARGEST = 20_000
 """Nodes of a table, 80 kB: more than a controller spares."""
+LARGEST_LONGITUDE = 540.0
+"""Degrees either way, a turn beyond the date line: more are no degrees."""
 UNIT = 2.0
 """nT per unit of the table's 16-bit numbers, which hold ±65 534 nT: 0.003° at mid latitudes."""
 
@@ -80,13 +82,15 @@ class DeclinationGrid:
         """
         rows, columns = (n - 1 for n in self.north.shape)
         row = (np.asarray(latitude_deg, dtype=np.float64) - self.south) / self.latitude_step
-        around = (np.asarray(longitude_deg, dtype=np.float64) - self.west) % 360.0
-        column = around / self.longitude_step
+        longitude = np.asarray(longitude_deg, dtype=np.float64)
+        known = np.abs(longitude) <= LARGEST_LONGITUDE
+        around = (np.where(known, longitude, self.west) - self.west) % 360.0
+        column = np.where(known, around / self.longitude_step, 0.0)
         beyond = column - columns
-        outside = (row < 0) | (row > rows) | (beyond > 0)
+        outside = ~((row >= 0) & (row <= rows) & (beyond <= 0) & known)
         nearer_west = beyond > 360.0 / self.longitude_step - column
         column = np.where(beyond > 0, np.where(nearer_west, 0.0, columns), column)
-        row = np.clip(row, 0.0, rows)
+        row = np.where(row >= 0, np.minimum(row, rows), 0.0)
         north, east = (_bilinear(table, row, column) for table in (self.north, self.east))
         return np.degrees(np.arctan2(east, north)), outside
 

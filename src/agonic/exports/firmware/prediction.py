@@ -25,6 +25,8 @@ OF_EACH = ("second", *MEMBERS)
 GRAVITY_SHARE = 0.05
 """A specific force this much off gravity is more than a poor accelerometer reads at rest."""
 FAR = 3e38
+LESS = 0.99
+"""Of the disturbance of one compass for another to be chosen over it, so that rounding never is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +49,7 @@ def predict(plan: Plan, inputs: Mapping[str, Array]) -> Prediction:
     """The outputs for inputs as `compass_heading` takes them, raw and second (n, k, 3)."""
     each = [predict_one(plan, which, inputs) for which in range(len(plan.calibrations))]
     distance = np.array([one.disturbance for one in each])
-    used = np.where((distance <= 1).any(axis=0), (distance <= 1).argmax(axis=0), distance.argmin(0))
+    used = choose_compasses(distance)
     rows = np.arange(len(used))
     return Prediction(
         **{
@@ -55,6 +57,20 @@ def predict(plan: Plan, inputs: Mapping[str, Array]) -> Prediction:
             for f in fields(Prediction)
         }
     )
+
+
+def choose_compasses(distance: Array) -> NDArray[np.int64]:
+    """The first compass that is not disturbed, or the least disturbed of `distance` (k, n): (n,).
+
+    >>> choose_compasses(np.array([[3.0, 3.0, 3.0], [2.0, 2.99, 0.9], [9.0, 1.0, 0.1]]))
+    array([1, 2, 1])
+    """
+    used = np.zeros(distance.shape[1], dtype=np.int64)
+    for which in range(1, len(distance)):
+        best = distance[used, np.arange(len(used))]
+        better = (distance[which] <= 1) | (distance[which] < LESS * best)
+        used[(best > 1) & better] = which
+    return used
 
 
 def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Prediction:

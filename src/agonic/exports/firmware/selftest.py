@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.exports.firmware.ctext import fill_template, write_comment, write_literal
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
-from agonic.exports.firmware.prediction import MEMBERS, Prediction, correct_readings, predict
+from agonic.exports.firmware.prediction import (
+    LESS,
+    MEMBERS,
+    Prediction,
+    correct_readings,
+    predict,
+    predict_one,
+)
 from agonic.exports.firmware.sources import write_about
 from agonic.exports.polynomials import changes_with_temperature, evaluate_affine
 from agonic.maths.rotations.attitude import rot_nb
 
 TOLERANCE_DEG = 0.01
+CLEAR = 1e-3  # of a disturbance: far beyond rounding
 SHARE = 1e-5  # of the magnitude: a hundred roundings of float32
 EDGES = (
     (0.0, 0.0, 0.0),
@@ -119,7 +129,8 @@ def write_selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None
     """The text of the self-test."""
     given = make_known_readings(plan) if inputs is None else inputs
     expected = predict(plan, given)
-    lines = [_entry(plan, given, expected, row) for row in range(len(expected.used))]
+    clear = np.flatnonzero(_find_clear(plan, given))
+    lines = [_entry(plan, given, expected, int(row)) for row in clear]
     return fill_template(
         "selftest.c.in",
         {
@@ -132,6 +143,17 @@ def write_selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None
             "table": "\n".join(lines),
         },
     )
+
+
+def _find_clear(plan: Plan, given: dict[str, Array]) -> Mask:
+    """Which rows no rounding decides: disturbances well off the limit, and off one another's."""
+    count = len(plan.calibrations)
+    distance = np.array([predict_one(plan, k, given).disturbance for k in range(count)])
+    clear = (np.abs(distance - 1) > CLEAR).all(axis=0)
+    for i, j in itertools.combinations(range(count), 2):
+        share = distance[j] / np.maximum(LESS * distance[i], 1e-12)
+        clear &= (np.abs(share - 1) > CLEAR) | (distance[i] <= 1)
+    return np.asarray(clear)
 
 
 def _entry(plan: Plan, given: dict[str, Array], expected: Prediction, row: int) -> str:

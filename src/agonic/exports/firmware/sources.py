@@ -18,7 +18,7 @@ from agonic.exports.firmware.ctext import (
 )
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
-from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, find_weakest
+from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, LESS, find_weakest
 from agonic.exports.polynomials import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
@@ -203,6 +203,7 @@ def _limits(plan: Plan) -> dict[str, str]:
     level = plan.tilt == "level"
     return {
         "weakest": write_literal(find_weakest(plan)),
+        "less": write_literal(LESS),
         "strength_limit": write_literal(max(plan.setup.magnitude_limit, 1e-12)),
         "dip": write_literal(np.degrees(plan.dip or 0.0)),
         "dip_limit": write_literal(
