@@ -171,8 +171,6 @@ def _started(
 
     calibration = None if ground is None else cast(Any, load(ground))
     walk = settings["walk"] or "0"
-    if settings["external_sd"] is None:
-        settings["external_sd"] = reference.sd
     chosen = {name: value for name, value in settings.items() if value is not None}
     params = TrackerParams(**{**chosen, "walk": _number(walk)})
     if walk == AUTO:

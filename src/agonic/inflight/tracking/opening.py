@@ -38,6 +38,7 @@ _NONLINEAR = (
     0.5  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
 )
 _FEWEST = 64  # readings from which a noise that was not given is estimated
+_SHOWN = 768  # readings in which a memory shows, where none is given
 
 
 def count_until_due(readings: int) -> int:
@@ -146,7 +147,7 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     estimate, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, estimate=estimate, noise=noise)
     after = replace(after, jumps=_measure_jump(after, opening.before))
-    known = given.external_sd is not None or opening.before is not None or len(rows) >= _PATIENT
+    known = given.external_sd is not None or opening.before is not None or len(rows) >= _SHOWN
     known |= _has_walked(estimate, rows, params)
     fitting = known and opening.outliers is not None and 4 * opening.outliers <= len(rows)
     alone = bool((apart < params.gate * after.bias_sd).all())

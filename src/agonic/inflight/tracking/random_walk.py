@@ -85,10 +85,9 @@ def choose_walk(
     )
     later = slice(len(samples) // _PASSED_OVER, None)
     residuals, known = [], []
+    external = reference.sd if settings.external_sd is None else settings.external_sd
     for walk in tried:
-        settings_now = replace(
-            settings, walk=float(walk), history_s=0.0, external_sd=settings.external_sd or 0.0
-        )
+        settings_now = replace(settings, walk=float(walk), history_s=0.0, external_sd=external)
         _, seen = update(begun, settings_now, samples.time, raw, magnitude)
         residuals.append(np.abs(seen.residual[later]))
         known.append(seen.foretold[later])
