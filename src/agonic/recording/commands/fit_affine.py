@@ -43,11 +43,20 @@ Second = Annotated[
     typer.Option("--second", metavar="SENSOR", help="The second magnetometer, for --with second."),
 ]
 
+AIDED = {
+    "levelled": "Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the "
+    "place.",
+    "vector": "Bias and matrix where the whole attitude is known, heading included.",
+}
+"""The fits that the attitude aids, and what they find from what."""
+
 
 def add_to(kinds: typer.Typer) -> None:
     """Register the kinds of fit."""
-    for kind in (ellipsoid, levelled, vector, interference):
-        kinds.command(kind.__name__)(kind)
+    kinds.command("ellipsoid")(ellipsoid)
+    for kind, help in AIDED.items():
+        kinds.command(kind, help=help)(aided)
+    kinds.command("interference")(interference)
 
 
 def ellipsoid(
@@ -81,7 +90,8 @@ def ellipsoid(
     return _run("ellipsoid", samples, (at, date, field), settings, out, as_json)
 
 
-def levelled(
+def aided(
+    context: typer.Context,
     log: LogPath,
     out: Out = None,
     sensor: Sensor = None,
@@ -98,33 +108,10 @@ def levelled(
     between: Between = None,
     as_json: Json = False,
 ) -> int:
-    """Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the place."""
+    """Bias and matrix, aided by the attitude; the kind says by how much of it."""
     settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
     samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
-    return _run("levelled", samples, (at, date, None), settings, out, as_json)
-
-
-def vector(
-    log: LogPath,
-    out: Out = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    sources: Sources = "",
-    second: Second = None,
-    model: Model = "full",
-    gauge: FreeGauge = "auto",
-    robust: Robust = True,
-    soft_iron_sd: SoftIron = 0.1,
-    turn_sd_deg: Turn = 2.0,
-    between: Between = None,
-    as_json: Json = False,
-) -> int:
-    """Bias and matrix where the whole attitude is known, heading included."""
-    settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
-    samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
-    return _run("vector", samples, (at, date, None), settings, out, as_json)
+    return _run(str(context.info_name), samples, (at, date, None), settings, out, as_json)
 
 
 def interference(
