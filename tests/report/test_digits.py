@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agonic.report.digits import MINUS, THIN, UNDETERMINED, grouped, percent, quantity, with_sd
+from agonic.report.digits import MINUS, THIN, UNDETERMINED, group_digits, percent, quantity, with_sd
 
 
 def read_back(text: str) -> float:
@@ -34,7 +34,7 @@ def test_with_sd(value, sd, text):
 
 
 def test_zero_has_no_sign():
-    assert grouped(-0.0001, 2) == "0.00"
+    assert group_digits(-0.0001, 2) == "0.00"
 
 
 def test_what_is_not_finite_is_said_in_words():

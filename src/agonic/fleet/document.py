@@ -15,7 +15,7 @@ from agonic.fleet.embedded_rows import embed_rows
 from agonic.fleet.group_section import describe_group
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.peers import Peers, find_peers
-from agonic.report.digits import counted
+from agonic.report.digits import count
 from agonic.report.document import Document, Section
 from agonic.report.markup import Markup, element, markup
 
@@ -78,13 +78,13 @@ def describe_run(run: FleetRun) -> Document:
     """What a run over a fleet came to, for people and for programs."""
     verdicts = tables.count_verdicts(run.population)
     reasons = count_reasons(run.population)
-    words = ", ".join(f"{count} {word}" for word, count in verdicts.items())
-    read = [counted(run.logs, "log")] if run.logs or not run.datasets else []
-    read += [counted(run.datasets, "dataset")] if run.datasets else []
+    words = ", ".join(f"{n} {word}" for word, n in verdicts.items())
+    read = [count(run.logs, "log")] if run.logs or not run.datasets else []
+    read += [count(run.datasets, "dataset")] if run.datasets else []
     return Document(
         schema="agonic/fleet@1",
         name="fleet",
-        status=f"{' and '.join(read)}, {counted(len(run.population), 'calibration')}: {words}",
+        status=f"{' and '.join(read)}, {count(len(run.population), 'calibration')}: {words}",
         sections=[
             Section("", [_describe_work(run)], printed=True),
             *_list_reasons(reasons),
@@ -143,7 +143,7 @@ def _describe_work(run: FleetRun) -> str:
         (run.repeated, f"{run.repeated} have the content of another"),
         (run.skipped, f"{run.skipped} other files were left aside"),
     )
-    return "; ".join(text for count, text in parts if count)
+    return "; ".join(text for n, text in parts if n)
 
 
 def _list_reasons(reasons: Sequence[tuple[str, int]]) -> list[Section]:
@@ -160,9 +160,9 @@ def _list_unusual(run: FleetRun) -> list[Section]:
     lines = []
     if sensors:
         names = _shorten(", ".join(sensors))
-        lines.append(f"{counted(len(sensors), 'sensor')} unlike the others: {names}")
+        lines.append(f"{count(len(sensors), 'sensor')} unlike the others: {names}")
     if run.duplicates:
-        lines.append(f"{counted(len(run.duplicates), 'log')} more than once")
+        lines.append(f"{count(len(run.duplicates), 'log')} more than once")
     return [Section("", lines, printed=True)] if lines else []
 
 
@@ -200,13 +200,11 @@ def _assign_groups(population: Population, groups: Sequence[Peers]) -> NDArray[n
 def _list_others(groups: Sequence[Peers]) -> Markup:
     if not groups:
         return Markup("")
-    said = "; ".join(f"{group.name}: {counted(len(group), 'sensor')}" for group in groups)
+    said = "; ".join(f"{group.name}: {count(len(group), 'sensor')}" for group in groups)
     return element("p", f"Not drawn, for they are few: {said}.", class_="aside")
 
 
 def _place_table(population: Population) -> Markup:
     """Where the page's script puts its table; without it, where the rows are."""
-    none = (
-        f"{counted(len(population), 'calibration')} to search, sort and select with JavaScript on."
-    )
+    none = f"{count(len(population), 'calibration')} to search, sort and select with JavaScript on."
     return element("div", element("p", none, class_="script-off"), id="browse")

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation.robust_line import Line
 from agonic.population.peers import Peers
-from agonic.report.digits import counted, quantity
+from agonic.report.digits import count, quantity
 from agonic.report.markup import Markup, element, markup
 from agonic.report.strips import Axis, down, path, plot, points, right
 
@@ -59,7 +59,7 @@ def draw_histogram(
         low, middle, high = right(x, usual[0] + usual[1] * np.array([-1.0, 0.0, 1.0]))
         layers.insert(0, path(f"M{low:.1f} 0H{high:.1f}V1000H{low:.1f}Z", "usual"))
         layers.append(path(f"M{middle:.1f} 0V1000", "centre"))
-    name = f"Histogram of {label} of {counted(len(values), 'calibration')}"
+    name = f"Histogram of {label} of {count(len(values), 'calibration')}"
     drawn = plot(x, y, layers, name, kind="short")
     return _make_selectable(drawn, "histogram", group, (column,), (x, y), name, size)
 
@@ -87,7 +87,7 @@ def draw_scatter(
     for line, low, high in lines:
         ends = np.array([low, high])
         layers.append(path(f"M{points(right(x, ends), down(y, line.at(ends)))}", "centre"))
-    name = f"{y.label} against {x.label}, {counted(len(across), 'calibration')}"
+    name = f"{y.label} against {x.label}, {count(len(across), 'calibration')}"
     return plot(x, y, layers, name, kind=kind)
 
 
@@ -100,7 +100,7 @@ def draw_biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) 
     for values, axis in zip(bias.T, (x, y, z), strict=True):
         outside |= (values < axis.low) | (values > axis.high)
     beyond = int(outside.sum())
-    said = f"{counted(beyond, 'calibration')} beyond the axes." if beyond else ""
+    said = f"{count(beyond, 'calibration')} beyond the axes." if beyond else ""
     drawn = element(
         "div",
         *(

@@ -11,7 +11,7 @@ from agonic.fleet.embedded_rows import count_days, get_numbers, has_values
 from agonic.fleet.relations import draw_relation, find_relation
 from agonic.population import Population
 from agonic.population.peers import Peers
-from agonic.report.digits import counted
+from agonic.report.digits import count
 from agonic.report.document import Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
@@ -42,7 +42,7 @@ def describe_group(
         *_draw_temperature(population, group, rows, noted),
         *_draw_time(population, group, rows, noted),
     ]
-    name = f"{counted(len(group), 'sensor')}: {group.name}"
+    name = f"{count(len(group), 'sensor')}: {group.name}"
     return Section(name, parts)
 
 

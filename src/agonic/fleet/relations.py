@@ -12,7 +12,7 @@ from agonic.maths.estimation.robust_line import Line, fit_robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES
-from agonic.report.digits import counted, signed, with_sd
+from agonic.report.digits import count, show_sign, with_sd
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
 
@@ -81,13 +81,13 @@ def draw_relation(
 def _describe_slopes(relation: Relation, unit: str, per: tuple[str, float]) -> Markup:
     name, factor = per
     parts = [
-        f"{axis} {signed(with_sd(line.slope * factor, line.slope_sd * factor))}"
+        f"{axis} {show_sign(with_sd(line.slope * factor, line.slope_sd * factor))}"
         for axis, line in zip(AXES, relation.lines, strict=True)
     ]
     who = (
-        f"within {counted(relation.sensors, 'sensor')} with several logs, each about its own mean"
+        f"within {count(relation.sensors, 'sensor')} with several logs, each about its own mean"
         if relation.sensors
-        else f"between {counted(len(relation.rows), 'sensor')}, each counted once"
+        else f"between {count(len(relation.rows), 'sensor')}, each counted once"
     )
     clear = [a for a, line in zip(AXES, relation.lines, strict=True) if line.sloped]
     said = f"It changes on {', '.join(clear)}" if clear else "No change is more than chance"

@@ -11,7 +11,7 @@ import numpy as np
 from agonic.fleet.embedded_rows import VERDICTS, make_link
 from agonic.population import Duplicate, Outlier, Population
 from agonic.population.peers import LEAST, Peers
-from agonic.report.digits import counted, grouped, minused, percent
+from agonic.report.digits import count, group_digits, percent, write_minus
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.tables import mark
 from agonic.report.verdict import MEANINGS, sentence
@@ -37,18 +37,18 @@ def list_key_figures(
     sensors, logs = (len(set(population[name].tolist())) for name in ("sensor", "source"))
     standing = len({one.sensor for one in found})
     return [
-        ("Sensors", grouped(sensors), "by their names"),
-        ("Logs", grouped(logs), counted(len(population), "calibration")),
+        ("Sensors", group_digits(sensors), "by their names"),
+        ("Logs", group_digits(logs), count(len(population), "calibration")),
         *(
             (
                 MEANINGS[name][0],
-                grouped(number[name]),
+                group_digits(number[name]),
                 f"{percent(number[name] / n)}, {MEANINGS[name][1]}",
             )
             for name in VERDICTS
         ),
-        ("Stand out", grouped(standing), "sensors unlike the others"),
-        ("Duplicates", grouped(len(same)), "logs that are there more than once"),
+        ("Stand out", group_digits(standing), "sensors unlike the others"),
+        ("Duplicates", group_digits(len(same)), "logs that are there more than once"),
     ]
 
 
@@ -76,7 +76,7 @@ def list_outliers(
     lines = [
         element(
             "p",
-            f"{counted(len(group), 'sensor')} ({group.name}) cannot tell what is usual "
+            f"{count(len(group), 'sensor')} ({group.name}) cannot tell what is usual "
             f"among them: at least {LEAST} are needed.",
             class_="aside",
         )
@@ -90,13 +90,13 @@ def list_outliers(
         (
             link_sensor(population, row),
             element("span", population["source"][row], class_="source"),
-            minused(said[row]),
+            write_minus(said[row]),
         )
         for row in rows[:MOST_NAMED]
     ]
     more = len(rows) - len(body)
     if more > 0:
-        words = f"{counted(more, 'more sensor')} of this kind: in the table, choose “stands out”."
+        words = f"{count(more, 'more sensor')} of this kind: in the table, choose “stands out”."
         lines.append(element("p", words))
     return markup(
         table(("Sensor", "Log", "What is unlike the others"), body, class_="standing"), *lines
@@ -134,7 +134,7 @@ def list_reasons(population: Population) -> Markup:
     head = ("Reason", "Refused", "To check", "For example")
     shown = table(head, body, class_="reasons")
     left = len(order) - len(body)
-    return markup(shown, element("p", f"{counted(left, 'other reason')}.") if left > 0 else "")
+    return markup(shown, element("p", f"{count(left, 'other reason')}.") if left > 0 else "")
 
 
 def _get_reason(population: Population, row: int) -> str:
@@ -146,9 +146,9 @@ def _get_reason(population: Population, row: int) -> str:
 def _make_reason_row(population: Population, name: str, reason: _Reason) -> Sequence[str]:
     first = reason.examples[0]
     logs = ", ".join(dict.fromkeys(str(population["source"][row]) for row in reason.examples))
-    status = minused(sentence(_shorten(str(population["status"][first]))))
+    status = write_minus(sentence(_shorten(str(population["status"][first]))))
     example = markup(status, " ", element("span", logs, class_="source"))
-    return (name, *(grouped(reason.number[v]) for v in ("refused", "check")), example)
+    return (name, *(group_digits(reason.number[v]) for v in ("refused", "check")), example)
 
 
 def _shorten(text: str, most: int = 200) -> str:
@@ -160,7 +160,9 @@ def _shorten(text: str, most: int = 200) -> str:
 
 def describe_verdicts(number: Mapping[str, int]) -> Markup:
     """The words of the bar of verdicts."""
-    parts = (mark(name, f"{grouped(n)} {MEANINGS[name][0].lower()}") for name, n in number.items())
+    parts = (
+        mark(name, f"{group_digits(n)} {MEANINGS[name][0].lower()}") for name, n in number.items()
+    )
     return element("p", *parts, class_="legend verdicts")
 
 
@@ -168,6 +170,6 @@ def list_duplicates(same: Sequence[Duplicate]) -> Markup:
     """The logs that are there more than once."""
     shown = [element("li", f"{one.sentence}.") for one in same[:MOST_DUPLICATES]]
     left = len(same) - len(shown)
-    more = element("p", f"{counted(left, 'more log')} of this kind.") if left > 0 else ""
+    more = element("p", f"{count(left, 'more log')} of this kind.") if left > 0 else ""
     said = element("p", "Each counts once for what is usual.", class_="aside")
     return markup(said, element("ul", *shown, class_="duplicates"), more)

@@ -14,7 +14,7 @@ from agonic.history.parameters import KINDS
 from agonic.history.trend import Trend
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
-from agonic.report.digits import counted, grouped, quantity, rounded, signed, with_sd
+from agonic.report.digits import count, group_digits, quantity, round_to_sd, show_sign, with_sd
 from agonic.report.document import Document, Section, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
@@ -99,8 +99,8 @@ def describe_history(
         }
         for one in sensors
     ]
-    total = counted(sum(one.calibrations for one in sensors), "calibration")
-    status = f"{counted(len(sensors), 'sensor')}, {total}" if sensors else "The history is empty."
+    total = count(sum(one.calibrations for one in sensors), "calibration")
+    status = f"{count(len(sensors), 'sensor')}, {total}" if sensors else "The history is empty."
     return Document(
         schema="agonic/history@1",
         name="history",
@@ -122,14 +122,14 @@ def _list_sensors(rows: Sequence[Mapping[str, Any]]) -> list[Section]:
     head = ("Sensor", "Calibrations", "First", "Last", "Verdict", "Bias")
     table = Table(head, [[str(row[name]) for name in names] for row in said])
     more = len(rows) - LINES
-    note = [f"… and {grouped(more)} more; --json lists all"] if more > 0 else []
+    note = [f"… and {group_digits(more)} more; --json lists all"] if more > 0 else []
     return [Section("", [table, *note], printed=True)]
 
 
 def _list_departures(departed: Sequence[Departure]) -> list[Section]:
     if not departed:
         return []
-    title = f"{counted(len({one.sensor for one in departed}), 'sensor')} left the others"
+    title = f"{count(len({one.sensor for one in departed}), 'sensor')} left the others"
     said = [f"! {one.sensor}: {one.sentence}" for one in departed[:LINES]]
     return [Section(title, said, printed=True)]
 
@@ -147,7 +147,7 @@ def _list_key_figures(drift: Drift, trends: Sequence[Trend]) -> list[tuple[str, 
         entries.append(("Over", span, f"{first:%Y-%m-%d} to {last:%Y-%m-%d}"))
     if trends:
         sd, worst = max(((one.predict(drift.at)[1], one) for one in trends), key=lambda k: k[0])
-        known = f"± {rounded(sd, sd)} {worst.unit}".rstrip()
+        known = f"± {round_to_sd(sd, sd)} {worst.unit}".rstrip()
         entries.append(("Known to", known, f"{worst.name} on {drift.at:%Y-%m-%d}"))
     steps = sum(event.kind == "step" for event in drift.events)
     return [*entries, ("Steps", str(steps), "told from drift and scatter")]
@@ -177,7 +177,7 @@ def _format_date(row: Row) -> str:
 def _list_bias(row: Row) -> list[str | None]:
     """Bias x y z to the digits that are known, None where there is none."""
     bias = ((getattr(row, f"bias_{axis}"), getattr(row, f"bias_{axis}_sd")) for axis in "xyz")
-    return [None if value is None else rounded(value, sd) for value, sd in bias]
+    return [None if value is None else round_to_sd(value, sd) for value, sd in bias]
 
 
 def _format_bias(row: Row) -> str:
@@ -191,8 +191,8 @@ def _tabulate_trends(drift: Drift) -> Table:
     for one in drift.trends:
         unit = f" {one.unit}" if one.unit else ""
         mean, sd, _ = one.predict(drift.at)
-        slope = signed(with_sd(one.slope, one.slope_sd))
-        sizes = (f"{rounded(size, size)}{unit}" for size in (one.scatter, one.walk))
+        slope = show_sign(with_sd(one.slope, one.slope_sd))
+        sizes = (f"{round_to_sd(size, size)}{unit}" for size in (one.scatter, one.walk))
         value = with_sd(mean, sd) + unit
         rows.append((one.name, value, slope + unit, _format_chance(one.p_value), *sizes))
     return Table(head, rows, "drifts", scrolls=True)
@@ -206,7 +206,7 @@ def _tabulate_events(drift: Drift) -> Table:
             when = f"{event.after:%Y-%m-%d} to {when}"
         first = [_EVENTS[event.kind], when, _format_chance(event.p_value)]
         for moved in event.parameters:
-            size = f"{signed(with_sd(moved.size, moved.sd))} {moved.unit}".rstrip()
+            size = f"{show_sign(with_sd(moved.size, moved.sd))} {moved.unit}".rstrip()
             rows.append([*first[:2], moved.name, size, first[2]])
             first = [""] * 3
     return Table(("What", "When", "Parameter", "Size", "Chance"), rows, "drifts", scrolls=True)
@@ -237,7 +237,7 @@ def _tabulate_calibrations(drift: Drift) -> list[Table | Markup]:
     if any(UNDATED.name in row.findings for row in shown):
         notes.append("* the moment of adding: the log knows no date")
     if len(shown) < len(rows):
-        notes.append(f"{counted(len(rows) - len(shown), 'earlier one')} left out.")
+        notes.append(f"{count(len(rows) - len(shown), 'earlier one')} left out.")
     table = Table(head, cells, "calibrations", scrolls=True)
     return [table, *(element("p", note, class_="aside") for note in notes)]
 

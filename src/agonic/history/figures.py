@@ -11,7 +11,7 @@ from agonic.arrays import Array
 from agonic.history.fit import Drift, Event, sample_times
 from agonic.history.trend import Trend
 from agonic.report.markup import Markup, element
-from agonic.report.strips import Axis, captioned, down, path, plot, points, right
+from agonic.report.strips import Axis, caption, down, path, plot, points, right
 
 DAYS_A_MONTH, DAYS_A_YEAR = 30.4375, 365.25
 _WIDE = 2.0  # standard deviations that bands reach to either side
@@ -42,7 +42,7 @@ def draw_trends(trends: Sequence[Trend], drift: Drift) -> Markup:
     first = trends[0]
     note = "" if first.kind == "bias" else "To first order the same however the matrix was turned."
     drawn = element("div", *(draw_trend(one, drift) for one in trends), class_="multiples")
-    return captioned(f"In {first.unit}" if first.unit else "As a ratio", drawn, keys, note)
+    return caption(f"In {first.unit}" if first.unit else "As a ratio", drawn, keys, note)
 
 
 def draw_trend(one: Trend, drift: Drift) -> Markup:

@@ -16,7 +16,7 @@ from agonic.recording.residuals import compute_residuals, find_held_out
 from agonic.recording.tables import describe_method, list_numbers
 from agonic.recording.values import FIELDS, list_values
 from agonic.report import tables
-from agonic.report.digits import counted, degrees, grouped, percent, quantity, with_sd
+from agonic.report.digits import count, degrees, group_digits, percent, quantity, with_sd
 from agonic.report.document import Block, Document, Section, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
@@ -117,7 +117,7 @@ def _summarise(number: int, result: Calibrated) -> list[str]:
     return [
         element("a", result.samples.name, href=f"#sensor-{number}"),
         tables.mark(result.verdict, MEANINGS[result.verdict][0]),
-        grouped(result.fit.n),
+        group_digits(result.fit.n),
         tables.spread(result.verification),
         degrees(result.fit.coverage.heading_sd_deg),
         quantity(result.fit.noise, unit, 2),
@@ -156,7 +156,7 @@ def describe_sensor(
     return Document(
         schema=schema,
         name=result.samples.name,
-        method=f"{result.method}, {calibration.model} model, {grouped(fit.n)} readings",
+        method=f"{result.method}, {calibration.model} model, {group_digits(fit.n)} readings",
         verdict=result.verdict,
         status=sentence(result.status),
         findings=fit.findings,
@@ -202,7 +202,7 @@ def choose_move(result: Calibrated) -> str:
 def _describe_heading(result: Calibrated) -> tuple[str, str]:
     """The standard error of a heading, and where it holds."""
     coverage = result.fit.coverage
-    place = f"at {grouped(coverage.inclination_deg)}° inclination"
+    place = f"at {group_digits(coverage.inclination_deg)}° inclination"
     return degrees(coverage.heading_sd_deg), place
 
 
@@ -218,7 +218,7 @@ def _list_key_figures(result: Calibrated) -> list[tuple[str, str, str]]:
         (
             "Coverage",
             f"{np.count_nonzero(cells)} of {len(cells)}",
-            f"directions, from {counted(fit.n, 'reading')}",
+            f"directions, from {count(fit.n, 'reading')}",
         ),
     ]
 
@@ -274,11 +274,11 @@ def _describe_held_out(result: Calibrated) -> Markup:
         text = "Checked on other readings than the fit has seen."
     elif find_held_out(result) is None:
         text = (
-            f"Each of {counted(int(held_out.sum()), 'reading')} was judged by a fit to other parts "
+            f"Each of {count(int(held_out.sum()), 'reading')} was judged by a fit to other parts "
             "of the log, which had not seen it."
         )
     else:
-        text = f"Checked on {counted(int(held_out.sum()), 'reading')} held out of the fit."
+        text = f"Checked on {count(int(held_out.sum()), 'reading')} held out of the fit."
     return element("p", text, class_="aside")
 
 

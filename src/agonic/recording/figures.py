@@ -10,7 +10,7 @@ from agonic.arrays import Array
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.residuals import FEWEST, Residuals, find_held_out
 from agonic.recording.sphere import describe_coverage, find_deviation_limit
-from agonic.report.digits import counted, grouped, percent, quantity
+from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
@@ -18,11 +18,11 @@ from agonic.report.strips import (
     Columns,
     arrows,
     beyond_words,
-    captioned,
+    caption,
     down,
     level,
     line,
-    marked,
+    mark_rows,
     path,
     plot,
     points,
@@ -38,7 +38,7 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
     """Two canvases that turn together, with what they show in words; `most` points are drawn."""
     n, verification = len(result.samples), result.verification
     limit = percent(find_deviation_limit(result))
-    drawn = f"{grouped(most)} of {grouped(n)} readings are drawn, evenly chosen."
+    drawn = f"{group_digits(most)} of {group_digits(n)} readings are drawn, evenly chosen."
     return [
         element(
             "div",
@@ -66,7 +66,7 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
         ),
         element(
             "p",
-            f"All {grouped(n)} readings are drawn." if n <= most else drawn,
+            f"All {group_digits(n)} readings are drawn." if n <= most else drawn,
             " ",
             element("span", TURNING, class_="screen-only"),
             class_="aside",
@@ -97,11 +97,11 @@ def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
             words = f"± scatter, {scatter}: the sensor’s noise and the attitude’s"
             strips.append(_caption_strip(result, own, f"Residuals of the {kind} over time", words))
     doubted = int(np.sum(residuals.weights < 0.5))
-    histogram = captioned(
+    histogram = caption(
         "Histogram of residuals",
         draw_histogram(residuals),
         {"bars": "readings", "normal": f"normal curve of the noise, {noise}"},
-        f"{counted(doubted, 'reading')} {'counts' if doubted == 1 else 'count'} less than half in "
+        f"{count(doubted, 'reading')} {'counts' if doubted == 1 else 'count'} less than half in "
         "the fit.",
     )
     shows = f"Mean residual of each direction. {residuals.worst}"
@@ -115,7 +115,7 @@ def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
     )
     keys = {"before": "before", "after": "after the correction"}
     return [
-        captioned("Magnitude over time", draw_magnitude(result), keys),
+        caption("Magnitude over time", draw_magnitude(result), keys),
         *strips,
         element("div", histogram, sphere, class_="pair"),
     ]
@@ -127,7 +127,7 @@ def _caption_strip(result: Calibrated, residuals: Residuals, name: str, noise: s
     if find_held_out(result) is not None:
         keys["held-out"] = "held out of the fit"
     beyond = beyond_words(residuals.values, residuals.limit, residuals.unit)
-    return captioned(name, draw_strip(result, residuals), keys, beyond)
+    return caption(name, draw_strip(result, residuals), keys, beyond)
 
 
 def draw_strip(result: Calibrated, residuals: Residuals) -> Markup:
@@ -143,7 +143,7 @@ def draw_strip(result: Calibrated, residuals: Residuals) -> Markup:
     ]
     held_out = find_held_out(result)
     if held_out is not None:
-        layers.append(marked(columns, held_out, "held-out"))
+        layers.append(mark_rows(columns, held_out, "held-out"))
     label = f"Residuals between −{limit:.3g} and +{limit:.3g} over time"
     return plot(x, y, layers, label, arrows(columns, y, residuals.values))
 

@@ -10,7 +10,7 @@ from agonic.arrays import Array, Mask
 from agonic.maths.equation.affine import magnitude_residual
 from agonic.maths.equation.coverage import find_cells, icosphere
 from agonic.recording.calibrated import Calibrated
-from agonic.report.digits import grouped, quantity, signed
+from agonic.report.digits import group_digits, quantity, show_sign
 from agonic.report.labels import unit_label
 from agonic.report.strips import robust_limit
 
@@ -49,8 +49,8 @@ class Residuals:
         if np.isnan(self.means).all():
             return f"No direction holds {FEWEST} readings."
         cell = int(np.nanargmax(np.abs(self.means)))
-        x, y, z = (signed(grouped(float(v), 2)) for v in icosphere()[0][cell])
-        value = signed(quantity(float(self.means[cell]), self.unit, 2))
+        x, y, z = (show_sign(group_digits(float(v), 2)) for v in icosphere()[0][cell])
+        value = show_sign(quantity(float(self.means[cell]), self.unit, 2))
         return f"The largest is {value}, towards ({x}, {y}, {z})."
 
 

@@ -13,7 +13,15 @@ from agonic.recording.quantities import (
     list_views,
     mixes_sensors,
 )
-from agonic.report.digits import degrees, grouped, minused, quantity, rounded, signed, with_sd
+from agonic.report.digits import (
+    degrees,
+    group_digits,
+    quantity,
+    round_to_sd,
+    show_sign,
+    with_sd,
+    write_minus,
+)
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, grouped_table, markup, table
 from agonic.report.verdict import sentence
@@ -39,7 +47,9 @@ def _list_quality(result: Calibrated) -> list[tuple[str, str]]:
     """How good the calibration is: numbers in words with their units."""
     fit, coverage = result.fit, result.fit.coverage
     into, out = (unit_label(u) for u in (fit.calibration.unit_in, fit.calibration.unit_out))
-    heading = f"Heading standard error, level, at {grouped(coverage.inclination_deg)}° inclination"
+    heading = (
+        f"Heading standard error, level, at {group_digits(coverage.inclination_deg)}° inclination"
+    )
     return [
         ("Noise of one reading on one axis", quantity(fit.noise, into)),
         (heading, degrees(coverage.heading_sd_deg)),
@@ -63,7 +73,7 @@ def _draw_groups(groups: Sequence[Group], compared: bool) -> Markup:
 def _list_cells(q: Quantity, compared: bool) -> list[str]:
     cells = [q.name, with_sd(q.value, q.sd)]
     if compared and q.logged is not None:
-        cells += [rounded(q.logged, q.sd), signed(rounded(q.value - q.logged, q.sd))]
+        cells += [round_to_sd(q.logged, q.sd), show_sign(round_to_sd(q.value - q.logged, q.sd))]
     return cells
 
 
@@ -81,7 +91,7 @@ def describe_method(result: Calibrated) -> Markup:
     items = (
         element(
             "li",
-            minused(sentence(test.sentence)),
+            write_minus(sentence(test.sentence)),
             element(
                 "span",
                 f" {test.larger} against {test.smaller}: statistic "

@@ -13,10 +13,10 @@ UNDETERMINED = "undetermined"
 _HYPHEN = re.compile(r"(?<![\w.\-])-(?=\.?\d)")  # of a number, not of a date or a name
 
 
-def grouped(value: float, decimals: int = 0) -> str:
+def group_digits(value: float, decimals: int = 0) -> str:
     """A number with its thousands set apart by thin spaces.
 
-    >>> grouped(-30512.345, 1).replace(THIN, " ")
+    >>> group_digits(-30512.345, 1).replace(THIN, " ")
     '−30 512.3'
     """
     nearest = round(value, decimals) + 0.0  # the sum turns −0 into 0
@@ -31,20 +31,20 @@ def significant(value: float, digits: int = 3) -> str:
     """
     if not math.isfinite(value):
         return UNDETERMINED
-    return grouped(value, max(_decimals(value, digits), 0))
+    return group_digits(value, max(_decimals(value, digits), 0))
 
 
-def rounded(value: float, sd: float | None) -> str:
+def round_to_sd(value: float, sd: float | None) -> str:
     """A number to the second digit of a standard error, or to four digits where there is none.
 
     Never more than twelve digits, however small the standard error.
 
-    >>> rounded(1.2345678, 0.00123), rounded(1.2345678, None), rounded(1.2345678, 1e-17)
+    >>> round_to_sd(1.2345678, 0.00123), round_to_sd(1.2345678, None), round_to_sd(1.2345678, 1e-17)
     ('1.2346', '1.235', '1.23456780000')
     """
     if not sd:
         return significant(value, 4)
-    return grouped(value, min(_decimals(sd, 2), _decimals(value, 12) if value else 12))
+    return group_digits(value, min(_decimals(sd, 2), _decimals(value, 12) if value else 12))
 
 
 def with_sd(value: float, sd: float | None) -> str:
@@ -54,14 +54,14 @@ def with_sd(value: float, sd: float | None) -> str:
     ('1.2346 ± 0.0012', '1.000')
     """
     if not sd:
-        return rounded(value, sd)
-    return f"{rounded(value, sd)} ±{NO_BREAK}{grouped(sd, min(_decimals(sd, 2), 12))}"
+        return round_to_sd(value, sd)
+    return f"{round_to_sd(value, sd)} ±{NO_BREAK}{group_digits(sd, min(_decimals(sd, 2), 12))}"
 
 
-def signed(text: str) -> str:
+def show_sign(text: str) -> str:
     """A written number with its sign shown.
 
-    >>> signed("1.5"), signed("0.0")
+    >>> show_sign("1.5"), show_sign("0.0")
     ('+1.5', '0.0')
     """
     return f"+{text}" if text[0].isdigit() and text.strip("0.") else text
@@ -79,19 +79,19 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{significant(value, digits)}{space}{unit}"
 
 
-def counted(n: int, noun: str, plural: str = "") -> str:
+def count(n: int, noun: str, plural: str = "") -> str:
     """A number of things, with the noun as that number wants it.
 
-    >>> counted(1, "row"), counted(0, "row"), counted(2, "axis", "axes")
+    >>> count(1, "row"), count(0, "row"), count(2, "axis", "axes")
     ('1 row', '0 rows', '2 axes')
     """
-    return f"{grouped(n)} {noun if n == 1 else plural or noun + 's'}"
+    return f"{group_digits(n)} {noun if n == 1 else plural or noun + 's'}"
 
 
-def minused(text: str) -> str:
+def write_minus(text: str) -> str:
     """Text in which a hyphen before a number is the minus that it stands for.
 
-    >>> minused("at -66° (2015-11-21, levelled -0.5, COMPASS-2)")
+    >>> write_minus("at -66° (2015-11-21, levelled -0.5, COMPASS-2)")
     'at −66° (2015-11-21, levelled −0.5, COMPASS-2)'
     """
     return _HYPHEN.sub(MINUS, text)

@@ -9,7 +9,7 @@ from typing import Any
 from agonic.calibration.base import Calibration
 from agonic.health import Finding
 from agonic.report import blocks, tables, text
-from agonic.report.digits import minused
+from agonic.report.digits import write_minus
 from agonic.report.markup import Markup, data_script, element, markup, table
 from agonic.report.page_file import assemble_page, read_static
 from agonic.report.verdict import MEANINGS, moves, sentence
@@ -144,7 +144,7 @@ class Document:
         """
         name = self.title or self.name
         about = self.about or ("" if self.verdict else self.status)
-        under = [element("p", minused(about), class_="kicker")] if about else []
+        under = [element("p", write_minus(about), class_="kicker")] if about else []
         inside = [
             *self._opening(),
             *self._middle("h2"),
@@ -219,7 +219,7 @@ class Document:
     def _opening(self) -> Iterable[Markup]:
         """Verdict and figures to look at first; of a refused result the verdict alone."""
         if self.verdict:
-            yield blocks.verdict(self.verdict, minused(self.status), move=self.next_move)
+            yield blocks.verdict(self.verdict, write_minus(self.status), move=self.next_move)
         if self.key_figures and self._shows_numbers:
             yield blocks.key_figures(self.key_figures)
 
@@ -262,10 +262,12 @@ def _block(block: Block) -> Markup:
     if isinstance(block, Markup):
         return block
     if isinstance(block, str):
-        return element("p", minused(block))
+        return element("p", write_minus(block))
     if isinstance(block, Table):
         return block.to_html()
     if isinstance(block, Mapping):
-        return tables.definitions({name: minused(words) for name, words in block.items() if words})
+        return tables.definitions(
+            {name: write_minus(words) for name, words in block.items() if words}
+        )
     drawn = block()
     return drawn if isinstance(drawn, Markup) else markup(*drawn)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.report.digits import counted, grouped, quantity
+from agonic.report.digits import count, group_digits, quantity
 from agonic.report.markup import Markup, element
 
 BINS = 400
@@ -172,7 +172,7 @@ def level(y: Axis, value: float, name: str) -> Markup:
     return path(f"M0 {float(down(y, np.array(value))):.0f}H1000", name)
 
 
-def marked(columns: Columns, rows: Mask, name: str) -> Markup:
+def mark_rows(columns: Columns, rows: Mask, name: str) -> Markup:
     """A bar along the foot under the columns that consist mostly of these rows."""
     inside = columns.mean(rows.astype(np.float64)) > 0.5
     first, last = columns.edges()
@@ -234,7 +234,7 @@ def beyond_words(values: Array, limit: float, unit: str) -> str:
     farthest = float(values[int(np.argmax(np.abs(values)))])
     lie = "lies" if n == 1 else "lie"
     return (
-        f"{counted(n, 'reading')} {lie} beyond the edges (arrows), the farthest at "
+        f"{count(n, 'reading')} {lie} beyond the edges (arrows), the farthest at "
         f"{quantity(farthest, unit)}."
     )
 
@@ -283,23 +283,21 @@ def _tick_texts(coordinate: str, ticks: Array, places: Array) -> list[Markup]:
     step = ticks[1] - ticks[0] if len(ticks) > 1 else max(abs(ticks[0]), 1.0)
     decimals = max(0, -int(np.floor(np.log10(step) + 1e-9)))
     return [
-        element("text", grouped(float(tick), decimals), **{coordinate: f"{place / 10:.1f}%"})
+        element("text", group_digits(float(tick), decimals), **{coordinate: f"{place / 10:.1f}%"})
         for tick, place in zip(ticks, places, strict=True)
     ]
 
 
-def captioned(
-    name: str, drawn: Markup, keys: dict[str, str] | None = None, note: str = ""
-) -> Markup:
+def caption(name: str, drawn: Markup, keys: dict[str, str] | None = None, note: str = "") -> Markup:
     """A strip as a figure with its name, the words of its colours, and a note."""
     legend = (
         element("span", element("i", class_=f"key {key}"), words)
         for key, words in (keys or {}).items()
     )
-    caption = element(
+    words = element(
         "figcaption",
         element("strong", name),
         element("p", *legend, class_="legend") if keys else "",
         element("p", note, class_="note-line") if note else "",
     )
-    return element("figure", caption, drawn, class_="strip")
+    return element("figure", words, drawn, class_="strip")

@@ -8,7 +8,7 @@ from typing import Any
 from agonic.calibration.base import Calibration
 from agonic.citations import CITATIONS
 from agonic.health import Finding
-from agonic.report.digits import counted, minused, percent, quantity
+from agonic.report.digits import count, percent, quantity, write_minus
 from agonic.report.labels import FRAMES, unit_label
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.verdict import sentence
@@ -48,7 +48,7 @@ def checks(verification: Verification) -> Markup:
             quantity(check.value, check.unit),
             _limit(check),
             _outcome(check),
-            minused(sentence(check.meaning)),
+            write_minus(sentence(check.meaning)),
         ]
         for check in verification.checks
     ]
@@ -72,8 +72,8 @@ def findings(found: Sequence[Finding]) -> Markup:
     rows = [
         [
             mark(*SEVERITIES[f.severity]),
-            markup(element("code", f.name), " ", minused(sentence(f.what))),
-            minused(sentence(f.move)) if f.move else NOTHING,
+            markup(element("code", f.name), " ", write_minus(sentence(f.what))),
+            write_minus(sentence(f.move)) if f.move else NOTHING,
         ]
         for f in found
     ]
@@ -101,9 +101,9 @@ def provenance(calibration: Calibration, samples: Samples | None) -> Markup:
         f"{unit_label(calibration.unit_out)}",
         "Frames": f"{_frame(calibration.frame_in)} to {_frame(calibration.frame_out)}",
         "Inputs": [
-            f"{i.name}, {counted(i.count, 'row')}, SHA-256 {i.sha256}" for i in inputs.values()
+            f"{i.name}, {count(i.count, 'row')}, SHA-256 {i.sha256}" for i in inputs.values()
         ],
-        "Left out": [f"{counted(n, 'row')}: {why}" for why, n in rejected.items()],
+        "Left out": [f"{count(n, 'row')}: {why}" for why, n in rejected.items()],
         "Reader’s notes": () if samples is None else samples.notes,
         "Settings": [f"{name} = {_setting(value)}" for name, value in origin.settings.items()],
         "Derived from": origin.parents,
@@ -114,7 +114,7 @@ def provenance(calibration: Calibration, samples: Samples | None) -> Markup:
 
 
 def _setting(value: Any) -> str:
-    return minused(f"{value:g}" if isinstance(value, float) else str(value))
+    return write_minus(f"{value:g}" if isinstance(value, float) else str(value))
 
 
 def _frame(letter: str) -> str:

@@ -6,7 +6,7 @@ import textwrap
 import unicodedata
 from collections.abc import Mapping, Sequence
 
-from agonic.report.digits import minused
+from agonic.report.digits import write_minus
 
 WIDTH = 100
 SIGNS = {"good": "✓", "check": "!", "refused": "✗"}
@@ -26,7 +26,7 @@ def wrap(text: str, *, indent: str = "  ", label: str = "", most_lines: int | No
             about all the axes turn it about all the axes
     """
     return textwrap.fill(
-        minused(printable(text)),
+        write_minus(printable(text)),
         WIDTH,
         initial_indent=indent + label,
         subsequent_indent=indent + " " * len(label),

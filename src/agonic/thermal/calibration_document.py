@@ -8,11 +8,11 @@ from agonic.arrays import Mask
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.report import tables as blocks
-from agonic.report.digits import counted, grouped, minused, quantity
+from agonic.report.digits import count, group_digits, quantity, write_minus
 from agonic.report.document import Document, Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup
-from agonic.report.strips import BINS, Axis, Columns, captioned, marked, plot, spread
+from agonic.report.strips import BINS, Axis, Columns, caption, mark_rows, plot, spread
 from agonic.report.time_axis import along_time
 from agonic.samples import Samples
 from agonic.thermal import figures, tables
@@ -69,7 +69,7 @@ def list_key_figures(calibration: Thermal, fit: ThermalFit | None) -> list[tuple
     bias, matrix = find_worst_sd(calibration)
     low, high = calibration.range_C
     shown = [
-        ("Range", minused(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
+        ("Range", write_minus(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
         ("Bias known to", quantity(bias, unit, 2), "standard error at the worst temperature"),
         ("Matrix × field known to", quantity(matrix, unit_out, 2), "the same"),
     ]
@@ -106,13 +106,12 @@ def _show_log(
     low, high = thermal.range_C
     coldest, warmest = float(samples.temperature.min()), float(samples.temperature.max())
     said = (
-        f"{counted(len(samples), 'reading')} of {samples.name} at {coldest:.1f} to "
-        f"{warmest:.1f} °C."
+        f"{count(len(samples), 'reading')} of {samples.name} at {coldest:.1f} to {warmest:.1f} °C."
     )
     if beyond.any():
         said += (
-            f" {grouped(int(beyond.sum()))} of them lie outside {low:.1f} to {high:.1f} °C, for "
-            "which the calibration was made: there it is extrapolated (marked at the foot)."
+            f" {group_digits(int(beyond.sum()))} of them lie outside {low:.1f} to {high:.1f} °C, "
+            "for which the calibration was made: there it is extrapolated (marked at the foot)."
         )
     unit = unit_label(calibration.unit_out)
     return Section(
@@ -137,11 +136,11 @@ def _draw_magnitudes(
         keys["extrapolated"] = "extrapolated"
     x = Axis("temperature, °C", low, high if high > low else low + 1.0)
     drawn = _draw_magnitude(Columns(x, level_C, _MOST), x, verification, unit, beyond)
-    parts = [captioned("Magnitude over temperature", drawn, keys)]
+    parts = [caption("Magnitude over temperature", drawn, keys)]
     if time is not None and len(samples) > 1:
         x, along = along_time(time, float(time[0]), float(time[-1]))
         drawn = _draw_magnitude(Columns(x, along, BINS), x, verification, unit, beyond)
-        parts.append(captioned("Magnitude over time", drawn, keys))
+        parts.append(caption("Magnitude over time", drawn, keys))
     return parts
 
 
@@ -155,5 +154,5 @@ def _draw_magnitude(
     y = Axis(f"magnitude, {unit}", float(ends[0]) - margin, float(ends[1]) + margin)
     layers = [spread(columns, y, before, "before"), spread(columns, y, after, "after")]
     if beyond.any():
-        layers.append(marked(columns, beyond, "extrapolated"))
+        layers.append(mark_rows(columns, beyond, "extrapolated"))
     return plot(x, y, layers, f"Magnitude over {x.label}, before and after")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from agonic.health import sort_findings
-from agonic.report.digits import counted, minused, quantity, with_sd
+from agonic.report.digits import count, quantity, with_sd, write_minus
 from agonic.report.document import Block, Document, Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import element
@@ -64,8 +64,8 @@ def describe_campaign(
     """What is said and shown of a campaign; the parameters are those of `campaign_page`."""
     campaign, written = result.campaign, files or {}
     about = (
-        f"{counted(len(result.sensors), 'sensor')}, stations {join_numbers(campaign.stations)}, "
-        f"{counted(campaign.rows, 'reading')}"
+        f"{count(len(result.sensors), 'sensor')}, stations {join_numbers(campaign.stations)}, "
+        f"{count(campaign.rows, 'reading')}"
     )
     return Document(
         schema="agonic/fit-thermal@1",
@@ -225,7 +225,7 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
     for level in np.linspace(*calibration.range_C, 3):
         rows = zip("xyz", calibration.bias_at(level), calibration.sd_at(level)[:3], strict=True)
         numbers = "   ".join(f"{axis} {with_sd(float(b), float(s))}" for axis, b, s in rows)
-        entries[minused(f"Bias at {level:.1f} °C")] = f"{numbers} {calibration.unit_in}"
+        entries[write_minus(f"Bias at {level:.1f} °C")] = f"{numbers} {calibration.unit_in}"
     if fit.spread is not None:
         ratios = zip(figures.COMPONENTS, fit.spread.improvement, strict=True)
         entries["Spread before / after"] = "   ".join(f"{name} {r:.2f}" for name, r in ratios)

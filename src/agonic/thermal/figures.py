@@ -15,7 +15,7 @@ from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
     Axis,
-    captioned,
+    caption,
     down,
     level,
     path,
@@ -223,14 +223,14 @@ def draw_coefficients(calibration: Thermal, bins: Bins | None = None) -> list[Ma
     keys = {**keys, "curve": "polynomial"}
     if calibration.covariance is not None:
         keys["band"] = "± 2 standard errors"
-    parts = [captioned("Bias and matrix over temperature", _arrange(drawn), keys)]
+    parts = [caption("Bias and matrix over temperature", _arrange(drawn), keys)]
     if bins is not None:
         left = [draw_remainder(curve, bins, k) for k, curve in enumerate(shown)]
         parts.append(
             element(
                 "details",
                 element("summary", "The same less the polynomial"),
-                captioned("What the polynomials leave of the bins", _arrange(left), keys),
+                caption("What the polynomials leave of the bins", _arrange(left), keys),
             )
         )
     return parts
@@ -252,7 +252,7 @@ def draw_stations(before_and_after: Spread, held_out: HeldOut | None, unit: str)
         keys["unseen"] = "after, by a fit that has not seen the station"
         note = f"{held_out.folds} fits, each without some of the stations, were tried on those."
     name = "Standard deviation of the readings over temperature"
-    return captioned(name, _arrange(drawn, "two"), keys, note)
+    return caption(name, _arrange(drawn, "two"), keys, note)
 
 
 def draw_orders(fit: ThermalFit) -> Markup:
@@ -268,11 +268,11 @@ def draw_orders(fit: ThermalFit) -> Markup:
         return element("p", said)
     keys = {"of-bias": "bias", "of-matrix": "matrix", "chosen": "used"}
     name = "Variance of what the polynomials leave of the bins, over that of their noise"
-    return captioned(name, _draw_variances(fit.variances, order), keys, said)
+    return caption(name, _draw_variances(fit.variances, order), keys, said)
 
 
 def draw_chamber(found: ChamberField) -> Markup:
     """The chamber's field along each axis over time."""
     drawn = Markup("".join(_draw_chamber_axis(found, axis) for axis in range(len(found.axes))))
     keys = {"common": "common to all sensors", "each": "each sensor, mean of a window"}
-    return captioned("Changes of the field at each station, less their mean", drawn, keys)
+    return caption("Changes of the field at each station, less their mean", drawn, keys)

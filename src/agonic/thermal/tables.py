@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS
 from agonic.calibration.thermal import Thermal
-from agonic.report.digits import counted, grouped, minused, quantity, signed, with_sd
+from agonic.report.digits import count, group_digits, quantity, show_sign, with_sd, write_minus
 from agonic.report.document import Block, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
@@ -40,7 +40,14 @@ def _list_sensor(number: int, sensor: CalibratedSensor) -> list[str]:
         return [link, word, *[NOTHING] * 4]
     unit = unit_label(fit.calibration.unit_in)
     known = quantity(find_worst_sd(fit.calibration)[0], unit, 2)
-    return [link, word, grouped(fit.n), known, format_spread(fit), quantity(fit.noise, unit, 2)]
+    return [
+        link,
+        word,
+        group_digits(fit.n),
+        known,
+        format_spread(fit),
+        quantity(fit.noise, unit, 2),
+    ]
 
 
 def format_spread(fit: ThermalFit) -> str:
@@ -110,7 +117,7 @@ def list_shares(found: ChamberField) -> Table:
 def list_numbers(calibration: Thermal) -> Table:
     """Bias and matrix at both ends and in the middle of the range, with standard errors."""
     levels = np.linspace(*calibration.range_C, 3)
-    head = ["Number", *(minused(f"at {level:.1f} °C") for level in levels)]
+    head = ["Number", *(write_minus(f"at {level:.1f} °C") for level in levels)]
     rows = [
         [
             curve.label,
@@ -158,7 +165,7 @@ def list_hysteresis(found: Hysteresis, calibration: Thermal) -> Table:
         known = with_sd(float(found.difference[k]), float(found.sd[k]))
         label = name.replace("_", " ") + (f", {unit}" if k < 3 else "")
         largest = quantity(float(found.largest[k]), "", 2)
-        rows.append([label, signed(known), largest])
+        rows.append([label, show_sign(known), largest])
     return Table(head, rows)
 
 
@@ -168,7 +175,7 @@ def describe_lag(calibration: Thermal) -> str:
         return ""
     unit = unit_label(calibration.unit_in)
     values = ", ".join(
-        f"{axis} {grouped(float(value) / 60.0, 1)}"
+        f"{axis} {group_digits(float(value) / 60.0, 1)}"
         for axis, value in zip("xyz", calibration.rate, strict=True)
     )
     return (
@@ -184,10 +191,12 @@ def list_anomalies(left_out: Sequence[Anomaly]) -> list[Block]:
     total = sum(anomaly.count for anomaly in left_out)
     begun = min((float(a.times.min()) for a in left_out if np.isfinite(a.times).all()), default=0.0)
     said = (
-        f"{counted(total, 'reading')} stood out of the running median of "
+        f"{count(total, 'reading')} stood out of the running median of "
         f"{'their' if total > 1 else 'its'} station and {'were' if total > 1 else 'was'} left out."
     )
-    rows = [[f"{a.station}", grouped(a.count), _format_times(a.times - begun)] for a in left_out]
+    rows = [
+        [f"{a.station}", group_digits(a.count), _format_times(a.times - begun)] for a in left_out
+    ]
     head = ["Station", "Left out", "Hours after the first of all"]
     return [said, Table(head, rows, style="anomalies")]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agonic.alignment.coil.result import CoilFit, Direction
-from agonic.report.digits import grouped, quantity, significant, with_sd
+from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document, Section, Table
 
 FRAMES = {
@@ -70,11 +70,11 @@ def _entries(fit: CoilFit) -> dict[str, str]:
 
 def _axis(letter: str, direction: Direction, time: float | None) -> str:
     """The axis in a frame, with its angles where they have names."""
-    x, y, z = (grouped(float(part), 8) for part in direction.axis)
+    x, y, z = (group_digits(float(part), 8) for part in direction.axis)
     words = f"{x}, {y}, {z} ± {significant(direction.sd_arcsec, 2)}″ ({FRAMES[letter]})"
     names = ANGLES.get(letter, ())
     for name, angle in zip(names, direction.angles_deg, strict=False):
-        words += f", {name} {grouped(angle, 5)}°"
+        words += f", {name} {group_digits(angle, 5)}°"
     if letter == "i" and time:
         words += f" at {datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S UTC}"
     return words
@@ -83,8 +83,8 @@ def _axis(letter: str, direction: Direction, time: float | None) -> str:
 def _linearity(fit: CoilFit) -> Section:
     rows = [
         [
-            grouped(level.current_A, 5),
-            grouped(level.constant, 3),
+            group_digits(level.current_A, 5),
+            group_digits(level.constant, 3),
             significant(level.sd, 2),
             significant(level.departure, 2),
             significant(1e6 * level.departure / fit.constant, 2),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agonic.alignment.gravity.fit import GravityFit
-from agonic.report.digits import grouped, quantity, significant
+from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
 
 
@@ -40,8 +40,8 @@ def _entries(fit: GravityFit) -> dict[str, str]:
     return {
         "Turn": quantity(fit.angle_deg, "°", 4),
         "Error": f"about the accelerometer's {sd}",
-        "Matrix": "; ".join(" ".join(grouped(float(v), 6) for v in row) for row in fit.rot_bm),
-        "Dip": f"{grouped(fit.inclination_deg, 2)}°",
+        "Matrix": "; ".join(" ".join(group_digits(float(v), 6) for v in row) for row in fit.rot_bm),
+        "Dip": f"{group_digits(fit.inclination_deg, 2)}°",
     }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.document import format_angle
-from agonic.report.digits import grouped, significant, with_sd
+from agonic.report.digits import group_digits, significant, with_sd
 from agonic.report.document import Document, Section, Table
 
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
@@ -55,7 +55,7 @@ def _entries(fit: DiFluxFit) -> dict[str, str]:
         "Inclination": format_angle(fit.inclination_deg, fit.inclination_sd_arcsec),
         "Meridian": f"{meridian} on the circle",
         "Mark": f"{mark} on the circle, telescope's collimation "
-        f"{grouped(3600 * fit.mark.collimation_deg, 1)}″",
+        f"{group_digits(3600 * fit.mark.collimation_deg, 1)}″",
         "δ": f"{with_sd(delta, delta_sd)} ″, fluxgate to the right of the telescope",
         "ε": f"{with_sd(epsilon, epsilon_sd)} ″, to greater zenith angles",
         "S₀/F": f"{with_sd(*fit.offset_arcsec)} ″, the fluxgate's offset as an angle",
@@ -74,10 +74,10 @@ def _setting_rows(fit: DiFluxFit) -> list[list[str]]:
     return [
         [
             str(k),
-            f"{grouped(float(sheet.horizontal_deg[own].mean()), 4)}°",
-            f"{grouped(float(sheet.zenith_deg[own].mean()), 4)}°",
-            grouped(float(sheet.reading[own].mean()), 2),
-            grouped(float(-left), 2),
+            f"{group_digits(float(sheet.horizontal_deg[own].mean()), 4)}°",
+            f"{group_digits(float(sheet.zenith_deg[own].mean()), 4)}°",
+            group_digits(float(sheet.reading[own].mean()), 2),
+            group_digits(float(-left), 2),
         ]
         for k, (own, left) in enumerate(zip(own_rows, fit.estimate.residuals, strict=True), 1)
     ]

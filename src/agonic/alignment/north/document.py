@@ -11,7 +11,7 @@ from agonic.alignment.figures import draw_residuals
 from agonic.alignment.north.figures import draw_swing
 from agonic.alignment.north.platform import Aligned
 from agonic.alignment.north.result import NorthFit
-from agonic.report.digits import grouped, quantity, significant, with_sd
+from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document, Section, Table
 
 METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
@@ -53,7 +53,7 @@ def format_angle(value_deg: float, sd_arcsec: float) -> str:
     ('12.50000° ± 3.0″', '12.50000°')
     """
     known = f" ± {significant(sd_arcsec, 2)}″" if np.isfinite(sd_arcsec) else ""
-    return f"{grouped(value_deg, 5)}°{known}"
+    return f"{group_digits(value_deg, 5)}°{known}"
 
 
 def _entries(fit: NorthFit) -> dict[str, str]:
@@ -70,7 +70,7 @@ def _entries(fit: NorthFit) -> dict[str, str]:
         entries["Period"] = quantity(fit.period_s, "s", 5)
     for azimuth in fit.azimuths:
         faces = azimuth.collimation_arcsec
-        both = f", collimation {grouped(faces, 1)}″" if np.isfinite(faces) else ""
+        both = f", collimation {group_digits(faces, 1)}″" if np.isfinite(faces) else ""
         value = format_angle(azimuth.azimuth_deg, azimuth.sd_arcsec)
         entries[azimuth.name] = f"azimuth {value}{both}"
     if fit.aligned is not None:
@@ -106,7 +106,11 @@ def _sections(fit: NorthFit) -> list[Section]:
 def _platform_rows(aligned: Aligned) -> list[list[str]]:
     """Each orientation of the platform: its heading and what is left."""
     return [
-        [str(number), f"{grouped(float(heading), 4)}°", *(grouped(float(v), 3) for v in left)]
+        [
+            str(number),
+            f"{group_digits(float(heading), 4)}°",
+            *(group_digits(float(v), 3) for v in left),
+        ]
         for number, heading, left in zip(
             aligned.orientation, aligned.heading_deg, aligned.residuals, strict=True
         )

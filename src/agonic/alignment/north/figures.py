@@ -8,7 +8,7 @@ from agonic.alignment.figures import svg, svg_text
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
 from agonic.alignment.session.north import SwingRecord
 from agonic.arrays import Array
-from agonic.report.digits import grouped
+from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
 
 WIDE, HIGH, LEFT = 760.0, 220.0, 70.0
@@ -41,7 +41,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> Markup:
         ),
         *(element("circle", cx=f"{a:.1f}", cy=f"{b:.1f}", r="1.8", class_="dot") for a, b in dots),
         *(
-            svg_text(LEFT - 6, float(y(value)) + 4, f"{grouped(value, 3)}°", "tick")
+            svg_text(LEFT - 6, float(y(value)) + 4, f"{group_digits(value, 3)}°", "tick")
             for value in (low, north, high)
         ),
         *(

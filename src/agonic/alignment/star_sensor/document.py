@@ -16,7 +16,7 @@ from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD
-from agonic.report.digits import MINUS, grouped, minused, quantity, significant, with_sd
+from agonic.report.digits import MINUS, group_digits, quantity, significant, with_sd, write_minus
 from agonic.report.document import Document, Section, Table
 from agonic.report.markup import Markup, element
 from agonic.report.tables import NOTHING
@@ -81,8 +81,8 @@ def describe_alignment(fit: AlignmentFit) -> Document:
 def _about(fit: AlignmentFit) -> str:
     site, session = fit.session.site, fit.session
     return (
-        f"{session.date}, {grouped(site.latitude_deg, 4)}° north, "
-        f"{grouped(site.longitude_deg, 4)}° east ({site.coordinates}); "
+        f"{session.date}, {group_digits(site.latitude_deg, 4)}° north, "
+        f"{group_digits(site.longitude_deg, 4)}° east ({site.coordinates}); "
         f"{session.magnetometer.name}, {session.star.name}, {session.reference.name}"
     )
 
@@ -106,7 +106,7 @@ def _entries(fit: AlignmentFit) -> dict[str, str]:
     quat = "  ".join(f"{value:+.9f}".replace("-", MINUS) for value in fit.quat_wxyz)
     return {
         "Angles": "   ".join(
-            f"{name} {grouped(value, 6)}° ± {significant(sd, 2)}″"
+            f"{name} {group_digits(value, 6)}° ± {significant(sd, 2)}″"
             for name, value, sd in zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
         ),
         "Error": f"about the magnetometer's {_by_axis(fit.sd_arcsec, '   ')}",
@@ -145,18 +145,18 @@ def _with_sds(values: Array, sds: Array) -> str:
 def _alignment(fit: AlignmentFit) -> Section:
     """Angles, quaternion, matrix, and what else was solved for."""
     angles = [
-        [f"{name}, degrees", grouped(float(value), 7), f"{significant(float(sd), 2)}″"]
+        [f"{name}, degrees", group_digits(float(value), 7), f"{significant(float(sd), 2)}″"]
         for name, value, sd in zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
     ]
     quaternion = [
-        [name, grouped(float(value), 9), minused(f"{sd:.1e}").replace("-", MINUS)]
+        [name, group_digits(float(value), 9), write_minus(f"{sd:.1e}").replace("-", MINUS)]
         for name, value, sd in zip("wxyz", fit.quat_wxyz, fit.quat_sd, strict=True)
     ]
     cosines = [
         [
             axis,
             *(
-                f"{grouped(float(v), 8)} ± {significant(float(s), 2)}″"
+                f"{group_digits(float(v), 8)} ± {significant(float(s), 2)}″"
                 for v, s in zip(*row, strict=True)
             ),
         ]
@@ -218,12 +218,12 @@ def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
             [
                 str(number),
                 when.strftime("%H:%M:%S"),
-                f"{grouped(float(azimuth[k]))}°",
-                f"{grouped(float(fit.observed.elevation_deg[k]))}°",
+                f"{group_digits(float(azimuth[k]))}°",
+                f"{group_digits(float(fit.observed.elevation_deg[k]))}°",
                 f"{int(fit.observed.readings[k, 1])}",
-                *(grouped(float(value), 3) for value in fit.residuals[k]),
-                grouped(sd, 3),
-                grouped(float(fit.residuals_arcsec[k]), 2),
+                *(group_digits(float(value), 3) for value in fit.residuals[k]),
+                group_digits(sd, 3),
+                group_digits(float(fit.residuals_arcsec[k]), 2),
             ]
         )
     return rows
@@ -250,7 +250,7 @@ def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
     for effect in error_budget(fit):
         sizes = (effect.size_arcsec, effect.size_nT(fit.solution.magnitude))
         shown = [significant(size, 3) if size else NOTHING for size in sizes]
-        rows.append([effect.name, *shown, effect.treatment, minused(effect.remark)])
+        rows.append([effect.name, *shown, effect.treatment, write_minus(effect.remark)])
     return rows
 
 

@@ -8,7 +8,7 @@ from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.star_sensor.figures import draw_dome
 from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
-from agonic.report.digits import minused, quantity, significant
+from agonic.report.digits import quantity, significant, write_minus
 from agonic.report.document import Document, Section, Table
 from agonic.report.markup import Markup, element
 
@@ -97,5 +97,5 @@ def _expected(plan: AlignmentPlan) -> dict[str, str]:
 
 def _with_unit(value: float, unit: str) -> str:
     if not unit:
-        return minused(f"{value:.1e}")
+        return write_minus(f"{value:.1e}")
     return f"{significant(value, 2)}″" if unit == "″" else quantity(value, unit, 2)

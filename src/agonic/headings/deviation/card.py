@@ -11,7 +11,7 @@ import numpy as np
 from agonic.calibration.deviation import Deviation, format_east_west, name_heading
 from agonic.errors import AgonicError
 from agonic.headings.deviation.fit import DeviationFit
-from agonic.report.digits import NO_BREAK, grouped, with_sd
+from agonic.report.digits import NO_BREAK, group_digits, with_sd
 from agonic.report.text import SIGNS
 from agonic.report.verdict import MEANINGS, sentence
 
@@ -99,7 +99,7 @@ def make_coefficient_rows(
     values = [*card.coefficients, *([] if card.heel is None else card.heel)]
     sd = [None] * len(names) if card.sd is None else card.sd.tolist()
     return [
-        (name, with_sd(float(value), error), grouped(eight[name], 2) if name in eight else "")
+        (name, with_sd(float(value), error), group_digits(eight[name], 2) if name in eight else "")
         for name, value, error in zip(names, values, sd, strict=False)
         if name in card.terms or (len(name) > 1 and error != 0.0)
     ]
@@ -144,7 +144,7 @@ def card_text(
     fitted = "  ".join(f"{name} {value}".replace(" ", NO_BREAK) for name, value, _ in made)
     lines += textwrap.wrap(f"Least squares    {fitted}", _WIDTH, subsequent_indent=" " * 17)
     if classical:
-        eight = "  ".join(f"{name} {grouped(value, 2)}" for name, value in classical.items())
+        eight = "  ".join(f"{name} {group_digits(value, 2)}" for name, value in classical.items())
         lines.append(f"Eight headings   {eight}")
     return "\n".join(lines)
 

@@ -9,7 +9,7 @@ from agonic.inflight.fit import InflightFit
 from agonic.report.digits import degrees, quantity, with_sd
 from agonic.report.document import Block, Section, Table
 from agonic.report.labels import PER, unit_label
-from agonic.report.strips import Axis, Columns, arrows, captioned, line, plot, spread
+from agonic.report.strips import Axis, Columns, arrows, caption, line, plot, spread
 from agonic.report.time_axis import along_time
 
 ARCSEC = 3600.0
@@ -39,7 +39,7 @@ def describe_direction(fit: InflightFit) -> list[Section]:
     ]
     drawn = plot(x, y, layers, "Angle to the model over time", arrows(columns, y, error))
     keys = {"range": "least to largest", "mean": "median"}
-    parts: list[Block] = [said, captioned("Angle to the field of the model", drawn, keys)]
+    parts: list[Block] = [said, caption("Angle to the field of the model", drawn, keys)]
     if fit.alignment is not None:
         parts.append(_mounting(fit.alignment))
     return [Section("Direction", parts)]

@@ -14,11 +14,11 @@ from agonic.inflight.report import figures, tables
 from agonic.inflight.report.causes import explain
 from agonic.inflight.report.direction import describe_direction, describe_sources
 from agonic.inflight.report.flight import Flight, flight_of_fit
-from agonic.report.digits import counted, grouped, quantity, with_sd
+from agonic.report.digits import count, group_digits, quantity, with_sd
 from agonic.report.document import Document, Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
-from agonic.report.strips import beyond_words, captioned
+from agonic.report.strips import beyond_words, caption
 from agonic.samples import Samples
 
 
@@ -147,7 +147,11 @@ def _key_figures(flight: Flight) -> list[tuple[str, str, str]]:
             quantity(flight.correlation, "", 2),
             f"{quantity(flight.correlation * flight.step_s, 's', 2)} of them",
         ),
-        ("Readings", grouped(int(np.count_nonzero(used))), f"of {counted(len(used), 'reading')}"),
+        (
+            "Readings",
+            group_digits(int(np.count_nonzero(used))),
+            f"of {count(len(used), 'reading')}",
+        ),
     ]
 
 
@@ -158,7 +162,7 @@ def _bias(flight: Flight) -> Markup:
     if course.jumps:
         keys["jump"] = "a jump"
     drawn = Markup("".join(figures.draw_bias(course, axis) for axis in range(3)))
-    return captioned(f"Bias along x, y and z, {unit_label(course.unit)}", drawn, keys)
+    return caption(f"Bias along x, y and z, {unit_label(course.unit)}", drawn, keys)
 
 
 def _ground(flight: Flight) -> Section:
@@ -199,7 +203,7 @@ def _residuals(flight: Flight) -> list[Markup]:
     if figures.has_left_out(flight):
         timed["left-out"] = "mostly left out"
     beyond = beyond_words(flight.residuals, limit, "nT")
-    parts = [captioned("Over time", figures.draw_over_time(flight, limit), timed, beyond)]
+    parts = [caption("Over time", figures.draw_over_time(flight, limit), timed, beyond)]
     missing = []
     for name, values, label in (
         ("latitude", flight.latitude_deg, "latitude, °"),
@@ -209,7 +213,7 @@ def _residuals(flight: Flight) -> list[Markup]:
             missing.append(name)
         else:
             drawn = figures.draw_along(flight, values, label, limit)
-            parts.append(captioned(f"Along {name}", drawn, keys))
+            parts.append(caption(f"Along {name}", drawn, keys))
     if flight.eclipse is None:
         missing.append("sunlight and shadow (position and date)")
     else:
@@ -238,4 +242,4 @@ def _map(flight: Flight, limit: float) -> Markup:
         "The mean residual of the readings in a cell, which a typical cell knows to "
         f"±{quantity(made.cell_sd, 'nT', 2)}."
     )
-    return captioned("Where the residuals lie", Markup(scale + made.drawn), note=note)
+    return caption("Where the residuals lie", Markup(scale + made.drawn), note=note)

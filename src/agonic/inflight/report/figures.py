@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.flight import Course, Flight
-from agonic.report.digits import grouped
+from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
     BINS,
@@ -19,7 +19,7 @@ from agonic.report.strips import (
     band,
     level,
     line,
-    marked,
+    mark_rows,
     path,
     plot,
     right,
@@ -52,7 +52,7 @@ def draw_over_time(flight: Flight, limit: float) -> Markup:
     layers = [
         *draw_shadows(flight, x, along),
         *_residuals(flight, columns, limit),
-        marked(columns, ~flight.used, "left-out"),
+        mark_rows(columns, ~flight.used, "left-out"),
     ]
     signs = arrows(columns, _axis(limit), flight.residuals)
     return plot(x, _axis(limit), layers, "Residuals over time", signs)
@@ -228,7 +228,7 @@ def draw_sigmas(sigmas: float, reach: float) -> Markup:
         path(f"M{zero:.0f} 25H{end:.0f}V75H{zero:.0f}Z", kind),
         path(f"M{low:.0f} 50H{high:.0f}", "whisker"),
     ]
-    said = f"{grouped(sigmas, 1)} standard errors"
+    said = f"{group_digits(sigmas, 1)} standard errors"
     return element(
         "svg",
         *parts,

@@ -12,7 +12,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.tracking import Tracker
 from agonic.maths.rotations.polar import split_rotation
-from agonic.report.digits import grouped
+from agonic.report.digits import group_digits
 
 FIXED = 1e-7
 """Relative standard error below which a number was fixed."""
@@ -117,7 +117,7 @@ def compare_fit(fit: InflightFit) -> tuple[Numbers, ...]:
         return compare(none, fit.change, note)
     note = ""
     if isinstance(ground, Thermal) and fit.temperature is not None:
-        note = f"both at {grouped(float(fit.temperature.mean()), 1)} °C"
+        note = f"both at {group_digits(float(fit.temperature.mean()), 1)} °C"
     return compare(fit.before, fit.after, note)
 
 
@@ -126,5 +126,5 @@ def compare_tracker(tracker: Tracker) -> tuple[Numbers, ...]:
     state = tracker.state
     base = state.base
     from_nothing = base.covariance is None and not base.bias.any()
-    note = "" if state.ground is None else f"both at {grouped(state.ground.centre_C, 1)} °C"
+    note = "" if state.ground is None else f"both at {group_digits(state.ground.centre_C, 1)} °C"
     return compare(None if from_nothing else base, tracker.calibration, note)

@@ -10,7 +10,15 @@ from agonic.inflight.report.figures import draw_sigmas
 from agonic.inflight.report.flight import Flight
 from agonic.inflight.report.ground import Comparison, Numbers
 from agonic.maths.estimation.leastsq import robust_scale
-from agonic.report.digits import counted, grouped, percent, quantity, rounded, signed, with_sd
+from agonic.report.digits import (
+    count,
+    group_digits,
+    percent,
+    quantity,
+    round_to_sd,
+    show_sign,
+    with_sd,
+)
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
 from agonic.report.tables import NOTHING
@@ -48,17 +56,17 @@ def _heading(group: Numbers) -> str:
 def _cells(q: Comparison, known: bool, reach: float) -> list[str]:
     flight = "fixed" if q.fixed and known else with_sd(q.flight, q.flight_sd)
     if q.fixed and not known:
-        flight = f"{rounded(q.flight, None)} (fixed)"
+        flight = f"{round_to_sd(q.flight, None)} (fixed)"
     if not known:
         return [q.name, flight]
     assert q.ground is not None
     assert q.change is not None
     digits = None if q.fixed else q.change_sd
-    ground = with_sd(q.ground, q.ground_sd) if q.ground_sd else rounded(q.ground, digits)
+    ground = with_sd(q.ground, q.ground_sd) if q.ground_sd else round_to_sd(q.ground, digits)
     if q.sigmas is None:
         return [q.name, ground, flight, NOTHING, NOTHING, Markup("")]
-    change = signed(rounded(q.change, q.change_sd))
-    far = f"{signed(grouped(q.sigmas, 1 if abs(q.sigmas) < 100 else 0))} σ"
+    change = show_sign(round_to_sd(q.change, q.change_sd))
+    far = f"{show_sign(group_digits(q.sigmas, 1 if abs(q.sigmas) < 100 else 0))} σ"
     return [q.name, ground, flight, change, far, draw_sigmas(q.sigmas, reach)]
 
 
@@ -70,7 +78,7 @@ def compare_sunlight(flight: Flight) -> Markup:
     for name, inside in parts.items():
         values = flight.residuals[inside & flight.used]
         if len(values) == 0:
-            rows.append([name, grouped(0), NOTHING, NOTHING, NOTHING])
+            rows.append([name, group_digits(0), NOTHING, NOTHING, NOTHING])
             continue
         scatter = robust_scale(values - np.median(values))
         error = scatter * float(np.sqrt(flight.correlation / len(values)))
@@ -79,7 +87,7 @@ def compare_sunlight(flight: Flight) -> Markup:
         rows.append(
             [
                 name,
-                grouped(len(values)),
+                group_digits(len(values)),
                 with_sd(means[-1], error),
                 quantity(float(np.median(values)), "nT", 2),
                 quantity(scatter, "nT", 2),
@@ -91,7 +99,7 @@ def compare_sunlight(flight: Flight) -> Markup:
     else:
         apart = float(np.hypot(errors[0], errors[1]))
         said = (
-            f"In the shadow the mean is {signed(with_sd(means[1] - means[0], apart))} nT "
+            f"In the shadow the mean is {show_sign(with_sd(means[1] - means[0], apart))} nT "
             "from that in sunlight."
         )
     return Markup(drawn + element("p", said))
@@ -101,13 +109,13 @@ def list_left_out(flight: Flight) -> Markup:
     """How many readings had no part in the result, by reason."""
     whole = len(flight.residuals)
     rows = [
-        [sentence(why)[:-1], grouped(n), percent(n / max(whole, 1))]
+        [sentence(why)[:-1], group_digits(n), percent(n / max(whole, 1))]
         for why, n in flight.left_out.items()
         if n
     ]
     used = int(np.count_nonzero(flight.used))
     part = "are counted on this page" if flight.predicted else "had a part in the result"
-    said = f"{counted(used, 'reading')} of {grouped(whole)} {part}."
+    said = f"{count(used, 'reading')} of {group_digits(whole)} {part}."
     if flight.thinned > 1:
         said += f" Drawn and counted here is every {flight.thinned}th row of the record."
     if not rows:
@@ -130,7 +138,7 @@ def list_held_out(flight: Flight) -> Markup:
     least = min(flight.held_out.values())
     rows = [
         [
-            "constant" if n == 0 else counted(n, "interval"),
+            "constant" if n == 0 else count(n, "interval"),
             quantity(error, "nT"),
             _above(error / least - 1),
             "chosen" if n == flight.chosen else "",
@@ -209,4 +217,4 @@ def _of_variance(share: float) -> str:
 def _above(share: float) -> str:
     if share == 0.0:
         return NOTHING
-    return signed(percent(share)) if share >= 0.001 else f"below {percent(0.001)}"
+    return show_sign(percent(share)) if share >= 0.001 else f"below {percent(0.001)}"

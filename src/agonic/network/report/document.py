@@ -13,10 +13,10 @@ from agonic.calibration.network import Network
 from agonic.network.fit import NetworkChoice, NetworkFit
 from agonic.network.report import figures, tables
 from agonic.report import tables as common
-from agonic.report.digits import counted, grouped, percent, quantity
+from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document, Section
 from agonic.report.markup import Markup, element
-from agonic.report.strips import captioned
+from agonic.report.strips import caption
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
 from agonic.verification import Verification
@@ -153,8 +153,8 @@ def _key_figures(fit: NetworkFit) -> list[tuple[str, str, str]]:
             errors.append(("Unseen, base", comparison.base.rms, of))
     return [
         *((name, quantity(value, "nT"), note) for name, value, note in errors),
-        ("Trained in", counted(fit.iterations, "epoch"), counted(fit.n, "reading")),
-        ("Weights determined", grouped(fit.effective, 1), f"of {size}, by the evidence"),
+        ("Trained in", count(fit.iterations, "epoch"), count(fit.n, "reading")),
+        ("Weights determined", group_digits(fit.effective, 1), f"of {size}, by the evidence"),
     ]
 
 
@@ -169,7 +169,7 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
 
     def draw() -> Markup:
         drawn = figures.draw_unseen_error(comparison, samples.time)
-        return captioned("Error over time", drawn, keys, note)
+        return caption("Error over time", drawn, keys, note)
 
     name = "Base against network" if comparison.base else "Unseen readings"
     return [Section(name, [*tables.compare_errors(comparison, fit.calibration.target), draw])]
@@ -188,7 +188,7 @@ def _training(fit: NetworkFit) -> Markup:
     if any(np.isfinite(epoch.held_out) for epoch in fit.epochs):
         keys["held"] = "held out"
     note = "It begins where the trials of several random starts have ended."
-    return captioned("Error after each epoch", figures.draw_training(fit), keys, note)
+    return caption("Error after each epoch", figures.draw_training(fit), keys, note)
 
 
 def _guard(calibration: Calibration, network: Network, samples: Samples) -> list[str]:
@@ -199,11 +199,11 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> list
             raw = step.correct(raw, **select_columns(step, samples))
     share = network.inside(raw, **select_columns(network, samples))
     outside = percent(float((share < 0.5).mean()))
-    of = f"{outside} of {counted(len(share), 'reading')} lie so far from what the network was "
+    of = f"{outside} of {count(len(share), 'reading')} lie so far from what the network was "
     keys = {"range": "least to largest", "mean": "mean"}
     if (share < 0.5).any():
         keys["guarded"] = "mostly outside"
-    drawn = captioned(
+    drawn = caption(
         "Where it was trained: 1, far away: 0", figures.draw_guard(share, samples.time), keys
     )
     if network.base is None:

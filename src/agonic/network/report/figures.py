@@ -19,7 +19,7 @@ from agonic.report.strips import (
     down,
     level,
     line,
-    marked,
+    mark_rows,
     path,
     plot,
     points,
@@ -84,7 +84,7 @@ def draw_guard(inside: Array, time: Array | None) -> Markup:
     layers = [
         spread(columns, y, inside, "range"),
         line(columns, y, columns.mean(inside), "mean"),
-        marked(columns, inside < 0.5, "guarded"),
+        mark_rows(columns, inside < 0.5, "guarded"),
     ]
     return plot(x, y, layers, "How near the readings are to the training, over time", kind="short")
 

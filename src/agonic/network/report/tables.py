@@ -9,7 +9,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
 from agonic.network.fit import Comparison, NetworkChoice
-from agonic.report.digits import counted, grouped, minused, percent, quantity, with_sd
+from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
 from agonic.report.document import Block, Table
 from agonic.report.markup import Markup, markup, table
 from agonic.report.tables import NOTHING
@@ -38,8 +38,8 @@ def compare_errors(comparison: Comparison, target: str) -> list[Block]:
     said = (
         f"{comparison.sentence[:1].upper()}{comparison.sentence[1:]}: "
         f"{percent(comparison.ratio)} of the error of the base is left, a difference of "
-        f"{grouped(comparison.certainty, 1)} of its standard errors over the blocks. In "
-        f"{counted(worse, 'direction')} of {len(by)} the network is not better."
+        f"{group_digits(comparison.certainty, 1)} of its standard errors over the blocks. In "
+        f"{count(worse, 'direction')} of {len(by)} the network is not better."
     )
     return [shown, said]
 
@@ -51,17 +51,17 @@ def list_nodes(choice: NetworkChoice) -> Table:
         [
             f"{row.hidden}",
             f"{row.regression:.5f}",
-            grouped(row.maximum, 2),
-            grouped(row.rms, 2),
+            group_digits(row.maximum, 2),
+            group_digits(row.rms, 2),
             f"{row.unseen_regression:.5f}",
-            grouped(row.unseen_maximum, 2),
-            grouped(row.unseen_rms, 2),
+            group_digits(row.unseen_maximum, 2),
+            group_digits(row.unseen_rms, 2),
             "chosen" if row.hidden == chosen else "",
         ]
         for row in choice.table
     ]
     if choice.base_rms is not None and choice.base_maximum is not None:
-        both = [grouped(choice.base_maximum, 2), grouped(choice.base_rms, 2)]
+        both = [group_digits(choice.base_maximum, 2), group_digits(choice.base_rms, 2)]
         rows.append(["base", *[NOTHING] * 4, *both, ""])
     head = ["Nodes", "R", "largest, nT", "rms, nT", "unseen R", "unseen largest", "unseen rms", ""]
     return Table(head, rows, "nodes")
@@ -100,8 +100,10 @@ def describe_properties(network: Network) -> dict[str, str | list[str]]:
         below = f"{base.kind}, {base.equation}"
     size = network.input_half
     ranges = [
-        f"{name}: {grouped(float(m - h), _decimals(h))} … {grouped(float(m + h), _decimals(h))}"
-        for name, m, h in zip(signals(network.inputs), network.input_middle, size, strict=True)
+        f"{name}: {group_digits(m - h, _decimals(h))} … {group_digits(m + h, _decimals(h))}"
+        for name, m, h in zip(
+            signals(network.inputs), network.input_middle.tolist(), size.tolist(), strict=True
+        )
     ]
     bound = "none" if network.bound is None else quantity(network.bound, network.unit_out)
     reference = "vector" if network.target == "vector" else "magnitude, along the field only"
@@ -112,7 +114,7 @@ def describe_properties(network: Network) -> dict[str, str | list[str]]:
         "Inputs trained on": ranges,
         "Held at": [f"{name} = {value:g}" for name, value in network.held.items()],
         "Longest correction": bound,
-        "Domain": f"{counted(len(network.centres), 'point')} cover it, to "
+        "Domain": f"{count(len(network.centres), 'point')} cover it, to "
         f"{quantity(network.reach, '', 2)} of half the range of an input",
     }
 
@@ -129,7 +131,7 @@ def list_base_numbers(base: Affine) -> Markup:
     ]
     rows = [[f"bias, {base.unit_in}", *bias]]
     rows += [
-        [f"matrix, {axis}", *(minused(f"{v:.6f}") for v in base.matrix[k])]
+        [f"matrix, {axis}", *(write_minus(f"{v:.6f}") for v in base.matrix[k])]
         for k, axis in enumerate("xyz")
     ]
     return table(["Base", "x", "y", "z"], rows, class_="weights")

@@ -12,10 +12,10 @@ from agonic.network.report import figures
 from agonic.network.report.document import caution
 from agonic.network.retraining.acceptance import describe_outcome
 from agonic.network.retraining.retrainer import Correction, Retrainer
-from agonic.report.digits import NO_BREAK, counted, grouped, minused, quantity
+from agonic.report.digits import NO_BREAK, count, group_digits, quantity, write_minus
 from agonic.report.document import Block, Document, Section, Table
 from agonic.report.markup import Markup, element
-from agonic.report.strips import captioned
+from agonic.report.strips import caption
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import sentence
 
@@ -124,7 +124,11 @@ def _key_figures(
     return [
         ("Residual", _quantity(rms), "rms, each reading before it was learned"),
         ("Largest", _quantity(largest), of),
-        ("Accepted", grouped(accepted), f"of {counted(len(seen.retrainings), 'retraining')}"),
+        (
+            "Accepted",
+            group_digits(accepted),
+            f"of {count(len(seen.retrainings), 'retraining')}",
+        ),
         ("Left now", _quantity(noise, 2), "standard deviation on an axis"),
     ]
 
@@ -143,7 +147,7 @@ def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
         history = [Table(_HEAD, shown, "history")]
         left = len(seen.retrainings) - len(shown)
         if left:
-            said = f"{counted(left, 'earlier one')} left out."
+            said = f"{count(left, 'earlier one')} left out."
             history.append(element("p", said, class_="aside"))
     return [
         Section("Residual over time", [residual]),
@@ -164,7 +168,7 @@ def _residual(seen: Correction) -> Markup:
     }
     keys |= {name: words for name, (words, there) in shown.items() if there}
     note = "Field as corrected less the known one, by what was running when each reading came."
-    return captioned("Residual", drawn, keys, note)
+    return caption("Residual", drawn, keys, note)
 
 
 def _row(one: Retraining) -> list[str]:
@@ -173,36 +177,36 @@ def _row(one: Retraining) -> list[str]:
     if one.what and not one.poisoned:
         reason = describe_outcome(one.accepted, one.running_rms, one.candidate_rms)
     return [
-        f"{grouped(one.time, 1)}{NO_BREAK}s",
+        f"{group_digits(one.time, 1)}{NO_BREAK}s",
         _WHY[one.why],
         outcome,
         one.what or NOTHING,
-        grouped(one.rows),
+        group_digits(one.rows),
         *(
             quantity(rms, "nT") if np.isfinite(rms) else NOTHING
             for rms in (one.running_rms, one.candidate_rms)
         ),
-        minused(sentence(reason)),
+        write_minus(sentence(reason)),
     ]
 
 
 def _settings(retrainer: Retrainer) -> dict[str, str]:
     params, first = retrainer.params, retrainer.params.window_n
-    window = f"{grouped(first)} readings"
+    window = f"{group_digits(first)} readings"
     if params.window_s is not None:
-        window = f"{params.window_s:g} s, {grouped(first)} readings at most"
+        window = f"{params.window_s:g} s, {group_digits(first)} readings at most"
     every = "every window"
     if params.every_s is not None:
         every = f"every {params.every_s:g} s"
     elif params.every_n is not None:
-        every = f"every {grouped(params.every_n)} readings"
+        every = f"every {group_digits(params.every_n)} readings"
     alarm = f"lasting steps of about {params.shift_sd:g} standard deviations and more"
     return {
         "Window": window,
         "Retrained": every,
         "Reference": f"the {params.target}",
         "Changes noticed": alarm if params.alarm else "none: the alarm is off",
-        "Learned after": f"{grouped(params.fewest)} readings, and again as the window fills",
+        "Learned after": f"{group_digits(params.fewest)} readings, and again as the window fills",
         "Rejected": f"candidates that err {params.misfit:g} times as much as before, or move the "
         f"field by more than {100 * params.furthest:g} %",
     }
