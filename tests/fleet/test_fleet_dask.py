@@ -5,6 +5,7 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -13,7 +14,7 @@ pytest.importorskip("distributed")
 import distributed
 
 from agonic.errors import AgonicError
-from agonic.fleet.distributed import Dask
+from agonic.fleet.distributed import Dask, _start_cluster
 from agonic.fleet.engine import Lost
 from agonic.fleet.run import run_fleet
 from tests.fleet.boards import run_here, write_bad, write_boards
@@ -86,3 +87,22 @@ def test_a_scheduler_that_is_not_there_is_said_so(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("agonic.fleet.distributed.SECONDS", 0.5)
     with pytest.raises(AgonicError, match="does not answer"):
         list(Dask(scheduler="tcp://127.0.0.1:9").run(squared, [1]))
+
+
+def test_a_cluster_of_its_own_listens_on_loopback_only() -> None:
+    with _start_cluster(distributed, 1) as cluster:
+        addresses = [cluster.scheduler_address, *cluster.scheduler_info["workers"]]
+        assert {urlsplit(address).hostname for address in addresses} == {"127.0.0.1"}
+
+
+def test_security_is_passed_on(monkeypatch: pytest.MonkeyPatch, dask: Dask) -> None:
+    given: dict[str, Any] = {}
+
+    def refuse(address: str, **options: Any) -> None:
+        given.update(options)
+        raise OSError("enough")
+
+    monkeypatch.setattr(distributed, "Client", refuse)
+    with pytest.raises(AgonicError, match="enough"):
+        list(Dask(scheduler=dask.scheduler, security={"tls_ca_file": "ca.pem"}).run(squared, [1]))
+    assert given["security"].tls_ca_file == "ca.pem"

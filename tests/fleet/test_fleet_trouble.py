@@ -14,6 +14,7 @@ from agonic.fleet.distributed import Dask
 from agonic.fleet.inputs import JOURNAL, find_inputs
 from agonic.fleet.journal import Journal
 from agonic.fleet.settings import FleetSettings
+from agonic.population.table import read_population
 from tests.fleet.boards import run_here, write_boards
 
 
@@ -117,3 +118,19 @@ def test_nobody_at_an_address_is_told_within_seconds() -> None:
     for address in (f"tcp://127.0.0.1:{port}", "nonsense", "foo://x:1"):
         with pytest.raises(AgonicError, match="does not answer"):
             list(Dask(scheduler=address).run(abs, [1]))
+
+
+def test_a_damaged_table_is_told_in_a_line(tmp_path: Path) -> None:
+    write_boards(tmp_path / "in", 3)
+    whole = run_here(tmp_path / "in", out=tmp_path / "out").table.read_bytes()
+    draw, told = np.random.default_rng(2), 0
+    for k in range(120):
+        content = bytearray(whole[: None if k % 8 else int(draw.integers(len(whole)))])
+        for at in draw.integers(max(len(content), 1), size=(1, 3, 20)[k % 3]):
+            content[at : at + 1] = bytes([draw.integers(256)])
+        (tmp_path / "x.parquet").write_bytes(content)
+        try:
+            read_population(tmp_path / "x.parquet")
+        except AgonicError:
+            told += 1
+    assert told > 40

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
@@ -44,11 +44,15 @@ class Dask:
         find the logs, and the folder for files, under the same paths.
     workers : of a cluster of its own; one for each processor unless told otherwise.
     batch : tasks that go to a worker together.
+    security : keywords of `distributed.Security`, such as `tls_ca_file`, `tls_client_cert` and
+        `tls_client_key`, for a scheduler at "tls://…". Dask's own settings (`distributed.comm.tls`)
+        hold where none is given. A scheduler without TLS runs what anybody sends it.
     """
 
     scheduler: str | None = None
     workers: int | None = None
     batch: int = BATCH
+    security: Mapping[str, Any] | None = None
 
     def run(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
         """As `Engine.run`."""
@@ -80,8 +84,13 @@ class Dask:
             return
         _reach(self.scheduler)
         try:
-            client = distributed.Client(self.scheduler, timeout=SECONDS, set_as_default=False)
-        except (OSError, ValueError) as error:
+            client = distributed.Client(
+                self.scheduler,
+                timeout=SECONDS,
+                set_as_default=False,
+                security=distributed.Security(**self.security) if self.security else None,
+            )
+        except (OSError, ValueError, TypeError) as error:
             raise _explain_unreached(self.scheduler, error) from None
         with client:
             yield client
@@ -121,6 +130,7 @@ def _start_cluster(distributed: Any, workers: int) -> Iterator[Any]:
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
+            host="127.0.0.1",  # nobody else is to give it work
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,

@@ -135,7 +135,7 @@ class Journal:
         )
         try:
             return tuple(_DECODER.decode(row) for (row,) in found)
-        except (msgspec.DecodeError, sqlite3.DatabaseError) as error:
+        except (msgspec.MsgspecError, sqlite3.DatabaseError, ValueError, TypeError) as error:
             raise AgonicError(f"{self._path}: is damaged ({error}); {_UNUSABLE}") from None
 
     def add(self, sha256: str, rows: Iterable[Row]) -> None:
@@ -154,7 +154,10 @@ class Journal:
         found = self._db.execute(
             "select content from datasets where work = ?", (self._key(sha256),)
         ).fetchone()
-        return from_bytes(found[0]) if found else None
+        try:
+            return from_bytes(found[0]) if found else None
+        except (AgonicError, TypeError) as error:
+            raise AgonicError(f"{self._path}: is damaged ({error}); {_UNUSABLE}") from None
 
     def add_table(self, sha256: str, population: Population) -> None:
         """Keep the rows of a dataset."""

@@ -90,11 +90,15 @@ def from_bytes(content: bytes) -> Population:
     pa, parquet = _import_arrow()
     try:
         table = parquet.read_table(pa.BufferReader(content))
-    except pa.ArrowInvalid as error:
+    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         raise LogError(f"it is not a Parquet table: {error}") from None
     if (table.schema.metadata or {}).get(b"schema") != SCHEMA:
         raise LogError("it is not a table of calibrations, as agonic fleet writes")
-    return Population({name: _read_column(name, table.column(name)) for name in COLUMNS})
+    try:
+        table.validate(full=True)
+        return Population({name: _read_column(name, table.column(name)) for name in COLUMNS})
+    except (pa.ArrowException, LookupError, ValueError, TypeError, OverflowError) as error:
+        raise LogError(f"it is damaged ({error}); make it anew with agonic fleet") from None
 
 
 def _read_column(name: str, column: Any) -> Any:
