@@ -9,7 +9,7 @@ UV     := $(shell command -v uv 2>/dev/null)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format docs bench lock clean
+.PHONY: help demo test check format docs bench fuzz lock clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -35,6 +35,10 @@ docs: $(VENV)/.dev  ## build the documentation into docs/_build
 
 bench: .venv-bench/.bench  ## regenerate the tables of benchmarks/results
 	.venv-bench/bin/python -m benchmarks.run
+
+MINUTES ?= 2
+fuzz: $(VENV)/.dev  ## damage and extreme values against readers and commands, MINUTES=2
+	$(BIN)/python -m benchmarks.fuzz --minutes $(MINUTES)
 
 lock: $(VENV)/.dev  ## write the hashed lock files anew
 	$(BIN)/python -m pip install -q uv

@@ -151,7 +151,7 @@ def write_atomically(path: Path | str, data: bytes | str, *, updates: bool = Fal
     ...     write_atomically(folder + "/note.txt", "49 500 nT").read_text()
     '49 500 nT'
     """
-    content = data.encode() if isinstance(data, str) else data
+    content = data.encode("utf-8", "backslashreplace") if isinstance(data, str) else data
     if updates and _protection is not None:
         _protection.written.add(os.path.realpath(path))
     with replacing(path, content) as fresh, fresh.open("xb") as stream:

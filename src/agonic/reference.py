@@ -12,6 +12,8 @@ from agonic.arrays import Array
 from agonic.errors import UnitError
 from agonic.units import nanotesla_per
 
+_LARGEST_NT = 1e15
+
 Kind = Literal["constant", "magnitude", "horizontal-vertical", "vector"]
 
 
@@ -96,6 +98,11 @@ class Reference:
         size = array if array.ndim == 1 else np.linalg.norm(array, axis=1)
         if not np.isfinite(array).all() or (size <= 0).any():
             raise UnitError(f"a reference {kind} must be finite and above zero, in {unit}")
+        if size.min(initial=1.0) < 1e-9 or size.max(initial=1.0) > _LARGEST_NT:
+            raise UnitError(
+                f"a reference {kind} of {size.min():.3g} to {size.max():.3g} nT is no magnetic "
+                "field; the Earth's is 22 000 to 67 000"
+            )
         array.flags.writeable = False
         return cls(kind=kind, values=array, sd=sd, source=source, frame=frame)
 

@@ -119,3 +119,9 @@ def test_a_file_that_is_missing_or_no_text(tmp_path) -> None:
     path.write_bytes(b"\xa3\x95\x80\xff" * 20)
     with pytest.raises(LogError, match="this is not text"):
         read_swing(path)
+
+
+def test_an_open_quote_and_ragged_rows_are_one_line(tmp_path) -> None:
+    with pytest.raises(LogError, match="row 2") as told:
+        read_swing(written(tmp_path, 'compass,deviation\nN,"10.5E and\n135,1.2 W\n'))
+    assert "\n" not in str(told.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +112,24 @@ def test_what_was_not_foreseen_is_one_line_with_the_command(monkeypatch, capsys,
     monkeypatch.setenv("AGONIC_DEBUG", "1")
     with pytest.raises(type(error)):
         run(["info", "log.csv"])
+
+
+def test_a_matrix_that_mirrors_has_no_turn():
+    """As a refused fit may have; found by benchmarks/fuzz.py."""
+    from agonic.calibration.affine import Affine
+    from agonic.recording.quantities import turn_deg
+
+    assert np.isnan(turn_deg(Affine(bias=[0, 0, 0], matrix=-np.eye(3)))).all()
+    assert np.allclose(turn_deg(Affine(bias=[0, 0, 0], matrix=2 * np.eye(3))), 0.0)
+
+
+def test_a_log_whose_name_is_not_utf_8_is_calibrated():
+    name = write(os.fsdecode(b"l\xe9og.csv"), field_uT())
+    assert run(["calibrate", name, "--field", "50000", "-o", "out"]) in (0, 1)
+    assert b"<title>" in Path("out/report.html").read_bytes()
+
+
+@pytest.mark.parametrize("field", ["1e308", "1e-308"])
+def test_a_magnitude_that_is_no_field_is_told(capsys, field):
+    assert run(["calibrate", write("log.csv", field_uT()), "--field", field]) == 2
+    assert "no magnetic field" in capsys.readouterr().err

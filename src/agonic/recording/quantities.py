@@ -102,7 +102,10 @@ def turn_deg(calibration: Affine) -> Array:
     >>> turn_deg(quarter).round(6).tolist()
     [0.0, 0.0, 90.0]
     """
-    return np.asarray(np.degrees(Rotation.from_matrix(polar(calibration.matrix)[0]).as_rotvec()))
+    turn = polar(calibration.matrix)[0]
+    if np.linalg.det(turn) < 0:  # it mirrors: no turn, as a matrix of a refused fit may
+        return np.full(3, np.nan)
+    return np.asarray(np.degrees(Rotation.from_matrix(turn).as_rotvec()))
 
 
 def mixes_sensors(calibration: Affine) -> bool:

@@ -126,3 +126,17 @@ def test_the_space_station_was_where_its_log_says(recordings: Path) -> None:
     )
     assert np.median(np.linalg.norm(ours - as_geodetic, axis=0)) > 15e3
     assert 415e3 < place["altitude_m"].min() < place["altitude_m"].max() < 440e3
+
+
+@pytest.mark.parametrize("letter", ["x", "\0", "é"])
+@pytest.mark.parametrize("at", [20, 97])
+def test_a_bad_letter_is_told_and_no_position_is_made(letter, at):
+    """A letter counts nothing in the checksum where a zero or a blank stood before."""
+    lines = (
+        "1 25544U 98067A   21107.58244333  .00000946  00000-0  25412-4 0  9990\n"
+        "2 25544  51.6445 282.4828 0002680 236.8482 199.8666 15.48892929279202"
+    )
+    first = next(k for k in range(at, len(lines)) if lines[k] in "0 ")
+    spoilt = lines[:first] + letter + lines[first + 1 :]
+    with pytest.raises(LogError):
+        positions_from_tle(spoilt, [0.0], datetime(2021, 4, 17, 14, 0, tzinfo=UTC))

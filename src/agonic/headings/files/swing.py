@@ -158,8 +158,8 @@ def write_form(
 
 def _rows(numbered: Sequence[tuple[int, str]], separator: str) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each row."""
-    cells = csv.reader((line for _, line in numbered), delimiter=separator)
-    for (number, _), row in zip(numbered, cells, strict=True):
+    for number, line in numbered:  # each on its own: an open quote must not take the next one
+        row = next(csv.reader([line], delimiter=separator), [])
         yield number, [cell.strip() for cell in row]
 
 

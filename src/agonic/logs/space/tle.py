@@ -94,6 +94,23 @@ def positions_from_tle(
     return dict(zip(("latitude_deg", "longitude_deg", "altitude_m"), places, strict=True))
 
 
+_NUMBERS = (
+    ((18, 32), (33, 43)),
+    ((8, 16), (17, 25), (26, 33), (34, 42), (43, 51), (52, 63)),
+)
+"""Where numbers stand in the first and second line (CelesTrak, "NORAD two-line element set")."""
+
+
+def _holds_numbers(line: str) -> bool:
+    """Whether printable letters alone are there, and numbers where numbers belong."""
+    try:
+        for start, stop in _NUMBERS[int(line[0]) - 1]:
+            float(line[start:stop])
+    except ValueError:
+        return False
+    return line.isascii() and line.isprintable()
+
+
 def _text(tle: Path | str) -> str:
     """The lines, read from the file where a path was given."""
     if isinstance(tle, str) and "\n" in tle.strip():
@@ -117,6 +134,9 @@ def _pairs(text: str) -> list[tuple[str, str]]:
     for line in (line for pair in pairs for line in pair):
         if len(line) < LINE or not line[-1].isdigit() or _checksum(line) != int(line[-1]):
             raise LogError(f"the checksum of {line!r} is wrong; copy the elements again")
+    for line in (line for pair in pairs for line in pair):
+        if not _holds_numbers(line):
+            raise LogError(f"{line!r} has letters where numbers belong; copy the elements again")
     return pairs
 
 

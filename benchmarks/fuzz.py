@@ -1,0 +1,194 @@
+"""Damage and extreme values against readers, documents and commands: `make fuzz MINUTES=2`.
+
+Each try has a seed of its own, printed with what broke; `--seed N` repeats it alone. Nothing but
+exit status 0, 1 or 2 with at most one line of complaint is right: an error that was not foreseen,
+a traceback, or a try that takes longer than the limit counts as broken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SECONDS = 30
+"""How long one try may take."""
+EXTREMES = (
+    "nan",
+    "inf",
+    "-inf",
+    "1e308",
+    "-1e308",
+    "1e-308",
+    "1e15",
+    "-1",
+    "0",
+    "",
+    "x",
+    "9" * 400,
+)
+COLUMNS = (
+    "temperature_C",
+    "roll_deg",
+    "pitch_deg",
+    "heading_deg",
+    "current_A",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_m",
+    "epoch_unix_s",
+    "acc_x_m_s2",
+    "acc_y_m_s2",
+    "acc_z_m_s2",
+    "scalar_nT",
+    "throttle",
+)
+COMMANDS = (
+    "info LOG",
+    "calibrate LOG -o out",
+    "calibrate LOG --at 50,10 --date 2024-05-01 -o out",
+    "calibrate LOG --field 50000 --method levelled -o out",
+    "fit ellipsoid LOG -o made.json --json",
+    "fit latency LOG",
+    "apply CAL LOG -o made.csv",
+    "verify CAL LOG --field 50000 --json",
+    "report CAL LOG -o made.html",
+    "report CAL -o made.html --json",
+    "export CAL --to ros -o made.yaml",
+    "export CAL --to c -o made.h",
+    "heading CAL LOG -o made.csv",
+    "fit deviation SWING",
+    "fleet LOG -o fleet --workers 0 --reports",
+)
+
+
+def make_inputs(rng: np.random.Generator) -> None:
+    """A log, a calibration and a swing in the folder one works in, each as it should be."""
+    import agonic as ag
+    from agonic.exports.csv import write_csv
+
+    samples = ag.simulate(str(rng.choice(["tumble", "hand"])), n=400, seed=1).samples
+    write_csv(samples, "LOG")
+    fit = ag.fit_ellipsoid(samples, ag.Reference.constant(50_000))
+    ag.save(fit.calibration, "CAL")
+    Path("SWING").write_text("compass,deviation\nN,10.5E\n45,3 E\n90,1\n135,1.2 W\n180,2\n270,1\n")
+
+
+def change_bytes(data: bytes, rng: np.random.Generator) -> bytes:
+    """The bytes cut, overwritten, with some lost, doubled or put in."""
+    at, size = int(rng.integers(len(data))), int(rng.integers(1, 200))
+    noise = rng.integers(0, 256, size).astype(np.uint8).tobytes()
+    kinds = (
+        data[:at],
+        data[:at] + noise[:1] + data[at + 1 :],
+        data[:at] + noise + data[at + size :],
+        data[:at] + data[at + size :],
+        data[:at] + data[at : at + size] * 3 + data[at + size :],
+    )
+    return kinds[int(rng.integers(len(kinds)))]
+
+
+def change_words(text: str, rng: np.random.Generator) -> str:
+    """The text with some of its numbers and words extreme."""
+    parts = text.replace("\n", ",\n").split(",")
+    for at in rng.integers(0, len(parts), int(rng.integers(1, 12))):
+        parts[at] = ("\n" if parts[at].startswith("\n") else "") + str(rng.choice(EXTREMES))
+    return ",".join(parts).replace(",\n", "\n")
+
+
+def change_columns(text: str, rng: np.random.Generator) -> str:
+    """A table with columns more, of extreme or standing values, or with columns held still."""
+    header, *rows = text.strip().split("\n")
+    rows = rows[: int(rng.choice([1, 2, 11, 40, len(rows)]))]
+    cells = [row.split(",") for row in rows]
+    for at in range(1, 4):
+        if rng.random() < 0.3:
+            factor = float(rng.choice([0.0, 1e-300, 1e12, 1e30, 1e304]))
+            for row in cells:
+                row[at] = repr(float(row[at]) * factor)
+    names = list(rng.choice(COLUMNS, int(rng.integers(0, 6)), replace=False))
+    for _ in names:
+        scale = 10.0 ** float(rng.choice([-300, -3, 0, 1, 2, 9, 200]))
+        for row in cells:
+            row.append(repr(float(scale * rng.normal())))
+    return "\n".join([",".join([header, *names]), *(",".join(row) for row in cells)])
+
+
+def attempt(seed: int) -> str:
+    """What one try with this seed broke, or ""."""
+    from agonic.cli import run
+
+    rng = np.random.default_rng(seed)
+    make_inputs(rng)
+    command = str(rng.choice(COMMANDS)).split()
+    victim = Path(str(rng.choice([word for word in command if word.isupper()])))
+    kind = int(rng.integers(3))
+    if kind == 0:
+        victim.write_bytes(change_bytes(victim.read_bytes(), rng))
+    elif kind == 1 or victim.name != "LOG":
+        victim.write_text(change_words(victim.read_text(), rng))
+    else:
+        victim.write_text(change_columns(victim.read_text(), rng))
+    said, complained = io.StringIO(), io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained):
+            status = run(command)
+    except BaseException:
+        return f"{' '.join(command)} with {victim}\n{traceback.format_exc()}"
+    lines = [line for line in complained.getvalue().splitlines() if "warning:" not in line]
+    if status not in (0, 1, 2) or len(lines) > 1 or "Traceback" in complained.getvalue():
+        return f"{' '.join(command)} with {victim}: status {status}\n" + "\n".join(lines)
+    return ""
+
+
+def try_seed(seed: int) -> str:
+    """As `attempt`, in a folder of its own and no longer than it may take."""
+
+    def stop(*_: Any) -> None:
+        raise TimeoutError(f"longer than {SECONDS} s")
+
+    home = Path.cwd()
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(SECONDS)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            os.chdir(folder)
+            return attempt(seed)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+        os.chdir(home)
+
+
+def main() -> int:
+    """Try seeds until the time is over; returns 1 where something broke."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--seed", type=int, help="repeat this one alone")
+    given = parser.parse_args()
+    os.environ["AGONIC_DEBUG"] = "1"
+    first = int(time.time()) * 1000 if given.seed is None else given.seed
+    end = time.monotonic() + 60 * given.minutes
+    print(f"seeds from {first}", flush=True)
+    tried = broken = 0
+    while not tried or (given.seed is None and time.monotonic() < end):
+        if trouble := try_seed(first + tried):
+            broken += 1
+            print(f"\nseed {first + tried}: {trouble}", flush=True)
+        tried += 1
+    print(f"{tried} tries, {broken} broken")
+    return int(broken > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
