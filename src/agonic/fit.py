@@ -14,6 +14,9 @@ from agonic.coverage import Coverage
 from agonic.health import Evidence, Finding, Judged, figure, sort_findings
 from agonic.samples import Samples
 
+UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
+"""Of each model; one that tests chose has those of all that they chose from."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ModelTest:
@@ -138,5 +141,6 @@ def gather_evidence(
         noise=fit.noise,
         coverage=fit.coverage,
         known_radius=known_radius,
+        unknowns=UNKNOWNS.get(calibration.model, 9) if not fit.tests else 9,
         unit=samples.unit,
     )

@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration, apply
-from agonic.maths.estimation.leastsq import robust_scale
+from agonic.maths.equation.coverage import find_cells, weigh_crowded
+from agonic.maths.estimation.leastsq import MAD_TO_SD, robust_scale
+from agonic.maths.estimation.robust_spread import weighted_median
 from agonic.maths.rotations.angles import angle_deg, wrap_deg
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
@@ -97,9 +99,12 @@ def verify(
         float(np.median(after[rows])) if reference is None else reference.magnitudes(len(samples))
     )
     ratio = after / wanted
-    spread_before, spread_after = _spread(before[rows]), _spread(ratio[rows])
+    cells = find_cells(field)
+    weights = weigh_crowded(cells)[rows]  # time spent in one direction is no evidence of others
+    visits = max(int(np.count_nonzero(np.diff(cells[rows]))) + 1, 4)
+    spread_before, spread_after = _spread(before[rows], weights), _spread(ratio[rows], weights)
     residual_rms = spread_after * float(np.mean(wanted))
-    checks = [_spread_check(spread_after), _improvement_check(spread_before, spread_after)]
+    checks = [_spread_check(spread_after), _improvement_check(spread_before, spread_after, visits)]
     if noise:
         checks.append(_noise_check(residual_rms / noise))
     if reference is not None:
@@ -121,12 +126,14 @@ def verify(
     )
 
 
-def _spread(magnitude: Array) -> float:
+def _spread(magnitude: Array, weights: Array) -> float:
     """Standard deviation over the mean, readings beyond six robust deviations left out."""
-    middle = float(np.median(magnitude))
+    middle = weighted_median(magnitude, weights)
     away = np.abs(magnitude - middle)
-    kept = magnitude[away <= 6 * robust_scale(magnitude - middle) + 1e-12 * middle]
-    return float(kept.std() / kept.mean())
+    kept = away <= 6 * MAD_TO_SD * weighted_median(away, weights) + 1e-12 * middle
+    mean = float(np.average(magnitude[kept], weights=weights[kept]))
+    square = np.average((magnitude[kept] - mean) ** 2, weights=weights[kept])
+    return float(np.sqrt(square)) / mean
 
 
 def _judge(
@@ -155,14 +162,19 @@ def _spread_check(spread: float) -> Check:
     )
 
 
-def _improvement_check(before: float, after: float) -> Check:
+def _improvement_check(before: float, after: float, visits: int) -> Check:
+    """Two spreads over so many visits of directions differ by chance by √(1/visits)."""
+    ratio = after / before if before > 0 else 1.0
+    limit = 1 + 3 / np.sqrt(visits)
     return _judge(
         "spread after over before",
-        after / before if before > 0 else 1.0,
-        1.0,
+        ratio,
+        limit,
         "",
-        after <= max(before, 0.005),
-        "the calibration makes the magnitude steadier",
+        ratio <= limit or after <= 0.005,
+        "the calibration makes the magnitude steadier"
+        if ratio <= 1
+        else "the magnitude was as steady before as chance can tell",
         "the calibration makes these readings worse: do not use it for them",
     )
 

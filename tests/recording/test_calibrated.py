@@ -58,7 +58,7 @@ def test_a_failed_check_asks_the_user_to_look() -> None:
 
 
 def test_half_a_log_that_is_too_short_is_told() -> None:
-    found = ag.calibrate(simulate("sphere", n=14, noise=50.0).samples, FIELD, model="full")
+    found = ag.calibrate(simulate("sphere", n=9, noise=50.0).samples, FIELD, model="full")
     agreement = check(found, "two halves of the log agree")
     assert agreement.passed is False
     assert np.isnan(agreement.value)
@@ -102,3 +102,39 @@ def test_only_an_affine_with_a_covariance_can_be_judged() -> None:
     samples = simulate("tumble", n=500).samples
     with pytest.raises(ag.AgonicError, match="carries no covariance; fit it again"):
         judge(ag.Affine(bias=[0, 0, 0], matrix=np.eye(3)), samples)
+
+
+def _held_still(rows: np.ndarray, noise: float = 150.0) -> ag.Samples:
+    """Readings of a sensor with iron at the orientations numbered by rows (n,)."""
+    rng = np.random.default_rng(4)
+    u = np.cumsum(rng.normal(size=(rows.max() + 1, 3)), axis=0) * 0.2 + rng.normal(size=3)
+    u = np.sin(u * [1.0, 1.3, 1.7])
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    field = 50_000 * u[rows] @ (np.eye(3) + 0.05 * np.ones((3, 3))) + [9e3, -5e3, 3e3]
+    field += noise * rng.normal(size=field.shape)
+    return ag.Samples(time=np.arange(len(rows)) / 10.0, field=field)
+
+
+@pytest.mark.parametrize(("still", "turned"), [(5_000, 300), (29_700, 300)])
+def test_a_sensor_that_lay_still_and_was_then_turned(still: int, turned: int) -> None:
+    rows = np.concatenate([np.zeros(still, dtype=int), np.arange(turned)])
+    found = ag.calibrate(_held_still(rows), FIELD)
+    assert found.verdict == "good", found.status
+    error = found.fit.calibration.bias - [9e3, -5e3, 3e3]
+    assert np.abs(error / found.fit.sd[:3]).max() < 4
+
+
+def _in_poses(count: int) -> ag.Samples:
+    """Each of so many random orientations read two hundred times."""
+    rng = np.random.default_rng(8)
+    u = rng.normal(size=(count, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    field = np.repeat(50_000 * u, 200, axis=0) + np.array([9e3, -5e3, 3e3])
+    return ag.Samples(field=field + 50.0 * rng.normal(size=field.shape))
+
+
+def test_orientations_count_and_not_readings() -> None:
+    verdicts = {count: ag.calibrate(_in_poses(count), FIELD) for count in (6, 10, 16)}
+    assert [found.verdict for found in verdicts.values()] == ["refused", "check", "good"]
+    assert "few orientations" in [finding.name for finding in verdicts[6].fit.findings]
+    assert check(verdicts[16], "two halves of the log agree").passed

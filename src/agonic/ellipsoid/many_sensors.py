@@ -17,11 +17,11 @@ from agonic.ellipsoid.solve import (
     DISCERNIBLE,
     SIGNIFICANT,
     SMALLER,
-    UNKNOWNS,
     no_ellipsoid,
     too_few,
 )
 from agonic.errors import AgonicError, CoverageError, check_choice
+from agonic.fit import UNKNOWNS
 from agonic.health import FEWEST
 from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation import moments as kernel

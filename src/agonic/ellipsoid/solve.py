@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.ellipsoid.settings import Fixed, Method, Model
 from agonic.errors import AgonicError, CoverageError
-from agonic.fit import ModelTest
+from agonic.fit import UNKNOWNS, ModelTest
 from agonic.health import FEWEST
 from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
@@ -24,7 +24,6 @@ DISCERNIBLE = 0.01
 """Soft iron (over the mean gain) that must be known this well before its absence counts."""
 
 SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
-UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
 
 
 class Found(NamedTuple):

@@ -9,7 +9,12 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.coverage import Coverage
 from agonic.health.finding import Finding, figure
-from agonic.maths.equation.coverage import find_nearest_axis, measure_thickness
+from agonic.maths.equation.coverage import (
+    count_orientations,
+    find_nearest_axis,
+    find_spread_rows,
+    measure_thickness,
+)
 from agonic.maths.estimation.bias_change import find_bias_change, refit_residuals
 from agonic.maths.estimation.least_median import Pair, fit_two_spheres
 
@@ -17,6 +22,7 @@ HEADING_REFUSED_DEG = 10.0
 HEADING_DOUBTFUL_DEG = 2.0
 NOISE_DOUBTFUL = 0.04  # of the field's magnitude
 OUTLIERS_DOUBTFUL = 0.1
+SPARE = 3  # orientations beyond the unknowns that check them
 SHIFT_REFUSED = 0.04  # of the field's magnitude
 SHIFT_DOUBTFUL = 0.01
 SHIFT_OVER_NOISE = 3.0  # less than this does not stand out of the readings
@@ -29,7 +35,7 @@ class Evidence:
     `readings` (n, 3), `time` (n,) or None, `residuals` (n,), `weights` (n,), `normals` (n, 3) the
     unit directions in which a residual is measured; `bias` and `radius` of the readings' ellipsoid
     and `shape` (3, 3) the matrix over its mean gain; `noise`; `known_radius` what the radius is at
-    least, as far as that is known.
+    least, as far as that is known; `unknowns` those that the readings have to determine.
     """
 
     readings: Array
@@ -43,6 +49,7 @@ class Evidence:
     noise: float
     coverage: Coverage
     known_radius: float | None = None
+    unknowns: int = 9
     unit: str = "nT"
 
 
@@ -52,13 +59,14 @@ def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Findin
     Readings in a plane are no fault of an attitude-aided fit.
     """
     shape = None if attitude_aided else _static(evidence) or _flat(evidence)
-    if shape is not None:
-        return (shape,)
+    few = None if attitude_aided or shape else _few_orientations(evidence)
+    if shape is not None or (few is not None and few.severity == "refuse"):
+        return tuple(finding for finding in (shape, few) if finding is not None)
     second = None if attitude_aided else _second_population(evidence)
     changed = second or _changed(evidence) or _crowded_outliers(evidence)
     if changed is not None and changed.severity == "refuse":
         return (changed,)
-    found = [check_coverage(evidence.coverage), changed]
+    found = [check_coverage(evidence.coverage), changed, few]
     if changed is None:
         outliers = int((evidence.weights == 0.0).sum())
         found += [_noisy(evidence), check_outliers(outliers, len(evidence.weights))]
@@ -67,7 +75,7 @@ def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Findin
 
 def _static(e: Evidence) -> Finding | None:
     """Readings that hardly move: far less than the field would move them, or a ball of noise."""
-    some = e.readings[_some(len(e.readings))]
+    some = e.readings[find_spread_rows(e.readings, most=20_000)]
     low, high = np.percentile(some, (2, 98), axis=0)
     spread = float((high - low).max() / 2)
     at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius
@@ -78,6 +86,24 @@ def _static(e: Evidence) -> Finding | None:
         "refuse",
         f"the sensor did not turn: its readings move by only ±{figure(spread)} {e.unit}",
         "turn it slowly about all three axes while recording",
+    )
+
+
+def _few_orientations(e: Evidence) -> Finding | None:
+    """Held still in few orientations: however often each was read, it says one thing."""
+    reach = min(max(8 * e.noise, 0.02 * e.radius), 0.1 * e.radius)
+    enough = e.unknowns + SPARE
+    count = count_orientations(e.readings[e.weights > 0], reach, enough)
+    if count >= enough:
+        return None
+    lacking = count < e.unknowns
+    left = "that do not determine it" if lacking else "and next to nothing is left to check it by"
+    return Finding(
+        "few orientations",
+        "refuse" if lacking else "check",
+        f"the sensor was held in {count} orientations only; the calibration has {e.unknowns} "
+        f"unknowns, {left}",
+        f"record {enough} orientations or more, well spread, or turn the sensor slowly all the way",
     )
 
 
@@ -104,7 +130,10 @@ def _gaussian(readings: Array) -> bool:
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
     used = e.readings[(e.weights > 0) | (e.weights == 0).all()]
-    thick, normal = measure_thickness(used[_some(len(used))])
+    thick, normal = max(
+        (measure_thickness(used[rows]) for rows in (_some(len(used)), find_spread_rows(used))),
+        key=lambda measured: measured[0],
+    )
     if thick > 0.1:
         return None
     axis = find_nearest_axis(normal)
@@ -125,7 +154,7 @@ def _flat(e: Evidence) -> Finding | None:
 
 def _changed(e: Evidence) -> Finding | None:
     """A bias that was another for a while, by more than the noise can hide."""
-    rows = _some(len(e.readings))
+    rows = find_spread_rows(e.readings, most=20_000)
     found = find_bias_change(*_on_the_surface(e, rows))
     if found is None or found.significance < 30:
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -19,14 +18,11 @@ from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recor
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import verdict_of
-from agonic.maths.rotations.angles import angle_deg
 from agonic.recording.choice import Choice, Kind, choose, describe_latency
+from agonic.recording.held_out import compare_folds, fit_folds
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Check, Verification, verify
-
-BLOCKS = 8
-AGREEMENT_LIMIT_DEG = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +65,8 @@ def calibrate(
     """Calibrate one magnetometer and verify it on held-out parts of its own log.
 
     The log is cut into blocks of time; each row is judged by a fit to the blocks that do not hold
-    it (two folds of alternate blocks). The calibration itself uses all rows.
+    it (two folds of alternate blocks; where half a log determines too little, a fit without each
+    block). The calibration itself uses all rows.
 
     Parameters
     ----------
@@ -123,18 +120,19 @@ def calibrate_recording(
 def _verify(choice: Choice) -> Calibrated:
     """A choice with its checks on held-out parts."""
     samples, reference, fit = choice.samples, choice.reference, choice.fit
-    folds = _fit_folds(samples, reference, choice.again)
+    folds = fit_folds(samples, reference, fit.calibration, choice.again)
     gain = float(np.trace(fit.calibration.matrix) / 3)
     used = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
+    noise = fit.noise * gain
     verification = verify(
         fit.calibration,
         samples,
         reference,
-        noise=fit.noise * gain,
+        noise=float(np.hypot(noise, folds.magnitude_sd)) if folds else noise,
         corrected=folds.unseen if folds else None,
         held_out=used if used.any() else None,
     )
-    checks = (*verification.checks, _compare_halves(folds))
+    checks = (*verification.checks, compare_folds(folds))
     return _conclude(choice, replace(verification, checks=checks))
 
 
@@ -181,60 +179,6 @@ def _evidence(
     steady = samples.with_columns(field=cleaned + calibration.coefficients @ mean)
     fit = evaluate(calibration.at(mean), steady, reference, **settings)
     return replace(fit, calibration=calibration)
-
-
-@dataclass(frozen=True, eq=False)
-class _Folds:
-    """The field of each row by the fit that had not seen the row, and by the one that had."""
-
-    unseen: Array
-    seen: Array
-
-
-def _fit_folds(
-    samples: Samples, reference: Reference | None, again: Callable[..., Calibration]
-) -> _Folds | None:
-    """Fits to the odd and to the even blocks of time, each applied to all rows."""
-    block = np.arange(len(samples)) * BLOCKS // len(samples)
-    even = block % 2 == 0
-    fields = []
-    for rows in (even, ~even):
-        try:
-            part = again(samples.select(rows), reference.select(rows) if reference else None)
-            fields.append(apply(part, samples).field)
-        except AgonicError:
-            return None
-    unseen = np.where(even[:, None], fields[1], fields[0])
-    return _Folds(unseen, np.where(even[:, None], fields[0], fields[1]))
-
-
-def _compare_halves(folds: _Folds | None) -> Check:
-    """Whether two halves of the log, fitted apart, point the same way."""
-    name = "two halves of the log agree"
-    if folds is None:
-        return Check(
-            name=name,
-            value=float("nan"),
-            limit=AGREEMENT_LIMIT_DEG,
-            unit="°",
-            passed=False,
-            meaning="half of the log is not enough for a fit, so nothing could be held out: record "
-            "longer",
-        )
-    turn = angle_deg(folds.unseen, folds.seen)
-    rms = float(np.sqrt(np.mean(turn**2)))
-    good = rms <= AGREEMENT_LIMIT_DEG
-    return Check(
-        name=name,
-        value=rms,
-        limit=AGREEMENT_LIMIT_DEG,
-        unit="°",
-        passed=good,
-        meaning="calibrations from alternate parts of the log point the same way"
-        if good
-        else "calibrations from alternate parts of the log point differently: the field changed, "
-        "or too few directions were visited",
-    )
 
 
 def _conclude(choice: Choice, verification: Verification) -> Calibrated:

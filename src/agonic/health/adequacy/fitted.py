@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.maths.equation.affine import magnitude_residual, model_basis
-from agonic.maths.equation.coverage import heading_sd_deg, level_directions
+from agonic.maths.equation.coverage import find_spread_rows, heading_sd_deg, level_directions
 from agonic.maths.estimation.score_test import Linearised, batches_of
 
 MOST_ROWS, BLOCK = 20_000, 200
@@ -92,7 +92,7 @@ def prepare(fitted: Fitted) -> Work | None:
     radius = fitted.magnitude / gain
     if n < FEWEST_ROWS or not 0 < fitted.noise < 0.2 * radius:
         return None
-    rows = _some(n)
+    rows = _some(fitted.readings)
     readings = fitted.readings[rows]
     wanted = fitted.wanted if len(fitted.wanted) == 1 else fitted.wanted[rows]
     residuals, local = magnitude_residual(
@@ -122,8 +122,12 @@ def prepare(fitted: Fitted) -> Work | None:
     return Work(fitted, rows, normals, feet / radius, blurred, radius, scale, onto, linear)
 
 
-def _some(n: int) -> Index:
-    """All rows, or blocks of consecutive ones spread evenly over the log."""
+def _some(readings: Array) -> Index:
+    """All rows, or blocks of consecutive ones spread evenly; few of those that say the same."""
+    n = len(readings)
+    spread = find_spread_rows(readings)
+    if len(spread) < min(n, MOST_ROWS):  # at rest for most of the log
+        return spread
     if n <= MOST_ROWS:
         return np.arange(n)
     starts = np.linspace(0, n - BLOCK, MOST_ROWS // BLOCK).astype(np.intp)

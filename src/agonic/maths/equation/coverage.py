@@ -56,11 +56,17 @@ def count_visits(directions: Array) -> NDArray[np.int64]:
 
 
 def field_covariance(
-    directions: Array, magnitude: float, bias: Array, matrix: Array, covariance: Array, gauge: str
+    directions: Array,
+    magnitude: Array | float,
+    bias: Array,
+    matrix: Array,
+    covariance: Array,
+    gauge: str,
 ) -> Array:
     """Covariance (n, 3, 3) of the calibrated field along unit directions (n, 3)."""
     raw = magnitude * directions @ np.linalg.inv(matrix).T + bias
     jacobian = correction_jacobian(raw, bias, matrix) @ model_basis("full", gauge)
+    covariance = covariance[: jacobian.shape[2], : jacobian.shape[2]]  # of sources on board none
     return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
 
@@ -131,3 +137,76 @@ def find_missing_axes(counts: NDArray[np.int64], reach_deg: float = 40.0) -> lis
 def find_nearest_axis(direction: Array) -> str:
     """The letter of the axis that a direction is closest to."""
     return "xyz"[int(np.argmax(np.abs(direction)))]
+
+
+_CELL_SHARE = 1 / 32  # of all that counts, in one cell of many
+_FEWEST_CELLS = 12
+_THINNED = 0.5  # of the rows; where more are left all stay
+
+
+def weigh_crowded(cells: Index) -> Array:
+    """Weights (n,) of rows in cells (n,), so that no cell counts for much more than the others.
+
+    A cell keeps its rows up to a share of all that counts, 1/32 or twice the mean over the cells.
+    A sensor that lay still for most of a log says much of one direction only.
+
+    >>> weigh_crowded(np.repeat([0, 1, 2, 3], [91, 3, 3, 3])).round(2)[[0, 99]].tolist()
+    [0.1, 1.0]
+    """
+    _, where, counts = np.unique(cells, return_inverse=True, return_counts=True)
+    visited = max(int(np.count_nonzero(counts >= min(3, counts.max(initial=1)))), 1)
+    share, cap = max(_CELL_SHARE, 2 / visited), float(counts.max(initial=1))
+    for _ in range(60):
+        cap = min(cap, max(share * float(np.minimum(counts, cap).sum()), 1.0))
+    return np.asarray(np.minimum(1.0, cap / counts)[where])
+
+
+def find_places(points: Array) -> Index:
+    """The cube that each of points (n, 3) lies in, numbered; no centre has to be known.
+
+    Cubes are halved until a dozen hold points in succession; so far outliers do not set them.
+    """
+    n, middle = len(points), np.median(points, axis=0)
+    size = 2 * float(np.abs(points - middle).max(initial=0.0))
+    cells = np.zeros(n, dtype=np.intp)
+    for halved in range(2, 22):
+        if size == 0.0:
+            break
+        cube = np.floor((points - middle) / (size / 2**halved) + 0.5) + 2.0**halved
+        key = (cube[:, 0] * 2.0**31 + cube[:, 1]).astype(np.int64)
+        key = np.unique(key, return_inverse=True)[1] * 2**31 + cube[:, 2].astype(np.int64)
+        cells = np.unique(key, return_inverse=True)[1]
+        stays = np.bincount(cells[1:][cells[1:] == cells[:-1]], minlength=cells.max(initial=0) + 1)
+        if np.count_nonzero((np.bincount(cells) >= 3) & (stays > 0)) >= _FEWEST_CELLS:
+            break
+    return cells
+
+
+def find_spread_rows(points: Array, *, most: int | None = None, seed: int = 0) -> Index:
+    """Rows of points (n, 3), in order, thinned where most of them say the same.
+
+    All rows where none or few would go; at most `most`, drawn.
+    """
+    n, rng = len(points), np.random.default_rng(seed)
+    weights = weigh_crowded(find_places(points))
+    rows = np.arange(n)
+    if weights.mean() < _THINNED:
+        rows = np.flatnonzero(rng.random(n) < weights)
+    if most is not None and len(rows) > most:
+        rows = np.sort(rng.choice(rows, most, replace=False))
+    return rows
+
+
+def count_orientations(points: Array, reach: float, most: int) -> int:
+    """How many of points (n, 3) lie further than `reach` from each other, counted up to `most`.
+
+    >>> poses = np.repeat(np.eye(3), 50, axis=0)
+    >>> count_orientations(poses, 0.1, 12)
+    3
+    """
+    left, count = points, 0
+    while len(left) and count < most:
+        away = left - left[0]
+        left = left[np.einsum("ij,ij->i", away, away) > reach**2]
+        count += 1
+    return count

@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
-from agonic.maths.equation.coverage import find_cells
+from agonic.maths.equation.coverage import find_cells, find_spread_rows, weigh_crowded
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussian
+from agonic.maths.estimation.robust_spread import weighted_median
 
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
@@ -37,31 +38,47 @@ class Estimate(NamedTuple):
 def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimate:
     """The most probable parameters, how sure they are, and the noise of each channel.
 
-    Starts are tried on a few thousand readings. Where all of these agree with a minimum, another
-    one could hold for some of them only; otherwise the best of several is taken. Then all readings
-    refine it, with Tukey's loss where any stands out. The refinement takes the noise's own effect
-    on the curved surface out (`affine.magnitude_residual`).
+    Starts are tried on a few thousand readings, first on ones that are spread over directions: a
+    sensor that lay still for most of a log says little that often. Where all of these agree with a
+    minimum, another one could hold for some of them only; otherwise the best of several is taken.
+    Then all readings refine it, with Tukey's loss where any stands out. The refinement takes the
+    noise's own effect on the curved surface out (`affine.magnitude_residual`).
     """
     n = len(problem.points)
-    few = problem
-    if n > _ENOUGH:
-        rows = np.random.default_rng(seed).choice(n, _ENOUGH, replace=False)
-        # errors of the attitude are correlated, which shows in the order of time only
-        few = problem.subset(rows if problem.magnitude_only else np.sort(rows))
+    rows = find_spread_rows(problem.points, most=_ENOUGH, seed=seed)
+    tried: list[Estimate] = []
+    for chosen in (rows, _draw(n, seed)):
+        few = problem if len(chosen) == n else problem.subset(chosen)
+        with np.errstate(over="ignore", invalid="ignore"):  # of readings that nothing holds
+            found = _search(few, robust, seed)
+            agreed = _agrees(few, found)
+            again = few is not problem or (problem.magnitude_only and not agreed)
+            tried.append(refine(problem, found.solution.params, robust) if again else found)
+        if agreed or len(rows) == min(n, _ENOUGH):
+            break
+    return min(tried, key=lambda found: _compute_spread(problem, found))
+
+
+def _draw(n: int, seed: int) -> Index:
+    """Some thousand of n rows whatever they say, in order."""
+    if n <= _ENOUGH:
+        return np.arange(n)
+    return np.sort(np.random.default_rng(seed).choice(n, _ENOUGH, replace=False))
+
+
+def _search(few: Problem, robust: bool, seed: int) -> Estimate:
+    """The best minimum from several starts, or the first that all readings agree with."""
     algebraic = fit_algebraic(few)
+    tried = []
     if algebraic is not None:
         found = refine(few, algebraic, robust)
         if _agrees(few, found):
-            return found if few is problem else refine(problem, found.solution.params, robust)
-    tried = []
+            return found
     for start in find_starts(few, algebraic, robust, seed):
         tried.append(refine(few, start, robust))
         if _agrees(few, tried[-1]):
             break
-    best = min(tried, key=lambda found: _compute_spread(few, found))
-    if few is problem and not problem.magnitude_only:
-        return best
-    return refine(problem, best.solution.params, robust)
+    return min(tried, key=lambda found: _compute_spread(few, found))
 
 
 def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
@@ -70,7 +87,9 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     prior = problem.prior(problem.soft_iron_sd)
     channels, count = problem.channels, len(params)
     residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
-    noise = {channel: estimate_noise(r, robust, count) for channel, r in residuals.items()}
+    rows = find_spread_rows(problem.points)
+    typical = None if len(rows) == len(problem.points) else rows
+    noise = {c: estimate_noise(r, robust, count, typical) for c, r in residuals.items()}
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
@@ -86,7 +105,9 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         )
         params, assumed = solution.params, noise
         left = dict(zip(channels, np.split(solution.residuals, len(channels)), strict=True))
-        noise = {channel: estimate_noise(r, robust, count) for channel, r in left.items()}
+        if typical is not None:
+            typical = np.flatnonzero(np.isin(np.flatnonzero(counted), rows))
+        noise = {c: estimate_noise(r, robust, count, typical) for c, r in left.items()}
         residuals = left
         if part is not problem:
             residuals = {c: compute_residuals(problem, c, params) for c in channels}
@@ -139,10 +160,13 @@ def _weigh(residuals: dict[str, Array], noise: dict[str, Noise]) -> Array:
 def _compute_spread(problem: Problem, found: Estimate) -> float:
     """How much readings scatter about a minimum: Σ log of the noise of each channel.
 
-    Where the magnitude is alone it is that of the median residual, which no outlier reaches.
+    Where the magnitude is alone it is that of the median residual, which no outlier reaches, over
+    directions rather than readings.
     """
     if problem.magnitude_only:
-        return leastsq.robust_scale(found.residuals["magnitude"])
+        bias, matrix = split(problem.basis @ found.solution.params)
+        weights = weigh_crowded(find_cells((problem.points - bias) @ matrix.T))
+        return weighted_median(np.abs(found.residuals["magnitude"]), weights)
     return sum(float(np.log(noise.sd)) for noise in found.noise.values())
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.maths.estimation import leastsq
 
 
@@ -23,17 +23,20 @@ class Noise(NamedTuple):
         return abs(self.sd / assumed.sd - 1) < 0.01 and abs(lengths - 1) < 0.05
 
 
-def estimate_noise(residuals: Array, robust: bool, parameters: int) -> Noise:
-    """The noise of residuals in time order.
+def estimate_noise(
+    residuals: Array, robust: bool, parameters: int, typical: Index | None = None
+) -> Noise:
+    """The noise of residuals in time order; its size is that of the `typical` rows, if given.
 
     Least squares unless a reading stands out: the largest of n Gaussian readings is expected below
     √(2 ln 2n) standard deviations; one beyond that brings in Tukey's loss.
     """
-    scale = max(leastsq.robust_scale(residuals, parameters), 1e-9)
+    some = residuals if typical is None else residuals[typical]
+    scale = max(leastsq.robust_scale(some, parameters), 1e-9)
     largest = float(np.abs(residuals).max())
     stands_out = largest > scale * (np.sqrt(2 * np.log(2 * len(residuals))) + 1)
     loss = leastsq.tukey() if robust and stands_out else leastsq.squares()
-    sd = max(leastsq.noise_scale(residuals, loss, scale, parameters), 1e-9)
+    sd = max(leastsq.noise_scale(some, loss, scale, parameters), 1e-9)
     weights = loss.weight((residuals / sd) ** 2)
     return Noise(loss, sd, leastsq.correlation_length(residuals, weights))
 

@@ -90,3 +90,14 @@ def _centre(values: Array, variance: Array, centre: float) -> float:
         if done:
             break
     return centre
+
+
+def weighted_median(values: Array, weights: Array) -> float:
+    """The value that half of the weight lies at or below.
+
+    >>> weighted_median(np.array([1.0, 2.0, 9.0]), np.array([1.0, 1.0, 5.0]))
+    9.0
+    """
+    order = np.argsort(values)
+    running = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(running, running[-1] / 2)]])

@@ -1,0 +1,143 @@
+"""Fits to parts of a log, to judge the rows that they have not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration, apply
+from agonic.errors import AgonicError
+from agonic.maths.equation.coverage import (
+    count_orientations,
+    field_covariance,
+    find_places,
+    weigh_crowded,
+)
+from agonic.maths.rotations.angles import angle_deg
+from agonic.reference import Reference
+from agonic.samples import Samples
+from agonic.verification import Check
+
+BLOCKS = 8
+AGREEMENT_LIMIT_DEG = 2.0
+CHANCE = 2.0
+"""Parts may differ by so many times what their fits state."""
+_SOME = 500  # rows, drawn, that stand for all
+
+
+@dataclass(frozen=True, eq=False)
+class Folds:
+    """The field of each row by the fit that had not seen the row, and by the one that had.
+
+    `magnitude_sd` is the standard error of the unseen field's magnitude, `turn_deg` that of the
+    angle between the two, as the fits state them; `single` where there was a fit without each
+    single block, and `seen` is by the calibration itself.
+    """
+
+    unseen: Array
+    seen: Array
+    magnitude_sd: float
+    turn_deg: float
+    single: bool = False
+
+
+def fit_folds(
+    samples: Samples,
+    reference: Reference | None,
+    calibration: Calibration,
+    again: Callable[..., Calibration],
+) -> Folds | None:
+    """Fits without the odd and without the even blocks of time, each applied to its unseen rows.
+
+    Where these state that half of the log leaves directions uncertain, there is a fit without each
+    single block instead. Blocks hold as much of what rows say each, so that a sensor that lay still
+    for most of the log is not held out at rest only.
+    """
+    weights = weigh_crowded(find_places(samples.field))
+    told = np.cumsum(weights)
+    block = np.minimum((told * (BLOCKS / told[-1])).astype(int), BLOCKS - 1)
+    half = _predict(samples, reference, again, block % 2, weights)
+    field = apply(calibration, samples).field
+    reach = 0.03 * float(np.median(np.linalg.norm(field, axis=1)))
+    several = all(count_orientations(field[block % 2 == k], reach, 12) == 12 for k in (0, 1))
+    if half is not None and several and half.turn_deg < AGREEMENT_LIMIT_DEG / 2:
+        return half
+    single = _predict(samples, reference, again, block, weights)
+    if single is None:
+        return half
+    return replace(single, seen=field, single=True)
+
+
+def _predict(
+    samples: Samples,
+    reference: Reference | None,
+    again: Callable[..., Calibration],
+    fold: Index,
+    weights: Array,
+) -> Folds | None:
+    """The field of each row by the fit to all other folds, (n,) numbered; None where one fails."""
+    unseen, seen = np.empty((2, len(samples), 3))
+    along, turned, count = 0.0, 0.0, int(fold.max()) + 1
+    for k in range(count):
+        out = fold == k
+        try:
+            part = again(samples.select(~out), reference.select(~out) if reference else None)
+            field = apply(part, samples).field
+        except AgonicError:
+            return None
+        unseen[out], seen[~out] = field[out], field[~out]
+        for rows, of_turn in ((out, False), (np.ones_like(out), True)):
+            variances = _state_errors(part, field[rows], weights[rows])
+            along += 0.0 if of_turn else variances[0] / count
+            turned += variances[1] if of_turn else 0.0
+    sd, turn = np.sqrt([along, turned * min(2 / count, 1.0)])
+    return Folds(unseen, seen, float(sd), float(np.degrees(turn)))
+
+
+def _state_errors(part: Calibration, field: Array, weights: Array) -> tuple[float, float]:
+    """Variance of the magnitude of the field (n, 3) by a fit, and of its direction, rad²."""
+    if not isinstance(part, Affine) or part.covariance is None or not len(field):
+        return 0.0, 0.0
+    rng = np.random.default_rng(0)
+    some = field[rng.choice(len(field), _SOME, p=weights / weights.sum())]
+    size = np.maximum(np.linalg.norm(some, axis=1), np.finfo(float).tiny)
+    spread = field_covariance(
+        some / size[:, None], size[:, None], part.bias, part.matrix, part.covariance, part.gauge
+    )
+    along = np.einsum("ni,nij,nj->n", some, spread, some) / size**2
+    across = np.trace(spread, axis1=1, axis2=2) - along
+    return max(float(along.mean()), 0.0), max(float(np.mean(across / size**2)), 0.0)
+
+
+def compare_folds(folds: Folds | None) -> Check:
+    """Whether two halves of the log, fitted apart, point the same way."""
+    name = "two halves of the log agree"
+    if folds is None:
+        return Check(
+            name=name,
+            value=float("nan"),
+            limit=AGREEMENT_LIMIT_DEG,
+            unit="°",
+            passed=False,
+            meaning="half of the log is not enough for a fit, so nothing could be held out: record "
+            "longer",
+        )
+    turn = angle_deg(folds.unseen, folds.seen)
+    rms = float(np.sqrt(np.mean(turn**2)))
+    limit = max(AGREEMENT_LIMIT_DEG, CHANCE * folds.turn_deg)
+    good = rms <= limit
+    return Check(
+        name=name,
+        value=rms,
+        limit=limit,
+        unit="°",
+        passed=good,
+        meaning="calibrations from alternate parts of the log point the same way"
+        if good
+        else "calibrations from alternate parts of the log point differently: the field changed, "
+        "or too few directions were visited",
+    )
