@@ -80,7 +80,7 @@ def test_a_zero_of_roll_that_is_off_is_in_the_vehicles_heading(biased_deg: float
 
 
 def test_a_level_vehicle_is_told_that_its_mounting_is_not_seen() -> None:
-    made = simulate("circle", n=1500, tilt_deg=0.3, noise=50.0)
+    made = simulate("circle", n=600, tilt_deg=0.6, noise=50.0)
     samples = rough(made.samples, 0.5, 1)
     fit = fit_levelled(samples, ag.Reference.vector(made.field_n, frame="n"))
     note = next(f for f in fit.findings if f.name == "mounting about the vertical")
@@ -143,3 +143,14 @@ def test_a_weaker_fit_never_undoes_a_refusal() -> None:
     half = samples.select(level & (np.abs(samples.heading_deg - 180.0) < 95.0))
     result = ag.calibrate(half, ag.Reference.vector(made.field_n, frame="n"))
     assert (result.method, result.verdict) == ("levelled", "refused")
+
+
+def test_a_current_that_switches_unseen_is_in_the_standard_errors() -> None:
+    """3 µT along a horizontal axis, on and off at random; no column tells of it."""
+    made = flown(5, n=4000, noise=100.0)
+    on = np.cumsum(np.random.default_rng(4).random(4000) < 1 / 100) % 2
+    samples = made.samples.with_columns(field=made.samples.field + on[:, None] * [3000.0, 0, 0])
+    fit = fit_levelled(samples, PLACE)
+    assert fit.verdict != "good"
+    assert "comes and goes" in [f.name for f in fit.findings]
+    assert level_error_deg(fit.calibration, made.truth) < 3 * fit.coverage.heading_sd_deg

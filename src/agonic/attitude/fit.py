@@ -7,12 +7,13 @@ import numpy as np
 from agonic.arrays import Mask
 from agonic.attitude.calibration import make_calibration
 from agonic.attitude.evidence import assess
+from agonic.attitude.model_errors import find_model_errors, grow
 from agonic.attitude.problem import normalise
 from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import add_shared_errors, find_turn_move
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, figure, find_usable_rows
+from agonic.health import FEWEST, describe_model_errors, figure, find_usable_rows, widen
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate
@@ -58,7 +59,13 @@ def fit_channels(
     found = add_shared_errors(found, part, scale, turn)
     affine = make_calibration(found, problem, scale, samples, settings, name)
     turned = turn is not None
-    return assess(affine, found, problem, scale, samples, usable, tests, turned, settings)
+    if settings.sources or settings.model != "full":
+        return assess(affine, found, problem, scale, samples, usable, tests, turned, settings)
+    errors = find_model_errors(affine, found, samples, usable, part.magnitude * scale.magnitude)
+    grown = grow(found, errors, scale)
+    wider = widen(affine, errors)
+    fit = assess(wider, grown, problem, scale, samples, usable, tests, turned, settings)
+    return fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
 
 
 def _left_out(samples: Samples, usable: Mask) -> str:

@@ -1,0 +1,62 @@
+"""Whether the magnitude's residuals show something that an attitude-aided fit does not have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.attitude.problem import Scale
+from agonic.calibration.affine import Affine
+from agonic.health import Fitted, examine_model
+from agonic.health.adequacy import ModelError
+from agonic.maths.equation.affine import magnitude_residual, model_basis
+from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.estimation.leastsq import inverse
+from agonic.samples import Samples
+
+
+def find_model_errors(
+    affine: Affine, estimate: Estimate, samples: Samples, usable: Mask, magnitudes: Array
+) -> tuple[ModelError, ...]:
+    """What the residuals of the usable rows show, with what it leaves open of the heading.
+
+    What dip, azimuth and priors know of the calibration stands beside the magnitude as a prior, so
+    "prior" is no finding here. Parameters: `magnitudes` (1,) or (n,) of the usable rows, nT.
+    """
+    assert affine.noise is not None
+    assert affine.covariance is not None
+    readings = samples.field[usable]
+    of_magnitude = estimate.noise["magnitude"]
+    _, local = magnitude_residual(readings, affine.bias, affine.matrix, magnitudes, affine.noise)
+    jacobian = local @ model_basis("full", affine.gauge) / affine.noise
+    own = (jacobian * estimate.weights[:, None]).T @ jacobian / of_magnitude.correlation
+    fitted = Fitted(
+        calibration=affine,
+        readings=readings,
+        time=None if samples.time is None else samples.time[usable],
+        weights=estimate.weights,
+        wanted=magnitudes,
+        noise=affine.noise,
+        correlation=of_magnitude.correlation,
+        prior=_known_otherwise(inverse(affine.covariance) - own, np.sqrt(np.diag(own))),
+    )
+    found = examine_model(fitted)
+    return tuple(one for one in found if one.cause != "prior")
+
+
+def grow(estimate: Estimate, errors: tuple[ModelError, ...], scale: Scale) -> Estimate:
+    """The estimate, without sources, grown in its covariance by what the errors leave open."""
+    if not errors:
+        return estimate
+    units = np.full(len(estimate.solution.params), scale.magnitude / scale.size)
+    units[:3] = scale.size
+    growth = sum(error.growth for error in errors) / np.outer(units, units)
+    grown = estimate.solution.covariance + growth
+    return estimate._replace(solution=estimate.solution._replace(covariance=grown))
+
+
+def _known_otherwise(information: Array, size: Array) -> Array:
+    """The nearest information matrix that is positive, in units of the sizes of the parameters."""
+    outer = np.outer(size, size)
+    values, vectors = np.linalg.eigh(information / outer)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T * outer)
