@@ -14,6 +14,7 @@ from agonic.fleet.distributed import Dask
 from agonic.fleet.inputs import JOURNAL, find_inputs
 from agonic.fleet.journal import Journal
 from agonic.fleet.settings import FleetSettings
+from agonic.population.store import History
 from agonic.population.table import read_population
 from tests.fleet.boards import run_here, write_boards
 
@@ -134,3 +135,28 @@ def test_a_damaged_table_is_told_in_a_line(tmp_path: Path) -> None:
         except AgonicError:
             told += 1
     assert told > 40
+
+
+@pytest.mark.parametrize("kind", ["history", "journal"])
+def test_a_damaged_database_is_told_in_a_line(kind: str, tmp_path: Path) -> None:
+    write_boards(tmp_path / "in", 2)
+    rows = run_here(tmp_path / "in", out=tmp_path / "out").population
+    path = tmp_path / "out" / JOURNAL if kind == "journal" else tmp_path / "history"
+    if kind == "history":
+        with History.open(path) as history:
+            history.add(rows)
+    whole, draw, told = path.read_bytes(), np.random.default_rng(3), 0
+    for k in range(30 if kind == "journal" else 150):
+        content = bytearray(whole)
+        for at in draw.integers(len(content), size=(1, 3, 20)[k % 3]):
+            content[at] = draw.integers(256)
+        path.write_bytes(content)
+        try:
+            if kind == "journal":
+                run_here(tmp_path / "in", out=tmp_path / "out")
+            else:
+                with History.open(path) as history:
+                    [history.of(one.sensor) for one in history.sensors()]
+        except AgonicError:
+            told += 1
+    assert told > 3

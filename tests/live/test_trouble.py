@@ -139,6 +139,20 @@ def test_a_saved_state_that_was_poisoned_is_not_taken_up(name, tmp_path):
         LiveFit.resume(tmp_path / "mag.live")
 
 
+def test_every_wrong_bit_of_a_saved_state_is_noticed(tmp_path):
+    live = LiveFit(magnitude=50_000.0)
+    live.add(MADE.time, MADE.field)
+    path = live.save(tmp_path / "mag.live")
+    whole, draw = path.read_bytes(), np.random.default_rng(4)
+    assert LiveFit.resume(path).n == 1200
+    for at in draw.integers(len(whole), size=200):
+        content = bytearray(whole)
+        content[at] ^= 1 << int(draw.integers(8))
+        path.write_bytes(content)
+        with pytest.raises(LogError, match="not a usable state"):
+            LiveFit.resume(path)
+
+
 def test_a_driver_that_fails_is_told_and_opened_again(begin):
     session = begin(Wire(slice(0, 600), OverflowError("cannot convert"), slice(600, None)))
     wait_for(lambda: "stopped: OverflowError: cannot convert; trying" in session.status.heard)

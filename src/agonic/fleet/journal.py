@@ -86,6 +86,8 @@ class Journal:
                 self._db.execute(statement)
         except sqlite3.Error as error:
             raise self._explain(error) from None
+        except UnicodeDecodeError as error:
+            raise AgonicError(f"{self._path}: is damaged ({error}); {_UNUSABLE}") from None
 
     def __enter__(self) -> Self:
         return self

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import msgspec
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
@@ -31,17 +33,22 @@ class ArrayRecord(Struct, frozen=True):
 
 
 class StateFile(Struct, frozen=True):
-    """Where a live calibration stands, made with agonic; `origin` is where readings came from."""
+    """Where a live calibration stands, made with agonic; `origin` is where readings came from.
+
+    `check` is the CRC-32 of the file with a zero in its place, 0 where there is none.
+    """
 
     schema: str
     origin: str
     params: dict[str, Any]
     state: dict[str, Any]
+    check: int = 0
 
 
 def save_state(params: LiveParams, state: LiveState, path: Path | str, origin: str = "") -> Path:
     """Write the state in one step; `AgonicError` where the file cannot be written."""
     record = StateFile(SCHEMA, origin, asdict(params), vars(state))
+    record = replace(record, check=_compute_check(record))
     return write_atomically(path, msgspec.msgpack.encode(record, enc_hook=_encode), updates=True)
 
 
@@ -55,12 +62,19 @@ def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:
         record = msgspec.msgpack.decode(data, type=StateFile)
         if record.schema != SCHEMA:
             raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
+        if record.check and record.check != _compute_check(record):
+            raise LogError("it is damaged")
         params = msgspec.convert(record.params, LiveParams)
         state = msgspec.convert(record.state, LiveState, dec_hook=_decode)
         _check(params, state)
     except (AgonicError, msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
         raise LogError(f"not a usable state of a live calibration: {error}", path=path) from None
     return params, state, record.origin
+
+
+def _compute_check(record: StateFile) -> int:
+    """The checksum of a record, never 0."""
+    return crc32(msgspec.msgpack.encode(replace(record, check=0), enc_hook=_encode)) or 1
 
 
 def _check(params: LiveParams, state: LiveState) -> None:

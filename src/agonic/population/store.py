@@ -149,10 +149,11 @@ class History:
             "AND superseded = 0 ORDER BY time DESC, id DESC LIMIT 1) "
             f"{_CURRENT} GROUP BY sensor ORDER BY sensor"
         )
-        return [
-            SensorSummary(sensor, n, refused, _make_date(first), _make_date(last), verdict)
-            for sensor, n, refused, first, last, verdict in rows
-        ]
+        with _check_values(self.path):
+            return [
+                SensorSummary(sensor, n, refused, _make_date(first), _make_date(last), verdict)
+                for sensor, n, refused, first, last, verdict in rows
+            ]
 
     def of(self, sensor: str) -> Population:
         """The calibrations of a sensor in order of time, refused ones among them.
@@ -258,6 +259,8 @@ def _explain_errors(path: Path) -> Iterator[None]:
         elif "locked" in said:
             said = f"another process has been writing for {WAIT_S:.0f} s; try again"
         raise LogError(said, path=path) from None
+    except UnicodeDecodeError:  # of names in the database's own tables
+        raise LogError("the database is damaged; restore a copy", path=path) from None
 
 
 @contextmanager
@@ -265,7 +268,7 @@ def _check_values(path: Path) -> Iterator[None]:
     """Values that no calibration has, as `LogError`."""
     try:
         yield
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError, OSError) as error:
         raise LogError(
             f"damaged, a row holds what no calibration has: {error}", path=path
         ) from None
