@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
@@ -90,6 +91,34 @@ def test_a_recording_that_ends_early() -> None:
     usable, found = checked(faults=Faults(truncated=(6,)))
     assert "station 6 ends after 1 h 36 min of 4 h 00 min" in found["ends early"].what
     assert 6 in usable.stations
+
+
+def test_a_station_that_cooled_too_fast_was_not_cut(clean) -> None:
+    """It ends as warm as the others, only sooner: its cooling is what is wrong."""
+
+    def change(number, samples):
+        if number != 5:
+            return samples
+        coldest = int(np.argmin(samples.temperature))
+        rows = np.r_[np.arange(0, coldest, 3), np.arange(coldest, len(samples))]
+        step = samples.time[1] - samples.time[0]
+        return samples.select(rows).with_columns(time=samples.time[0] + step * np.arange(len(rows)))
+
+    found = {f.name: f for f in check_campaign(with_samples(clean, change))[1]}
+    assert "ends early" not in found
+    assert "station 5 cooled at up to 1." in found["cooling"].what
+
+
+def test_own_turns_are_not_called_swapped(clean) -> None:
+    """Stations turned in an own way: no exchange of two of them explains the readings."""
+    turns = Rotation.random(12, rng=np.random.default_rng(1)).as_matrix()
+
+    def change(number, samples):
+        return samples.with_columns(field=samples.field @ turns[number - 1])
+
+    found = {f.name for f in check_campaign(with_samples(clean, change))[1]}
+    assert "swapped stations" not in found
+    assert "turns" in found
 
 
 def test_a_range_that_was_not_reached() -> None:

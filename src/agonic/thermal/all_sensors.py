@@ -154,7 +154,8 @@ def _sum_sensor(task: _Task, campaign: Campaign, name: str) -> _SummedReadings:
         sums, found = sum_readings(samples, Settings(**task.settings).bin_width_C)
     except AgonicError as error:
         return _SummedReadings(name, refused=f"{error}.")
-    return _SummedReadings(name, (sums, collect_facts(samples), found))
+    facts = collect_facts(samples)._replace(files=campaign.files(name))
+    return _SummedReadings(name, (sums, facts, found))
 
 
 def _fit_sensor(

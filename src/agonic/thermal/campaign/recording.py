@@ -88,6 +88,18 @@ class Campaign:
             source=None if first.source is None else replace(first.source, count=sum(lengths)),
         )
 
+    def files(self, sensor: str) -> tuple[Input, ...]:
+        """The files that the readings of a sensor came from, with how many from each."""
+        found: dict[tuple[str, str], Input] = {}
+        for samples in self.recordings[sensor].values():
+            if samples.source is None:
+                continue
+            own = replace(samples.source, count=len(samples))
+            same = found.get((own.name, own.sha256))
+            count = own.count + (0 if same is None else same.count)
+            found[own.name, own.sha256] = replace(own, count=count)
+        return tuple(found.values())
+
     @property
     def starts(self) -> dict[int, float]:
         """What to add to the clock of each station; empty where a recording has no clock."""

@@ -21,6 +21,8 @@ _WINDOW_C = 3.0
 _MISFIT = 0.05
 """Share of the field that readings at the described turns may be off: fixture errors of 3°."""
 _BETTER = 0.4
+_EXPLAINED = 0.1
+"""Share of the field that two stations exchanged may leave to be what was wrong."""
 _DRIFT = 0.005
 _TURNED_DEG = 3.0
 _UNLIKELY = 18.0
@@ -127,7 +129,7 @@ def _interpolate(temperature: Array, values: Array, level: float) -> Array:
 def _judge_misfit(means: list[Array], rot_nb: Array, order: list[int], misfit: float) -> Finding:
     """Readings that the described turns do not explain; perhaps those of two stations exchanged."""
     i, j, left = find_exchange(rot_nb, lambda order: compute_misfit(means, order))
-    if left < _BETTER * misfit:
+    if left < min(_BETTER * misfit, _EXPLAINED):
         return Finding(
             "swapped stations",
             "check",

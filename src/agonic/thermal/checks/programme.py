@@ -64,12 +64,27 @@ calibration holds only where it was measured: record again, or expect less range
 
 
 def _find_cut(made: Mapping[int, Course]) -> set[int]:
-    """Stations that were recorded for a shorter time than the others."""
+    """Stations recorded for a shorter time than the others that do not end as warm as they do.
+
+    One that ends as the others do has gone through its course, only faster: its cooling and its
+    holds are judged as those of any other.
+    """
     lengths = {number: course.length_s for number, course in made.items()}
     if len(lengths) < 2:
         return set()
     usual = float(np.median(list(lengths.values())))
-    return {number for number, length in lengths.items() if length < _CUT_SHARE * usual}
+    ends = {number: _find_last_level(course) for number, course in made.items()}
+    end = float(np.nanmedian(list(ends.values())))
+    return {
+        number
+        for number, length in lengths.items()
+        if length < _CUT_SHARE * usual and not abs(ends[number] - end) <= END_C
+    }
+
+
+def _find_last_level(course: Course) -> float:
+    known = course.level_C[np.isfinite(course.level_C)]
+    return float(known[-1]) if len(known) else float("nan")
 
 
 def _judge_cut(cut: set[int], made: Mapping[int, Course]) -> list[Finding]:

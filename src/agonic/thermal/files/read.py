@@ -135,6 +135,7 @@ class _CampaignReader:
     absent: dict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
     unnumbered: list[str] = field(default_factory=list)
     surplus: set[int] = field(default_factory=set)
+    twice: dict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
 
     def add(self, number: int | None, file: Path, recorded: RecordedFile) -> None:
         """Take in a file, which may hold one station or all."""
@@ -164,6 +165,9 @@ class _CampaignReader:
                 samples = _take_temperature_of(samples, chosen.get(sensor.temperature_of))
             if part.kelvin:
                 self.kelvin[sensor.name].add(station)
+            if station in self.recordings.get(sensor.name, {}):
+                self.twice[sensor.name].add(station)
+                continue
             named = _convert_unit(samples, sensor.unit).with_columns(name=sensor.name)
             self.recordings.setdefault(sensor.name, {})[station] = named
 
@@ -207,6 +211,10 @@ class _CampaignReader:
             what = f"there are no readings of {_name_sensors(self.absent)}"
             move = f"compare the names in {FILE_NAME} with the files (agonic info FILE)"
             found.append(Finding("absent sensor", "check", what, move))
+        if self.twice:
+            what = f"two files have readings of {_name_sensors(self.twice)}; the first was taken"
+            move = "give the sensors of each board names of their own, or each board a folder"
+            found.append(Finding("sensor twice", "check", what, move))
         if self.unnumbered:
             what = f"{', '.join(self.unnumbered)}: which station it is cannot be told; left out"
             move = "number the files, or give them a column station"

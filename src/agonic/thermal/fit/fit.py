@@ -119,7 +119,7 @@ def fit_binned(
     result = solve(readings, chosen)
     largest = max(seen.largest for seen in sums.stations.values())
     provenance = Provenance(
-        inputs=() if facts.source is None else (facts.source,),
+        inputs=facts.inputs,
         settings=_record_settings(chosen, reference, result, readings),
         method=_list_methods(result),
     )

@@ -99,7 +99,7 @@ def _restore(
         noise=estimate.noise.sd * readings.scale.size,
         largest=float(np.abs(samples.field).max()),
         provenance=Provenance(
-            inputs=() if facts.source is None else (facts.source,),
+            inputs=facts.inputs,
             settings={
                 "fit": "thermal",
                 "taught_by": "vector",

@@ -20,13 +20,22 @@ _HOTTEST_C = 150.0
 
 
 class Facts(NamedTuple):
-    """Whose readings they are: what a calibration takes over from the samples."""
+    """Whose readings they are: what a calibration takes over from the samples.
+
+    `source` stands for all readings; `files` are those they came from, where there were several.
+    """
 
     name: str = "mag"
     unit: str = "nT"
     frame: str = "m"
     device_id: int | None = None
     source: Input | None = None
+    files: tuple[Input, ...] = ()
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """Every file that went in, or the one source."""
+        return self.files or (() if self.source is None else (self.source,))
 
 
 def collect_facts(samples: Samples) -> Facts:
