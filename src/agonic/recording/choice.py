@@ -17,6 +17,7 @@ from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
 from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.errors import AgonicError, CoverageError, check_choice
+from agonic.field.place import describe_missing
 from agonic.fit import Fit
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
@@ -86,7 +87,8 @@ def choose(
 def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
     """The word of the method, and why."""
     if reference is None:
-        return "ellipsoid", "the log holds no place, so only the steadiness of the magnitude counts"
+        lacks = describe_missing(samples)
+        return "ellipsoid", f"{lacks}, so only the steadiness of the magnitude counts"
     if reference.kind not in ("vector", "horizontal-vertical"):
         return "ellipsoid", "no reference but the magnitude of the field is known"
     if samples.roll_deg is None or samples.pitch_deg is None:

@@ -90,7 +90,10 @@ def _distances(result: Calibrated) -> Array:
 
 
 def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:
-    cells = find_cells(result.corrected)
+    corrected = result.corrected
+    if len(corrected) != len(values):  # a refused fit takes readings beyond what is a field
+        return np.full(80, np.nan)
+    cells = find_cells(corrected)
     total = np.bincount(cells, weights, minlength=80)
     sums = np.bincount(cells, weights * values, minlength=80)
     means = np.full(80, np.nan)
