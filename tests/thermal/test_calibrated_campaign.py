@@ -217,3 +217,24 @@ def test_too_few_stations_to_leave_any_out(made) -> None:
     (sensor,) = calibrate_campaign(campaign, drift=False, turns="unknown").sensors
     assert sensor.fit is not None
     assert sensor.held_out is None
+
+
+@pytest.mark.parametrize("late_s", [-64_000.0, -6000.0])
+def test_a_clock_that_restarts_or_overlaps_at_one_station(late_s: float) -> None:
+    """The stations follow each other by number, and the bias is not drawn away by the order."""
+    made = simulate_campaign("MMC5883MA", rate_Hz=0.05, seed=1)
+    recordings = {
+        name: {
+            number: samples.with_columns(
+                time=samples.time
+                - samples.time[0]
+                + (number - 1) * 16_000.0
+                + (late_s if number == 5 else 0.0)
+            )
+            for number, samples in by.items()
+        }
+        for name, by in made.campaign.recordings.items()
+    }
+    samples = replace(made.campaign, recordings=recordings).samples("MMC5883MA")
+    assert (np.diff(samples.time) > 0).all()
+    assert list(dict.fromkeys(samples.station.tolist())) == list(range(1, 13))

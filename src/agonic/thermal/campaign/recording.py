@@ -57,7 +57,7 @@ class Campaign:
             raise AgonicError(f"no sensor {sensor!r}; there are {', '.join(self.sensors)}")
         by = self.recordings[sensor]
         start = self.starts
-        order = sorted(by, key=lambda number: start.get(number, 0.0))
+        order = sorted(by, key=lambda number: _find_first(by[number]) + start.get(number, 0.0))
         first = by[order[0]]
         parts = [by[number] for number in order]
         whole: dict[str, Array] = {"field": np.concatenate([part.field for part in parts])}
@@ -141,3 +141,8 @@ class Campaign:
             recordings={name: by for name, by in kept.items() if by},
             findings=(*self.findings, *found),
         )
+
+
+def _find_first(samples: Samples) -> float:
+    """The time of the first reading by its own clock; 0 without one."""
+    return 0.0 if samples.time is None else float(samples.time[0])
