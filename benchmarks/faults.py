@@ -476,12 +476,14 @@ def heading_is(law: Callable[[Array], Array]) -> Fault:
 
 
 def misaligned(deg: float) -> Fault:
-    """The sensor sits turned in the body that the attitude is of."""
+    """The sensor sits turned in the body that the attitude is of; the truth is the body's."""
 
     def fault(d: Draft) -> None:
         turn = Rotation.from_rotvec(np.radians(deg) * np.array([0.6, 0.0, 0.8]))
-        _yaw, pitch, roll = (d.rot_nm * turn).as_euler("ZYX", degrees=True).T
+        _, pitch, roll = (d.rot_nm * turn).as_euler("ZYX", degrees=True).T
         d.columns |= {"roll_deg": roll, "pitch_deg": pitch}
+        before = d.reads
+        d.reads = lambda field_b: before(turn.apply(field_b))
 
     return fault
 

@@ -11,7 +11,7 @@ from agonic import verification
 from agonic.attitude import evidence as attitude
 from agonic.ellipsoid import solve
 from agonic.health import evidence, mounting, readings
-from agonic.recording import calibrated
+from agonic.recording import calibrated, held_out
 from agonic.version import __version__
 
 project = "agonic"
@@ -35,7 +35,16 @@ myst_enable_extensions = ["deflist", "substitution"]
 myst_heading_anchors = 4
 myst_substitutions = {  # limits are quoted from the source
     name: value
-    for module in (attitude, evidence, readings, mounting, verification, calibrated, solve)
+    for module in (
+        attitude,
+        evidence,
+        readings,
+        mounting,
+        verification,
+        calibrated,
+        held_out,
+        solve,
+    )
     for name, value in vars(module).items()
     if name.isupper() and isinstance(value, int | float)
 }
