@@ -51,6 +51,8 @@ def choose_intervals(
     for k in candidates[1:]:
         if compute_certainty(errors[best], errors[k], block[used]) > (-DOUBT if best else CERTAIN):
             best = k
+        elif best:  # more than these would be worse, and still more a matter of chance
+            break
     return best, {k: robust_scale(error) for k, error in errors.items()}
 
 
