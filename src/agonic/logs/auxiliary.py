@@ -36,7 +36,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "roll_deg": (-1e5, 1e5),
     "pitch_deg": (-1e5, 1e5),
     "heading_deg": (-1e7, 1e7),
-    "scalar": (0.0, 1e15),
+    "scalar": (-1e15, 1e15),
 }
 """Outside these a cell does not hold what its column is named for."""
 
