@@ -49,7 +49,7 @@ def test_round_trip(tmp_path, changed):
     assert dict(read(path).rejected) == {}
 
 
-@given(st.lists(st.floats(-1e30, 1e30), min_size=3, max_size=3))
+@given(st.lists(st.floats(-1e15, 1e15), min_size=3, max_size=3))  # beyond: left out at the door
 def test_any_number_survives(tmp_path_factory, reading):
     path = tmp_path_factory.mktemp("any") / "samples.csv"
     write_csv(Samples(field=[reading]), path)
