@@ -38,7 +38,7 @@ bench: .venv-bench/.bench  ## regenerate the tables of benchmarks/results
 
 MINUTES ?= 2
 fuzz: $(VENV)/.dev  ## damage and extreme values against readers and commands, MINUTES=2
-	$(BIN)/python -m benchmarks.fuzz --minutes $(MINUTES)
+	$(BIN)/python -m benchmarks.fuzz --minutes $(MINUTES) $(if $(FIRST),--first $(FIRST))
 
 lock: $(VENV)/.dev  ## write the hashed lock files anew
 	$(BIN)/python -m pip install -q uv

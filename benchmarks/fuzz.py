@@ -175,9 +175,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=2.0)
     parser.add_argument("--seed", type=int, help="repeat this one alone")
+    parser.add_argument("--first", type=int, help="seeds from here on; default: by the clock")
     given = parser.parse_args()
     os.environ["AGONIC_DEBUG"] = "1"
-    first = int(time.time()) * 1000 if given.seed is None else given.seed
+    first = next(n for n in (given.seed, given.first, int(time.time()) * 1000) if n is not None)
     end = time.monotonic() + 60 * given.minutes
     print(f"seeds from {first}", flush=True)
     tried = broken = 0
