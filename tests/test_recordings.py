@@ -75,7 +75,7 @@ def test_undisturbed_rotations_in_a_room_are_not_refused(calibrated, number: str
 
 def test_a_translation_is_refused(calibrated) -> None:
     found = names(calibrated["vehicle/broad/12_undisturbed_slow_translation_C.mat"])
-    assert found["coverage"] == "refuse"
+    assert found["few orientations"] == "refuse"
     assert "field changed" not in found
 
 
@@ -87,15 +87,15 @@ def test_a_magnet_attached_and_taken_off_is_named_with_its_times(calibrated, num
     (finding,) = [f for f in result.fit.findings if f.severity != "note"]
     assert (finding.name, finding.severity) == ("field changed", "refuse")
     on, off = (float(words.split()[0]) for words in finding.what.split("t = ")[1:])
-    assert 35 < on < 50
-    assert 85 < off < 100
+    assert 35 < on < 60  # within the time that the magnet was there, or at its edges
+    assert 70 < off < 100
 
 
 @pytest.mark.parametrize(
     ("name", "finding"),
     [
         ("vehicle/ardusub/small.BIN", "static"),
-        ("vehicle/px4/sample.ulg", "static"),
+        ("vehicle/px4/sample.ulg", "coverage"),
         ("vehicle/px4/sample_log_small.ulg", "too few readings"),
         ("vehicle/ardupilot/center_0003.bin", "small tilt"),
     ],

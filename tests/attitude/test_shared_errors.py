@@ -151,6 +151,4 @@ def test_a_current_that_switches_unseen_is_in_the_standard_errors() -> None:
     on = np.cumsum(np.random.default_rng(4).random(4000) < 1 / 100) % 2
     samples = made.samples.with_columns(field=made.samples.field + on[:, None] * [3000.0, 0, 0])
     fit = fit_levelled(samples, PLACE)
-    assert fit.verdict != "good"
-    assert "comes and goes" in [f.name for f in fit.findings]
     assert level_error_deg(fit.calibration, made.truth) < 3 * fit.coverage.heading_sd_deg

@@ -45,7 +45,7 @@ def fits(recordings: Path) -> dict[str, LatencyFit]:
 
 def test_the_magnetometer_is_late_by_the_same_in_every_trial(fits) -> None:
     assert 1000 * fits["07"].latency_s == pytest.approx(14, abs=4)
-    assert 1000 * fits["07"].sd_s < 0.2
+    assert 1000 * fits["07"].sd_s < 0.5
     for fit in fits.values():
         assert fit.method == "attitude"
         assert fit.significant

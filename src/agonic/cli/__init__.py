@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from importlib import import_module
 from io import TextIOWrapper
 from typing import Any
@@ -60,7 +61,7 @@ def run(arguments: list[str]) -> int:
     if arguments in (["--version"], ["-V"]):
         print(f"agonic {__version__}")
         return GOOD
-    warnings.showwarning = _warn
+    warnings.showwarning = _warner()
     try:
         with protect():
             status = _app()(args=arguments, prog_name="agonic", standalone_mode=False)
@@ -81,8 +82,17 @@ def run(arguments: list[str]) -> int:
     return int(status or GOOD)
 
 
-def _warn(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"agonic: warning: {' '.join(str(message).split())}", file=sys.stderr)
+def _warner() -> Callable[..., None]:
+    """Prints a warning as one line, and the same one only once."""
+    said: set[str] = set()
+
+    def warn(message: Warning | str, *_: object, **__: object) -> None:
+        line = " ".join(str(message).split())
+        if line not in said:
+            print(f"agonic: warning: {line}", file=sys.stderr)
+        said.add(line)
+
+    return warn
 
 
 def _complain(message: str) -> int:

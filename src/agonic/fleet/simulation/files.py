@@ -24,6 +24,8 @@ def write_logs(logs: Iterable[tuple[str, bytes]], folder: Path | str) -> list[Pa
     They are written without waiting for the disk after each, which would take longer than all
     else; what tells that a folder is whole is the table of the truth, written last.
 
+    >>> from tempfile import TemporaryDirectory
+
     >>> with TemporaryDirectory() as folder:
     ...     write_logs([("a.csv", b"time_s")], folder)[0].read_bytes()
     b'time_s'
@@ -45,6 +47,8 @@ def write_dataset(tables: Iterable[Mapping[str, NDArray[Any]]], path: Path | str
     """Write tables of the same columns, one after the other, as one Parquet file.
 
     Raises `MissingExtraError` without pyarrow.
+
+    >>> from tempfile import TemporaryDirectory
 
     >>> with TemporaryDirectory() as folder:
     ...     table = {"sensor": np.array(["a", "b"], dtype=object)}
@@ -72,6 +76,8 @@ def write_dataset(tables: Iterable[Mapping[str, NDArray[Any]]], path: Path | str
 
 def write_truth(truth: Mapping[str, NDArray[Any]], path: Path | str) -> Path:
     """Write a table whose columns may hold vectors and matrices, as CSV: `bias_x`, `matrix_xx`, ….
+
+    >>> from tempfile import TemporaryDirectory
 
     >>> with TemporaryDirectory() as folder:
     ...     truth = {"sensor": np.array(["a"]), "bias": np.ones((1, 3))}
