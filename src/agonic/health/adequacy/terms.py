@@ -27,13 +27,17 @@ MOST_CAUSES = 3
 
 
 class _Cause(NamedTuple):
-    """A cause: its columns over unit noise, what noise does to them, and the error itself."""
+    """A cause: its columns over unit noise, what noise does to them, and the error itself.
+
+    `at_rest` is false for an error that only a turning sensor has.
+    """
 
     name: str
     columns: Array
     noise: Array | None
     error: Callable[[Array], Array]
     level: Callable[[Array], Array] | None
+    at_rest: bool
 
 
 def find_terms(work: Work) -> list[ModelError]:
@@ -62,7 +66,7 @@ def _causes(work: Work) -> Iterator[_Cause]:
     apart = np.r_[True, np.diff(rows) != 1]
     yield _cause(work, "non-linear", unmodelled.non_linearity, static=True)
     yield _cause(work, "compressed", unmodelled.compression, static=True)
-    yield _cause(work, "late", lambda x: unmodelled.lag(x, apart))
+    yield _cause(work, "late", lambda x: unmodelled.lag(x, apart), at_rest=False)
     yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
     yield _cause(work, "bias drift", lambda x: unmodelled.drift(t), moved=False)
     yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
@@ -70,7 +74,13 @@ def _causes(work: Work) -> Iterator[_Cause]:
 
 
 def _cause(
-    work: Work, name: str, terms: unmodelled.Terms, *, static: bool = False, moved: bool = True
+    work: Work,
+    name: str,
+    terms: unmodelled.Terms,
+    *,
+    static: bool = False,
+    moved: bool = True,
+    at_rest: bool = True,
 ) -> _Cause:
     """A cause from its terms at the feet.
 
@@ -91,7 +101,7 @@ def _cause(
     def level(size: Array) -> Array:
         return np.asarray(terms(level_readings(work) / work.radius) @ size) * work.radius
 
-    return _Cause(name, columns, noise, error, level if static else None)
+    return _Cause(name, columns, noise, error, level if static else None, at_rest)
 
 
 def _model_error(work: Work, cause: _Cause, p_value: float, size: Array, move: Array) -> ModelError:
@@ -101,10 +111,9 @@ def _model_error(work: Work, cause: _Cause, p_value: float, size: Array, move: A
     growth = np.outer(shift, shift)
     errors = cause.error(size)
     rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
-    if cause.level is None:
-        if cause.name != "late":  # which is nothing to a sensor at rest
-            growth[:3, :3] += errors.T @ errors / len(errors)
-    else:
+    if cause.level is None and cause.at_rest:
+        growth[:3, :3] += errors.T @ errors / len(errors)
+    elif cause.level is not None:
         own = cause.level(size) @ fitted.calibration.matrix.T
         _, across = level_directions(fitted.inclination_deg)
         left = moved_field(work, shift) - own
