@@ -103,7 +103,7 @@ class Header:
     """A compiled header."""
 
     def __init__(self, calibration, folder: Path) -> None:
-        self.text = write_c(calibration, folder / "mag.h").path.read_text()
+        self.text = write_c(calibration, folder / "mag.h", name="mag").path.read_text()
         (folder / "mag.c").write_text(
             SOURCE.replace("CALL", "beside," if "beside[" in self.text else "")
         )
@@ -199,7 +199,7 @@ def test_thermometer_that_fails_leaves_the_base_and_says_so(tmp_path) -> None:
 
 def test_header_states_size_and_error(trained, tmp_path) -> None:
     network = trained["affine"]
-    text = write_c(network, tmp_path / "mag.h").path.read_text()
+    text = write_c(network, tmp_path / "mag.h", name="mag").path.read_text()
     m = 4 * 4 + 3 * 5  # weights of 3-4-3
     count = m + 6 + 4 + 12 + 64 * 3 + 2  # scales, output, base, centres, reach and bound
     assert f"Size: {count} float constants, {4 * count} bytes; 4 calls of tanhf" in text
@@ -215,7 +215,7 @@ def test_saved_network_is_exported_the_same(trained, tmp_path) -> None:
 def test_network_without_a_base_is_warned_of(tmp_path) -> None:
     made = simulate_paper(15.0)
     fit = fit_network(made.samples, made.reference, base=None, compared=False)
-    written = write_c(fit.calibration, tmp_path / "mag.h")
+    written = write_c(fit.calibration, tmp_path / "mag.h", name="mag")
     assert "no base to fall back to" in written.warnings[0]
     assert Header(fit.calibration, tmp_path).run.test() == 1
 

@@ -9,9 +9,9 @@ import pytest
 
 import agonic as ag
 from agonic.calibration.setup import Compass, Setup
+from agonic.cli import run
 from agonic.exports.firmware import declination_grid, write_firmware
 from agonic.exports.firmware.grid import DeclinationGrid
-from agonic.exports.targets import TARGETS, write
 from tests.exports.controller import Controller, compiled
 from tests.exports.test_firmware import COUNTS, HARD, WARM
 
@@ -124,16 +124,27 @@ def test_two_compasses_that_tie_pass_their_self_test(tmp_path):
         assert done.stdout.endswith(" 0 wrong\n"), done.stdout
 
 
-def test_headers_of_two_sensors_go_in_one_program(tmp_path):
-    for sensor, bias in (("mag1", 3000.0), ("mag2", -500.0)):
+def test_headers_of_several_sensors_go_in_one_program(tmp_path):
+    """Named after the sensor, or as asked: by the command, in Python, for a sensor of one name."""
+    biases = {"mag1": 3000.0, "mag2": -500.0, "left": 1500.0, "right": -2500.0}
+    for name, bias in biases.items():
+        sensor = name if name.startswith("mag") else "mag1"
         mag = ag.Affine(bias=[bias, 0, 0], matrix=np.eye(3), sensor=sensor, magnitude=50_000.0)
-        write("c", mag, tmp_path / f"{sensor}{TARGETS['c'].suffix}")
-    (tmp_path / "both.c").write_text(
-        '#include "mag1.h"\n#include "mag2.h"\n'
-        "int main(void)\n{\n    const float raw[3] = {0.0f, 0.0f, 0.0f};\n"
-        "    float first[3];\n    float second[3];\n"
-        "    mag1_correct(raw, first);\n    mag2_correct(raw, second);\n"
-        "    return !(mag1_self_test() && mag2_self_test()\n"
-        "             && first[0] < -2999.0f && second[0] > 499.0f);\n}\n"
+        file = str(ag.save(mag, tmp_path / f"{name}.json"))
+        asked = [] if name == sensor else ["--name", name]
+        assert run(["export", file, "--to", "c", *asked]) == 0
+        own = tmp_path / f"python_{name}.h"
+        ag.write_c(mag, own, **({"name": name} if asked else {}))
+        assert own.read_bytes() == (tmp_path / f"{name}.h").read_bytes()
+    assert run(["export", file, "--to", "ros", "--name", "left"]) == 2
+    included = "".join(f'#include "{name}.h"\n' for name in biases)
+    tried = "".join(
+        f"    {name}_correct(raw, field);\n"
+        f"    right_ones += field[0] == {-bias}f && {name}_self_test();\n"
+        for name, bias in biases.items()
     )
-    assert subprocess.run([compiled(tmp_path, "both.c")], check=False).returncode == 0
+    (tmp_path / "all.c").write_text(
+        f"{included}int main(void)\n{{\n    const float raw[3] = {{0.0f, 0.0f, 0.0f}};\n"
+        f"    float field[3];\n    int right_ones = 0;\n{tried}    return right_ones != 4;\n}}\n"
+    )
+    assert subprocess.run([compiled(tmp_path, "all.c")], check=False).returncode == 0

@@ -58,7 +58,10 @@ def export(
     whole: Annotated[
         bool, typer.Option("--whole", help="c: from readings to heading, also for a CAL alone.")
     ] = False,
-    name: Annotated[str, typer.Option(help="c: what the names of a setup start with.")] = "compass",
+    name: Annotated[
+        str | None,
+        typer.Option(help="c: what the names start with; default: the sensor's, or compass."),
+    ] = None,
     declination: Annotated[
         float | None, typer.Option(help="c: degrees, east positive; default: the setup's own.")
     ] = None,
@@ -102,14 +105,21 @@ def export(
                 "that hold one calibration"
             )
         setup, source = _placed(load_setup(cal), declination, at, box, tolerance, date)
+        prefix = "compass" if name is None else name
         written: Export = write_firmware(
-            setup, out or cal.with_suffix(""), name=name, declination=source
+            setup, out or cal.with_suffix(""), name=prefix, declination=source
         )
     else:
         path = out or cal.with_suffix(TARGETS[to].suffix if to in TARGETS else "")
         calibration = require_calibration(load(cal))
         written = write_target(
-            to, calibration, path, number=number, device_id=device_id, temperature_C=temperature
+            to,
+            calibration,
+            path,
+            number=number,
+            device_id=device_id,
+            temperature_C=temperature,
+            name=name,
         )
     _report(written, as_json)
     return 0

@@ -9,7 +9,6 @@ nearest edge counts, since a cubic runs away there, and the function says so.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.errors import AgonicError
 from agonic.exports.c_network import make_network_header
 from agonic.exports.c_network_parts import has_network, hold_network
 from agonic.exports.c_thermal import make_thermal_header
@@ -30,7 +28,7 @@ from agonic.exports.convert import (
     reduce,
     write_banner,
 )
-from agonic.exports.firmware.ctext import write_comment
+from agonic.exports.firmware.ctext import make_c_name, require_identifier, write_comment
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.polynomials import changes_with_temperature
 
@@ -90,13 +88,13 @@ def write_c(
     calibration: Calibration,
     path: Path | str,
     *,
-    name: str = "mag",
+    name: str | None = None,
     temperature_C: float | None = None,
 ) -> Export:
     """Write a C header (C99 and C++) with `{name}_b`, `_A`, `_correct` and `_self_test`.
 
-    Parameters: `calibration`; `path` of the header; `name`, with which its identifiers begin;
-    `temperature_C`.
+    Parameters: `calibration`; `path` of the header; `name`, with which its identifiers begin,
+    by default that of the sensor; `temperature_C`.
 
     A calibration that changes with temperature becomes polynomials, and `_correct` takes the
     temperature; or with `temperature_C` it is held there. A network keeps its base and its domain:
@@ -112,8 +110,7 @@ def write_c(
     ...     [row for row in export.path.read_text().split("\\n") if "mag_b[3]" in row]
     ['static const float mag_b[3] = {3000.0f, 0.0f, 0.0f};']
     """
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
-        raise AgonicError(f"name is a C identifier such as mag, not {name!r}")
+    name = make_c_name(calibration.sensor) if name is None else require_identifier(name)
     if has_network(calibration):
         if temperature_C is not None:
             calibration = hold_network(calibration, temperature_C)

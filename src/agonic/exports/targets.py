@@ -11,9 +11,8 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
-from zlib import crc32
 
-from agonic.errors import check_choice
+from agonic.errors import AgonicError, check_choice
 
 if TYPE_CHECKING:
     from agonic.calibration.base import Calibration
@@ -75,37 +74,23 @@ def write(
     number: int | None = None,
     device_id: int | None = None,
     temperature_C: float | None = None,
+    name: str | None = None,
 ) -> Export:
     """Write a calibration for a target, for the vehicle's compass of that number, from 1.
 
     `temperature_C` is where one that changes with temperature is held: it must be given for a
     target that knows no temperature. The number is that of the sensor's name and the device id the
-    calibration's own, unless given.
+    calibration's own, unless given. `name` is what the identifiers of C begin with.
     """
     check_choice("target", target, tuple(TARGETS))
     which = compass_number(calibration.sensor) if number is None else number
     device = getattr(calibration, "device_id", None) if device_id is None else device_id
     options: dict[str, Any] = {**TARGETS[target].options(which, device)}
-    if target == "c":
-        options["name"] = make_c_name(calibration.sensor)
+    if name is not None:
+        if target != "c":
+            raise AgonicError(f"{target} has no identifiers to name {name}; --name is for c")
+        options["name"] = name
     return TARGETS[target].write(calibration, path, temperature_C=temperature_C, **options)
-
-
-def make_c_name(sensor: str) -> str:
-    """What the identifiers of a sensor's header begin with, so that several go in one program.
-
-    Where letters had to be replaced, a checksum of the name follows.
-
-    >>> make_c_name("mag"), make_c_name("MAG2"), make_c_name("sensor_mag[1]"), make_c_name("2")
-    ('mag', 'mag2', 'sensor_mag_1', 'mag_2')
-    >>> make_c_name("left.mag") == make_c_name("left mag")
-    False
-    """
-    plain = re.sub(r"\[(\d+)\]$", r"_\1", sensor).lower()
-    name = re.sub(r"[^a-z0-9_]", "_", plain)
-    if name != plain:
-        name += f"_{crc32(sensor.encode('utf-8', 'surrogatepass')):08x}"
-    return name if name[:1].isalpha() else f"mag_{name}"
 
 
 def compass_number(sensor: str) -> int:

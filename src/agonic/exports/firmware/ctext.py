@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from importlib.resources import files
 from textwrap import wrap
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,6 +72,23 @@ def fill_template(template: str, values: Mapping[str, str]) -> str:
     """A template of this package with each @key@ replaced."""
     text = files("agonic.exports.firmware").joinpath("templates", template).read_text("utf-8")
     return re.sub(r"@(\w+)@", lambda key: values[key[1]], text)
+
+
+def make_c_name(sensor: str) -> str:
+    """What the identifiers of a sensor's C begin with, so that several go in one program.
+
+    Where letters had to be replaced, a checksum of the name follows.
+
+    >>> make_c_name("mag"), make_c_name("MAG2"), make_c_name("sensor_mag[1]"), make_c_name("2")
+    ('mag', 'mag2', 'sensor_mag_1', 'mag_2')
+    >>> make_c_name("left.mag") == make_c_name("left mag")
+    False
+    """
+    plain = re.sub(r"\[(\d+)\]$", r"_\1", sensor).lower()
+    name = re.sub(r"[^a-z0-9_]", "_", plain)
+    if name != plain:
+        name += f"_{crc32(sensor.encode('utf-8', 'surrogatepass')):08x}"
+    return name if name[:1].isalpha() else f"mag_{name}"
 
 
 def require_identifier(name: str) -> str:
