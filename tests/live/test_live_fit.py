@@ -318,3 +318,13 @@ def test_a_state_that_cannot_be_gone_on_with(recording, tmp_path):
         path.write_bytes(wrong)
         with pytest.raises(LogError, match="not a usable state"):
             LiveFit.resume(path)
+
+
+def test_enough_is_what_calibrate_will_call_good(recording):
+    """A sensor that bends its readings reaches the target, and is not told to stop."""
+    time, field = recording
+    live = LiveFit(magnitude=50_000.0)
+    live.add(time, 300_000 * np.tanh(field / 300_000))
+    assert live.coverage.heading_sd_deg < live.params.target_deg
+    assert not live.guidance.done
+    assert any("not linear" in finding.what for finding in live.guidance.findings)

@@ -33,7 +33,7 @@ def test_what_the_log_holds_decides() -> None:
     cases = [
         (tumbled, ag.Reference.constant(50_000), "no reference but the magnitude"),
         (tumbled.with_columns(roll_deg=None), PLACE, "no roll and pitch"),
-        (tumbled, None, "and no date"),
+        (tumbled, None, "or date"),
     ]
     for given, reference, reason in cases:
         result = ag.calibrate(given, reference)

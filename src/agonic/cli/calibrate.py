@@ -71,7 +71,9 @@ def calibrate(
         log, sensor, unit, between, method, at=at, date=date, field=field
     )
     folder = out or Path(f"{log.name}-agonic")
-    written = write_folder(results, folder, title=recording.source.name, stack=recording.stack)
+    written = write_folder(
+        results, folder, title=recording.source.name, stack=recording.stack, failures=failures
+    )
     if store is not None:
         place = (unit, at, date, field)
         keep_results(store, results, recording, place, method, between, name)

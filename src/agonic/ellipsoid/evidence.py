@@ -84,6 +84,13 @@ def wanted_magnitude(affine: Affine, reference: Reference | None, n: int) -> Arr
     return reference.magnitudes(n)
 
 
+def _states_reference(affine: Affine) -> bool:
+    """Whether a calibration that is only looked at was made with a reference."""
+    settings = affine.provenance.settings
+    by_magnitude = settings.get("fit", "ellipsoid") == "ellipsoid"
+    return not (by_magnitude and str(settings.get("reference", "none")).startswith("none"))
+
+
 def _known_radius(affine: Affine, reference: Reference | None) -> float | None:
     """What the readings' radius is at least, as far as their unit tells."""
     if affine.unit_in != "nT":
@@ -132,7 +139,9 @@ def assess(
         coverage=coverage,
         tests=tests,
         findings=inspect(samples),
-        remarks=describe_result(affine, coverage, tests, reference is not None),
+        remarks=describe_result(
+            affine, coverage, tests, reference is not None or _states_reference(affine)
+        ),
     )
     if fit.verdict == "refused":
         return fit.with_findings()

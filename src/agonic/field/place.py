@@ -59,17 +59,18 @@ def describe_missing(samples: Samples) -> str:
     """What a log lacks for the field along its track to be known, in words.
 
     >>> describe_missing(Samples(field=[[0, 0, 1.0]], latitude_deg=[52.0]))
-    'the log has no longitude and no date'
+    'the log has no longitude or date'
     """
     parts = {
         "latitude": samples.latitude_deg,
         "longitude": samples.longitude_deg,
         "date": samples.epoch,
     }
-    missing = [f"no {name}" for name, part in parts.items() if part is None]
+    missing = [name for name, part in parts.items() if part is None]
     if not missing:
         return "date or positions are none that the world model knows"
-    return f"the log has {' and '.join(missing)}"
+    *others, last = missing
+    return f"the log has no {', '.join(others)} or {last}" if others else f"the log has no {last}"
 
 
 def field_along(samples: Samples, date: str | None = None) -> Expected | None:

@@ -2,6 +2,7 @@
 
 from agonic.health.adequacy import Fitted, describe_model_errors, examine_model, widen
 from agonic.health.evidence import (
+    RECORD_LONGER,
     Evidence,
     check_bias_drift,
     check_coverage,
@@ -31,6 +32,7 @@ from agonic.health.scale import check_scale
 
 __all__ = [
     "FEWEST",
+    "RECORD_LONGER",
     "Evidence",
     "Finding",
     "Fitted",

@@ -13,6 +13,7 @@ from agonic.maths.equation.coverage import (
     count_orientations,
     find_nearest_axis,
     find_spread_rows,
+    measure_arc_deg,
     measure_thickness,
 )
 from agonic.maths.estimation.bias_change import find_bias_change, refit_residuals
@@ -23,6 +24,9 @@ HEADING_DOUBTFUL_DEG = 2.0
 NOISE_DOUBTFUL = 0.04  # of the field's magnitude
 OUTLIERS_DOUBTFUL = 0.1
 SPARE = 3  # orientations beyond the unknowns that check them
+RECORD_LONGER = "record longer"
+"""The advice that goes with no cause."""
+HALF_CIRCLE_DEG = 180.0
 SHIFT_REFUSED = 0.04  # of the field's magnitude
 SHIFT_DOUBTFUL = 0.01
 SHIFT_OVER_NOISE = 3.0  # less than this does not stand out of the readings
@@ -139,6 +143,15 @@ def _flat(e: Evidence) -> Finding | None:
     axis = find_nearest_axis(normal)
     noise_thickness = 2.4 * e.noise / e.radius
     in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
+    arc = measure_arc_deg(used)
+    if in_one_plane and arc < HALF_CIRCLE_DEG:
+        what = f"all readings lie on an arc of some {round(arc, -1):.0f}° in one plane (normal near {axis})"
+        return Finding(
+            "plane",
+            "refuse",
+            f"{what}: bias and gain along {axis} are not determined, nor well in the plane",
+            "turn all the way round at several headings, with the nose up, down and banked",
+        )
     if in_one_plane:
         what = f"all readings lie in one plane (its normal is near {axis})"
     else:
@@ -262,7 +275,7 @@ def check_coverage(c: Coverage) -> Finding | None:
         "refuse" if refused else "check",
         f"the directions visited ({100 * c.filled:.0f} % of the sphere) leave the heading "
         f"uncertain by {figure(c.heading_sd_deg)}°",
-        c.turns or "record longer, turning slowly about all three axes",
+        c.turns or f"{RECORD_LONGER}, turning slowly about all three axes",
     )
 
 

@@ -15,12 +15,14 @@ from agonic.coverage import Coverage, compute_coverage
 from agonic.ellipsoid.calibration import Scale, make_calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
+from agonic.health import Finding
 from agonic.live.files import load_state, save_state
 from agonic.live.guidance import Guidance, make_guidance
 from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
+from agonic.recording.calibrated import calibrate
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -57,6 +59,7 @@ class LiveFit:
         self._nanotesla = nanotesla_per(self.params.unit)
         self._fitted: tuple[int, tuple[Affine, Coverage]] | None = None
         self._collected: tuple[int, Voxels | None] | None = None
+        self._examined: tuple[int, tuple[Finding, ...]] | None = None
 
     def add(self, time: ArrayLike, field: ArrayLike) -> None:
         """Take readings `field` (n, 3), in the unit of the parameters, made at `time` (n,), s."""
@@ -109,7 +112,7 @@ class LiveFit:
     @property
     def guidance(self) -> Guidance:
         """What to do next, and what is wrong."""
-        return make_guidance(self.params, self.state, self.fitted)
+        return make_guidance(self.params, self.state, self.fitted, self._examine)
 
     @property
     def boxes(self) -> Voxels | None:
@@ -165,6 +168,24 @@ class LiveFit:
                 turns="turn the sensor slowly about all three axes",
             )
         return fitted
+
+    def _examine(self) -> tuple[Finding, ...]:
+        """What `agonic calibrate` would object to; looked at again once a tenth has been added."""
+        if self._examined is None or not self._examined[0] <= self.n < 1.1 * self._examined[0]:
+            self._examined = (self.n, self._find_objections())
+        return self._examined[1]
+
+    def _find_objections(self) -> tuple[Finding, ...]:
+        settings = {"inclination_deg": self.params.inclination_deg}
+        try:
+            made = calibrate(self.samples, self.params.reference, kind="ellipsoid", **settings)
+        except AgonicError as error:
+            return (Finding("calibration", "check", str(error), "go on turning"),)
+        failed = [check for check in made.verification.checks if check.passed is False]
+        return (
+            *(finding for finding in made.fit.findings if finding.severity != "note"),
+            *(Finding(check.name, "check", check.meaning, "go on turning") for check in failed),
+        )
 
     def _assembled(self) -> tuple[Affine, Coverage]:
         """The last fit in the unit of the readings, and its coverage."""

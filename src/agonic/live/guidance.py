@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,9 +45,15 @@ class Guidance:
 
 
 def make_guidance(
-    params: LiveParams, state: LiveState, fitted: tuple[Affine, Coverage] | None
+    params: LiveParams,
+    state: LiveState,
+    fitted: tuple[Affine, Coverage] | None,
+    examine: Callable[[], tuple[Finding, ...]] = tuple,
 ) -> Guidance:
-    """The guidance at a state, and the calibration and coverage there."""
+    """The guidance at a state, and the calibration and coverage there.
+
+    `examine` looks at the readings as `agonic calibrate` will; it is asked once all else is well.
+    """
     findings = [*_find_stuck(state), *_find_missing(state)]
     if fitted is None or state.found is None:
         say = "turn the sensor slowly about all three axes"
@@ -62,6 +69,8 @@ def make_guidance(
     wanted = _choose_direction(params, state.found, present / np.linalg.norm(present))
     turn = next_turn.find_turn(present, wanted)
     close = coverage.heading_sd_deg <= params.target_deg
+    if close and not findings:
+        findings += examine()
     done = close and not findings
     return Guidance(
         say="enough: accept the result" if done else _describe_turn(turn),

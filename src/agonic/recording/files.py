@@ -19,17 +19,24 @@ from agonic.recording.document import Written, describe_recording
 
 
 def write_folder(
-    results: Sequence[Calibrated], folder: Path, *, title: str, stack: str = ""
+    results: Sequence[Calibrated],
+    folder: Path,
+    *,
+    title: str,
+    stack: str = "",
+    failures: Sequence[tuple[str, str]] = (),
 ) -> dict[str, Written]:
     """Calibration files, exports and report; returns what was written for each sensor.
 
-    `title` is what the report is about, `stack` the autopilot that exports are for, or "".
+    `title` is what the report is about, `stack` the autopilot that exports are for, or "";
+    `failures` are sensors that could not be fitted at all, and why.
     """
     make_folder(folder)
     written = {result.samples.name: _sensor_files(result, stack, folder) for result in results}
     setup = _setup(results, written, folder)
     page = str(folder / "report.html")
-    write_atomically(page, describe_recording(results, title=title, written=written).to_html())
+    document = describe_recording(results, title=title, written=written, failures=failures)
+    write_atomically(page, document.to_html())
     return {name: w._replace(files=[*w.files, *setup, page]) for name, w in written.items()}
 
 

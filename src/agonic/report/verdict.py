@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agonic.health import Finding
+from agonic.health import RECORD_LONGER, Finding
 
 MEANINGS = {
     "good": ("Good", "ready to use"),
@@ -21,10 +21,12 @@ WHEN_GOOD = (
 def moves(findings: Iterable[Finding]) -> list[str]:
     """What helps against findings, that of the gravest first; notes need nothing done.
 
+    To record longer comes after what another finding asks for: it helps against no cause.
+
     >>> moves([Finding("a", "check", "odd", "look"), Finding("b", "refuse", "bad", "turn it")])
     ['turn it', 'look']
     """
-    found = list(findings)
+    found = sorted(findings, key=lambda finding: finding.move.startswith(RECORD_LONGER))
     return [
         finding.move
         for severity in ("refuse", "check")

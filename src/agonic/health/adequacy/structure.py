@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import fdtrc
 
 from agonic.health.adequacy.fitted import ModelError, Work, make_error
 from agonic.maths.equation.coverage import find_cells
@@ -21,6 +20,8 @@ def find_structure(work: Work, found: list[ModelError]) -> list[ModelError]:
     A visit is a stretch of consecutive rows in one cell; visits, not rows, are independent. F
     compares what cell means scatter with what visits within a cell do.
     """
+    from scipy.special import fdtrc  # here, so that what only reads a log loads no SciPy
+
     fit, fitted = work.linear, work.fitted
     kept = np.flatnonzero(fit.weights > 0)
     field = (work.feet[kept] * work.radius - fitted.calibration.bias) @ fitted.calibration.matrix.T

@@ -121,6 +121,22 @@ def measure_thickness(points: Array) -> tuple[float, Array]:
     return float(spans[flattest] / max(spans.max(), np.finfo(float).tiny)), axes[:, flattest]
 
 
+def measure_arc_deg(points: Array) -> float:
+    """The angle, degrees, of the arc on which points (n, 3) in a plane lie; 360 for all the way.
+
+    A chord c and the height s of its arc over it span 4 arctan(2 s/c), up to half a circle.
+
+    >>> angle = np.radians(np.linspace(0, 60, 500))
+    >>> round(measure_arc_deg(np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)))
+    60
+    """
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.eigh(centred.T @ centred)[1]
+    height, chord = np.ptp(centred @ axes, axis=0)[1:]
+    ratio = 2 * float(height) / max(float(chord), float(np.finfo(float).tiny))
+    return float(np.degrees(4 * np.arctan(ratio))) if ratio < 1 else 360.0
+
+
 def find_missing_axes(counts: NDArray[np.int64], reach_deg: float = 40.0) -> list[str]:
     """The axes, "+x" … "−z", near which the field was never seen."""
     centres = icosphere()[0]

@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from agonic.arrays import Array
 
@@ -298,6 +297,8 @@ def _step(information: Array, gradient: Array, damping: float) -> Array:
     size = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     scaled = information / np.outer(size, size)
     scaled[np.diag_indices_from(scaled)] += damping + 1e-13
+    from scipy.linalg.lapack import dposv  # here, so that what only reads a log loads no SciPy
+
     _, step, failed = dposv(scaled, -gradient / size)
     if failed:
         raise np.linalg.LinAlgError("the information is not positive definite")

@@ -19,7 +19,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtrc
 
 from agonic.arrays import Array, Index
 
@@ -131,6 +130,8 @@ def _seen(projected: Array, columns: Array, noise: Array | None, weights: Array)
 
 def _hotelling(scores: Array) -> float:
     """The p-value that the scores of batches (B, k) have mean zero."""
+    from scipy.special import fdtrc  # here, so that what only reads a log loads no SciPy
+
     batches, k = scores.shape
     if batches <= k + 1:
         return 1.0
