@@ -160,3 +160,31 @@ def test_a_damaged_database_is_told_in_a_line(kind: str, tmp_path: Path) -> None
         except AgonicError:
             told += 1
     assert told > 3
+
+
+def test_logs_that_ended_runs_are_rows_of_a_run_with_reports(tmp_path: Path) -> None:
+    """A date of the year 9999, eleven rows with an axis at rest, a damaged MATLAB file."""
+    scipy_io = pytest.importorskip("scipy.io")
+    folder = tmp_path / "in"
+    write_boards(folder, 1)
+    rows = np.random.default_rng(2).normal(size=(400, 3)) * 30_000
+    dated = [f"9999-12-31T00:{k // 60:02}:{k % 60:02}Z," for k in range(400)]
+    lines = [when + ",".join(map(str, row)) for when, row in zip(dated, rows, strict=True)]
+    head = "time,mag_x_nT,mag_y_nT,mag_z_nT\n"
+    (folder / "late.csv").write_text(head + "\n".join(lines))
+    still = np.column_stack([np.arange(11), rows[:11, :2], np.full(11, 100.0)])
+    few = "\n".join(",".join(map(str, row)) for row in still)
+    (folder / "few.csv").write_text(f"time_s,{head[5:]}{few}")
+    scipy_io.savemat(folder / "bad.mat", {"mag_uT": rows / 1000}, do_compression=True)
+    content = bytearray((folder / "bad.mat").read_bytes())
+    content[150:170] = b"\xff" * 20
+    (folder / "bad.mat").write_bytes(content)
+    settings = FleetSettings(reports=True)
+    for resumed in (0, 4):
+        done = run_here(folder, out=tmp_path / "out", settings=settings)
+        assert done.resumed == resumed
+        verdicts = {Path(row.source).stem: row.verdict for row in done.population}
+        assert set(verdicts) == {"board000", "late", "few", "bad"}
+        assert verdicts["board000"] == "good"
+        assert verdicts["few"] == verdicts["bad"] == "refused"
+    assert (tmp_path / "out" / "report.html").is_file()
