@@ -145,7 +145,8 @@ def _flat(e: Evidence) -> Finding | None:
     in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
     arc = measure_arc_deg(used)
     if in_one_plane and arc < HALF_CIRCLE_DEG:
-        what = f"all readings lie on an arc of some {round(arc, -1):.0f}° in one plane (normal near {axis})"
+        span = f"an arc of some {round(arc, -1):.0f}°"
+        what = f"all readings lie on {span} in one plane (its normal is near {axis})"
         return Finding(
             "plane",
             "refuse",
