@@ -8,29 +8,9 @@ import pytest
 
 from agonic.cli import run
 from agonic.files.calibration import load
+from tests.command_line import answer, complaint
 
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
-    """Exit status and the one JSON object on stdout."""
-    capsys.readouterr()
-    status = run([*arguments, "--json"])
-    return status, json.loads(capsys.readouterr().out)
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """The one line that bad input gives."""
-    capsys.readouterr()
-    assert run(list(arguments)) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    return said.err
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def test_from_a_simulated_night_to_a_calibration(capsys) -> None:

@@ -1,7 +1,6 @@
 """`agonic fit latency` as a person or a script would run it."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -9,11 +8,7 @@ import agonic as ag
 from agonic.cli import run
 from agonic.simulation import delayed, simulate
 
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def write(kind: str = "hand", late_s: float = 0.025, **changed) -> None:

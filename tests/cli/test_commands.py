@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 
 from agonic.cli import COMMANDS, run
+from tests.command_line import answer
 
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.fixture
@@ -25,13 +22,6 @@ def log() -> str:
 def cal(log: str) -> str:
     assert run(["fit", "ellipsoid", log, "--field", "50000", "-o", "cal.json"]) == 0
     return "cal.json"
-
-
-def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
-    """Exit status and the one JSON object on stdout."""
-    capsys.readouterr()
-    status = run([*arguments, "--json"])
-    return status, json.loads(capsys.readouterr().out)
 
 
 def test_calibrate_finds_the_truth_and_writes_what_it_says(log, capsys) -> None:

@@ -1,6 +1,5 @@
 """`agonic export SETUP --to c`: the whole chain as C, from a terminal."""
 
-import json
 import re
 import subprocess
 from pathlib import Path
@@ -15,6 +14,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.cli import run
 from agonic.exports.firmware import declination_grid
 from agonic.files.setup import save_setup
+from tests.command_line import answer
 from tests.exports.read_back import parse_px4
 
 FILES = ["compass.c", "compass.h", "compass_fit.c", "compass_fit.h", "compass_selftest.c"]
@@ -45,12 +45,6 @@ def declination_of(folder: str, place: str = "") -> float:
     true_deg, status = done.stdout.split()
     assert status == "0"
     return (float(true_deg) - 3.5 + 180) % 360 - 180
-
-
-def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
-    capsys.readouterr()
-    status = run([*arguments, "--json"])
-    return status, json.loads(capsys.readouterr().out)
 
 
 def test_a_declination_is_written_into_the_firmware(setup_file, capsys) -> None:

@@ -16,10 +16,7 @@ from agonic.errors import LogError
 from agonic.files.calibration import save
 from agonic.files.setup import load_setup, save_setup
 
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def affine(sensor: str = "mag") -> Affine:

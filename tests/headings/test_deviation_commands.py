@@ -1,6 +1,5 @@
 """`agonic plan swing` and `agonic fit deviation` as a person or a script would run them."""
 
-import json
 import math
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
+from tests.command_line import answer, complaint
 
 HANDBOOK = """# power state: engine on, radar on
 # current_A: 12
@@ -30,22 +30,6 @@ def swing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(tmp_path)
     Path("swing.csv").write_text(HANDBOOK)
     return "swing.csv"
-
-
-def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
-    capsys.readouterr()
-    status = run([*arguments, "--json"])
-    return status, json.loads(capsys.readouterr().out)
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """The one line that bad input gives."""
-    capsys.readouterr()
-    assert run(list(arguments)) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    return said.err
 
 
 def test_the_handbook_from_a_file_to_a_card(capsys) -> None:

@@ -13,10 +13,7 @@ from agonic.cli import run
 PLAIN = {"n": 4000, "rate_Hz": 0.1, "thermal": 0.0, "external": 0.0, "pointing": "tumble"}
 
 
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def said(capsys, *command: str) -> tuple[int, dict]:

@@ -9,11 +9,7 @@ import pytest
 import agonic as ag
 from agonic.cli import run
 
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def test_the_files_hold_the_readings_and_what_undoes_them(capsys) -> None:

@@ -14,10 +14,7 @@ from agonic.simulation import simulate
 FIELD = ["--field", "50000"]
 
 
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def said(capsys) -> dict:
