@@ -221,7 +221,7 @@ def parse_c(path: Path | str, *, name: str = "mag") -> dict[str, Float32]:
     of_temperature = re.search(rf"\b{name}_T\[", text)
     arrays = {}
     for key in ("T", "scale_C", "range_C") if of_temperature else ("b", "A"):
-        found = re.search(rf"\b{name}_{key}((?:\[\d+\])+) = ([^;]*);", text)
+        found = re.search(rf"\b{name}_{key}((?:\[\d+\])+)(?: AGONIC_FLASH)? = ([^;]*);", text)
         shape = [int(n) for n in re.findall(r"\d+", found[1])] if found else [0]
         numbers = re.findall(r"[-+.\d]+(?:e[-+]\d+)?(?=f)", found[2]) if found else []
         if not found or len(numbers) != np.prod(shape):

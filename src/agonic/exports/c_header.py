@@ -12,7 +12,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
@@ -28,60 +27,16 @@ from agonic.exports.convert import (
     reduce,
     write_banner,
 )
-from agonic.exports.firmware.ctext import make_c_name, require_identifier, write_comment
+from agonic.exports.firmware.ctext import (
+    fill_template,
+    make_c_name,
+    require_identifier,
+    write_array,
+    write_comment,
+    write_flash,
+)
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.polynomials import changes_with_temperature
-
-Float32 = NDArray[np.float32]
-
-TEMPLATE = """\
-/*
-{about}
- */
-#ifndef AGONIC_{guard}_H
-#define AGONIC_{guard}_H
-
-/* Bias, {unit_in}, axes {frame_in}. */
-static const float {name}_b[3] = {b};
-
-/* Matrix, {unit_out} per {unit_in}, row by row. */
-static const float {name}_A[3][3] = {{
-    {A[0]},
-    {A[1]},
-    {A[2]},
-}};
-
-/* field = A (raw - b); raw and field may be the same array. */
-static inline void {name}_correct(const float raw[3], float field[3])
-{{
-    const float x = raw[0] - {name}_b[0];
-    const float y = raw[1] - {name}_b[1];
-    const float z = raw[2] - {name}_b[2];
-    int i;
-    for (i = 0; i < 3; i++) {{
-        field[i] = {name}_A[i][0] * x + {name}_A[i][1] * y + {name}_A[i][2] * z;
-    }}
-}}
-
-/* 1 where this processor corrects a known reading to within {tolerance} {unit_out}, else 0. */
-static inline int {name}_self_test(void)
-{{
-    static const float raw[3] = {raw};
-    static const float expected[3] = {expected};
-    float field[3];
-    int i;
-    {name}_correct(raw, field);
-    for (i = 0; i < 3; i++) {{
-        const float error = field[i] - expected[i];
-        if (!(error >= -{tolerance}f && error <= {tolerance}f)) {{
-            return 0;
-        }}
-    }}
-    return 1;
-}}
-
-#endif
-"""
 
 
 def write_c(
@@ -123,18 +78,21 @@ def write_c(
     bias, matrix = reduce(one)
     raw, expected, tolerance = _example(one, bias, matrix)
     formula, warnings = "field = A (raw - b), float32", (*lost, *list_left_out(one))
-    text = TEMPLATE.format(
-        name=name,
-        guard=name.upper(),
-        about=write_comment(write_banner(calibration, formula, warnings)),
-        unit_in=calibration.unit_in,
-        unit_out=calibration.unit_out,
-        frame_in=calibration.frame_in,
-        b=_braced(bias),
-        A=[_braced(row) for row in matrix],
-        raw=_braced(raw),
-        expected=_braced(expected),
-        tolerance=format_float32(tolerance),
+    text = fill_template(
+        "affine.h.in",
+        {
+            "name": name,
+            "GUARD": name.upper(),
+            "about": write_comment(write_banner(calibration, formula, warnings)),
+            "flash": write_flash(),
+            "unit_in": calibration.unit_in,
+            "unit_out": calibration.unit_out,
+            "frame_in": calibration.frame_in,
+            "b": write_array(bias),
+            "A": write_array(matrix),
+            "known": write_array([*raw, *expected]),
+            "tolerance": format_float32(tolerance),
+        },
     )
     return Export(path=write_atomically(path, text), target="c", warnings=warnings)
 
@@ -152,7 +110,3 @@ def _example(calibration: Calibration, bias: Array, matrix: Array) -> tuple[Arra
     largest = (np.abs(matrix) @ (np.abs(raw) + np.abs(bias))).max()
     tolerance = 8 * np.finfo(np.float32).eps * largest
     return raw, matrix @ (raw - bias), float(f"{tolerance:.1g}")
-
-
-def _braced(values: ArrayLike) -> str:
-    return "{" + ", ".join(f"{format_float32(v)}f" for v in np.asarray(values)) + "}"

@@ -8,16 +8,24 @@ that is left; steps of a chain before and after it are a bias and a matrix each.
 
 from __future__ import annotations
 
-import numpy as np
-
-from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
 from agonic.exports.c_network_parts import Parts, split_parts
 from agonic.exports.c_network_selftest import Known, make_known_readings
+from agonic.exports.c_network_tables import (
+    write_affine_table,
+    write_base_table,
+    write_guard_table,
+)
 from agonic.exports.convert import format_float32, write_banner
-from agonic.exports.firmware.ctext import fill_template, write_array, write_comment, write_literal
+from agonic.exports.firmware.ctext import (
+    fill_template,
+    write_array,
+    write_comment,
+    write_flash,
+    write_literal,
+)
 
 
 def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
@@ -34,6 +42,7 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
             "about": write_comment(
                 (*write_banner(calibration, _describe(parts)), *_sizes(parts, known))
             ),
+            "flash": write_flash(),
             "formula": f"{_formula(parts)}.",
             "unit_out": calibration.unit_out,
             "inputs": str(shape.inputs),
@@ -48,13 +57,15 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
             "V": write_array(network.output),
             "output_middle": write_array(network.output_middle),
             "output_half": write_literal(network.output_half),
-            "before_table": _affine_table(parts.before, f"{name}_before", "Before the network"),
-            "after_table": _affine_table(parts.after, f"{name}_after", "After the network"),
-            "base_table": _base_table(parts, name),
-            "guard_table": _guard_table(parts, name),
+            "before_table": write_affine_table(
+                parts.before, f"{name}_before", "Before the network"
+            ),
+            "after_table": write_affine_table(parts.after, f"{name}_after", "After the network"),
+            "base_table": write_base_table(parts, name),
+            "guard_table": write_guard_table(parts, name),
             "beside_argument": f"const float beside[{beside}], " if beside else "",
             "beside_words": f"   Beside a reading: {', '.join(parts.beside)}.\n" if beside else "",
-            "beside_known": "known[k] + 3, " if beside else "",
+            "beside_known": "row + 3, " if beside else "",
             "beside_column": "beside, " if beside else "",
             "returns": _returns(parts),
             "read": _read(parts, name),
@@ -106,52 +117,6 @@ def _warnings(parts: Parts) -> tuple[str, ...]:
     return (
         "the network has no base to fall back to: far from what it was trained on its field is a "
         "guess, where the C returns 0",
-    )
-
-
-def _affine_table(step: Affine | None, name: str, words: str) -> str:
-    if step is None:
-        return ""
-    return (
-        f"\n/* {words}: matrix (raw - bias); bias, then the matrix row by row. */\n"
-        f"static const float {name}[4][3] = {write_array(np.vstack([step.bias, step.matrix]))};\n"
-    )
-
-
-def _base_table(parts: Parts, name: str) -> str:
-    if parts.base is None:
-        return ""
-    table = parts.table
-    names = ", ".join(parts.base.signals)
-    more = f", and what a unit of {names} adds to each axis" if names else ""
-    text = (
-        f"\n/* The base: bias (3), matrix (9) row by row{more};\n"
-        "   a row a power of the temperature. */\n"
-        f"static const float {name}_base[{len(table)}][{table.shape[1]}] = {write_array(table)};\n"
-    )
-    if parts.warm:
-        scale = [parts.base.centre_C, parts.base.half_range_C, *parts.base.clamp_C]
-        text += (
-            "\n/* Its temperature, degrees C: centre and half range, least and largest. */\n"
-            f"static const float {name}_base_C[4] = {write_array(scale)};\n"
-        )
-    return text
-
-
-def _guard_table(parts: Parts, name: str) -> str:
-    network = parts.network
-    text = (
-        "\n/* Points that cover what it was trained on, and the reach about them. */\n"
-        f"static const float {name}_centres[{len(network.centres)}][{network.shape.inputs}] = "
-        f"{write_array(network.centres)};\n"
-        f"static const float {name}_reach = {write_literal(network.reach)};\n"
-    )
-    if network.base is None:
-        return text
-    assert network.bound is not None
-    return (
-        f"{text}/* The longest correction, {network.unit_out}. */\n"
-        f"static const float {name}_bound = {write_literal(network.bound)};\n"
     )
 
 
@@ -208,12 +173,12 @@ def _read(parts: Parts, name: str) -> str:
         lines.append(f"        const float signal[{len(parts.base.signals)}] = {{{values}}};")
     lines += [
         f"        for (i = 0; i < {count}; i++) {{",
-        f"            value[i] = {name}_base[{p - 1}][i];",
+        f"            value[i] = AGONIC_READ({name}_base[{p - 1}][i]);",
     ]
     if p > 1:
         lines += [
             f"            for (k = {p - 2}; k >= 0; k--) {{",
-            f"                value[i] = value[i] * t + {name}_base[k][i];",
+            f"                value[i] = value[i] * t + AGONIC_READ({name}_base[k][i]);",
             "            }",
         ]
     lines += [
@@ -248,7 +213,7 @@ def _combine(parts: Parts, name: str) -> str:
         for (k = 0; k < {len(network.centres)}; k++) {{
             float square = 0.0f;
             for (i = 0; i < {network.shape.inputs}; i++) {{
-                const float d = x[i] - {name}_centres[k][i];
+                const float d = x[i] - AGONIC_READ({name}_centres[k][i]);
                 square += d * d;
             }}
             if (k == 0 || square < nearest) {{

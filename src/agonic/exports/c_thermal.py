@@ -16,7 +16,12 @@ from agonic.exports.convert import (
     reduce,
     write_banner,
 )
-from agonic.exports.firmware.ctext import fill_template, write_array, write_comment
+from agonic.exports.firmware.ctext import (
+    fill_template,
+    write_array,
+    write_comment,
+    write_flash,
+)
 from agonic.exports.polynomials import RATE, Polynomials, fit_polynomials
 
 TESTS = 7
@@ -44,6 +49,7 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
             "name": name,
             "GUARD": name.upper(),
             "about": write_comment(write_banner(calibration, formula, warnings)),
+            "flash": write_flash(),
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,
@@ -71,7 +77,7 @@ def _of_rate(calibration: Calibration, rate: bool) -> dict[str, str]:
         "rate_words": ", and its\n   rate of change, degrees C a second",
         "rate_argument": ", float rate_C_s",
         "rate_term": " - value[12 + i] * rate_C_s",
-        "rate_known": ", known[k][4]",
+        "rate_known": ", AGONIC_READ(known[k][4])",
         "rate_column": ", rate",
     }
     return pieces if rate else dict.fromkeys(pieces, "")

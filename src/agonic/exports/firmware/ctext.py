@@ -74,6 +74,11 @@ def fill_template(template: str, values: Mapping[str, str]) -> str:
     return re.sub(r"@(\w+)@", lambda key: values[key[1]], text)
 
 
+def write_flash() -> str:
+    """The macros by which tables stay in flash on processors that else copy them to RAM."""
+    return fill_template("flash.h.in", {})
+
+
 def make_c_name(sensor: str) -> str:
     """What the identifiers of a sensor's C begin with, so that several go in one program.
 

@@ -7,7 +7,12 @@ import itertools
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.exports.firmware.ctext import fill_template, write_comment, write_literal
+from agonic.exports.firmware.ctext import (
+    fill_template,
+    write_comment,
+    write_flash,
+    write_literal,
+)
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import (
@@ -137,6 +142,7 @@ def write_selftest(plan: Plan, name: str, inputs: dict[str, Array] | None = None
             "name": name,
             "GUARD": name.upper(),
             "about": write_comment(write_about(plan)),
+            "flash": write_flash(),
             "tolerance": write_literal(TOLERANCE_DEG),
             "share": write_literal(SHARE),
             "tests": str(len(lines)),

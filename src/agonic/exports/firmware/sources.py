@@ -13,6 +13,7 @@ from agonic.exports.firmware.ctext import (
     fill_template,
     write_array,
     write_comment,
+    write_flash,
     write_integer,
     write_literal,
 )
@@ -134,6 +135,7 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
 
 def _tables(plan: Plan) -> dict[str, str]:
     values = {
+        "flash": write_flash(),
         "steepest": write_literal(plan.steepest),
         "first_status": "temperature_status(which, in)" if plan.warm else "0",
         **(_warm(plan) if plan.warm else _constant(plan)),
