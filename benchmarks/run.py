@@ -10,6 +10,7 @@ from benchmarks import estimators, honesty, speed, tables
 
 # scripts that print a table of their own
 ALONE = (
+    "controller",
     "dataflash",
     "field",
     "heading",

@@ -167,7 +167,9 @@ def test_self_test_passes_and_finds_a_wrong_number(kind, trained, tmp_path) -> N
     assert header.run.test() == 1
     tables = ["U", "V", "base", "reach"] if "mag_base" in header.text else ["U", "V"]
     for table in tables:
-        found = re.search(rf"mag_{table}(\[\d+\])*(?: AGONIC_FLASH)? = [{{\s]*([-.\d]+)", header.text)
+        found = re.search(
+            rf"mag_{table}(\[\d+\])*(?: AGONIC_FLASH)? = [{{\s]*([-.\d]+)", header.text
+        )
         assert found
         wrong = f"{1.02 * float(found[2]) + 0.02:.6f}"
         text = header.text[: found.start(2)] + wrong + header.text[found.end(2) :]

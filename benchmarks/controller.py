@@ -1,0 +1,160 @@
+"""What exports cost on a controller: flash, RAM, stack and time, in emulators."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from tests.exports.processors import PROCESSORS, Processor
+from tests.exports.test_firmware import CHAMBER, COUNTS, HARD, WARM
+
+import agonic as ag
+from agonic.calibration.setup import Setup
+from agonic.exports.firmware import declination_grid, write_firmware
+from agonic.network.simulate import simulate_paper
+from benchmarks.tables import markdown
+
+MAIN = """
+#include "board.h"
+{includes}
+{state}
+static void call(void)
+{{
+{call}
+}}
+int main(void)
+{{
+    unsigned long from;
+    int k;
+{begin}
+    board_tell("state", (long)({held}));
+    board_fill_stack();
+    call();
+    board_tell("stack", board_stack_depth());
+    from = board_ticks();
+    for (k = 0; k < {times}; k++) {{
+        call();
+    }}
+    board_tell("count", (long)((board_ticks() - from) * board_tick_size / {times}));
+    return 0;
+}}
+"""
+HELD_RAW = "sizeof start + sizeof raw + sizeof field"
+HELD_CHAIN = "sizeof in + sizeof out"
+RAW = (
+    "static float start[3] = {31000.0f, -12000.0f, 9000.0f};\nstatic float *volatile raw = start;\n"
+    "static float field[3];"
+)
+CHAIN = "static compass_input in;\nstatic compass_output out;"
+CALL_CHAIN = "    in.raw[0][0] += 1.0f;\n    compass_heading(&in, &out);"
+
+
+class Case(NamedTuple):
+    """Something exported: the sources that it takes, and how it is called."""
+
+    name: str
+    sources: tuple[str, ...]
+    includes: str
+    state: str
+    call: str
+    held: str
+    begin: str = ""
+    times: int = 50
+
+
+CASES = (
+    Case("bias and matrix", (), "plain", RAW, "    plain_correct(raw, field);", HELD_RAW),
+    Case(
+        "cubics of temperature",
+        (),
+        "warm",
+        RAW,
+        "    warm_correct(raw, 31.0f, 0.01f, field);",
+        HELD_RAW,
+    ),
+    Case("network 3-3-3", (), "net", RAW, "    net_correct(raw, field);", HELD_RAW),
+    Case(
+        "heading, one compass with a deviation",
+        ("one/compass.c",),
+        "one/compass",
+        CHAIN,
+        CALL_CHAIN,
+        HELD_CHAIN,
+    ),
+    Case(
+        "heading, three compasses, a table of declinations",
+        ("three/compass.c",),
+        "three/compass",
+        CHAIN,
+        CALL_CHAIN,
+        HELD_CHAIN,
+    ),
+)
+
+
+def main() -> None:
+    """A table for each processor that can be emulated here."""
+    with TemporaryDirectory() as folder:
+        _export(Path(folder))
+        for name, processor in PROCESSORS.items():
+            print(f"## {name}\n")
+            unit = "cycles" if processor.board == "avr" else "instructions"
+            print(f"{processor.missing or _table(processor, unit, Path(folder))}\n")
+    print(WORDS)
+
+
+WORDS = """\
+Flash: what a program with the call has more than an empty one, with the functions of the
+mathematical library that it takes. RAM: variables that outlive a call; the 104 bytes are those in
+which newlib keeps errno, which its mathematics sets. Stack: bytes below the caller, 64 standing
+for that or less. Count: one call, the mean of many: cycles in simavr, instructions in qemu. On a
+Cortex-M4F most instructions take one cycle, loads two, divisions and roots fourteen. Compiled for
+size (-Os)."""
+
+
+def _table(processor: Processor, unit: str, folder: Path) -> str:
+    empty = _linked(processor, folder, Case("", (), "", "", "", "0"))
+    rows = []
+    for case in CASES:
+        flash, ram, told = _linked(processor, folder, case)
+        rows.append(
+            [
+                case.name,
+                f"{flash - empty[0]}",
+                f"{ram - empty[1] - told['state']}",
+                f"{told['stack']}",
+                f"{told['count']}",
+            ]
+        )
+    return markdown(["exported", "flash", "RAM", "stack", unit], rows)
+
+
+def _linked(processor: Processor, folder: Path, case: Case) -> tuple[int, int, dict[str, int]]:
+    """Flash and RAM of a program that makes the call, and what it tells."""
+    includes = "".join(f'#include "{name}.h"\n' for name in case.includes.split())
+    values = {**case._asdict(), "includes": includes}
+    (folder / "main.c").write_text(MAIN.format(**values))
+    program = processor.build(folder, *case.sources, "main.c")
+    flash, ram = processor.measure_file(program)
+    return flash, ram, processor.run(program)
+
+
+def _export(folder: Path) -> None:
+    """Everything that the cases call."""
+    made = simulate_paper(directions="space", seed=1).select(slice(1500))
+    network = ag.fit_network(
+        made.samples, made.reference, hidden=3, compared=False, restarts=1
+    ).calibration
+    for name, calibration in (("plain", HARD.calibration), ("warm", WARM), ("net", network)):
+        ag.write_c(calibration, folder / f"{name}.h", name=name)
+    grid = declination_grid((45.0, 56.0), (-3.0, 17.0), "2026-05-01")
+    compasses = (COUNTS, replace(CHAMBER, deviation=None), HARD)
+    three = Setup(compasses=compasses, horizontal=19e3, vertical=45e3)
+    write_firmware(Setup(compasses=(HARD,)), folder / "one", declination=2.5)
+    write_firmware(three, folder / "three", declination=grid)
+
+
+if __name__ == "__main__":
+    main()
