@@ -21,7 +21,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from agonic.cli import run
+from agonic.cli import make_command, run
 
 ECHO = "echo $?"
 
@@ -78,17 +78,14 @@ class Commands(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """The sections."""
-        return [_section(command, text) for command, text in helps("agonic")]
+        return [_section(command, text) for command, text in helps("agonic", make_command())]
 
 
-def helps(command: str) -> Iterator[tuple[str, str]]:
-    """A command with its help text, and then those of the commands that the text lists."""
-    text = executed(f"{command} --help", os.curdir)[0].rstrip()
-    yield command, text
-    listed = text.partition("\nCommands:\n")[2].splitlines()
-    for line in listed:
-        if line.startswith("  ") and not line.startswith("   "):
-            yield from helps(f"{command} {line.split()[0]}")
+def helps(path: str, command: Any) -> Iterator[tuple[str, str]]:
+    """A command with its help text, and then those of the commands below it."""
+    yield path, executed(f"{path} --help", os.curdir)[0].rstrip()
+    for name, one in getattr(command, "commands", {}).items():
+        yield from helps(f"{path} {name}", one)
 
 
 def _section(command: str, text: str) -> nodes.section:

@@ -94,6 +94,6 @@ def test_bad_input_is_one_line(capsys) -> None:
     assert "leave the alignment at" in complaint(
         capsys, "plan", "alignment", "--at", "52,12", "--date", "2026-01-01", "--wanted", "0.001"
     )
-    assert "No such option: --orientations (see agonic simulate hand --help)" in complaint(
+    assert "No such option: --orientations; see agonic simulate hand --help" in complaint(
         capsys, "simulate", "hand", "-o", "a.csv", "--orientations", "3"
     )

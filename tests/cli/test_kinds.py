@@ -36,7 +36,7 @@ def test_options_may_stand_before_the_kind(before: list[str], capsys) -> None:
     assert json.loads(capsys.readouterr().out)["kind"] == "circle"
 
 
-@pytest.mark.parametrize("arguments", [[], ["-o", "x.csv"], ["--json"], ["-o", "hand"], ["ship"]])
+@pytest.mark.parametrize("arguments", [["-o", "x.csv"], ["--json"], ["-o", "hand"], ["ship"]])
 @pytest.mark.parametrize("command", ["simulate", "fit", "plan"])
 def test_without_a_kind_all_are_named(command: str, arguments: list[str], capsys) -> None:
     known = {"simulate": ("hand", "orbit"), "fit": ("vector", "coil"), "plan": ("swing", "thermal")}

@@ -207,7 +207,7 @@ def test_what_does_not_suit_is_said_in_one_line(tmp_path: Path, capsys, asked, s
 
 def test_options_of_a_fleet_are_not_those_of_others(tmp_path: Path, capsys) -> None:
     assert run(["simulate", "tumble", "-o", str(tmp_path / "x.csv"), "--broken", "0.1"]) == 2
-    assert "No such option: --broken (see agonic simulate tumble --help)" in capsys.readouterr().err
+    assert "No such option: --broken; see agonic simulate tumble --help" in capsys.readouterr().err
 
 
 # ---- the whole way -------------------------------------------------------------------------------

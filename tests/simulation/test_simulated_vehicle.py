@@ -192,7 +192,7 @@ def test_options_of_other_kinds_are_refused(tmp_path: Path, kind, option, capsys
     name = option.split("=")[0]
     said = capsys.readouterr().err
     assert said.startswith(f"agonic: No such option: {name}")
-    assert said.endswith(f"(see agonic simulate {kind} --help)\n")
+    assert said.endswith(f"; see agonic simulate {kind} --help\n")
     assert not list(tmp_path.iterdir())
 
 

@@ -12,27 +12,42 @@ from typing import Any
 
 from agonic.version import __version__
 
-COMMANDS = {
-    "calibrate": "agonic.cli.calibrate",
-    "fleet": "agonic.fleet.commands.fleet",
-    "history": "agonic.history.command",
-    "live": "agonic.live.command",
-    "info": "agonic.recording.commands.info",
-    "fit": "agonic.cli.fit",
-    "apply": "agonic.cli.apply",
-    "verify": "agonic.recording.commands.verify",
-    "heading": "agonic.headings.commands.heading",
-    "export": "agonic.cli.export",
-    "report": "agonic.cli.report",
-    "field": "agonic.cli.field",
-    "plan": "agonic.cli.plan",
-    "simulate": "agonic.cli.simulate",
-    "track": "agonic.inflight.commands.track",
-    "retrain": "agonic.network.commands.retrain",
-    "cite": "agonic.cli.cite",
-    "demo": "agonic.recording.commands.demo",
+GROUPS = {
+    "Calibrate": {
+        "calibrate": "agonic.cli.calibrate",
+        "live": "agonic.live.command",
+        "fit": "agonic.cli.fit",
+        "verify": "agonic.recording.commands.verify",
+        "demo": "agonic.recording.commands.demo",
+    },
+    "Heading": {
+        "heading": "agonic.headings.commands.heading",
+        "field": "agonic.cli.field",
+    },
+    "Missions": {
+        "track": "agonic.inflight.commands.track",
+        "retrain": "agonic.network.commands.retrain",
+    },
+    "Laboratory": {
+        "plan": "agonic.cli.plan",
+        "simulate": "agonic.cli.simulate",
+    },
+    "Fleet": {
+        "fleet": "agonic.fleet.commands.fleet",
+        "history": "agonic.history.command",
+    },
+    "Files": {
+        "info": "agonic.recording.commands.info",
+        "apply": "agonic.cli.apply",
+        "export": "agonic.cli.export",
+        "report": "agonic.cli.report",
+        "cite": "agonic.cli.cite",
+    },
 }
-"""Each command and its module, in the order in which `agonic --help` lists them; groups last."""
+"""The commands and their modules, under the headings and in the order of `agonic --help`."""
+
+COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
+"""Each command and its module."""
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2
 """Exit status: all well; a check failed or a fit was refused; bad input or usage."""
@@ -56,6 +71,7 @@ def run(arguments: list[str]) -> int:
 
     from agonic.atomic import protect
     from agonic.console.boundary import explain
+    from agonic.console.help import describe_usage_error
     from agonic.errors import AgonicError
 
     if arguments in (["--version"], ["-V"]):
@@ -64,11 +80,9 @@ def run(arguments: list[str]) -> int:
     warnings.showwarning = _warner()
     try:
         with protect():
-            status = _app()(args=arguments, prog_name="agonic", standalone_mode=False)
+            status = make_command()(args=arguments, prog_name="agonic", standalone_mode=False)
     except typer.TyperException as error:
-        context = getattr(error, "ctx", None)
-        command = "agonic" if context is None else context.command_path
-        return _complain(f"{error.format_message()} (see {command} --help)")
+        return _complain(describe_usage_error(error))
     except (typer.Abort, KeyboardInterrupt):
         return _complain("interrupted; nothing was written")
     except typer.Exit as leave:
@@ -100,23 +114,34 @@ def _complain(message: str) -> int:
     return UNUSABLE
 
 
-def _app() -> Any:
-    """The application with every command; their heavy imports wait until they run."""
+def make_command() -> Any:
+    """The command `agonic` with every other; their heavy imports wait until they run."""
     import typer
 
+    from agonic.cli.examples import EXAMPLES
     from agonic.console.boundary import add_force
+    from agonic.console.help import App, Group, add_examples
 
-    app = typer.Typer(
+    app = App(
         name="agonic",
-        help="Magnetometer readings into a direction one can trust.",
-        no_args_is_help=True,
-        add_completion=False,
+        cls=Group,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
+    shown = typer.Option(False, "--version", "-V", help="Show the version and exit.")
+
+    @app.callback()
+    def answer(version: bool = shown) -> None:
+        """Turn magnetometer readings into headings you can trust."""
+
     for module in COMMANDS.values():
         import_module(module).add_to(app)
-    command = typer.main.get_command(app)
+    command: Any = typer.main.get_command(app)
+    for heading, group in GROUPS.items():
+        for name in group:
+            command.commands[name].rich_help_panel = heading
+    command.commands = {name: command.commands[name] for name in COMMANDS}
     add_force(command)
+    add_examples(command, EXAMPLES)
     return command

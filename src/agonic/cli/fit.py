@@ -16,16 +16,10 @@ from agonic.thermal.commands import fit as fit_thermal
 
 def add_to(app: typer.Typer) -> None:
     """Register the command and its kinds."""
-    kinds = (
-        fit_affine,
-        fit_deviation,
-        fit_inflight,
-        fit_latency,
-        fit_network,
-        fit_thermal,
-        fit_alignment,
-        fit_north,
-        fit_coil,
-        fit_gravity,
-    )
+    kinds = {
+        "Calibrate": (fit_affine, fit_latency, fit_network),
+        "Heading": (fit_deviation,),
+        "Missions": (fit_inflight,),
+        "Laboratory": (fit_thermal, fit_alignment, fit_north, fit_coil, fit_gravity),
+    }
     add_kinds(app, "fit", kinds, "Fit one kind of calibration to a log.")

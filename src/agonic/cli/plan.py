@@ -12,5 +12,5 @@ from agonic.thermal.commands import plan as plan_thermal
 
 def add_to(app: typer.Typer) -> None:
     """Register the command and its kinds."""
-    kinds = (plan_swing, plan_thermal, plan_alignment)
+    kinds = {"Heading": (plan_swing,), "Laboratory": (plan_thermal, plan_alignment)}
     add_kinds(app, "plan", kinds, "Plan the data to take, with the standard errors to expect.")

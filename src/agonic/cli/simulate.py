@@ -15,16 +15,12 @@ from agonic.thermal.commands import simulate as simulate_campaign
 
 def add_to(app: typer.Typer) -> None:
     """Register the command and its kinds."""
-    kinds = (
-        simulate_motion,
-        simulate_vehicle,
-        simulate_orbit,
-        simulate_network,
-        simulate_campaign,
-        simulate_fleet,
-        simulate_alignment,
-        simulate_north,
-    )
+    kinds = {
+        "One sensor in motion": (simulate_motion,),
+        "Vehicles and missions": (simulate_vehicle, simulate_orbit, simulate_network),
+        "Laboratory": (simulate_campaign, simulate_alignment, simulate_north),
+        "Fleet": (simulate_fleet,),
+    }
     add_kinds(
         app,
         "simulate",

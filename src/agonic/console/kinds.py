@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
 import typer
-from typer.core import TyperGroup
+
+from agonic.console.help import App, Group
 
 
 class Kind(Protocol):
@@ -16,12 +17,12 @@ class Kind(Protocol):
         """Register the command."""
 
 
-class Kinds(TyperGroup):
+class Kinds(Group):
     """The kinds of a command: an unknown one is told all, and options may stand before the kind."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Move the kind to the front."""
-        if not args or (args[0].startswith("-") and args[0] not in ctx.help_option_names):
+        if args and args[0].startswith("-") and args[0] not in ctx.help_option_names:
             named = (
                 k
                 for k, word in enumerate(args)
@@ -44,9 +45,15 @@ class Kinds(TyperGroup):
         ctx.fail(f"{what}; choose from {', '.join(self.commands)}")
 
 
-def add_kinds(app: typer.Typer, name: str, modules: Iterable[Kind], help: str) -> None:
-    """Register a command whose kinds are those of the modules."""
-    kinds = typer.Typer(cls=Kinds, help=help, subcommand_metavar="KIND ...")
-    for module in modules:
-        module.add_to(kinds)
+def add_kinds(
+    app: typer.Typer, name: str, modules: Mapping[str, Iterable[Kind]], help: str
+) -> None:
+    """Register a command whose kinds are those of the modules, listed under their headings."""
+    kinds = App(cls=Kinds, help=help, subcommand_metavar="KIND ...")
+    for heading, group in modules.items():
+        before = len(kinds.registered_commands)
+        for module in group:
+            module.add_to(kinds)
+        for kind in kinds.registered_commands[before:]:
+            kind.rich_help_panel = heading
     app.add_typer(kinds, name=name)

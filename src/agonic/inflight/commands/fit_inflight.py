@@ -77,7 +77,9 @@ def inflight(
     ] = False,
     sources: Annotated[
         str,
-        typer.Option("--with", metavar="NAMES", help="What disturbs on board: current_A, …"),
+        typer.Option(
+            "--with", metavar="NAMES", help="What disturbs on board: current_A and the like."
+        ),
     ] = "",
     within: Annotated[
         float | None,
