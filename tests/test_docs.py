@@ -179,7 +179,6 @@ def test_docstrings_become_markup(monkeypatch: pytest.MonkeyPatch) -> None:
     assert tested.failed == 0
 
 
-@pytest.mark.xdist_group("site")
 def test_pages_hold_what_is_generated(site: Path) -> None:
     commands = (site / "commands.html").read_text(encoding="utf-8")
     assert all(f"Usage: agonic {command}" in commands for command in COMMANDS)
@@ -190,7 +189,6 @@ def test_pages_hold_what_is_generated(site: Path) -> None:
     assert all(key in bibliography for key in CITATIONS)
 
 
-@pytest.mark.xdist_group("site")
 def test_pages_fetch_nothing(site: Path) -> None:
     fetched = re.compile(r"<(?:script|link|img|iframe)[^>]*?(?:src|href)=\"(?:https?:)?//[^\"]+")
     for page in site.rglob("*.html"):
