@@ -182,8 +182,9 @@ class TrackerState:
 
     @property
     def bias_sd(self) -> Array:
-        """Its standard error, (3,)."""
-        return np.asarray(np.sqrt(np.diag(self.estimate.covariance)[1:4]))
+        """Its standard error, (3,), errors that last included."""
+        variance = np.diag(self.estimate.covariance)
+        return np.asarray((self.estimate.inflation.factor * np.sqrt(variance))[1:4])
 
     @property
     def settled(self) -> bool:
@@ -202,7 +203,8 @@ class TrackerState:
         covariance = np.zeros((9, 9))
         covariance[3:, 3:] = kept[3:9, 3:9]
         m = len(self.estimate.diagonal) - 1
-        covariance[:m, :m] = self.estimate.covariance[1:, 1:]
+        larger = self.estimate.inflation.factor[1:]
+        covariance[:m, :m] = larger[:, None] * self.estimate.covariance[1:, 1:] * larger
         symmetric = unpack_symmetric(self.estimate.state[4:])
         if self.base.gauge == "triangular":
             matrix, covariance = gauge.make_triangular(symmetric, covariance)

@@ -10,6 +10,8 @@ REFUSED = 0.1
 """Share of refused readings that is to be looked at."""
 INCONSISTENT = (0.5, 1.5)
 """Innovations over their stated sd, rms: outside of this the noise model is wrong."""
+CORRELATED = 1.5
+"""Standard errors over those of independent errors from which they are to be looked at."""
 
 _ENOUGH = 1000  # readings after which the size of innovations is known
 
@@ -42,6 +44,7 @@ def list_findings(state: TrackerState) -> tuple[Finding, ...]:
                 "look for what disturbs, or give a larger noise",
             )
         )
+    found += _describe_correlation(state)
     low, high = INCONSISTENT
     if state.n >= _ENOUGH and not low < state.consistency < high:
         found.append(
@@ -54,6 +57,26 @@ def list_findings(state: TrackerState) -> tuple[Finding, ...]:
             )
         )
     return tuple(found)
+
+
+def _describe_correlation(state: TrackerState) -> list[Finding]:
+    """That errors last, by how much they make the standard errors larger."""
+    factor, growing = state.estimate.inflation
+    if not state.settled or factor.max() == 1.0:
+        return []
+    doubted = growing or factor.max() > CORRELATED
+    larger = figure(float(factor[1:4].max()))
+    return [
+        Finding(
+            "correlated errors",
+            "check" if doubted else "note",
+            f"what the readings miss their predictions by lasts: standard errors of the bias are "
+            f"{larger} times those of independent errors, and stated so"
+            + (", and errors may last for longer than was seen" if growing else ""),
+            "give the error of the reference and its time (external_sd, external_time_s), or "
+            "follow a bias that moves (walk)",
+        )
+    ]
 
 
 def _is_nonlinear(state: TrackerState) -> bool:

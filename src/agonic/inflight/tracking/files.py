@@ -20,7 +20,10 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import read_bytes
+from agonic.maths.estimation import running_batch_means
 from agonic.maths.estimation.kalman import FilterState
+from agonic.maths.estimation.running_batch_means import RunningBatchMeans
+from agonic.maths.estimation.ud_filter import WATCHED
 from agonic.maths.rotations.polar import split_rotation
 from agonic.provenance import Provenance
 
@@ -61,6 +64,19 @@ class ThermalRecord(Struct, frozen=True, kw_only=True):
     temperature_C: tuple[float, float] | None
 
 
+class BatchesRecord(Struct, frozen=True):
+    """Sums over batches of readings, by which errors that last show; lengths that were reached."""
+
+    score: Row
+    pending: Rows
+    rows: int
+    total: int
+    information: Rows
+    number: Row
+    square: tuple[Rows, ...]
+    waiting: Rows
+
+
 class FilterRecord(Struct, frozen=True):
     """State, factors of its covariance, and what the filter watches."""
 
@@ -68,6 +84,7 @@ class FilterRecord(Struct, frozen=True):
     columns: Rows
     diagonal: Row
     watch: Row
+    batches: BatchesRecord | None = None
 
 
 class OpeningRecord(Struct, frozen=True, rename={"outliers": "strays"}):
@@ -129,6 +146,7 @@ _RECORDS: dict[type, type[Struct]] = {
     Affine: BaseRecord,
     Thermal: ThermalRecord,
     FilterState: FilterRecord,
+    RunningBatchMeans: BatchesRecord,
     Opening: OpeningRecord,
     Recent: RecentRecord,
     Jump: JumpRecord,
@@ -243,12 +261,39 @@ def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | Non
 
 
 def _restore_filter(record: FilterRecord) -> FilterState:
-    estimate = FilterState(*(np.array(part) for part in msgspec.structs.astuple(record)))
-    m = len(estimate.diagonal)
-    shapes = [part.shape for part in estimate]
-    if shapes != [(10,), (m, m), (m,), (11,)]:
+    watch = [*record.watch, *[1.0] * (WATCHED - len(record.watch))]  # of files before `USUAL`
+    estimate = FilterState(
+        np.array(record.state),
+        np.array(record.columns),
+        np.array(record.diagonal),
+        np.array(watch),
+        _restore_batches(record.batches),
+    )
+    m = len(record.diagonal)
+    shapes = [np.shape(part) for part in estimate[:4]]
+    if shapes != [(10,), (m, m), (m,), (WATCHED,)]:
         raise LogError(f"an estimate has parts of shapes {shapes}")
     return estimate
+
+
+def _restore_batches(record: BatchesRecord | None) -> RunningBatchMeans:
+    """The sums over batches; none yet in files from before they were kept."""
+    nothing = running_batch_means.start(10)
+    if record is None:
+        return nothing
+    restored = RunningBatchMeans(
+        np.array(record.score),
+        np.array(record.pending),
+        record.rows,
+        record.total,
+        np.array(record.information),
+        np.array(record.number),
+        np.array(record.square),
+        np.array(record.waiting),
+    )
+    if [np.shape(a) for a in restored] != [np.shape(b) for b in nothing]:
+        raise LogError("the sums over batches have other shapes")
+    return restored
 
 
 def _restore_rows(rows: Rows) -> Array:

@@ -22,8 +22,35 @@ from agonic.maths.rotations.polar import split_rotation
 _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
 
 
+class Followed:
+    """What is known now: read from a `state`."""
+
+    state: TrackerState
+
+    @property
+    def bias(self) -> Array:
+        """The bias now, (3,), in the unit of the readings."""
+        return self.state.bias
+
+    @property
+    def bias_sd(self) -> Array:
+        """Its standard error, (3,), errors that last included."""
+        return self.state.bias_sd
+
+    @property
+    def calibration(self) -> Affine:
+        """Bias and matrix now, with their covariance; where the calibration to start from was a
+        `Thermal`, at its middle temperature (`state.thermal` is the whole of it).
+
+        Raises `AgonicError` before any reading.
+        """
+        if self.state.n == 0:
+            raise AgonicError("nothing has been followed yet; update the tracker first")
+        return self.state.calibration
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Coefficients:
+class Coefficients(Followed):
     """What an update found: bias and matrix now, and how well each reading had been predicted.
 
     `residual` (n,) = |W (raw − bias)| − F − g and `residual_sd` (n,), nT, are from before the
@@ -43,21 +70,6 @@ class Coefficients:
     def foretold(self) -> Mask:
         """Of which readings something was known beforehand: not those of an opening, (n,)."""
         return np.asarray(self.residual_sd < 2 * np.min(self.residual_sd, initial=np.inf))
-
-    @property
-    def bias(self) -> Array:
-        """The bias after these readings, (3,)."""
-        return self.state.bias
-
-    @property
-    def bias_sd(self) -> Array:
-        """Its standard error, (3,)."""
-        return self.state.bias_sd
-
-    @property
-    def calibration(self) -> Affine:
-        """Bias and matrix after these readings, with their covariance."""
-        return self.state.calibration
 
 
 def start(
@@ -93,13 +105,11 @@ def start(
         )
     six, rest = split_rotation(base.matrix, base.covariance, base.gauge)
     noise = params.noise or base.noise
-    watch = np.zeros(11)
-    watch[-1] = -np.inf
     return TrackerState(
         base=base,
         turned=rest,
-        estimate=kalman.FilterState(
-            np.concatenate([[0.0], base.bias, six]), np.eye(1), np.zeros(1), watch
+        estimate=kalman.start_filter(
+            np.concatenate([[0.0], base.bias, six]), np.zeros((1, 1)), -np.inf
         ),
         noise=noise or 0.0,
         noise_known=noise is not None,

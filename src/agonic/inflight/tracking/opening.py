@@ -107,7 +107,8 @@ def widen_for_nonlinearity(
     information = share * leastsq.inverse(covariance[block])
     information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
     covariance[block] = leastsq.inverse(information)
-    wide = kalman.start_filter(estimate.state, covariance, 0.0)._replace(watch=estimate.watch)
+    wide = kalman.start_filter(estimate.state, covariance, 0.0)
+    wide = wide._replace(watch=estimate.watch, batches=estimate.batches)
     return kalman.add_variance(wide, np.hypot(compute_nonlinearity(wide, magnitude), apart))
 
 
@@ -157,11 +158,13 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
         wide = widen_for_nonlinearity(estimate, prior, apart, magnitude, noise)
         learns = compute_nonlinearity(wide, magnitude) < _NONLINEAR * noise
         return replace(after, estimate=wide, opening=replace(opening, outliers=0, learns=learns))
+    wide = widen_for_nonlinearity(estimate, prior, apart * 0, float(rows[-1, 4]), noise)
+    after = replace(after, estimate=wide)
     return replace(
         after,
         opening=None,
         noise_known=True,
-        recent=_keep_recent(before, estimate, rows[earlier:]),
+        recent=_keep_recent(before, wide, rows[earlier:]),
         refused=state.refused + int((~fits).sum()),
     )
 

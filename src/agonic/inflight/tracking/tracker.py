@@ -12,16 +12,16 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
-from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.errors import FrameError, UnitError
 from agonic.health import Finding, Judged
 from agonic.inflight.tracking.evidence import list_findings
 from agonic.inflight.tracking.files import load_track, save_track
-from agonic.inflight.tracking.filter import Coefficients, start, update
+from agonic.inflight.tracking.filter import Coefficients, Followed, start, update
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 
-class Tracker(Judged):
+class Tracker(Followed, Judged):
     """A calibration followed in time against the magnitude of a known field.
 
     Holds the settings, the state and the history; `update` moves the state on. In flight or in
@@ -128,27 +128,6 @@ class Tracker(Judged):
                 frame_out=samples.frame,
             )
         return replace(self.state, base=base, epoch=samples.epoch)
-
-    @property
-    def calibration(self) -> Affine:
-        """Bias and matrix now, with their covariance; where the calibration to start from was a
-        `Thermal`, at its middle temperature (`state.thermal` is the whole of it).
-
-        Raises `AgonicError` before any reading.
-        """
-        if self.state.n == 0:
-            raise AgonicError("nothing has been followed yet; update the tracker first")
-        return self.state.calibration
-
-    @property
-    def bias(self) -> Array:
-        """The bias now, (3,), in the unit of the readings."""
-        return self.state.bias
-
-    @property
-    def bias_sd(self) -> Array:
-        """Its standard error, (3,)."""
-        return self.state.bias_sd
 
     @property
     def n(self) -> int:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
-from agonic.maths.estimation import ud_filter
+from agonic.maths.estimation import running_batch_means, ud_filter
 
 STATES = {"bias": 4, "gains": 7, "full": 10}
 """How many numbers of the state are estimated; the external field is one of them."""
@@ -56,36 +56,43 @@ class Model(NamedTuple):
 
 
 class FilterState(NamedTuple):
-    """What the filter holds: `state` (10,), U D Uᵀ of its first m numbers, `watch` (11,).
+    """What the filter holds: `state` (10,), U D Uᵀ of its first m numbers, `watch` (12,).
 
     `columns` (m, m) has the columns of U as its rows, `diagonal` (m,) is D; `watch` the sums of
-    the jump test, the mean square of normalised innovations, and the time of the last reading.
+    the jump test, the mean square of normalised innovations, the time of the last reading, and what
+    the jump test usually comes to; `batches` the sums by which errors that last show.
     """
 
     state: Array
     columns: Array
     diagonal: Array
     watch: Array
+    batches: running_batch_means.RunningBatchMeans
 
     @property
     def covariance(self) -> Array:
         """U D Uᵀ, (m, m)."""
         return np.asarray((self.columns.T * self.diagonal) @ self.columns)
 
+    @property
+    def inflation(self) -> running_batch_means.Inflation:
+        """By how much each standard error is too small, because errors last."""
+        return running_batch_means.compute_inflation(self.batches, self.covariance)
+
 
 class Seen(NamedTuple):
     """What was predicted of each reading before it was used, a row a reading.
 
     `residual` (n,) |W (raw − bias)| − F − g, and its sd, nT; `used` (n,) whether it passed the
-    gate; `toward` (n, 3) and `innovation` (n,) what the jump test sees of it: normalised Jacobian
-    of the bias, and normalised, clipped innovation.
+    gate; `innovation` (n,) normalised and clipped, as the jump test sees it; `jacobian` (n, 10)
+    by the state, normalised.
     """
 
     residual: Array
     sd: Array
     used: Mask
-    toward: Array
     innovation: Array
+    jacobian: Array
 
 
 def start_filter(state: Array, covariance: Array, time: float) -> FilterState:
@@ -103,13 +110,14 @@ def start_filter(state: Array, covariance: Array, time: float) -> FilterState:
             columns[j, :j] = rest[:j, j] / diagonal[j]
             rest[:j, :j] -= diagonal[j] * np.outer(columns[j, :j], columns[j, :j])
     watch = np.zeros(ud_filter.WATCHED)
-    watch[ud_filter.SCALE], watch[ud_filter.TIME] = 1.0, time
-    return FilterState(np.array(state, dtype=np.float64), columns, diagonal, watch)
+    watch[ud_filter.SCALE], watch[ud_filter.USUAL], watch[ud_filter.TIME] = 1.0, 1.0, time
+    batches = running_batch_means.start(len(state))
+    return FilterState(np.array(state, dtype=np.float64), columns, diagonal, watch, batches)
 
 
 def add_variance(before: FilterState, sd: ArrayLike) -> FilterState:
     """The filter with standard deviations, one or (3,), added to those of the bias."""
-    _, columns, diagonal, _ = _lists(before)
+    columns, diagonal = before.columns.tolist(), before.diagonal.tolist()
     for i, variance in enumerate(np.broadcast_to(np.square(sd), 3).tolist(), start=1):
         ud_filter.add_variance(i, variance, columns, diagonal, [0.0] * 10)
     return before._replace(columns=np.array(columns), diagonal=np.array(diagonal))
@@ -141,25 +149,32 @@ def advance(
     n = len(rows)
     wanted = is_worth_compiling(n) if compiled is None else compiled
     run = ud_filter.compile_filter() if wanted else None
+    sums = before.batches
+    parts: Any
     fixed = linearised is not None
     about = before.state if linearised is None else linearised
     if run is None:
-        parts = _lists(before)
-        seen: Any = [[0.0] * 7 for _ in range(n)]
+        parts = lists = _to_lists(before)
+        seen: Any = [[0.0] * ud_filter.SEEN for _ in range(n)]
         room: Any = [[0.0] * 10 for _ in range(3)]
         about = about.tolist()
-        done, jump = ud_filter.run(rows.tolist(), *parts, tuple(model), about, fixed, seen, room)
-        after = FilterState(*(np.array(part) for part in parts))
+        done, jump = ud_filter.run(rows.tolist(), *lists, tuple(model), about, fixed, seen, room)
     else:
-        after = FilterState(*(np.array(part) for part in before))
-        seen, room = np.zeros((n, 7)), np.zeros((3, 10))
-        done, jump = run(np.ascontiguousarray(rows), *after, tuple(model), about, fixed, seen, room)
-    table = np.array(seen[:done]).reshape(-1, 7)
-    return (
-        after,
-        Seen(table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3:6], table[:, 6]),
-        bool(jump),
-    )
+        parts = tuple(map(np.array, before[:4]))
+        seen, room = np.zeros((n, ud_filter.SEEN)), np.zeros((3, 10))
+        done, jump = run(np.ascontiguousarray(rows), *parts, tuple(model), about, fixed, seen, room)
+    table = np.array(seen[:done]).reshape(-1, ud_filter.SEEN)
+    found = Seen(table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3], table[:, 4:])
+    white = (found.residual / found.sd)[found.used]
+    sums = running_batch_means.add(sums, found.jacobian[found.used], white)
+    x, columns, diagonal, watch = (np.asarray(part) for part in parts)
+    return FilterState(x, columns, diagonal, watch, sums), found, bool(jump)
+
+
+def _to_lists(before: FilterState) -> tuple[Any, Any, Any, Any]:
+    """State, factors and sums of the jump test as the kernel takes them without numba."""
+    x, columns, diagonal, watch, _ = before
+    return x.tolist(), columns.tolist(), diagonal.tolist(), watch.tolist()
 
 
 def is_worth_compiling(rows: int) -> bool:
@@ -177,17 +192,8 @@ def find_onset(seen: Seen) -> int:
 
     Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
     """
-    w, z = seen.toward[::-1], seen.innovation[::-1]
+    w, z = seen.jacobian[::-1, 1:4], seen.innovation[::-1]
     information = np.cumsum(w[:, :, None] * w[:, None, :], axis=0) + 1e-12 * np.eye(3)
     score = np.cumsum(w * z[:, None], axis=0)
     statistic = np.einsum("ki,kij,kj->k", score, np.linalg.pinv(information), score)
     return len(z) - 1 - int(np.argmax(statistic))
-
-
-def _lists(before: FilterState) -> tuple[Any, Any, Any, Any]:
-    return (
-        before.state.tolist(),
-        before.columns.tolist(),
-        before.diagonal.tolist(),
-        before.watch.tolist(),
-    )

@@ -16,11 +16,15 @@ MEMORY_ROWS = 50
 """Readings over which innovations are gathered to see a jump."""
 CLIPPED_SQUARE = 0.97756
 """Mean square of a standard normal number clipped at 2.5."""
-SCALE, TIME, WATCHED = 9, 10, 11
-"""Places in `watch`, after nine sums of the jump test, and how many there are."""
+SCALE, TIME, USUAL, WATCHED = 9, 10, 11, 12
+"""Places in `watch`, after nine sums of the jump test, and how many there are: mean square of the
+clipped innovations, time of the last reading, and what the jump test usually comes to."""
+SEEN = 14
+"""Numbers that are kept of each reading: residual, sd, used, clipped innovation, Jacobian."""
 
 _CLIP = 2.5  # standard deviations: what one innovation may say for a jump
 _SCALE_ROWS = 1000.0  # readings over which the size of innovations is averaged
+_FREEDOM = 3.0  # mean of the jump test where nothing jumps
 
 
 def run(
@@ -56,15 +60,19 @@ def run(
         used = row[5] > 0.0 and z * z <= gate * gate * max(1.0, watch[SCALE])
         out[0], out[1], out[2] = r * steepness, sd * steepness, 1.0 if used else 0.0
         clipped = min(max(z, -_CLIP), _CLIP)
-        out[3], out[4], out[5], out[6] = h[1] / sd, h[2] / sd, h[3] / sd, clipped
+        out[3] = clipped
+        for i in range(10):
+            out[4 + i] = h[i] / sd
         if used:
             _absorb(noise, columns, diagonal, f, gain)
             for i in range(m):
                 x[i] -= gain[i] * r
         if level > 0.0 and row[5] > 0.0:
             watch[SCALE] += (clipped * clipped - watch[SCALE]) / _SCALE_ROWS
-            if _watch_for_jump(out, watch, jump_sd) > level * max(1.0, watch[SCALE]):
+            shown = _watch_for_jump(out, watch, jump_sd)
+            if shown > level * max(1.0, watch[SCALE]) * max(1.0, watch[USUAL]):
                 return done + 1, True
+            watch[USUAL] += (min(shown, level) / _FREEDOM - watch[USUAL]) / _SCALE_ROWS
     return len(rows), False
 
 
@@ -188,7 +196,7 @@ def _watch_for_jump(seen: Any, watch: Any, jump_sd: float) -> float:
     Sums C = Σ w wᵀ and y = Σ w z, forgotten over `MEMORY_ROWS` readings, of the normalised Jacobian
     w and innovation z; the statistic is yᵀ (C + 1/jump_sd²)⁻¹ y.
     """
-    wx, wy, wz, z = seen[3], seen[4], seen[5], seen[6]
+    wx, wy, wz, z = seen[5], seen[6], seen[7], seen[3]
     keep = 1.0 - 1.0 / MEMORY_ROWS
     watch[0] = a = keep * watch[0] + wx * wx
     watch[1] = b = keep * watch[1] + wy * wy
