@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import agonic as ag
 from agonic.calibration.network import Network
@@ -128,6 +129,26 @@ def test_steady_sensor_raises_no_alarm() -> None:
     retrainer = Retrainer(ground, RetrainerParams(window_n=1500))
     streamed(retrainer, made, 1000)
     assert {one.why for one in retrainer.retrainings} == {"period"}
+
+
+@pytest.mark.parametrize("kept", [0.9, 0.97])
+def test_noise_with_memory_is_no_change(kept: float) -> None:
+    """Nothing says at first how long residuals last; the readings before an alarm do."""
+    for seed in range(6):
+        made = simulate_paper(90.0, directions="space", noise=1e-6, seed=seed)
+        early = made.samples.time < CHANGE_S
+        response = np.linalg.lstsq(
+            np.column_stack([made.field, np.ones(len(early))])[early],
+            made.samples.field[early],
+            rcond=None,
+        )[0]
+        steady = np.column_stack([made.field, np.ones(len(early))]) @ response
+        stirred = np.random.default_rng(seed).normal(size=(len(early) + 300, 3))
+        noise = lfilter([np.sqrt(1 - kept**2)], [1.0, -kept], stirred, axis=0)[300:]
+        made = spoilt(made, np.arange(len(early)), raw=lambda _, r=steady + 2.0 * noise: r)
+        retrainer = Retrainer(ground_of(made.select(slice(0, 3000)), seed=seed), PARAMS)
+        streamed(retrainer, made.select(slice(3000, None)), 250)
+        assert {one.why for one in retrainer.retrainings} == {"period"}
 
 
 def test_affine_step_keeps_what_the_network_had_learned() -> None:

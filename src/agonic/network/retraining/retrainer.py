@@ -142,10 +142,25 @@ class Retrainer(Judged):
         )
         state = replace(state, watch=seen.sums)
         state = schedule.take_rows(state, params, piece.select(slice(0, seen.rows)))
-        if seen.alarmed:
-            state = replace(state, onset=max(state.n - seen.age, state.first))
+        if not seen.alarmed:
+            self.state = state
+            return seen.rows, False
+        onset = max(state.n - seen.age, state.first)
+        if not state.retrainings:  # from then on the correlation is that of unseen readings
+            state = schedule.doubt_alarm(state, self._measure_correlation(state, onset))
         self.state = state
-        return seen.rows, seen.alarmed
+        alarmed = bool((state.watch.size > params.alarm).any())
+        if alarmed:
+            self.state = replace(state, onset=onset)
+        return seen.rows, alarmed
+
+    @staticmethod
+    def _measure_correlation(state: RetrainerState, onset: int) -> float:
+        """How many residuals in a row counted as one before reading number `onset`."""
+        before = onset - state.first
+        rows = state.window.select(slice(0, before if before >= schedule.TELLING else None))
+        left = compute_errors(correct(state.running, rows), rows.wanted)
+        return acceptance.estimate_noise(left)[1]
 
     def _run_due(self, why: Why) -> list[Retraining]:
         """The retraining that is due, unless an alarm turns out too faint for one."""

@@ -26,6 +26,10 @@ GROWTH = 1.25
 full: what few readings showed of it need not hold for the next ones."""
 
 
+TELLING = 100
+"""Readings before an alarm from which on they say how long residuals last."""
+
+
 class Due(NamedTuple):
     """The row after which something is due, and why."""
 
@@ -43,7 +47,7 @@ def find_due(state: RetrainerState, params: RetrainerParams, time: Array) -> Due
     if state.onset is not None:
         why, row = "change", state.onset + state.wait - state.n - 1
     elif state.early:
-        why, row = "change", full
+        row = full
     elif state.settling is not None:
         why, row = "settling", min(state.since_n + state.settling - state.n - 1, full)
     else:
@@ -120,6 +124,15 @@ def reschedule(state: RetrainerState, params: RetrainerParams) -> RetrainerState
         due_n=np.inf if every_n is None else state.n + every_n,
         due_time=np.inf if every_s is None else state.time + every_s,
     )
+
+
+def doubt_alarm(state: RetrainerState, correlation: float) -> RetrainerState:
+    """The state after an alarm, with the correlation of the residuals before it: where they last
+    longer than was known, the sums count for less, and it may have been none."""
+    if correlation <= state.correlation:
+        return state
+    size = state.watch.size * (state.correlation / correlation)
+    return replace(state, correlation=correlation, watch=state.watch._replace(size=size))
 
 
 def bring_forward(state: RetrainerState) -> RetrainerState:
