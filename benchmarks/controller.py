@@ -8,11 +8,15 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from tests.exports.processors import PROCESSORS, Processor
+from tests.exports.test_c_tracker import MODELS
 from tests.exports.test_firmware import CHAMBER, COUNTS, HARD, WARM
+from tests.inflight.test_tracking import orbiting
 
 import agonic as ag
 from agonic.calibration.setup import Setup
 from agonic.exports.firmware import declination_grid, write_firmware
+from agonic.exports.firmware.tracker import write_tracker
+from agonic.inflight.tracking import Tracker
 from agonic.network.simulate import simulate_paper
 from benchmarks.tables import markdown
 
@@ -91,6 +95,20 @@ CASES = (
         CALL_CHAIN,
         HELD_CHAIN,
     ),
+    *(
+        Case(
+            f"tracker, {words}",
+            (f"{name}_tracker.c",),
+            f"{name}_tracker",
+            f"#include <math.h>\n{RAW}\nstatic float size;\nstatic {name}_tracker tracker;",
+            f"    {name}_tracker_update(&tracker, 1.0f, raw, size);",
+            f"{HELD_RAW} + sizeof size",
+            f"    {name}_tracker_begin(&tracker);\n"
+            f"    {name}_tracker_correct(&tracker, raw, field);\n"
+            "    size = sqrtf(field[0] * field[0] + field[1] * field[1] + field[2] * field[2]);",
+        )
+        for name, words in (("bias", "external field and bias"), ("full", "and matrix"))
+    ),
 )
 
 
@@ -154,6 +172,11 @@ def _export(folder: Path) -> None:
     three = Setup(compasses=compasses, horizontal=19e3, vertical=45e3)
     write_firmware(Setup(compasses=(HARD,)), folder / "one", declination=2.5)
     write_firmware(three, folder / "three", declination=grid)
+    for name in ("bias", "full"):
+        samples, known, _, _ = orbiting(0, n=1500)
+        tracker = Tracker(params=replace(MODELS[name], external_sd=20.0, walk=0.5))
+        tracker.update(samples, known)
+        write_tracker(tracker.params, tracker.state, folder, name=name)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from agonic.exports.firmware import DeclinationGrid
 
 Source = Annotated[
-    Path, typer.Argument(metavar="CAL|SETUP", help="A calibration file, or a setup for c.")
+    Path,
+    typer.Argument(
+        metavar="CAL|SETUP|TRACK", help="A calibration file, or for c a setup or a track file."
+    ),
 ]
 
 
@@ -81,7 +84,8 @@ def export(
 ) -> int:
     """Write a calibration in another program's own form, with what that form cannot hold.
 
-    A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading. A
+    A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading; the
+    state file of agonic track becomes C that goes on following the calibration on board. A
     calibration that changes with temperature keeps doing so where the target
     can hold that; for the others say with --temperature where to hold it.
     """
@@ -92,7 +96,11 @@ def export(
     from agonic.files.setup import load_setup
     from agonic.logs.contents import read_bytes
 
-    is_setup = not read_bytes(cal).lstrip().startswith(b"{")
+    content = read_bytes(cal).lstrip()
+    if content.startswith(b'{"schema":"agonic/track-state@'):
+        _report(_export_track(cal, to, out, name), as_json)
+        return 0
+    is_setup = not content.startswith(b"{")
     if (is_setup or whole) and to != "c":
         raise AgonicError(
             f"{to} takes one calibration and not a setup; export the calibration files that the "
@@ -123,6 +131,20 @@ def export(
         )
     _report(written, as_json)
     return 0
+
+
+def _export_track(state: Path, to: str, out: Path | None, name: str | None) -> Export:
+    """What goes on following a calibration; other targets hold the calibration of a moment."""
+    from agonic.exports.firmware.tracker import write_tracker
+    from agonic.inflight.tracking import Tracker
+
+    if to != "c":
+        raise AgonicError(
+            f"{to} cannot follow a calibration; use --to c, or save the calibration of this "
+            "moment (Tracker.resume(...).calibration) and export that"
+        )
+    tracker = Tracker.resume(state)
+    return write_tracker(tracker.params, tracker.state, out or state.with_suffix(""), name=name)
 
 
 def _placed(
