@@ -30,6 +30,8 @@ TESTS = 24
 ELAPSED_S = 0.5
 SHARE = 0.02
 """Of a standard error: what the self-test allows the bias and the standard error itself."""
+PARTS = tuple(f"tracker/{part}" for part in ("start", "filter", "jump", "calls", "save"))
+"""The templates of the source, in order."""
 UNKNOWNS = {
     4: "external field, bias",
     7: "external field, bias, diagonal of the matrix",
@@ -77,8 +79,9 @@ def write_tracker(
     values = _common(state, prefix) | _model(model) | _numbers(state) | _known(state, model)
     values["identity"] = str(crc32(repr(sorted(values.items())).encode()))
     texts = {
-        f"{prefix}_tracker{end}": fill_template(f"tracker{end}.in", values)
-        for end in (".h", ".c", "_selftest.c")
+        f"{prefix}_tracker.h": fill_template("tracker/header.h.in", values),
+        f"{prefix}_tracker.c": "\n".join(fill_template(f"{p}.c.in", values) for p in PARTS),
+        f"{prefix}_tracker_selftest.c": fill_template("tracker/selftest.c.in", values),
     }
     place = make_folder(folder)
     files = tuple(write_atomically(place / file, text) for file, text in texts.items())
@@ -120,7 +123,7 @@ def _common(state: TrackerState, name: str) -> dict[str, str]:
 def _write_turn(state: TrackerState) -> str:
     """The C that turns the field of the symmetric matrix into that of the calibration's gauge."""
     rotation = {"rotation": write_array(state.turned.rotation)}
-    return fill_template(f"turn_{state.base.gauge}.c.in", rotation)
+    return fill_template(f"tracker/turn_{state.base.gauge}.c.in", rotation)
 
 
 def _model(model: kalman.Model) -> dict[str, str]:
