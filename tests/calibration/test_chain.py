@@ -81,3 +81,30 @@ def test_steps_must_meet() -> None:
         ag.Chain(steps=(MOUNTING, PLAIN))
     with pytest.raises(ag.UnitError, match="nT into raw"):
         ag.Chain(steps=(PLAIN, ag.Alignment(rotation=Rotation.identity(), unit_in="raw")))
+
+
+def test_its_uncertainty_is_the_scatter_of_many_draws() -> None:
+    """Of a bias and matrix, and of the mounting behind them."""
+    rng = np.random.default_rng(3)
+    own = ag.Affine(
+        bias=[400.0, -300.0, 100.0],
+        matrix=np.eye(3) + 0.05 * rng.standard_normal((3, 3)),
+        covariance=np.diag([9.0, 16.0, 25.0, *([1e-8] * 9)]),
+        gauge="free",
+    )
+    turn = ag.Alignment(
+        rotation=Rotation.from_rotvec([0.3, -0.4, 1.1]),
+        covariance=np.diag([1e-8, 4e-8, 9e-8]),
+        frame_in="m",
+    )
+    raw = np.array([[20_000.0, -30_000.0, 25_000.0]])
+    drawn = []
+    for _ in range(4000):
+        off = rng.standard_normal(12) * np.sqrt(np.diag(own.covariance))
+        matrix = own.matrix + off[3:].reshape(3, 3)
+        field = (raw - own.bias - off[:3]) @ matrix.T
+        wobble = Rotation.from_rotvec(rng.standard_normal(3) * np.sqrt(np.diag(turn.covariance)))
+        drawn.append((wobble * turn.rotation).apply(field)[0])
+    expected = np.cov(np.array(drawn).T)
+    found = ag.Chain(steps=(own, turn)).uncertainty(raw)[0]
+    assert np.abs(found - expected).max() < 0.08 * np.abs(expected).max()

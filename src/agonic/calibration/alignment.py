@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.errors import AgonicError
+from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
 
 
@@ -17,7 +19,8 @@ from agonic.provenance import Provenance
 class Alignment:
     """The mounting of a sensor, field_out = rotation.apply(field_in).
 
-    `covariance` (3, 3) is that of the rotation vector, rad²; frames are letters.
+    `covariance` (3, 3) is that of the rotation vector, rad², axes of `frame_out`; frames are
+    letters.
 
     >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True), frame_out="b")
     >>> turn.correct([[1.0, 0.0, 0.0]]).round(12)
@@ -46,6 +49,19 @@ class Alignment:
         Parameters: raw (…, 3) in `unit_in`; columns (…), not used.
         """
         return np.asarray(np.asarray(raw, dtype=np.float64) @ self.rotation.as_matrix().T)
+
+    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """Covariance (n, 3, 3) of the turned field that the rotation itself contributes.
+
+            [B×] C [B×]ᵀ,   B the field in the axes of `frame_out`, C its covariance
+
+        Parameters: raw (n, 3) in `unit_in`; columns (n,), not used. Raises `AgonicError` where the
+        covariance is not known.
+        """
+        if self.covariance is None:
+            raise AgonicError("this alignment carries no covariance; fit it again with agonic")
+        across = skew(np.atleast_2d(self.correct(raw)))
+        return np.asarray(across @ self.covariance @ np.swapaxes(across, -1, -2))
 
     @property
     def equation(self) -> str:

@@ -68,6 +68,23 @@ class Chain:
             values = step.correct(values, **columns)
         return values
 
+    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """Covariance (n, 3, 3) of the field that all steps together contribute.
+
+            C ← M C Mᵀ + C_step,   M = ∂correct/∂raw of each step in turn
+
+        Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`. Raises
+        `AgonicError` where a step carries no covariance.
+        """
+        values = np.atleast_2d(np.asarray(raw, dtype=np.float64))
+        covariance = np.zeros((len(values), 3, 3))
+        for step in self.steps:
+            slope = _slope(step, values, columns)
+            covariance = slope @ covariance @ np.swapaxes(slope, -1, -2)
+            covariance = covariance + step.uncertainty(values, **columns)
+            values = step.correct(values, **columns)
+        return covariance
+
     def at(self, temperature_C: float) -> Chain:
         """The chain that this is while the temperature stays at a value, °C.
 
@@ -178,6 +195,17 @@ class Chain:
     def equation(self) -> str:
         """The steps in words, in order."""
         return "; then ".join(step.equation for step in self.steps)
+
+
+def _slope(step: Calibration, values: Array, columns: dict[str, ArrayLike]) -> Array:
+    """∂correct/∂raw (n, 3, 3) of a step, by central differences: exact where it is linear."""
+    small = 1e-3 * max(float(np.abs(values).max(initial=0.0)), 1.0)
+    moved = [
+        step.correct(values + small * axis, **columns)
+        - step.correct(values - small * axis, **columns)
+        for axis in np.eye(3)
+    ]
+    return np.asarray(np.stack(moved, axis=-1) / (2 * small))
 
 
 def _inverse(matrix: Array) -> Array:

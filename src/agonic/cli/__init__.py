@@ -23,6 +23,7 @@ GROUPS = {
     "Heading": {
         "heading": "agonic.headings.commands.heading",
         "field": "agonic.cli.field",
+        "direction": "agonic.alignment.commands.direction",
     },
     "Missions": {
         "track": "agonic.inflight.commands.track",

@@ -37,6 +37,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic field --at 47.4,8.5,450 --date 2026-03-01",
         "agonic field --points sites.csv -o field.csv",
     ),
+    "agonic direction": (
+        "agonic direction cal.json night -o field.csv",
+        "agonic direction cal.json orbit.csv --stars star.csv --across 3 --about 20 -o field.csv",
+    ),
     "agonic track": (
         "agonic track pass1.csv --state state.json --ground mag.json",
         "agonic track pass2.csv --state state.json --report pass2.html",

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import StarReadings
@@ -38,11 +39,13 @@ _LENGTH = 1e-3
 """How far a unit quaternion's length may be from one."""
 
 
-def read_stars(path: Path, turns: Turns = "ci") -> StarReadings:
+def read_stars(path: Path, turns: Turns = "ci", *, numbered: bool = True) -> StarReadings:
     """The attitudes in a table, times as they stand there.
 
     `turns` says what a quaternion does to components: "ci" takes inertial ones into the star
-    sensor's, "ic" the other way. Raises `LogError` naming the row or the columns that are missing.
+    sensor's, "ic" the other way. A table that is not `numbered` may lack the orientations: then the
+    platform moved, and all rows are one. Raises `LogError` naming the row or the columns that are
+    missing.
 
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
@@ -53,15 +56,25 @@ def read_stars(path: Path, turns: Turns = "ci") -> StarReadings:
     [0.0, 1.0, 0.0]
     """
     table = _table(path)
-    orientation = _numbers(table, _one_of(table, NUMBERS, "the orientation's number", path), path)
-    if (orientation != np.round(orientation)).any():
-        raise LogError("orientations are whole numbers", path=path)
+    time = _times(table, path)
     return StarReadings(
-        time=_times(table, path),
-        orientation=orientation.astype(np.int64),
+        time=time,
+        orientation=_orientations(table, path, len(time), numbered),
         rot_ci=_attitudes(table, turns, path),
         covariance=_covariances(table, path),
     )
+
+
+def _orientations(
+    table: dict[str, list[str]], path: Path, n: int, numbered: bool
+) -> NDArray[np.int64]:
+    """The number of each row's orientation; 0 throughout where the table may lack it."""
+    if not numbered and not set(NUMBERS) & set(table):
+        return np.zeros(n, dtype=np.int64)
+    number = _numbers(table, _one_of(table, NUMBERS, "the orientation's number", path), path)
+    if (number != np.round(number)).any():
+        raise LogError("orientations are whole numbers", path=path)
+    return number.astype(np.int64)
 
 
 def _table(path: Path) -> dict[str, list[str]]:

@@ -1,0 +1,124 @@
+"""`agonic direction ALIGNMENT LOG -o OUT`: where the field points, among the stars and here."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agonic.console.options import At, Json, Report, Sensor, Unit
+from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.alignment.session import Site, StarReadings
+    from agonic.samples import Samples
+
+Effect = Annotated[
+    str, typer.Option(metavar="EFFECT", help="In the attitudes: present or removed.")
+]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Register the command."""
+    app.command("direction")(direction)
+
+
+def direction(
+    alignment: Annotated[
+        Path, typer.Argument(metavar="ALIGNMENT", help="Calibration of agonic fit alignment.")
+    ],
+    log: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Readings; or a session.toml, or its folder.")
+    ],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="CSV file to write.")],
+    stars: Annotated[
+        Path | None, typer.Option(metavar="TABLE", help="Attitudes of the star sensor.")
+    ] = None,
+    turns: Annotated[
+        str, typer.Option(metavar="SENSE", help="Quaternions: ci (inertial into sensor) or ic.")
+    ] = "ci",
+    across: Annotated[
+        float | None,
+        typer.Option(metavar="ARCSEC", help="Error of an attitude across the boresight."),
+    ] = None,
+    about: Annotated[
+        float | None, typer.Option(metavar="ARCSEC", help="And about the boresight.")
+    ] = None,
+    refraction: Effect = "removed",
+    aberration: Effect = "removed",
+    at: At = None,
+    gap: Annotated[
+        float | None,
+        typer.Option("--gap", metavar="S", help="Do not join attitudes further apart."),
+    ] = None,
+    noise: Annotated[
+        float | None, typer.Option("--noise", metavar="NT", help="Of one reading on one axis.")
+    ] = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    report: Report = None,
+    as_json: Json = False,
+) -> int:
+    """Find where the field points at each reading: star sensor, celestial, Earth and local axes.
+
+    Writes the vector in all four, right ascension and declination of where it points, magnetic
+    declination and inclination, and their standard errors.
+    """
+    from agonic.alignment.direction import field_direction
+    from agonic.alignment.direction.document import describe_direction
+    from agonic.alignment.files.read_session import FILE_NAME, read_session
+    from agonic.alignment.files.write_direction import write_direction
+    from agonic.calibration.chain import require_calibration
+    from agonic.console.finish import finish
+    from agonic.console.sensors import open_sensor
+    from agonic.files.calibration import load
+
+    known = require_calibration(load(alignment))
+    site: Site | None
+    if log.is_dir() or log.name == FILE_NAME:
+        session = read_session(log)
+        samples, attitudes, site = session.magnetometer, session.star, session.site
+        noise = session.noise if noise is None else noise
+    else:
+        samples, site = open_sensor(log, sensor, unit, None), _make_site(at)
+        attitudes = _read_attitudes(stars, turns, across, about, samples)
+        attitudes = replace(attitudes, refraction=refraction, aberration=aberration)
+    found = field_direction(known, samples, attitudes, site, noise=noise, gap_s=gap)
+    files = [write_direction(found, out)]
+    return finish(describe_direction(found), files=files, report=report, as_json=as_json)
+
+
+def _make_site(at: str | None) -> Site | None:
+    """The place on the command line, its coordinates along the plumb line."""
+    from agonic.alignment.session import Site
+    from agonic.console.parse import parse_position
+
+    if at is None:
+        return None
+    latitude, longitude, *_ = parse_position(at)
+    return Site(latitude_deg=latitude, longitude_deg=longitude)
+
+
+def _read_attitudes(
+    table: Path | None, turns: str, across: float | None, about: float | None, samples: Samples
+) -> StarReadings:
+    """The star sensor's attitudes, with the errors that its table or the command line states."""
+    import numpy as np
+
+    from agonic.alignment.files.star_table import make_diagonal, read_stars
+    from agonic.errors import check_choice
+
+    if table is None:
+        raise AgonicError(
+            f"{samples.name} has no attitudes of a star sensor: give its table with --stars"
+        )
+    check_choice("turns", turns, ("ci", "ic"))
+    read = read_stars(table, turns, numbered=False)  # type: ignore[arg-type]
+    if (across is None) != (about is None):
+        raise AgonicError("--across and --about go together")
+    if read.covariance is not None or across is None or about is None:
+        return read
+    ones = np.ones(len(read))
+    return replace(read, covariance=make_diagonal(across * ones, about * ones))

@@ -1,0 +1,273 @@
+"""The direction of the field at every reading, from an alignment and attitudes among the stars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from agonic.alignment.direction.result import FieldDirection
+from agonic.alignment.maths.interpolation import interpolate_attitudes
+from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
+from agonic.alignment.session.observed import average_attitudes
+from agonic.alignment.session.session import PRESENT, Site, StarReadings, compute_unix_s
+from agonic.arrays import Array
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import select_columns
+from agonic.calibration.chain import AnyCalibration, find_step, require_calibration, steps_of
+from agonic.errors import AgonicError, FrameError
+from agonic.maths.rotations.frames import rot_en
+from agonic.maths.rotations.vectors import skew
+from agonic.samples import Samples
+
+_GAPS = 5.0
+"""Attitudes further apart than so many times their usual interval are not joined."""
+
+
+def field_direction(
+    alignment: AnyCalibration,
+    samples: Samples,
+    stars: StarReadings,
+    site: Site | None = None,
+    *,
+    noise: float | None = None,
+    gap_s: float | None = None,
+    earth: EarthRotation | None = None,
+) -> FieldDirection:
+    """The field in the axes of the stars, of the Earth and of the place, a row a reading.
+
+        B_c = R_cm W (raw − b),   B_i = R_icᵀ… B_c,   B_e = R_ei B_i,   B_n = R_neᵀ B_e
+
+    with the attitude R_ci interpolated to the reading's moment. The standard errors have those of
+    the alignment and calibration, of the attitude, and the noise of a reading.
+
+    Parameters
+    ----------
+    alignment : `Alignment` or `Chain` into the axes of the star sensor, from `fit_alignment`.
+    samples : (n,) readings of the magnetometer, with dates.
+    stars : (m,) attitudes, in order of time; a covariance is needed.
+    site : where the instruments stand. Without, the samples' own positions give north, east and
+        down (square to the ellipsoid), and without those there is none.
+    noise : standard deviation of one reading on one axis, nT; `None`: the calibration's own, or 0.
+    gap_s : attitudes further apart are not joined; `None`: five times their usual interval.
+    earth : the table of the Earth's rotation; `None`: the installed one.
+
+    Returns a `FieldDirection`; readings without attitude are left out and counted. Raises
+    `AgonicError` where none is left or the attitudes' errors are not known, `FrameError` where the
+    alignment ends in other axes than c, and `ValidityError` outside the table of the Earth's
+    rotation.
+
+    Source: CN108871301B, equations 1 to 9; IERS Conventions (2010), chapter 5.
+
+    >>> import agonic as ag
+    >>> night = ag.simulate_session(seed=1).session
+    >>> fit = ag.fit_alignment(night)
+    >>> found = field_direction(fit.calibration, night.magnetometer, night.star, night.site)
+    >>> len(found), round(float(found.declination_deg.mean()), 1)
+    (456, 4.2)
+    """
+    known = _require_into_stars(alignment)
+    gap = _choose_gap(stars) if gap_s is None else gap_s
+    found = _compute(known, samples, stars, site, noise, gap, earth or load_earth_rotation())
+    if found is None:
+        moments = compute_unix_s(samples)
+        raise AgonicError(
+            f"none of {len(samples)} readings has an attitude: the readings run from "
+            f"{moments.min():.1f} to {moments.max():.1f} and the attitudes from "
+            f"{stars.time[0]:.1f} to {stars.time[-1]:.1f} UTC seconds since 1970; check dates and "
+            "time zones, or allow longer gaps"
+        )
+    return found
+
+
+def follow_direction(
+    alignment: AnyCalibration,
+    batches: Iterable[tuple[Samples, StarReadings]],
+    site: Site | None = None,
+    *,
+    noise: float | None = None,
+    gap_s: float,
+    earth: EarthRotation | None = None,
+) -> Iterator[FieldDirection]:
+    """`field_direction` as readings and attitudes come in, batch by batch.
+
+    A reading waits until an attitude after it has come; readings that have none are left out. The
+    vectors are those of `field_direction` on all batches together. So are the standard errors,
+    unless the platform's rate changes just where a batch ends.
+
+    Parameters
+    ----------
+    alignment, site, noise, earth : as for `field_direction`.
+    batches : pairs of new readings (n,) and new attitudes (m,), each in order of time.
+    gap_s : attitudes further apart are not joined.
+
+    Yields a `FieldDirection` for readings that have become complete. Raises as `field_direction`.
+
+    >>> import agonic as ag
+    >>> night = ag.simulate_session(seed=1).session
+    >>> turn = ag.fit_alignment(night).calibration
+    >>> batches = [(night.magnetometer, night.star)]
+    >>> sum(len(part) for part in follow_direction(turn, batches, night.site, gap_s=30.0))
+    456
+    """
+    known, table = _require_into_stars(alignment), earth or load_earth_rotation()
+    waiting: list[Samples] = []
+    stars: StarReadings | None = None
+    for samples, read in batches:
+        stars = read if stars is None else _join(stars, read)
+        later = []
+        for part in (*waiting, samples):
+            ready = compute_unix_s(part) <= stars.time[-1]
+            if ready.any():
+                now = part.select(np.flatnonzero(ready))
+                found = _compute(known, now, stars, site, noise, gap_s, table)
+                if found is not None:
+                    yield found
+            if not ready.all():
+                later.append(part.select(np.flatnonzero(~ready)))
+        waiting, stars = later, _select(stars, slice(-3, None))
+
+
+def _require_into_stars(alignment: AnyCalibration) -> AnyCalibration:
+    """The calibration, which must end in the axes of a star sensor."""
+    known = require_calibration(alignment)
+    if known.frame_out != "c":
+        raise FrameError(
+            "the direction of the field needs an alignment with a star sensor (agonic fit "
+            "alignment)",
+            left=known.frame_out,
+            right="c",
+        )
+    return known
+
+
+def _compute(
+    known: AnyCalibration,
+    samples: Samples,
+    stars: StarReadings,
+    site: Site | None,
+    noise: float | None,
+    gap_s: float,
+    earth: EarthRotation,
+) -> FieldDirection | None:
+    """The direction at the readings that have an attitude, or `None` where none has."""
+    moments = compute_unix_s(samples)
+    attitudes, covariance = _straighten(stars, site, earth), _require_covariance(stars)
+    rows, rot_ci, spread = interpolate_attitudes(
+        moments, stars.time, attitudes, covariance, stars.orientation, gap_s
+    )
+    if not len(rows):
+        return None
+    seen, time = samples.select(rows), moments[rows]
+    field_c, common, notes = _correct(known, seen)
+    white = _choose_noise(known, noise) ** 2 * np.eye(3)
+    across = skew(field_c)
+    random = across @ spread @ np.swapaxes(across, 1, 2) + white
+    rot_ic, rot_ei = np.swapaxes(rot_ci, 1, 2), earth.rot_ei(time)
+    field_i, covariance_i = _turn(rot_ic, field_c), _turn_covariance(rot_ic, common + random)
+    rot_ne = _find_level_axes(seen, site)
+    rot_ni = None if rot_ne is None else rot_ne @ rot_ei
+    if rot_ne is None:
+        notes += ("no place is known, so north, east and down are not",)
+    return FieldDirection(
+        rows=rows,
+        time=time,
+        field_c=field_c,
+        field_i=field_i,
+        field_e=_turn(rot_ei, field_i),
+        field_n=None if rot_ni is None else _turn(rot_ni, field_i),
+        covariance_i=covariance_i,
+        covariance_n=None if rot_ni is None else _turn_covariance(rot_ni, covariance_i),
+        random_covariance_i=_turn_covariance(rot_ic, random),
+        left_out=len(samples) - len(rows),
+        sensor=samples.name,
+        notes=notes,
+    )
+
+
+def _straighten(stars: StarReadings, site: Site | None, earth: EarthRotation) -> Array:
+    """Attitudes with refraction and aberration taken out, which needs the site."""
+    if PRESENT not in (stars.refraction, stars.aberration):
+        return stars.rot_ci
+    if site is None:
+        raise AgonicError(
+            "refraction or aberration is still in the attitudes; the place is needed to take it out"
+        )
+    return average_attitudes(site, stars, earth)[0]
+
+
+def _require_covariance(stars: StarReadings) -> Array:
+    if stars.covariance is None:
+        raise AgonicError(
+            "how sure the attitudes are is not known; give the standard errors of one attitude "
+            "across and about the boresight (across_sd_arcsec, about_sd_arcsec)"
+        )
+    return stars.covariance
+
+
+def _choose_gap(stars: StarReadings) -> float:
+    """Several times the usual interval of the attitudes within an orientation, s."""
+    same = np.diff(stars.orientation) == 0
+    steps = np.diff(stars.time)[same]
+    return _GAPS * float(np.median(steps)) if len(steps) else np.inf
+
+
+def _correct(known: AnyCalibration, samples: Samples) -> tuple[Array, Array, tuple[str, ...]]:
+    """The field (n, 3) in star sensor axes, its covariance, and what is not in that."""
+    columns, raw = select_columns(known, samples), samples.field
+    field = known.correct(raw, **columns)
+    bare = [step.kind for step in steps_of(known) if step.covariance is None]
+    if bare:
+        lacking = f"the standard errors leave out those of {' and '.join(bare)}: it states none"
+        return field, np.zeros((len(raw), 3, 3)), (lacking,)
+    return field, known.uncertainty(raw, **columns), ()
+
+
+def _choose_noise(known: AnyCalibration, noise: float | None) -> float:
+    """Standard deviation of one reading on one axis, nT: given, or the calibration's own."""
+    own = find_step(known, Affine)
+    if noise is not None or own is None or own.noise is None:
+        return noise or 0.0
+    return own.noise * float(np.cbrt(abs(np.linalg.det(own.matrix))))
+
+
+def _find_level_axes(samples: Samples, site: Site | None) -> Array | None:
+    """Earth-fixed components into north, east, down: (3, 3) of a site, (n, 3, 3) under way."""
+    if site is not None:
+        return rot_en(site.latitude_deg, site.longitude_deg).T
+    if samples.latitude_deg is None or samples.longitude_deg is None:
+        return None
+    return np.swapaxes(rot_en(samples.latitude_deg, samples.longitude_deg), 1, 2)
+
+
+def _turn(rotation: Array, vectors: Array) -> Array:
+    """Rotations (n, 3, 3) of vectors (n, 3)."""
+    return np.asarray(np.einsum("nij,nj->ni", rotation, vectors))
+
+
+def _turn_covariance(rotation: Array, covariance: Array) -> Array:
+    """Covariances (n, 3, 3) in the axes that rotations (n, 3, 3) lead to."""
+    return np.asarray(rotation @ covariance @ np.swapaxes(rotation, 1, 2))
+
+
+def _join(before: StarReadings, after: StarReadings) -> StarReadings:
+    """Attitudes with those that came later."""
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(before, name), getattr(after, name)])
+        for name in ("time", "orientation", "rot_ci")
+    }
+    both = (_require_covariance(before), _require_covariance(after))
+    return replace(after, **joined, covariance=np.concatenate(both))
+
+
+def _select(stars: StarReadings, rows: slice) -> StarReadings:
+    """Some of the attitudes."""
+    return replace(
+        stars,
+        time=stars.time[rows],
+        orientation=stars.orientation[rows],
+        rot_ci=stars.rot_ci[rows],
+        covariance=_require_covariance(stars)[rows],
+    )

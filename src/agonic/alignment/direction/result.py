@@ -1,0 +1,142 @@
+"""`FieldDirection`: where the field points, in every system of axes, and how surely."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.maths.rotations.frames import ARCSEC_RAD
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldDirection:
+    """The field at each moment, nT, a row a reading that has an attitude.
+
+    Parameters
+    ----------
+    rows : (n,) which readings; the others have no attitude. time : (n,) UTC seconds since 1970.
+    field_c : (n, 3) in the axes of the star sensor, or of the platform. field_i : celestial
+        (GCRS, J2000 to 0.02″). field_e : Earth-fixed (ITRS). field_n : north-east-down, or `None`
+        where no place is known.
+    covariance_i : (n, 3, 3) nT², celestial axes: alignment, calibration, attitude and noise.
+    covariance_n : the same in north-east-down axes. random_covariance_i : attitude and noise alone,
+        new in every row; the rest is common to all and does not average out.
+    left_out : how many readings have no attitude. notes : sentences on what was taken for granted.
+    """
+
+    rows: Index
+    time: Array
+    field_c: Array
+    field_i: Array
+    field_e: Array
+    covariance_i: Array
+    random_covariance_i: Array
+    field_n: Array | None = None
+    covariance_n: Array | None = None
+    left_out: int = 0
+    sensor: str = "mag"
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def magnitude(self) -> Array:
+        """|B| (n,), nT."""
+        return np.asarray(np.linalg.norm(self.field_i, axis=1))
+
+    @property
+    def ra_deg(self) -> Array:
+        """Right ascension (n,) of where the field points among the stars, 0…360°."""
+        return np.asarray(np.degrees(np.arctan2(self.field_i[:, 1], self.field_i[:, 0])) % 360)
+
+    @property
+    def dec_deg(self) -> Array:
+        """Celestial declination (n,) of where the field points."""
+        return np.asarray(np.degrees(np.arcsin(self.field_i[:, 2] / self.magnitude)))
+
+    @property
+    def sd_arcsec(self) -> Array:
+        """Standard error (n,) of the direction, across it where it is known least."""
+        return _compute_across_sd(self.field_i, self.covariance_i)
+
+    @property
+    def random_sd_arcsec(self) -> Array:
+        """The part (n,) of `sd_arcsec` that is new in every row."""
+        return _compute_across_sd(self.field_i, self.random_covariance_i)
+
+    @property
+    def declination_deg(self) -> Array | None:
+        """Magnetic declination D = atan2(E, N) (n,), east positive."""
+        if self.field_n is None:
+            return None
+        return np.asarray(np.degrees(np.arctan2(self.field_n[:, 1], self.field_n[:, 0])))
+
+    @property
+    def inclination_deg(self) -> Array | None:
+        """Inclination I = atan2(Z, H) (n,), down positive."""
+        if self.field_n is None:
+            return None
+        level = np.hypot(self.field_n[:, 0], self.field_n[:, 1])
+        return np.asarray(np.degrees(np.arctan2(self.field_n[:, 2], level)))
+
+    @property
+    def declination_sd_deg(self) -> Array | None:
+        """Standard error (n,) of the declination: ∂D = (−E, N, 0)/H²."""
+        if self.field_n is None or self.covariance_n is None:
+            return None
+        north, east, _ = self.field_n.T
+        slope = np.stack([-east, north, np.zeros_like(north)], axis=1)
+        return _compute_sd_deg(slope / (north**2 + east**2)[:, None], self.covariance_n)
+
+    @property
+    def inclination_sd_deg(self) -> Array | None:
+        """Standard error (n,) of the inclination: ∂I = (−NZ/H, −EZ/H, H)/F²."""
+        if self.field_n is None or self.covariance_n is None:
+            return None
+        north, east, down = self.field_n.T
+        level = np.hypot(north, east)
+        slope = np.stack([-north * down / level, -east * down / level, level], axis=1)
+        return _compute_sd_deg(slope / self.magnitude[:, None] ** 2, self.covariance_n)
+
+    def columns(self) -> dict[str, Array]:
+        """The columns of numbers that are there, by name, in writing order."""
+        named = {"unix_s": self.time}
+        for letter in ("c", "i", "e", "n"):
+            field = getattr(self, f"field_{letter}")
+            if field is not None:
+                named |= {f"field_{letter}{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
+        names = (
+            "ra_deg",
+            "dec_deg",
+            "declination_deg",
+            "inclination_deg",
+            "declination_sd_deg",
+            "inclination_sd_deg",
+            "sd_arcsec",
+            "random_sd_arcsec",
+        )
+        return named | {name: c for name in names if (c := getattr(self, name)) is not None}
+
+
+def _compute_across_sd(field: Array, covariance: Array) -> Array:
+    """The larger standard error across a vector, arcseconds, (n,).
+
+    P C P, P = 1 − u uᵀ, has the eigenvalues t/2 ± √(t²/4 − m) and 0, of trace t and the sum m of
+    its principal minors.
+    """
+    size = np.linalg.norm(field, axis=1)
+    unit = field / size[:, None]
+    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
+    spread = across @ covariance @ across
+    trace = np.trace(spread, axis1=1, axis2=2)
+    minors = (trace**2 - np.einsum("nij,nji->n", spread, spread)) / 2
+    largest = trace / 2 + np.sqrt(np.maximum(trace**2 / 4 - minors, 0.0))
+    return np.asarray(np.sqrt(largest) / size / ARCSEC_RAD)
+
+
+def _compute_sd_deg(slope: Array, covariance: Array) -> Array:
+    """The standard error (n,), degrees, of an angle whose derivative by the field is `slope`."""
+    return np.asarray(np.degrees(np.sqrt(np.einsum("ni,nij,nj->n", slope, covariance, slope))))
