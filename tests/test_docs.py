@@ -81,6 +81,8 @@ def findings_in_the_source() -> dict[str, set[str]]:
     for path in (ROOT / "src" / "agonic").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+                if ast.unparse(node.args[0]) == "check.name":  # verify.md explains the checks
+                    continue
                 if ast.unparse(node.args[0]) == "error.cause":  # one sentence for each of CAUSES
                     found |= {cause: {"check", "note"} for cause in CAUSES}
                     continue
