@@ -26,11 +26,12 @@ class ColumnNames(SphinxDirective):
 
 def _cells(quantity: Quantity) -> Iterator[str]:
     """Canonical header, aliases and units of a quantity."""
-    axes = "xyz" if quantity.vector else " "
+    axes = quantity.axes.split() or [" "]
     unit = "nT" if quantity.column == "field" else None
     yield ", ".join(f"`{canonical_header(quantity.column, axis.strip(), unit)}`" for axis in axes)
+    preferred = f"; before all others: {quantity.preferred}" if quantity.preferred else ""
     weak = f"; where nothing else is: {quantity.weak}" if quantity.weak else ""
-    yield quantity.aliases + weak
+    yield quantity.aliases + preferred + weak
     yield " ".join((*NANOTESLA_PER, RAW) if quantity.column == "field" else quantity.units)
 
 

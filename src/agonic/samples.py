@@ -257,6 +257,12 @@ def _usable(columns: Mapping[str, Array | None], factor: float) -> tuple[Mask, d
     keep = np.ones(len(present["field"]), dtype=bool)
     rejected: dict[str, int] = {}
     for name, values in present.items():
+        if (
+            len(values)
+            and np.isfinite(extent := max(-values.min(), values.max()))
+            and (name not in ("field", "second") or extent <= LARGEST_FIELD / max(factor, 1.0))
+        ):
+            continue  # a NaN is the least and the greatest of its array
         finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
         if not finite.all():
             rejected[f"NaN or infinite {name}"] = int((keep & ~finite).sum())
@@ -268,7 +274,7 @@ def _usable(columns: Mapping[str, Array | None], factor: float) -> tuple[Mask, d
                 rejected[f"{name} beyond what any sensor gives"] = int((keep & ~sane).sum())
                 keep &= sane
     time = present.get("time")
-    if time is not None and keep.any():
+    if time is not None and keep.any() and not (time[1:] > time[:-1]).all():
         latest = np.maximum.accumulate(np.where(keep, time, -np.inf))
         increasing = np.ones(len(time), dtype=bool)
         increasing[1:] = time[1:] > latest[:-1]

@@ -31,6 +31,7 @@ _SPELLINGS = {
     "µt": "uT",
     "μt": "uT",
     "microtesla": "uT",
+    "microt": "uT",
     "millitesla": "mT",
     "t": "T",
     "tesla": "T",
@@ -46,6 +47,7 @@ _SPELLINGS = {
     "counts": RAW,
     "count": RAW,
     "lsb": RAW,
+    "au": RAW,
 }
 
 

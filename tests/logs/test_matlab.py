@@ -146,3 +146,103 @@ def test_broad_loses_no_reading(recordings):
         lost = int(np.isnan(loadmat(path)["opt_quat"]).any(axis=1).sum())
         assert f"{lost} rows have no optical attitude" in " ".join(samples.notes)
         assert samples.heading_deg is not None
+
+
+def test_structures_with_clocks_and_lengths_of_their_own(tmp_path):
+    """Two magnetometers and an accelerometer, each at its own rate, in structures."""
+    t1, t2, ta = np.arange(20) / 10, np.arange(50) / 25, np.arange(200) / 100
+    first = np.column_stack([np.sin(t1), np.cos(t1), t1])
+    second = np.column_stack([np.cos(t2), np.sin(t2), -t2])
+    acc = np.column_stack([0 * ta, 0 * ta, 9.8 + ta])
+    path = tmp_path / "log.mat"
+    savemat(
+        path,
+        {
+            "left": {"t": t1, "mag_uT": first},
+            "right": {"t": t2, "mag_uT": second},
+            "imu": {"t": ta, "acc_m_s2": acc},
+        },
+    )
+    log = open_log(path)
+    assert [samples.name for samples in log.sensors] == ["left", "right"]
+    for samples, time, field in zip(log.sensors, (t1, t2), (first, second), strict=True):
+        np.testing.assert_allclose(samples.time, time)
+        np.testing.assert_allclose(samples.field, field * 1e3)
+        np.testing.assert_allclose(samples.acceleration[:, 2], 9.8 + time, atol=1e-9)
+
+
+def test_a_lone_matrix_is_taken_for_a_magnetometer_and_says_so(tmp_path):
+    path = tmp_path / "cloud.mat"
+    savemat(path, {"data": FIELD, "n": 5})
+    samples = read(path)
+    np.testing.assert_array_equal(samples.field, FIELD)
+    assert samples.unit == "raw"
+    assert "no column is named for a magnetometer" in " ".join(samples.notes)
+    for other in ({"hard_iron_offset": FIELD}, {"acc": FIELD}, {"one": FIELD, "two": FIELD}):
+        savemat(path, other)
+        with pytest.raises(LogError, match="no magnetometer columns found"):
+            read(path)
+
+
+def test_export_of_mission_planner(tmp_path):
+    """Messages as matrices with labels: the same readings as from the dataflash log."""
+    bias, raw = np.array([120.0, -80.0, 45.0]), FIELD * 10 + 200
+    mag = np.column_stack([np.arange(5) + 7, np.arange(5) * 1e5, raw + bias, np.tile(bias, (5, 1))])
+    labels = ["LineNo", "TimeUS", *(f"Mag{a}" for a in "XYZ"), *(f"Ofs{a}" for a in "XYZ")]
+    att = np.column_stack([np.arange(9), np.arange(9) * 5e4, np.tile([3.0, -4.0, 50.0], (9, 1))])
+    path = tmp_path / "log.mat"
+    cells = {
+        "MAG": mag,
+        "MAG_label": np.array(labels, dtype=object)[:, None],
+        "ATT": att,
+        "ATT_label": np.array(["LineNo", "TimeUS", "Roll", "Pitch", "Yaw"], dtype=object)[:, None],
+        "PARM": np.array([["COMPASS_SCALE", 0.0], ["COMPASS_DIA_X", 0.0]], dtype=object),
+    }
+    savemat(path, cells)
+    log = open_log(path)
+    assert (log.stack, log.sensors[0].name, log.sensors[0].frame) == ("ardupilot", "MAG", "b")
+    samples = log.sensors[0]
+    np.testing.assert_allclose(samples.field, raw * 100)
+    np.testing.assert_allclose(samples.logged.bias, -bias * 100)
+    np.testing.assert_allclose(samples.time, np.arange(5) / 10)
+    np.testing.assert_allclose(samples.heading_deg, 50)
+    assert samples.heading_estimated
+
+
+def test_broad_in_hdf5(tmp_path):
+    """The data set comes as HDF5 too, with its sampling rate beside the arrays."""
+    h5py = pytest.importorskip("h5py")
+    turn = Rotation.from_euler("z", np.linspace(0, 90, 40)[:, None], degrees=True)
+    arrays = {
+        "imu_mag": turn.inv().apply([0.0, 20.0, -40.0]),
+        "imu_acc": np.tile([0, 0, 9.8], (40, 1)),
+        "imu_gyr": np.zeros((40, 3)),
+        "opt_quat": turn.as_quat(scalar_first=True),
+        "movement": np.ones(40, bool),
+    }
+    for rate_in_attribute in (True, False):
+        path = tmp_path / f"trial_{rate_in_attribute}.hdf5"
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
+            if rate_in_attribute:
+                file.attrs["sampling_rate"] = 2000 / 7
+            else:
+                file["sampling_rate"] = 2000 / 7
+        samples = read(path)
+        np.testing.assert_allclose(np.diff(samples.time), 7 / 2000, atol=1e-12)
+        north = ned_from_sensor(samples).apply(np.array(samples.field))
+        np.testing.assert_allclose(north, np.tile([20_000, 0, 40_000], (40, 1)), atol=1e-6)
+
+
+@pytest.mark.recordings
+def test_recorded_matrices_of_one_sensor_a_file(recordings):
+    """HMC5883L as (n, 4), the time first; the file of the accelerometer is refused."""
+    samples = read(recordings / "imu/hmc5883l_compass.mat", unit="G")
+    assert len(samples) > 8100
+    np.testing.assert_allclose(
+        samples.field[0], np.array([0.24128440, -0.33761468, -0.38899083]) * 1e5, rtol=1e-6
+    )
+    assert samples.time[1] - samples.time[0] == pytest.approx(0.0022908, abs=1e-6)
+    with pytest.raises(LogError, match="no magnetometer columns found"):
+        read(recordings / "imu/mpu6050_accelerometer.mat")

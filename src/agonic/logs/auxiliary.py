@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
-from agonic.logs.columns import Column, Identified
+from agonic.logs.columns import FALLBACK, Column, Identified
 from agonic.logs.quantities import Linear
 from agonic.logs.resample import resample
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -42,10 +42,15 @@ RANGES: dict[str, tuple[float, float]] = {
 
 _SLOW = ("temperature", "latitude_deg", "longitude_deg", "altitude_m")
 _REACH_S = dict.fromkeys(_SLOW, 60.0)
-"""How far recorded neighbours may be from a row that is filled from them."""
 SHORT_REACH_S = 0.5
 _FEW = 0.01
 """Share of the readings that a column may still cost after its short holes are filled."""
+
+
+def find_reach(column: str) -> float:
+    """How far, s, recorded neighbours may be from a row that is filled from them."""
+    return _REACH_S.get(column, SHORT_REACH_S)
+
 
 _GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
 
@@ -104,9 +109,11 @@ def convert_column(
         return None, (f"{quantity.name} left out: {remark}",)
     factor, offset = scale
     ours = values * factor + offset
+    if axes[min(axes)].rank == FALLBACK and _lacks_gravity(quantity.column, ours):
+        return None, (f"{quantity.name} left out: it is without gravity",)
     low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
     ours[(ours < low) | (ours > high)] = np.nan
-    filled, gaps = _fill_holes(quantity.column, ours, time, readings)
+    filled, gaps = fill_holes(quantity.column, ours, time, readings)
     notes = tuple(f"{quantity.name} {text}" for text in (remark, gaps) if text)
     return (filled if filled is None or quantity.vector else filled[:, 0]), notes
 
@@ -133,6 +140,14 @@ def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | Non
     return (1.0, 0.0), ""
 
 
+def _lacks_gravity(column: str, values: Array) -> bool:
+    """Whether an acceleration, m/s², is much less than that of gravity in most rows."""
+    sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+    if column != "acceleration" or not len(sizes):
+        return False
+    return float(np.median(sizes)) < 0.5 * STANDARD_GRAVITY_M_S2
+
+
 def _find_scale_by_gravity(values: Array) -> tuple[Linear | None, str]:
     """The unit in which the median acceleration is gravity, to 20 %."""
     sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
@@ -143,7 +158,7 @@ def _find_scale_by_gravity(values: Array) -> tuple[Linear | None, str]:
     return None, f"its header names no unit and its size, {median:.4g}, is not that of gravity"
 
 
-def _fill_holes(
+def fill_holes(
     column: str, values: Array, time: Array | None, readings: Mask
 ) -> tuple[Array | None, str]:
     """The values (n, k) with short holes filled, or `None` where too many would be missing."""
@@ -152,8 +167,10 @@ def _fill_holes(
     if not holes.any():
         return values, ""
     near = np.zeros_like(holes)
+    if time is not None:
+        known = known & np.isfinite(time)
     if time is not None and known.any():
-        near = holes & (measure_reach(time, known) <= _REACH_S.get(column, SHORT_REACH_S))
+        near = holes & (measure_reach(time, known) <= find_reach(column))
         fresh = [
             resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
             for v in values.T

@@ -47,7 +47,7 @@ def rename_variables(
     """The variables under names that say their units, with roll, pitch, heading; and notes."""
     seen = np.array(arrays["opt_quat"], dtype=np.float64)
     time = np.arange(len(seen)) / float(arrays["sampling_rate"].reshape(()))
-    moving = np.linalg.norm(arrays["imu_gyr"], axis=1) > _REST_RAD_S
+    moving = np.array(np.linalg.norm(arrays["imu_gyr"], axis=1) > _REST_RAD_S)
     if "movement" in arrays:
         moving |= arrays["movement"].astype(bool)
     held = hold_at_rest(seen, moving)

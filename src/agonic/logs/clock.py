@@ -59,10 +59,10 @@ def _without_unit(numbers: Array) -> Clock:
 
 
 def _is_unix(seconds: Array) -> bool:
-    finite = seconds[np.isfinite(seconds)]
-    if not len(finite):
-        return False
     low, high = _UNIX_SECONDS
+    if not (seconds > low).any():
+        return False
+    finite = seconds[np.isfinite(seconds)]
     step = np.median(np.abs(np.diff(finite))) if len(finite) > 1 else 0.0
     return bool(low < np.median(finite) < high and step <= _LONGEST_STEP_S)
 
@@ -133,7 +133,9 @@ def spread_ties(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     """
     rows = np.flatnonzero(np.isfinite(time))
     ticks = time[rows]
-    still = np.diff(ticks) == 0
+    still = ticks[1:] == ticks[:-1]
+    if still.sum() <= max(_TIED_SHARE * len(ticks), 1):
+        return time, ()
     moved = (np.diff(field[rows], axis=0) != 0).any(axis=1)
     if not (still & moved).sum() > max(_TIED_SHARE * len(ticks), 1):
         return time, ()

@@ -1,40 +1,42 @@
 """Text tables: comma, semicolon, tab or blanks between the cells, with a header or without.
 
-Understood are comments (#, %), a header in the last comment line, lines before the header, quoted
-cells, a decimal comma where the separator is a semicolon or a tab, UTF-8 and UTF-16 with their
-marks, other bytes as Latin-1, and the ends of lines of every system. Three numbers a line without
-a header are a point cloud in raw units. A cell that is no number becomes NaN, and `Samples`
-rejects and counts the row. `columns` tells what the headers mean.
+Understood are comments (#, %), a header in the last comment line, lines before the header and a
+sampling rate in them, a row of units below it, quoted cells, three numbers in one cell, a decimal
+comma where the separator is a semicolon or a tab, UTF-8 and UTF-16 with their marks, Windows-1251
+and GB 18030 where headers make sense in them, other bytes as Latin-1, and the ends of lines of
+every system. Three numbers a line without a header are a point cloud in raw units. A cell that is
+no number becomes NaN, and `Samples` rejects and counts the row. `columns` tells what the headers
+mean. Lines of other kinds (MotionCal, NMEA-like, labelled, tagged) are in `text`.
 """
 
 from __future__ import annotations
 
-import codecs
-import csv
-import math
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import islice
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.columns import find_columns, identify_column, refuse_many
-from agonic.logs.contents import to_number
+from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
+from agonic.logs.text.encoding import normalise
+from agonic.logs.text.layout import (
+    LONGEST_LINE,
+    SAMPLE,
+    Layout,
+    find_layout,
+    is_header,
+    sample_lines,
+    split_cells,
+)
+from agonic.logs.text.numbers import read_numbers, split_rows
 from agonic.provenance import Input
 
-_COMMENT = "#%"
-_SAMPLE = 200
-_BLOCK = 50_000
-"""Rows parsed at once: one bad cell sends its block, not the file, the slow way."""
-_LONGEST_LINE = 1_000_000
+_HEAD = 100_000
 _LABELS = ("date", "sensor", "frame")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
 _MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
@@ -45,137 +47,164 @@ _MOTIONCAL_COLUMNS = {
 }
 """One count of each column of a MotionCal line (PaulStoffregen/MotionCal: imuread.h, where a
 magnetic count is 0.1 µT)."""
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
+_LABELLED = re.compile(
+    rf"(?<![\w.])[\"']?([^\W\d][\w.\[\]/ ]{{0,40}}?)[\"']?\s*[:=]\s*({_NUMBER})(?![\w:])"
+)
+_QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
-    table, facts = read_table(path)
-    return build_log(table, path=path, source=source, unit=unit, **facts)
+    data, notes = normalise(path.read_bytes(), _count_understood)
+    head = _split_head(data)
+    sample = sample_lines(head)
+    rows = [head[i] for i in sample]
+    if _most(rows, lambda line: "$" in line[:40] and "," in line):
+        from agonic.logs.text.sentences import read_sentences
+
+        return read_sentences(data, path, source, notes)
+    if tags := _find_tags(head):
+        from agonic.logs.text.tagged import read_tagged
+
+        return read_tagged(data, tags, path, source, unit, notes)
+    table, facts = _read_lines(data, head, sample)
+    return build_log(
+        table, path=path, source=source, unit=unit, **{**facts, "notes": (*notes, *facts["notes"])}
+    )
 
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
-    lines, notes = _split_lines(path.read_bytes())
-    sample = list(islice((i for i, line in enumerate(lines) if _holds_values(line)), _SAMPLE))
-    if not sample:
-        raise LogError("there are no lines with values in it")
-    if max(len(lines[i]) for i in sample) > _LONGEST_LINE:
-        raise LogError(f"a line is longer than {_LONGEST_LINE} characters: this is no table")
-    if 4 * sum(lines[i].startswith(_MOTIONCAL) for i in sample) > len(sample):
-        table = _read_motioncal([line for line in lines if line.startswith(_MOTIONCAL)])
-        return table, {"format": "MotionCal text", "notes": notes}
-    layout = _find_layout(lines, sample)
-    wanted = find_columns(layout.header)
-    rows = [line for line in islice(lines, layout.start, None) if _holds_values(line)]
+    data, notes = normalise(path.read_bytes(), _count_understood)
+    head = _split_head(data)
+    table, facts = _read_lines(data, head, sample_lines(head))
+    return table, {**facts, "notes": (*notes, *facts["notes"])}
+
+
+def _split_head(data: bytes, start: int = 0) -> list[str]:
+    """The first lines from a byte on, whole."""
+    for size in (_HEAD, 2 * LONGEST_LINE):
+        stop = len(data) if len(data) - start <= size else data.rfind(b"\n", start, start + size)
+        if stop > start and (stop == len(data) or data.count(b"\n", start, stop) >= SAMPLE):
+            break
+    if stop < start:
+        raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
+    return data[start:stop].decode("utf-8", "replace").split("\n")
+
+
+def _count_understood(head: str) -> int:
+    """How many columns of the start of a text make sense."""
+    lines = head.split("\n")
+    try:
+        layout = find_layout(lines, sample_lines(lines))
+        return len(find_columns(layout.header))
+    except (LogError, StopIteration):
+        return 0
+
+
+def _most(rows: Sequence[str], test: Any) -> bool:
+    return bool(rows) and 2 * sum(bool(test(row)) for row in rows) > len(rows)
+
+
+def _find_tags(head: Sequence[str]) -> dict[str, list[str]]:
+    """Headers of rows of several kinds: comments `# Tag,name,name` and rows `Tag,…` below."""
+    headers = {}
+    for line in head:
+        cells = split_cells(line.lstrip("#% "), ",")
+        if line.startswith("#") and len(cells) > 3 and cells[0].isalpha():
+            headers[cells[0]] = cells[1:]
+    begun = {line.partition(",")[0] for line in head if not line.startswith("#")}
+    return (
+        headers
+        if len(begun & set(headers)) > 1 or (begun & set(headers) and len(headers) > 1)
+        else {}
+    )
+
+
+def _read_lines(
+    data: bytes, head: Sequence[str], sample: Sequence[int]
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The columns of lines of one kind, and what to tell of them."""
+    rows = [head[i] for i in sample]
     if not rows:
+        raise LogError("there are no lines with values in it")
+    if max(map(len, rows)) > LONGEST_LINE:
+        raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
+    if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
+        return _read_motioncal(data), {"format": "MotionCal text", "notes": ()}
+    if _most(rows[1:] or rows, lambda line: len(_LABELLED.findall(_QUOTED.sub("", line))) >= 3):
+        return _read_labelled(data), {"format": "labelled text", "notes": ()}
+    layout = find_layout(head, sample)
+    table, others = _read_body(data, _skip_lines(data, layout.start), layout)
+    return table, {"format": "text table", "others": others, "notes": layout.notes}
+
+
+def _skip_lines(data: bytes, count: int) -> int:
+    """The byte at which what comes after so many lines begins."""
+    at = 0
+    for _ in range(count):
+        at = data.find(b"\n", at) + 1 or len(data)
+    return at
+
+
+def _read_body(
+    data: bytes, start: int, layout: Layout
+) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """The columns that are understood, by header, and the headers of the others."""
+    begun = _split_head(data, start)
+    if layout.comma:
+        begun = [line.replace(",", ".") for line in begun]
+    first = [split_cells(begun[i], layout.separator) for i in sample_lines(begun)]
+    if not first:
         raise LogError("there is a header and no row below it")
-    return _make_table(rows, layout.separator, wanted), {
-        "format": "text table",
-        "others": [name for i, name in enumerate(layout.header) if i not in wanted],
-        "notes": (*notes, *layout.notes),
-    }
-
-
-def _split_lines(data: bytes) -> tuple[list[str], tuple[str, ...]]:
-    """The lines of a file in any of the usual encodings, and a note where the bytes are odd."""
-    notes: tuple[str, ...] = ()
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = data.decode("utf-16", "replace")
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("latin-1")
-            notes = ("some bytes are not UTF-8: read as Latin-1",)
-    return text.replace("\0", "").replace("\r\n", "\n").replace("\r", "\n").split("\n"), notes
-
-
-def _holds_values(line: str) -> bool:
-    return bool(line) and line[0] not in _COMMENT and not line.isspace()
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Layout:
-    """How a text table is laid out; a `separator` of `None` means blanks."""
-
-    separator: str | None
-    header: list[str]
-    start: int
-    notes: tuple[str, ...] = ()
-
-
-def _find_layout(lines: Sequence[str], sample: Sequence[int]) -> _Layout:
-    """The layout that the sample of lines with values shows."""
-    separator = _find_separator([lines[i] for i in sample])
-    counts = [_count_cells(lines[i], separator) for i in sample]
-    width = Counter(counts).most_common(1)[0][0]
-    refuse_many(width)
-    widths = (width,) if separator is None else (width, width - 1)  # rows may end in a separator
-    at = next(k for k, count in enumerate(counts) if count in widths)
-    notes = (f"{at} lines before the table skipped",) * (at > 0)
-    first = _split_cells(lines[sample[at]], separator)
-    if _is_header(first):
-        return _Layout(separator=separator, header=first, start=sample[at] + 1, notes=notes)
-    start = sample[at]
-    comment = next((lines[i] for i in reversed(range(start)) if not _holds_values(lines[i])), "")
-    header = _split_cells(comment.strip(f"{_COMMENT} "), separator)
-    if len(header) != width or not _is_header(header):
-        if width != 3:
-            raise LogError(
-                f"{width} columns and no header; name them in a first line such as "
-                "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z)"
-            )
-        header = list("xyz")
-    return _Layout(separator=separator, header=header, start=start, notes=notes)
-
-
-def _find_separator(rows: Sequence[str]) -> str | None:
-    """The separator that splits most rows alike, best one that splits the first row so too."""
-    alike = []
-    for separator in (";", "\t", ","):
-        widths = [_count_cells(row, separator) for row in rows]
-        width, times = Counter(widths).most_common(1)[0]
-        if width > 1 and 2 * times > len(rows):
-            alike.append((widths[0] != width, separator))
-    return min(alike, key=lambda found: found[0])[1] if alike else None
-
-
-def _split_cells(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(separator)]
-    return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-
-
-def _count_cells(line: str, separator: str | None) -> int:
-    """How many cells a line has; separators are counted where none can stand in quotes."""
-    if separator is None or '"' in line:
-        return len(_split_cells(line, separator))
-    return line.count(separator) + 1
-
-
-def _is_header(cells: Sequence[str]) -> bool:
-    """Whether most of the cells that are not empty are words."""
-    words = [math.isnan(to_number(cell)) and cell.lower() != "nan" for cell in cells if cell]
-    return 2 * sum(words) > len(words)
-
-
-def _make_table(
-    rows: Sequence[str], separator: str | None, wanted: dict[int, str]
-) -> dict[str, NDArray[Any]]:
-    """The wanted columns by name: texts where they hold texts, numbers otherwise."""
-    if separator in (";", "\t"):
-        rows = [row.replace(",", ".") for row in rows]
-    first = [_split_cells(row, separator) for row in rows[:_SAMPLE]]
-    texts = {i: name for i, name in wanted.items() if _holds_texts(name, i, first)}
+    vectors = _find_vectors(layout.header, first)
+    wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(layout.header)])
+    texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
     numeric = [i for i in wanted if i not in texts]
-    values = _read_numbers(rows, separator, numeric)
-    table: dict[str, NDArray[Any]] = {wanted[i]: values[:, k] for k, i in enumerate(numeric)}
-    cells = [_split_cells(row, separator) for row in rows] if texts else []
-    for i, name in texts.items():
-        table[name] = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
-    return table
+    values = read_numbers(data, start, layout, numeric)
+    table: dict[str, NDArray[Any]] = {}
+    rows = split_rows(data, start) if texts else []
+    if layout.comma:
+        rows = [row.replace(",", ".") for row in rows]
+    cells = [split_cells(row, layout.separator) for row in rows]
+    for i, name in wanted.items():
+        column = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
+        if i in vectors:
+            table |= _take_apart(layout.header[i], column)
+        elif i in texts:
+            table[name] = column
+        else:
+            table[name] = values[numeric.index(i)]
+    return _add_rate(table, layout), [h for i, h in enumerate(layout.header) if i not in wanted]
+
+
+def _add_rate(table: dict[str, NDArray[Any]], layout: Layout) -> dict[str, NDArray[Any]]:
+    """The columns, with times from the sampling rate where no column is a clock."""
+    clocks = (c for h in table if (c := identify_column(h)) and c.quantity.column == "time")
+    if layout.rate_Hz is None or not table or next(clocks, None) is not None:
+        return table
+    rows = len(next(iter(table.values())))
+    return {**table, "time_s": np.arange(rows) / layout.rate_Hz}
+
+
+def _find_vectors(header: Sequence[str], rows: Sequence[Sequence[str]]) -> set[int]:
+    """The columns that hold three numbers a cell."""
+    found = set()
+    for i, name in enumerate(header):
+        column = identify_column(f"{name}[0]")
+        cells = [row[i] for row in rows if i < len(row) and row[i]]
+        if column is not None and cells and _most(cells, lambda cell: _THREE.fullmatch(cell)):
+            found.add(i)
+    return found
+
+
+def _take_apart(name: str, cells: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """The three columns of a column of vectors; a cell that is none becomes NaN."""
+    found = (_THREE.fullmatch(cell) for cell in cells)
+    values = np.array([m.groups() if m else (np.nan,) * 3 for m in found], dtype=np.float64)
+    return {f"{name}[{k}]": values[:, k] for k in range(3)}
 
 
 def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
@@ -183,34 +212,26 @@ def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     column = identify_column(name)
     quantity = "" if column is None else column.quantity.column
     if quantity in _TEXTUAL:
-        return _is_header([cell for row in rows for cell in row[at : at + 1]])
+        return is_header([cell for row in rows for cell in row[at : at + 1]])
     return quantity in _LABELS
 
 
-def _read_numbers(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
-    """The numbers in the given columns, (n, k); NaN where there is none, surplus cells ignored."""
-    blocks = []
-    for start in range(0, len(rows), _BLOCK):
-        block = rows[start : start + _BLOCK]
-        try:
-            if any('"' in row for row in block):
-                raise ValueError("quoted cells are taken apart one by one")
-            blocks.append(
-                np.loadtxt(block, delimiter=separator, usecols=columns, comments=None, ndmin=2)
-            )
-        except ValueError:
-            blocks.append(_read_one_by_one(block, separator, columns))
-    return np.concatenate(blocks)
+def _read_labelled(data: bytes) -> dict[str, NDArray[Any]]:
+    """The columns of lines that name each of their numbers: `mx: 12.5, my=-3, mz: 44`."""
+    rows = [dict(_LABELLED.findall(line)) for line in split_rows(data)]
+    names: Mapping[str, None] = dict.fromkeys(name for row in rows[:SAMPLE] for name in row)
+    wanted = find_columns([name.strip() for name in names])
+    return {
+        name: np.array([float(row.get(name, "nan")) for row in rows if row])
+        for name in wanted.values()
+    }
 
 
-def _read_one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
-    cells = (_split_cells(row, separator) for row in rows)
-    values = (to_number(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
-    return np.fromiter(values, np.float64).reshape(len(rows), len(columns))
-
-
-def _read_motioncal(lines: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _read_motioncal(data: bytes) -> dict[str, NDArray[Any]]:
     """The columns of MotionCal lines `Raw:ax,ay,az,gx,gy,gz,mx,my,mz`."""
-    rows = [line.removeprefix(_MOTIONCAL) for line in lines]
-    counts = _read_numbers(rows, ",", range(len(_MOTIONCAL_COLUMNS)))
-    return {name: counts[:, k] * size for k, (name, size) in enumerate(_MOTIONCAL_COLUMNS.items())}
+    lines = [line for line in data.decode().split("\n") if line.startswith(_MOTIONCAL)]
+    body = "\n".join(line.removeprefix(_MOTIONCAL) for line in lines).encode()
+    names = list(_MOTIONCAL_COLUMNS)
+    layout = Layout(separator=",", header=names, start=0, width=len(names))
+    counts = read_numbers(body, 0, layout, range(len(names)))
+    return {name: counts[k] * size for k, (name, size) in enumerate(_MOTIONCAL_COLUMNS.items())}

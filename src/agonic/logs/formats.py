@@ -18,6 +18,9 @@ from agonic.errors import LogError
 HEAD_BYTES = 65536
 """How much of a file tells of its kind."""
 
+_STRAY = 0.02
+"""Share of control characters below which lines of plain letters are still text."""
+
 _FMT = re.compile(rb"\xa3\x95\x80..\w{1,4}\0{0,3}[A-Za-z]{1,16}\0*\w", re.DOTALL)
 FMT_TEXT = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w+, ?\w+, ?\w+", re.MULTILINE)
 """A message of type FMT of a dataflash log: type, length, name, letters and columns."""
@@ -79,7 +82,10 @@ def _is_text(head: bytes) -> bool:
     if head.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return True
     written = head.rstrip(b"\0")
-    return bool(written) and not written.translate(None, bytes(range(32, 256)) + b"\t\n\r\f")
+    stray = len(written.translate(None, bytes(range(32, 256)) + b"\t\n\r\f"))
+    if stray:  # a serial line may add some
+        return b"\n" in written and written.isascii() and stray < _STRAY * len(written)
+    return bool(written)
 
 
 PARQUET = Format("Parquet", "parquet", _starts(b"PAR1"))

@@ -1,7 +1,8 @@
 """MATLAB files: version 5 to 7.2 by `matlab_5`, version 7.3 with h5py.
 
 Variables, and fields of structures, are named as the columns of a table are; see `columns` and
-`arrays`. Recordings of the BROAD data set are known by their variables; see `broad`.
+`stacked`. Recordings of the BROAD data set are known by their variables, see `broad`, and exports
+of ArduPilot logs by their labels, see `ardupilot.labelled`.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from numpy.typing import NDArray
 
 from agonic.errors import MissingExtraError
 from agonic.logs import broad
+from agonic.logs.ardupilot import labelled
 from agonic.logs.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.log import Log
 from agonic.logs.matlab_5 import read_version_5
-from agonic.logs.stacked import build_table
-from agonic.logs.table import build_log
+from agonic.logs.stacked import build_arrays_log
 from agonic.provenance import Input
 
 VERSION_7_3 = b"MATLAB 7.3 MAT-file"
@@ -30,30 +31,26 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a MATLAB file is; `unit` is that of the field where no variable names one."""
     with path.open("rb") as stream:
         hdf = stream.read(len(VERSION_7_3)) == VERSION_7_3
-    arrays = _version_7_3(path) if hdf else _flat(read_version_5(path))
+    contents = _version_7_3(path) if hdf else read_version_5(path)
+    if labelled.is_labelled(contents):
+        return labelled.read_labelled(contents, path, source)
+    arrays = _flat(contents)
     remarks: tuple[str, ...] = ()
     if broad.is_broad(arrays):
         arrays, remarks = broad.rename_variables(arrays)
-    table, others = build_table(arrays)
-    return build_log(
-        table,
-        path=path,
-        source=source,
-        format="MATLAB file",
-        unit=unit,
-        others=others,
-        remarks=remarks,
+    return build_arrays_log(
+        arrays, path=path, source=source, format="MATLAB file", unit=unit, remarks=remarks
     )
 
 
-def _version_7_3(path: Path) -> dict[str, NDArray[Any]]:
+def _version_7_3(path: Path) -> dict[str, Any]:
     try:
         import h5py
     except ImportError:
         raise MissingExtraError("reading a MATLAB 7.3 file", "space") from None
     check_heaps(path)
     with h5py.File(path, "r") as file:
-        return _flat(_contents(file, Budget()))
+        return _contents(file, Budget())
 
 
 def _contents(group: Any, budget: Budget, depth: int = 0) -> dict[str, Any]:

@@ -30,7 +30,7 @@ _CLASSES = {
     6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"
 }  # fmt: skip
 """Kinds of numbers by the class of an array; what MATLAB stores may be narrower."""
-_STRUCTURE = 2
+_CELL, _STRUCTURE, _CHAR = 1, 2, 4
 _LOGICAL = 0x200
 
 Part = tuple[int, memoryview]
@@ -38,10 +38,10 @@ Part = tuple[int, memoryview]
 
 
 def read_version_5(path: Path) -> dict[str, Any]:
-    """The numeric arrays of a file by name; those of structures in mappings of their own.
+    """The arrays of a file by name; those of structures in mappings of their own, cells as lists.
 
-    Arrays have the axes that they have in MATLAB, those of length one dropped. Texts, cells,
-    objects and sparse matrices are left out.
+    Arrays have the axes that they have in MATLAB, those of length one dropped. Objects and sparse
+    matrices are left out.
 
     Raises `LogError` where the file is damaged or holds more than memory should.
     """
@@ -107,6 +107,10 @@ def _matrix(content: memoryview, order: str, depth: int = 0) -> tuple[str, Any]:
     shape = tuple(int(n) for n in _numbers(next(parts, None), order))
     name = bytes(next(parts, (1, content[:0]))[1]).decode("latin-1").rstrip("\0")
     kind = int(flags[0]) & 0xFF
+    if kind == _CHAR:
+        return name, _text(next(parts, None), order)
+    if kind == _CELL:
+        return name, _cell(list(parts), order, depth)
     if kind == _STRUCTURE:
         return name, _structure(list(parts), shape, order, depth)
     if kind not in _CLASSES:
@@ -116,6 +120,24 @@ def _matrix(content: memoryview, order: str, depth: int = 0) -> tuple[str, Any]:
         raise LogError(f"damaged: {name[:40]!r} does not have the size it states; fetch it again")
     stated = values.astype(bool if int(flags[0]) & _LOGICAL else _CLASSES[kind])
     return name, np.squeeze(stated.reshape(shape, order="F"))
+
+
+def _text(part: Part | None, order: str) -> str:
+    """The letters of a text; none where it is stored in no usual way."""
+    if part is None:
+        return ""
+    codes = _numbers(part, order) if part[0] in _STORED else np.empty(0)
+    return "".join(map(chr, codes.astype(np.int64) % 0x110000))
+
+
+def _cell(parts: list[Part], order: str, depth: int) -> list[Any] | None:
+    """The texts and numbers in a cell array, column by column; `None` where it is too deep."""
+    if depth >= _DEEPEST:
+        return None
+    return [
+        _matrix(content, order, depth + 1)[1] if kind == _MATRIX else None
+        for kind, content in parts
+    ]
 
 
 def _structure(

@@ -1,4 +1,4 @@
-"""NumPy archives, `.npz`: arrays named as the columns of a table are; see `columns`, `arrays`."""
+"""NumPy archives, `.npz`: arrays named as the columns of a table are; see `columns`, `stacked`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from agonic.errors import LogError
 from agonic.logs.columns import refuse_many
 from agonic.logs.limits import check_declared
 from agonic.logs.log import Log
-from agonic.logs.stacked import build_table
-from agonic.logs.table import build_log
+from agonic.logs.stacked import build_arrays_log
 from agonic.provenance import Input
 
 _END_BYTES = 22
@@ -25,10 +24,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     _check_size(path)
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
-    table, others = build_table(arrays)
-    return build_log(
-        table, path=path, source=source, format="NumPy archive", unit=unit, others=others
-    )
+    return build_arrays_log(arrays, path=path, source=source, format="NumPy archive", unit=unit)
 
 
 def _check_size(path: Path) -> None:

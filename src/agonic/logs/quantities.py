@@ -17,8 +17,8 @@ _ANGLE: dict[str, Linear] = {"deg": (1, 0), "degrees": (1, 0), "rad": (DEGREES_P
 _RATE: dict[str, Linear] = {
     spelling: (factor, 0)
     for factor, spellings in {
-        1.0: ("rads", "radsec", "radpers"),
-        1 / DEGREES_PER_RADIAN: ("degs", "degsec", "degpers", "dps"),
+        1.0: ("rads", "radsec", "radpers", "radpersec"),
+        1 / DEGREES_PER_RADIAN: ("degs", "degsec", "degpers", "degpersec", "dps"),
         1e-3 / DEGREES_PER_RADIAN: ("mdps",),
     }.items()
     for spelling in spellings
@@ -26,13 +26,16 @@ _RATE: dict[str, Linear] = {
 # fmt: off
 _ACCELERATION: dict[str, Linear] = {
     "ms2": (1, 0), "mss": (1, 0), "mpers2": (1, 0), "mps2": (1, 0),
+    "meterspersecondsquared": (1, 0),
     "g": (STANDARD_GRAVITY_M_S2, 0), "mg": (1e-3 * STANDARD_GRAVITY_M_S2, 0),
 }
 TIMES: dict[str, Linear] = {
     "s": (1, 0), "sec": (1, 0), "secs": (1, 0), "seconds": (1, 0), "min": (60, 0),
     "ms": (1e-3, 0), "msec": (1e-3, 0), "millis": (1e-3, 0), "milliseconds": (1e-3, 0),
     "us": (1e-6, 0), "usec": (1e-6, 0), "micros": (1e-6, 0), "microseconds": (1e-6, 0),
-    "ns": (1e-9, 0), "nsec": (1e-9, 0), "nanoseconds": (1e-9, 0),
+    "ns": (1e-9, 0), "nsec": (1e-9, 0), "nsecs": (1e-9, 0), "nanosec": (1e-9, 0),
+    "nanos": (1e-9, 0), "nanoseconds": (1e-9, 0),
+    "1e-4s": (1e-4, 0),  # ticks of 10 kHz, documented, never written
 }
 _TEMPERATURE: dict[str, Linear] = {
     "c": (1, 0), "degc": (1, 0), "celsius": (1, 0), "k": (1, -273.15),
@@ -43,7 +46,8 @@ _HEIGHT: dict[str, Linear] = {"m": (1, 0), "mm": (1e-3, 0), "km": (1e3, 0), "ft"
 _CURRENT: dict[str, Linear] = {"a": (1, 0), "ma": (1e-3, 0), "amps": (1, 0)}
 FIELD_UNITS = (
     "nt", "nanotesla", "gamma", "ut", "microtesla", "mt", "millitesla", "t", "tesla", "g", "gs",
-    "gauss", "ga", "mg", "mgauss", "milligauss", "mga", "raw", "counts", "count", "lsb",
+    "gauss", "ga", "microt", "au", "mg", "mgauss", "milligauss", "mga",
+    "raw", "counts", "count", "lsb",
 )
 # fmt: on
 
@@ -52,7 +56,8 @@ FIELD_UNITS = (
 class Quantity:
     """What a column can hold: the `Samples` column, its canonical name, aliases and units.
 
-    `weak` aliases are taken only where no other column is named for the quantity.
+    `weak` aliases are taken only where no other column is named for the quantity, `preferred` ones
+    before all others. `axes` are those of a vector, or of a quaternion.
     """
 
     column: str
@@ -60,8 +65,14 @@ class Quantity:
     unit: str = ""
     aliases: str = ""
     weak: str = ""
+    preferred: str = ""
     units: Mapping[str, Linear] = field(default_factory=dict)
-    vector: bool = False
+    axes: str = ""
+
+    @property
+    def vector(self) -> bool:
+        """Whether it has components."""
+        return bool(self.axes)
 
 
 # fmt: off
@@ -69,13 +80,16 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity(
         column="time", name="time", unit="s", units=TIMES,
         aliases="t ts timestamp timestamps datetime utc utctime timeutc unixtime timeunix unix "
-        "tunix timeboot timesinceboot timesincestart systemtime localtime",
-        weak="elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime",
+        "tunix timeboot timesinceboot timesincestart systemtime localtime timestartup "
+        "sampletimefine loggingtime stamp",
+        weak="elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime "
+        "elapsedrealtime timestampsample",
+        preferred="headerstamp",
     ),
     Quantity(column="date", name="date", aliases="day utcdate"),
     Quantity(column="epoch", name="epoch_unix", unit="s", units={"s": (1, 0)}),
     Quantity(
-        column="field", name="mag", vector=True,
+        column="field", name="mag", axes="x y z",
         aliases="m b magn magneto magnetometer magnetic magneticfield magfield magneticflux "
         "magneticfluxdensity magneticinduction field bfield compass",
     ),
@@ -90,12 +104,19 @@ QUANTITIES: tuple[Quantity, ...] = (
         aliases="yaw yawangle trueheading headingtrue",
     ),
     Quantity(
-        column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, vector=True,
-        aliases="a accel accelerometer acceleration specificforce",
+        column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, axes="x y z",
+        aliases="a acce accel accelerometer acceleration specificforce gforce gf",
+        weak="linearacceleration",
     ),
     Quantity(
-        column="rotation_rate", name="gyro", unit="rad_s", units=_RATE, vector=True,
-        aliases="g w gyr gyroscope angularvelocity angularrate rotationrate turnrate omega",
+        column="rotation_rate", name="gyro", unit="rad_s", units=_RATE, axes="x y z",
+        aliases="g w gyr gyroscope angularvelocity angularspeed gyrorotation angularrate "
+        "rotationrate turnrate omega",
+    ),
+    Quantity(
+        column="quaternion", name="quat", axes="w x y z",
+        aliases="q quaternion orientation attitude rotation",
+        units={"enu": (1, 0)},
     ),
     Quantity(
         column="current_A", name="current", unit="A", units=_CURRENT,
@@ -117,7 +138,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         aliases="alt height elevation gpsalt gpsaltitude locationaltitude",
     ),
     Quantity(
-        column="second", name="second", unit="nT", vector=True,
+        column="second", name="second", unit="nT", axes="x y z",
         units={"nt": (1, 0), "ut": (1e3, 0), "raw": (1, 0), "counts": (1, 0)},
         aliases="secondmag secondfield",
     ),

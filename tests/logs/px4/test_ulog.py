@@ -381,7 +381,9 @@ def test_recovered_readings_are_whole_counts(
 
     In one log 0.15 µT, in the other about 1/5.7 µT and its own on each axis.
     """
-    for sensor in load(recordings / "vehicle/px4" / name).sensors:
+    raw = [s for s in load(recordings / "vehicle/px4" / name).sensors if "sensor_" in s.name]
+    assert raw
+    for sensor in raw:
         for values, step in zip(sensor.field.T, steps_nT, strict=True):
             steps = np.diff(np.unique(values.round(1)))
             steps = steps[steps > 1.0]  # the rest is float32
@@ -393,7 +395,11 @@ def test_logged_correction_gives_the_corrected_topic(recordings: Path) -> None:
     from pyulog import ULog
 
     path = recordings / "vehicle/px4/sample_log_small.ulg"
-    s = load(path).sensors[1]
+    log = load(path)
+    assert [(s.name, len(s)) for s in log.sensors] == [
+        ("vehicle_magnetometer[0]", 319), ("sensor_mag[0]", 6), ("sensor_mag[1]", 6)
+    ]  # fmt: skip
+    s = log.sensors[2]
     assert s.logged is not None
     topic = ULog(str(path), ["vehicle_magnetometer"]).get_dataset("vehicle_magnetometer").data
     theirs = np.stack([topic[f"magnetometer_ga[{i}]"] for i in range(3)], axis=1) * GAUSS
@@ -412,3 +418,16 @@ def test_a_flight_agrees_with_its_own_attitude(recordings: Path) -> None:
     assert abs(np.median(error)) < 3.0
     assert np.std(error) < 4.0
     assert np.ptp(s.heading_deg) > 25.0  # it did turn
+
+
+def test_a_topic_with_far_more_rows_goes_before_the_raw_one(tmp_path: Path) -> None:
+    """A logger that kept six raw readings of 300 did not mean them to be the record."""
+    field = np.tile([0.2, 0.05, 0.4], (N, 1)).astype("f4")
+    whole: Topic = {"timestamp": STAMP, "magnetometer_ga": field}
+    few: Topic = {"timestamp": STAMP[:6], **{a: field[:6, k] for k, a in enumerate("xyz")}}
+    path = tmp_path / "a.ulg"
+    path.write_bytes(ulog({"sensor_mag[0]": few, "vehicle_magnetometer[0]": whole}))
+    log = read(path, Input(name="a.ulg", sha256="", count=0))
+    assert [(s.name, len(s)) for s in log.sensors] == [
+        ("vehicle_magnetometer[0]", N), ("sensor_mag[0]", 6)
+    ]  # fmt: skip

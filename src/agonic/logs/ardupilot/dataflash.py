@@ -19,7 +19,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.ardupilot.dataflash_binary import Table, read_binary
+from agonic.logs.ardupilot.dataflash_binary import Content, Table, read_binary
 from agonic.logs.ardupilot.dataflash_text import read_text
 from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
@@ -71,6 +71,14 @@ def read(path: Path, source: Input) -> Log:
     with path.open("rb") as stream:
         text = FMT_TEXT.search(stream.read(HEAD_BYTES))
     content = (read_text if text else read_binary)(path, WANTED)
+    return build_tables_log(content, path, source, "ArduPilot dataflash")
+
+
+def build_tables_log(content: Content, path: Path, source: Input, format: str) -> Log:
+    """The log that tables of messages are.
+
+    Raises `LogError` where none of them is of a magnetometer.
+    """
     tables = content.tables
     sensors = tuple(_read_samples(*mag, tables, source) for mag in _find_magnetometers(tables))
     if not sensors:
@@ -81,7 +89,7 @@ def read(path: Path, source: Input) -> Log:
         )
     return Log(
         path=path,
-        format="ArduPilot dataflash",
+        format=format,
         source=source,
         sensors=sensors,
         stack="ardupilot",

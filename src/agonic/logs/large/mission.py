@@ -17,7 +17,8 @@ from agonic.logs.formats import PARQUET
 from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, find_layout, keep_usable, sweep
 from agonic.logs.read import open_log
-from agonic.logs.table import AUXILIARY, build_log
+from agonic.logs.rows.beside import AUXILIARY
+from agonic.logs.table import build_log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 

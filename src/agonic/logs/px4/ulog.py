@@ -38,6 +38,9 @@ _GAUSS = tuple(f"magnetometer_ga[{i}]" for i in range(3))
 AXES = {RAW: ("x", "y", "z"), CORRECTED: _GAUSS, COMBINED: _GAUSS}
 """The topics with a field, best first, and the columns that hold it, gauss."""
 
+_FAR_FEWER = 5
+"""Times fewer rows than another topic of the same sensors: not what was meant to be recorded."""
+
 _HEADER_SIZE = 3  # of a ULog message: length and type
 _SHORTEST_STEP_S = 5e-4  # repeated readings keep their time but for some microseconds
 _NO_NEW_READING = 0x7FFFFFFF  # as magnetometer_timestamp_relative
@@ -121,12 +124,17 @@ class _Forward(io.BufferedReader):
 
 
 def _find_magnetometers(topics: Topics) -> list[str]:
-    """The raw topics; where there is none, the corrected ones."""
+    """The raw topics, or what there is instead; before them a corrected one of far more rows."""
+    kinds = []
     for kind, columns in AXES.items():
         names = [n for n in topics if n.startswith(f"{kind}[") and {*columns} <= {*topics[n]}]
         if names:
-            return sorted(names)
-    return []
+            kinds.append(sorted(names))
+    if not kinds:
+        return []
+    rows = [max(len(topics[name]["timestamp"]) for name in names) for names in kinds]
+    longest = rows.index(max(rows))
+    return [*(kinds[longest] if rows[0] * _FAR_FEWER < rows[longest] else []), *kinds[0]]
 
 
 @np.errstate(all="ignore")  # damaged numbers overflow; Samples leaves out what is not finite

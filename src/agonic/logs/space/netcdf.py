@@ -1,7 +1,8 @@
 """netCDF files: version 4, which is HDF5, with h5py; version 3 with SciPy.
 
 Times follow the CF conventions ("seconds since 2026-01-01"), as do scale, offset and fill value.
-Variables are named as columns are (`columns`) or as magnetic satellites name theirs (`spacecraft`).
+Variables are named as columns are (`columns`) or as magnetic satellites name theirs (`products`);
+recordings of the BROAD data set in HDF5 are known by theirs.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from agonic.logs.columns import refuse_many
 from agonic.logs.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
+from agonic.logs.stacked import is_sampling_rate
 from agonic.provenance import Input
 
 CLASSIC = (b"CDF\x01", b"CDF\x02")
@@ -77,9 +79,14 @@ def _version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
                 f"{group}.{name}": item for name, item in list_items(items.pop(group)).items()
             }
         refuse_many(len(items), "variables")
+        items = {name: item for name, item in items.items() if isinstance(item, h5py.Dataset)}
+        for name in filter(is_sampling_rate, file.attrs):
+            if np.prod(file.attrs.get_id(name).shape) == 1:
+                found[name] = np.asarray(file.attrs[name]).reshape(()), {}
         for name, item in items.items():
             try:
-                if isinstance(item, h5py.Dataset) and 1 <= item.ndim <= 2 and _is_variable(item):
+                wanted = (is_sampling_rate(name) and item.ndim == 0) or 1 <= item.ndim <= 2
+                if wanted and _is_variable(item):
                     found[name] = budget.values(item), _attributes(item.attrs)
             except LogError as error:
                 notes.append(str(error))

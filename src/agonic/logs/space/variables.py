@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, UnitError
+from agonic.logs import broad
 from agonic.logs.columns import identify_column
 from agonic.logs.log import Log
 from agonic.logs.space.products import build_spacecraft_log, is_spacecraft
-from agonic.logs.stacked import build_table
-from agonic.logs.table import build_log
+from agonic.logs.stacked import build_arrays_log, is_sampling_rate
 from agonic.provenance import Input
 from agonic.units import RAW, find_unit, nanotesla_per
 
@@ -61,7 +61,16 @@ def build_variables_log(
     """
     if not variables and notes:
         raise LogError(f"{notes[0]}; fetch it again")
-    known = {name: _drop_fill(values) for name, values in variables.items() if values.ndim}
+    if broad.is_broad(variables):
+        renamed, remarks = broad.rename_variables(variables)
+        return build_arrays_log(
+            renamed, path=path, source=source, format=format, unit=unit, remarks=remarks
+        )
+    known = {
+        name: _drop_fill(values)
+        for name, values in variables.items()
+        if values.ndim or is_sampling_rate(name)
+    }
     spelled = {name: _SPELLINGS.get(text.strip().lower(), text) for name, text in units.items()}
     if not known:
         raise LogError("there are no variables in it; fetch the file again")
@@ -71,9 +80,8 @@ def build_variables_log(
     headed = {
         _header(name, values, spelled.get(name, "")): values for name, values in known.items()
     }
-    table, others = build_table(_add_clock(headed, "time"))
-    return build_log(
-        table, path=path, source=source, format=format, unit=unit, others=others, notes=notes
+    return build_arrays_log(
+        _add_clock(headed, "time"), path=path, source=source, format=format, unit=unit, notes=notes
     )
 
 

@@ -1,0 +1,92 @@
+"""What a table holds beside a magnetometer, at its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Array, Index, Mask
+from agonic.logs.auxiliary import Table, convert_column, fill_holes, to_numbers
+from agonic.logs.clock import Clock
+from agonic.logs.columns import Column, Identified
+from agonic.logs.rows.times import pick
+from agonic.provenance import Input
+from agonic.samples import COLUMNS
+
+AUXILIARY = tuple(name for name in COLUMNS if name not in ("time", "field"))
+YAW = "a heading called yaw was taken for the estimate of a filter, which follows its magnetometer"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """The rows of a table that belong to one sensor, with what is known of all of them."""
+
+    table: Table
+    found: Identified
+    rows: Index
+    clocks: Mapping[str, Clock]
+    unit: str | None
+    source: Input
+    remarks: tuple[str, ...]
+
+    def values(self, axes: Mapping[str, Column]) -> Array:
+        """The numbers in the columns of a quantity, (n, k), axes in alphabetical order."""
+        columns = (to_numbers(self.table[axes[axis].header]) for axis in sorted(axes))
+        return np.stack([c if len(c) == len(self.rows) else c[self.rows] for c in columns], 1)
+
+
+def read_columns(
+    part: Part, number: str, time: Array | None, readings: Mask
+) -> tuple[dict[str, Any], bool, tuple[str, ...]]:
+    """The columns of a sensor, whether its heading is an estimate, and notes.
+
+    `readings` marks the rows that matter.
+    """
+    columns: dict[str, Any] = {}
+    estimated = False
+    notes: list[str] = []
+    for column in AUXILIARY:
+        if group := pick(part.found.get(column, {}), number):
+            columns[column], remarks = convert_column(group, part.values(group), time, readings)
+            notes.extend(remarks)
+            if column == "heading_deg" and _of_a_filter(group):
+                estimated = True
+                notes.append(YAW)
+    if columns.get("roll_deg") is None and (
+        group := pick(part.found.get("quaternion", {}), number)
+    ):
+        angles, remarks = _read_quaternion(part, group, columns.get("acceleration"), time, readings)
+        columns.update(angles)
+        estimated = estimated or "heading_deg" in angles
+        notes.extend(remarks)
+    return columns, estimated, tuple(notes)
+
+
+def _read_quaternion(
+    part: Part,
+    group: Mapping[str, Column],
+    acceleration: Array | None,
+    time: Array | None,
+    readings: Mask,
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Roll, pitch and perhaps heading of the quaternion beside a magnetometer, and notes."""
+    from agonic.logs.rows.orientation import compute_attitude_deg
+
+    if set(group) != set("wxyz"):
+        return {}, ("orientation left out: it has not all of w, x, y and z",)
+    angles, note = compute_attitude_deg(part.values(group), acceleration, group["w"].unit)
+    filled = {}
+    for name, values in angles.items():
+        whole, gaps = fill_holes(name, values[:, None], time, readings)
+        if whole is None:
+            return {}, (f"orientation {gaps}",)
+        filled[name] = whole[:, 0]
+    return filled, (note,)
+
+
+def _of_a_filter(group: Mapping[str, Column]) -> bool:
+    """Whether a heading is called a yaw, as attitude filters call theirs."""
+    return any("yaw" in column.header.lower() for column in group.values())

@@ -1,0 +1,106 @@
+"""The times of the rows of a table: which column is the clock of which magnetometer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.logs.auxiliary import Table, to_numbers
+from agonic.logs.clock import UNIX, Clock, read_clock, spread_ties
+from agonic.logs.columns import FRACTION, Column, Identified
+from agonic.logs.resample import find_misplaced
+
+_CLOCK_SHARE = 0.9
+"""Share of rows that must have a time, for the others to be given up rather than the clock."""
+_YEAR_9999 = 2.5e11  # Unix seconds; the last year that Python's dates have
+
+Groups = Mapping[str, Mapping[str, Column]]
+
+
+def pick(groups: Groups, number: str) -> Mapping[str, Column]:
+    """The columns of the sensor of that number or name, else those without one.
+
+    A magnetometer that is not numbered takes the only ones there are.
+    """
+    only = next(iter(groups.values())) if len(groups) == 1 and not number.isdecimal() else {}
+    return groups.get(number) or groups.get("") or only
+
+
+def find_clocks(table: Table, found: Identified, fields: list[str]) -> dict[str, Clock]:
+    """The clock of all rows for each magnetometer, by its number."""
+    clocks: dict[str, Clock] = {}
+    known: dict[str, Clock] = {}
+    for number in fields:
+        time = _pick_time(table, found, number)
+        header = time[""].header if "" in time else ""
+        if header not in known:
+            known[header] = _find_clock(table, found, time)
+        clocks[number] = known[header]
+    return clocks
+
+
+def _pick_time(table: Table, found: Identified, number: str) -> Mapping[str, Column]:
+    """The time columns for a magnetometer; of other sensors' only those that its rows have."""
+    groups = found.get("time", {})
+    if time := pick(groups, number):
+        return time
+    axes = found.get("field", {}).get(number)
+    if axes is None:
+        return next(iter(groups.values())) if len(groups) == 1 else {}
+    rows = np.isfinite(to_numbers(table[axes["x"].header]))
+    for time in groups.values():
+        values = table[time[""].header]
+        if values.dtype.kind == "f" and np.isfinite(values[rows]).mean() >= _CLOCK_SHARE:
+            return time
+    return {}
+
+
+def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) -> Clock:
+    """The clock of all rows, from the time column, with a date column or an epoch if there is."""
+    date, start = (pick(found.get(name, {}), "").get("") for name in ("date", "epoch"))
+    time = group.get("")
+    if time is None:
+        return read_clock(table[date.header], None) if date else (None, None, ())
+    values = table[time.header]
+    factor = time.quantity.units[time.unit][0] if time.unit else None
+    if FRACTION in group:
+        return _join_clock(to_numbers(values), to_numbers(table[group[FRACTION].header]))
+    if start is not None:
+        moment = to_numbers(table[start.header])
+        known = moment[(moment >= 0) & (moment < _YEAR_9999)]
+        if len(known):
+            epoch = UNIX + timedelta(seconds=float(known[0]))
+            return to_numbers(values) * (factor or 1.0), epoch, ()
+    if date is not None and values.dtype.kind in "OUS":
+        texts = zip(table[date.header], values, strict=True)
+        values = np.array([f"{day} {clock}" for day, clock in texts])
+    clock = read_clock(values, factor)
+    if not time.documented:
+        return clock
+    return *clock[:2], (*clock[2], f"times in units of {factor:g} s, as {time.documented} says")
+
+
+def _join_clock(seconds: Array, nanoseconds: Array) -> Clock:
+    """The clock in whole seconds and nanoseconds, which a float of Unix nanoseconds would round."""
+    whole, epoch, notes = read_clock(seconds, 1.0)
+    return None if whole is None else whole + nanoseconds * 1e-9, epoch, notes
+
+
+def find_time(
+    clock: Clock, rows: Index, field: Array
+) -> tuple[Array | None, datetime | None, tuple[str, ...]]:
+    """The times of some rows, single wrong ones marked and a coarse clock spread."""
+    whole, epoch, notes = clock
+    if whole is None:
+        return None, None, notes
+    time = whole[rows]
+    read = np.isfinite(field).all(axis=1)
+    time[find_misplaced(time)] = np.nan
+    known = time[np.isfinite(time) & read]
+    if len(known) < _CLOCK_SHARE * read.sum() or (len(known) > 1 and np.ptp(known) == 0):
+        return None, None, (*notes, "times left out: the clock stands still or is mostly missing")
+    time, remarks = spread_ties(time, field)
+    return time, epoch, (*notes, *remarks)

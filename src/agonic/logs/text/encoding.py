@@ -1,0 +1,41 @@
+"""The bytes of a text file as UTF-8 with plain line ends."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Callable
+
+_HEAD = 262_144
+_ENCODINGS = {"latin-1": "Latin-1", "cp1251": "Windows-1251", "gb18030": "GB 18030"}
+_STRAY = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
+_CONTROL = bytes({*range(32), 127} - set(b"\t\n"))
+
+
+def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:
+    """A text in any of the usual encodings as UTF-8 with plain line ends, and notes.
+
+    `understood` counts the columns that make sense in the start of a text: where bytes are not
+    UTF-8, the encoding is taken in which most do.
+    """
+    notes: tuple[str, ...] = ()
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.decode("utf-16", "replace").encode()
+    elif not data.isascii():
+        data, notes = _to_utf8(data.removeprefix(codecs.BOM_UTF8), understood)
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if b"\0" in data or _STRAY.search(data[:_HEAD]):
+        data = data.translate(None, _CONTROL)
+    return data, notes
+
+
+def _to_utf8(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        counts = {name: understood(data[:_HEAD].decode(name, "ignore")) for name in _ENCODINGS}
+        best = max(counts, key=lambda name: counts[name])
+        note = f"some bytes are not UTF-8: read as {_ENCODINGS[best]}"
+        return data.decode(best, "replace").encode(), (note,)
+    return data, ()

@@ -1,0 +1,167 @@
+"""How a text table is laid out: its separator, its header, where its rows start."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from agonic.errors import LogError
+from agonic.logs.columns import identify_column, refuse_many
+from agonic.logs.contents import to_number
+
+COMMENT = "#%"
+SAMPLE = 200
+LONGEST_LINE = 1_000_000
+
+_HOLDS = re.compile(r"\w")
+_RATE = re.compile(
+    r"[\W_]*(?:fs|odr|(?:sampl\w*|update|output|data|logging)?[\s_-]*(?:rate|freq\w*)"
+    r"(?:\s*setting)?)\W*(?:\[?hz\]?\W*)?(\d+(?:[.,]\d+)?)\s*(k?hz)?[\W_]*",
+    re.IGNORECASE,
+)
+_SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How a text table is laid out; a `separator` of `None` means blanks.
+
+    `start` is the line of the first row, `width` the number of its cells, `rate_Hz` what the lines
+    before the table state, `comma` whether numbers have a decimal comma.
+    """
+
+    separator: str | None
+    header: list[str]
+    start: int
+    width: int
+    comma: bool = False
+    rate_Hz: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+def holds_values(line: str) -> bool:
+    """Whether a line is neither empty nor a comment."""
+    return bool(line) and line[0] not in COMMENT and not line.isspace()
+
+
+def sample_lines(lines: Sequence[str]) -> list[int]:
+    """The first lines with values in them; those of nothing but separators have none."""
+    return list(
+        islice((i for i, line in enumerate(lines) if holds_values(line) and _HOLDS.search(line)),
+               SAMPLE)
+    )  # fmt: skip
+
+
+def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
+    """The layout that the sample of lines with values shows."""
+    separator = _find_separator([lines[i] for i in sample])
+    counts = [count_cells(lines[i], separator) for i in sample]
+    width = Counter(counts).most_common(1)[0][0]
+    refuse_many(width)
+    at = next(k for k in range(len(sample)) if _begins(lines[sample[k]], separator, width))
+    notes = (f"{at} lines before the table skipped",) * (at > 0)
+    first = split_cells(lines[sample[at]], separator)
+    rate = _find_rate(lines[: sample[at]])
+    comma = separator in (";", "\t") and any("," in lines[i] for i in sample[at + 1 :])
+    start = sample[at]
+    if is_header(first):
+        header = first
+        if at + 1 < len(sample) and _is_row_of_units(lines[sample[at + 1]], separator, first):
+            at += 1
+            units = split_cells(lines[sample[at]], separator)
+            header = [_with_unit(name, unit) for name, unit in zip(first, units, strict=False)]
+        start = sample[at] + 1
+    else:
+        header = _header_in_comment(lines[:start], separator, width)
+        comma = separator in (";", "\t") and any("," in lines[i] for i in sample[at:])
+    return Layout(
+        separator=separator, header=header, start=start, width=width, comma=comma,
+        rate_Hz=rate, notes=notes,
+    )  # fmt: skip
+
+
+def _begins(line: str, separator: str | None, width: int) -> bool:
+    """Whether a table of so many cells may begin here; its rows may end in a separator."""
+    count = count_cells(line, separator)
+    if count == width:
+        return True
+    return separator is not None and count == width - 1 and is_header(split_cells(line, separator))
+
+
+def _header_in_comment(before: Sequence[str], separator: str | None, width: int) -> list[str]:
+    """The header in the last comment before the rows; x, y, z where there is none."""
+    comment = next((line for line in reversed(before) if not holds_values(line) and line), "")
+    header = split_cells(comment.strip(f"{COMMENT} "), separator)
+    if len(header) == width and is_header(header):
+        return header
+    if width != 3:
+        raise LogError(
+            f"{width} columns and no header; name them in a first line such as "
+            "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z)"
+        )
+    return list("xyz")
+
+
+def _find_rate(lines: Sequence[str]) -> float | None:
+    """The sampling rate, Hz, that lines before a table state."""
+    for line in lines:
+        if match := _RATE.fullmatch(line.strip(" ;,\t")):
+            rate = float(match[1].replace(",", "."))
+            rate *= 1000.0 if (match[2] or "").lower() == "khz" else 1.0
+            return rate if 0 < rate < math.inf else None
+    return None
+
+
+def _is_row_of_units(line: str, separator: str | None, header: Sequence[str]) -> bool:
+    """Whether a line below the header holds units that make sense behind the names."""
+    units = split_cells(line, separator)
+    if len(units) != len(header) or not is_header([unit.replace(",", ".") for unit in units]):
+        return False
+    plain = [unit.strip("()[]{} ") for unit in units]
+    known = [identify_column(_with_unit(h, u)) for h, u in zip(header, plain, strict=True) if u]
+    return sum(column is not None and column.unit is not None for column in known) >= 2
+
+
+def _with_unit(name: str, unit: str) -> str:
+    plain = unit.strip("()[]{} ")
+    return f"{name} ({plain})" if plain else name
+
+
+def _find_separator(rows: Sequence[str]) -> str | None:
+    """The separator that splits most rows alike, best one that splits the first row so too."""
+    if stated := _SEPARATED.fullmatch(rows[0].strip(' "')):
+        return str(stated[1])
+    alike = []
+    for separator in (";", "\t", ","):
+        widths = [count_cells(row, separator) for row in rows]
+        width, times = Counter(widths).most_common(1)[0]
+        if width > 1 and 2 * times > len(rows):
+            alike.append((widths[0] != width, separator))
+    return min(alike, key=lambda found: found[0])[1] if alike else None
+
+
+def split_cells(line: str, separator: str | None) -> list[str]:
+    """The cells of a line."""
+    if separator is None:
+        return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+
+
+def count_cells(line: str, separator: str | None) -> int:
+    """How many cells a line has; separators are counted where none can stand in quotes."""
+    if separator is None or '"' in line:
+        return len(split_cells(line, separator))
+    return line.count(separator) + 1
+
+
+def is_header(cells: Sequence[str]) -> bool:
+    """Whether most of the cells that are not empty are words."""
+    words = [math.isnan(to_number(cell)) and cell.lower() != "nan" for cell in cells if cell]
+    return 2 * sum(words) > len(words)
