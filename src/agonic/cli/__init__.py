@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
+from functools import lru_cache
 from importlib import import_module
 from io import TextIOWrapper
 from typing import Any
@@ -115,6 +116,7 @@ def _complain(message: str) -> int:
     return UNUSABLE
 
 
+@lru_cache(maxsize=1)
 def make_command() -> Any:
     """The command `agonic` with every other; their heavy imports wait until they run."""
     import typer
