@@ -12,6 +12,7 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
+from agonic.calibration.composed_covariance import compute_composed_covariance
 from agonic.calibration.thermal import Thermal
 from agonic.exports.convert import Export, list_left_out, reduce, write_banner
 from agonic.exports.fixed_temperature import hold_temperature
@@ -99,10 +100,13 @@ def _units(calibration: Calibration) -> tuple[str, ...]:
 
 
 def _errors(calibration: Calibration) -> list[float | None]:
-    """Standard errors of the twelve numbers, from the nine that a fit estimates."""
-    if not isinstance(calibration, Affine) or calibration.covariance is None:
+    """Standard errors of the twelve numbers, from the nine that a fit estimates; of all steps."""
+    if isinstance(calibration, Affine) and calibration.covariance is not None:
+        return _spread(calibration.covariance, calibration.gauge)
+    covariance = compute_composed_covariance(calibration)
+    if covariance is None:
         return [None] * len(NAMES)
-    return _spread(calibration.covariance, calibration.gauge)
+    return [float(sd) for sd in np.sqrt(np.diag(covariance))]
 
 
 def _errors_of_powers(
