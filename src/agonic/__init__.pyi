@@ -57,6 +57,8 @@ from agonic.coverage import Coverage as Coverage
 from agonic.ellipsoid import fit_ellipsoid as fit_ellipsoid
 from agonic.ellipsoid import fit_moments as fit_moments
 from agonic.ellipsoid import fit_recording as fit_recording
+from agonic.ellipsoid.plan import PlannedSets as PlannedSets
+from agonic.ellipsoid.plan import plan_calibration as plan_calibration
 from agonic.errors import AgonicError as AgonicError
 from agonic.errors import AgonicWarning as AgonicWarning
 from agonic.errors import ConvergenceError as ConvergenceError

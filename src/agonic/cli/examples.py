@@ -137,6 +137,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic fit gravity turned.csv --calibration mag.json -o mounting.json",
         "agonic fit gravity turned.csv --bias",
     ),
+    "agonic plan calibration": (
+        "agonic plan calibration --wanted 0.5",
+        "agonic plan calibration --tilt 20 --attitude-sd 1 -o turns.csv",
+    ),
     "agonic plan swing": (
         "agonic plan swing --headings 16 -o swing.html",
         "agonic plan swing --noise-deg 0.5 --rounds 2",
