@@ -380,3 +380,49 @@ def test_recorded_car(recordings):
     np.testing.assert_allclose(samples.rotation_rate[0], [-0.000985, -0.000687, -0.000277])
     assert np.abs(samples.roll_deg).max() < 15  # a car; its axes are forward, right, down
     assert samples.heading_deg is None
+
+
+ODD = "clock,S0,S1,S2,mx,my,mz"
+NAMES = "time_s=clock,x=S0,y=S1,z=S2"
+
+
+def test_columns_that_are_named_by_hand(tmp_path):
+    """In the call, or in a file beside the log; they go before what headers say."""
+    path = write(tmp_path / "log.csv", ODD, [TIME, FIELD, FIELD * 0])
+    check(read(path, columns=NAMES, unit="uT"), acceleration=False, gyro=False)
+    pairs = dict(pair.split("=") for pair in NAMES.split(","))
+    check(read(path, columns=pairs, unit="uT"), acceleration=False, gyro=False)
+    lines = [f'{name} = "{header}"' for name, header in pairs.items()]
+    (tmp_path / "log.csv.toml").write_text("\n".join(['unit = "uT"', "[columns]", *lines]))
+    check(read(path), acceleration=False, gyro=False)
+    bare = write(tmp_path / "bare.csv", "", [TIME, FIELD])
+    check(read(bare, columns="time_s=1,x=2,y=3,z=4", unit="uT"), acceleration=False, gyro=False)
+    arrays = tmp_path / "log.npz"
+    np.savez(arrays, clock=TIME, S=FIELD)
+    names = "time_s=clock,x=S[0],y=S[1],z=S[2]"
+    check(read(arrays, columns=names, unit="uT"), acceleration=False, gyro=False)
+
+
+def test_the_error_shows_the_line_to_type(tmp_path):
+    path = write(tmp_path / "log.csv", "clock,S0,S1,S2", [TIME, FIELD])
+    with pytest.raises(LogError, match="--columns time=clock,x=S0,y=S1,z=S2 --unit uT"):
+        read(path)
+    with pytest.raises(LogError, match=r"4 columns and no header.*--columns time=1,x=2,y=3,z=4"):
+        read(write(tmp_path / "bare.csv", "", [TIME, FIELD]))
+    with pytest.raises(LogError, match="columns names 'S9'; the columns are 'clock', 'S0'"):
+        read(path, columns="x=S9,y=S1,z=S2")
+    with pytest.raises(LogError, match="'depth' is no column; use time, x, y, z"):
+        read(path, columns="depth=S0")
+    with pytest.raises(LogError, match="it needs NAME=HEADER"):
+        read(path, columns="S0,S1,S2")
+
+
+def test_a_command_takes_the_names_too(tmp_path, capsys):
+    from agonic.cli import run
+
+    path = write(tmp_path / "log.csv", "clock,S0,S1,S2", [TIME, FIELD])
+    assert run(["info", str(path)]) == 2
+    assert "--columns time=clock,x=S0,y=S1,z=S2" in capsys.readouterr().err
+    assert run(["info", str(path), "--columns", NAMES, "--unit", "uT"]) == 0
+    assert "40" in capsys.readouterr().out
+    assert run(["info", str(path)]) == 2  # nothing is left behind

@@ -122,7 +122,7 @@ def make_command() -> Any:
     import typer
 
     from agonic.cli.examples import EXAMPLES
-    from agonic.console.boundary import add_force
+    from agonic.console.boundary import add_columns, add_force
     from agonic.console.help import App, Group, add_examples
 
     app = App(
@@ -146,5 +146,6 @@ def make_command() -> Any:
             command.commands[name].rich_help_panel = heading
     command.commands = {name: command.commands[name] for name in COMMANDS}
     add_force(command)
+    add_columns(command)
     add_examples(command, EXAMPLES)
     return command

@@ -34,6 +34,36 @@ def explain(error: Exception, arguments: Sequence[str]) -> str:
     )
 
 
+def add_columns(command: Any) -> None:
+    """Give every command that reads a log with `--unit` the option `--columns`."""
+    option = _make_columns()
+    for one in getattr(command, "commands", {}).values():
+        add_columns(one)
+    at = [k for k, param in enumerate(command.params) if "--unit" in param.opts]
+    if at:
+        command.params.insert(at[0] + 1, option)
+
+
+def _make_columns() -> Any:
+    """The option, as Typer makes it of a command that has nothing else."""
+    import typer
+
+    from agonic.logs.column_names import give_names
+
+    help = "What the columns are, where headers do not say: time=t,x=mx,y=my,z=mz."
+    columns = typer.Option(
+        None, "--columns", metavar="NAMES", help=help, callback=give_names,
+        expose_value=False,
+    )  # fmt: skip
+    app = typer.Typer(add_completion=False)
+
+    @app.command()
+    def only(columns: str | None = columns) -> None:
+        """Nothing but the option."""
+
+    return typer.main.get_command(app).params[0]
+
+
 def add_force(command: Any) -> None:
     """Give every command that writes a file the option `--force`."""
     option = _make_force()

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
+from agonic.logs.column_names import rename_headers
 from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
@@ -159,8 +160,9 @@ def _read_body(
     first = [split_cells(begun[i], layout.separator) for i in sample_lines(begun)]
     if not first:
         raise LogError("there is a header and no row below it")
-    vectors = _find_vectors(layout.header, first)
-    wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(layout.header)])
+    header = rename_headers(layout.header)
+    vectors = _find_vectors(header, first)
+    wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])
     texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
     numeric = [i for i in wanted if i not in texts]
     values = read_numbers(data, start, layout, numeric)
@@ -172,7 +174,7 @@ def _read_body(
     for i, name in wanted.items():
         column = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
         if i in vectors:
-            table |= _take_apart(layout.header[i], column)
+            table |= _take_apart(header[i], column)
         elif i in texts:
             table[name] = column
         else:

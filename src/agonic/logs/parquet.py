@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.column_names import rename_headers
 from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
@@ -37,14 +38,14 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     with _open_parquet(path) as file:
         schema = file.schema
         headers = [schema.column(i).path for i in range(len(schema))]
-        wanted = find_columns(headers)
-        columns = file.read(columns=list(wanted.values())).flatten()
+        wanted = {headers[i]: name for i, name in find_columns(rename_headers(headers)).items()}
+        columns = file.read(columns=list(wanted)).flatten()
     table = {
-        name: columns.column(name).to_numpy()
-        for name in columns.column_names
-        if name in wanted.values()
+        wanted[header]: columns.column(header).to_numpy()
+        for header in columns.column_names
+        if header in wanted
     }
-    others = [header for i, header in enumerate(headers) if i not in wanted]
+    others = [header for header in headers if header not in wanted]
     return table, {"format": "Parquet table", "others": others}
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
+from agonic.logs.column_names import names_for
 from agonic.logs.formats import HEAD_BYTES, Format, format_of
 from agonic.logs.log import Log
 from agonic.provenance import Input, hash_file
@@ -14,13 +16,20 @@ from agonic.samples import Samples
 from agonic.units import find_unit
 
 
-def open_log(path: Path | str, *, unit: str | None = None) -> Log:
+def open_log(
+    path: Path | str,
+    *,
+    unit: str | None = None,
+    columns: str | Mapping[str, str] | None = None,
+) -> Log:
     """Everything that agonic reads from a recording: each magnetometer, and what else is there.
 
     Parameters
     ----------
     path : the file; its content decides how it is read.
     unit : of the field, for files that do not say: "nT", "uT", "mT", "T", "G", "mG".
+    columns : what the columns are, where headers do not say: "time=t,x=mx,y=my,z=mz", or a mapping;
+        without, those in a file beside the log with its name and ".toml" behind it.
 
     Raises `LogError` where the file cannot be read or holds no magnetometer, `UnitError` where the
     unit is unknown, `MissingExtraError` where reading it needs an optional package.
@@ -38,7 +47,8 @@ def open_log(path: Path | str, *, unit: str | None = None) -> Log:
     try:
         head = _head(file)
         source = Input(name=file.name, sha256=hash_file(file), count=0)
-        return _read(format_of(head), file, source, unit)
+        with names_for(file, columns) as names:
+            return _read(format_of(head), file, source, unit or (names.unit if names else None))
     except LogError as error:
         if error.path is not None:
             raise
@@ -62,7 +72,13 @@ def sensors(path: Path | str) -> tuple[str, ...]:
     return tuple(sensor.name for sensor in open_log(path).sensors)
 
 
-def read(path: Path | str, sensor: str | int | None = None, *, unit: str | None = None) -> Samples:
+def read(
+    path: Path | str,
+    sensor: str | int | None = None,
+    *,
+    unit: str | None = None,
+    columns: str | Mapping[str, str] | None = None,
+) -> Samples:
     """The readings of one magnetometer of a recording.
 
     Parameters
@@ -70,6 +86,7 @@ def read(path: Path | str, sensor: str | int | None = None, *, unit: str | None 
     path : the file; its content decides how it is read.
     sensor : its name, or its position in `sensors(path)`, from 0; without, the first.
     unit : of the field, for files that do not say.
+    columns : what the columns are, where headers do not say: "time=t,x=mx,y=my,z=mz", or a mapping.
 
     Raises as `open_log` does, and `LogError` naming the sensors where none is called `sensor`.
 
@@ -80,7 +97,7 @@ def read(path: Path | str, sensor: str | int | None = None, *, unit: str | None 
     ...     read(path).unit, len(read(path, unit="mG"))
     ('raw', 2)
     """
-    log = open_log(path, unit=unit)
+    log = open_log(path, unit=unit, columns=columns)
     return log.sensor(0 if sensor is None else sensor)
 
 

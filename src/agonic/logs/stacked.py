@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.logs.column_names import rename_headers
 from agonic.logs.columns import identify_column
 from agonic.logs.groups import build_groups_log
 from agonic.logs.header import names_reading
@@ -74,10 +75,12 @@ def build_tables(arrays: Arrays) -> tuple[list[dict[str, NDArray[Any]]], list[st
 
 def _find_columns(arrays: Arrays) -> dict[str, dict[str, NDArray[Any]]]:
     """The columns of each array that are understood, by its name."""
+    every = {name: _columns(name, np.squeeze(array)) for name, array in arrays.items()}
+    headers = [header for columns in every.values() for header in columns]
+    ours = dict(zip(headers, rename_headers(headers), strict=True))
     found = {}
-    for name, array in arrays.items():
-        columns = _columns(name, np.squeeze(array))
-        if known := {h: values for h, values in columns.items() if _quantity(h)}:
+    for name, columns in every.items():
+        if known := {ours[h]: values for h, values in columns.items() if _quantity(ours[h])}:
             found[name] = known
     return found
 

@@ -12,6 +12,7 @@ import numpy as np
 from agonic.arrays import Index
 from agonic.errors import LogError
 from agonic.logs.auxiliary import Table, set_angle_unit
+from agonic.logs.column_names import suggest_names
 from agonic.logs.columns import Identified, identify_column, identify_columns
 from agonic.logs.conventions import apply_conventions
 from agonic.logs.log import Log, Stream
@@ -150,7 +151,7 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     parts = [c.header for axes in found.get("field", {}).values() for c in axes.values()]
     have = ", ".join(repr(h[:30]) for h in every[:10]) + (", …" if len(every) > 10 else "")
     part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
-    raise LogError(f"{part} found among {have}; name them mag_x_uT, mag_y_uT, mag_z_uT or the like")
+    raise LogError(f"{part} found among {have}; say which they are: {suggest_names(every)}")
 
 
 def _list_streams(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from agonic.errors import LogError
+from agonic.logs.column_names import number_columns
 from agonic.logs.columns import identify_column, refuse_many
 from agonic.logs.contents import to_number
 
@@ -99,10 +100,13 @@ def _header_in_comment(before: Sequence[str], separator: str | None, width: int)
     header = split_cells(comment.strip(f"{COMMENT} "), separator)
     if len(header) == width and is_header(header):
         return header
+    if numbers := number_columns(width):
+        return numbers
     if width != 3:
         raise LogError(
             f"{width} columns and no header; name them in a first line such as "
-            "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z)"
+            "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z), or say "
+            "which are which: --columns time=1,x=2,y=3,z=4 --unit uT"
         )
     return list("xyz")
 
