@@ -30,7 +30,7 @@ class PlannedSets:
     Parameters
     ----------
     step_deg : between readings. positions : in all three sets. readings : at each position, so
-        that the wanted accuracy is met; 1 where none is wanted.
+        that the wanted accuracy is met; 1 where none is wanted or the heading is not determined.
     attitudes_deg : (k, 3) roll, pitch, heading of the positions.
     bias_sd : (3,) nT and matrix_sd : (6,) of xx yy zz xy xz yz, by the Cramér–Rao bound.
     heading_sd_deg : of a level vehicle, rms over all headings.
@@ -101,8 +101,9 @@ def plan_calibration(
         attitudes = _list_attitudes(step, tilt_deg)
         data = _count_information(attitudes, magnitude, inclination_deg, noise, attitude_sd_deg)
         sets = _judge(step, attitudes, data, magnitude, inclination_deg, 1)
-        if wanted_deg is not None and sets.heading_sd_deg > wanted_deg:
-            readings = int(np.ceil((sets.heading_sd_deg / wanted_deg) ** 2))
+        while sets.determined and wanted_deg is not None and sets.heading_sd_deg > wanted_deg:
+            short = (sets.heading_sd_deg / wanted_deg) ** 2  # the prior helps each reading less
+            readings = int(np.ceil(sets.readings * short))
             sets = _judge(step, attitudes, data * readings, magnitude, inclination_deg, readings)
         made.append(sets)
     return tuple(made)

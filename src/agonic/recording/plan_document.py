@@ -9,6 +9,8 @@ from agonic.ellipsoid.plan import PlannedSets
 from agonic.report.digits import group_digits, significant
 from agonic.report.document import Document, Section, Table
 
+_UNKNOWN = 1e5
+"""nT, above any field of the Earth: nothing is known of such a bias."""
 HEAD = ("Step", "Positions", "Readings", "Bias x, y, z", "Heading")
 
 
@@ -16,7 +18,7 @@ def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = Non
     """What each step of rotation tells, and the coarsest that is enough.
 
     >>> from agonic.ellipsoid.plan import plan_calibration
-    >>> made = describe_plan(plan_calibration(steps_deg=(30, 10)), wanted_deg=0.5)
+    >>> made = describe_plan(plan_calibration(steps_deg=(30, 10), wanted_deg=0.5), wanted_deg=0.5)
     >>> made.status
     'Turn in steps of 30°: 36 positions, 2 readings at each, 0.49° of heading.'
     """
@@ -40,7 +42,7 @@ def choose_sets(sets: Sequence[PlannedSets], wanted_deg: float | None) -> Planne
     able = [
         one
         for one in sets
-        if one.determined and (wanted_deg is None or one.heading_sd_deg <= wanted_deg * 1.0001)
+        if one.determined and (wanted_deg is None or one.heading_sd_deg <= wanted_deg)
     ]
     return min(able, key=lambda one: one.positions * one.readings, default=None)
 
@@ -64,7 +66,8 @@ def _rows(sets: Sequence[PlannedSets]) -> list[list[str]]:
             f"{one.step_deg:g}°",
             str(one.positions),
             str(one.positions * one.readings),
-            ", ".join(group_digits(float(sd), 0) for sd in one.bias_sd) + " nT",
+            ", ".join(group_digits(float(sd), 0) if sd < _UNKNOWN else "?" for sd in one.bias_sd)
+            + " nT",
             f"{significant(one.heading_sd_deg, 2)}°" if one.determined else "not determined",
         ]
         for one in sets
