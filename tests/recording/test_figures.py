@@ -35,7 +35,7 @@ def test_ticks_are_round_and_inside(low, high):
 def test_time_is_counted_in_a_unit_that_fits(good, seconds, unit):
     time = 5.0 + np.linspace(0, seconds, len(good.samples))
     axis, along = along_rows(time, np.arange(len(time)))
-    assert axis.label == f"time since the first reading, {unit}"
+    assert axis.label == f"time since the first reading (t = 5.0 s), {unit}"
     assert along[-1] == axis.high == pytest.approx(seconds / {"s": 1, "min": 60, "h": 3600}[unit])
 
 

@@ -39,7 +39,7 @@ Magnitude = Annotated[
 Between = Annotated[
     str | None,
     typer.Option(
-        "--between", metavar="S,S", help="Only this interval, seconds since the first reading."
+        "--between", metavar="S,S", help="Only this interval, seconds by the clock of the log."
     ),
 ]
 Sources = Annotated[

@@ -58,7 +58,7 @@ def choose_name(names: Iterable[T], preferred: object = "") -> T:
 
 
 def select_between(samples: Samples, between: str | None) -> Samples:
-    """The readings between two moments of "START,STOP", seconds since the first reading."""
+    """The readings between two moments of "START,STOP", seconds by the clock of the log."""
     from agonic.console.parse import parse_numbers
 
     if between is None:
@@ -66,11 +66,12 @@ def select_between(samples: Samples, between: str | None) -> Samples:
     start, stop = parse_numbers("--between", between, "START,STOP in seconds")
     if samples.time is None:
         raise AgonicError(f"--between needs times and {samples.name} was logged without")
-    since = samples.time - samples.time[0]
-    rows = (since >= start) & (since <= stop)
+    rows = (samples.time >= start) & (samples.time <= stop)
     if not rows.any():
+        first, last = samples.time[[0, -1]]
         raise AgonicError(
-            f"--between {between} holds no reading of {samples.name}, which lasts {since[-1]:.1f} s"
+            f"--between {between} holds no reading of {samples.name}: by the clock of the log "
+            f"(time_s) they lie between {first:.1f} s and {last:.1f} s"
         )
     return samples.select(rows)
 

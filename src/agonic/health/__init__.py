@@ -1,14 +1,8 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
 from agonic.health.adequacy import Fitted, describe_model_errors, examine_model, widen
-from agonic.health.evidence import (
-    RECORD_LONGER,
-    Evidence,
-    check_bias_drift,
-    check_coverage,
-    check_outliers,
-    examine,
-)
+from agonic.health.evidence import RECORD_LONGER, Evidence
+from agonic.health.examine import check_bias_drift, check_coverage, examine
 from agonic.health.finding import (
     Finding,
     Judged,
@@ -20,6 +14,7 @@ from agonic.health.finding import (
     verdict_of,
 )
 from agonic.health.mounting import check_axes, check_mounting
+from agonic.health.outliers import check_outliers
 from agonic.health.readings import (
     FEWEST,
     check_rejected,

@@ -32,12 +32,17 @@ def along_time(
 def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
     """Time since the first reading, or the number of the reading where no times were logged.
 
-    `time` (n,) is that of all readings, `rows` (m,) those that are shown.
+    `time` (n,) is that of all readings, `rows` (m,) those that are shown. Findings tell moments by
+    the clock of the log, so the label says where it stood at the first reading.
 
     >>> import numpy as np
+    >>> along_rows(np.array([11.5, 12.5]), np.arange(2))[0].label
+    'time since the first reading (t = 11.5 s), s'
     >>> along_rows(None, np.arange(3))
     (Axis(label='reading', low=0.0, high=2.0), array([0., 1., 2.]))
     """
     if time is None or len(time) < 2:
         return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)
-    return along_time(time[rows], float(time[0]), float(time[-1]))
+    start, stop = float(time[0]), float(time[-1])
+    begun = "" if start == 0.0 else f" (t = {start:.1f} s)"
+    return along_time(time[rows], start, stop, since=f"the first reading{begun}")

@@ -35,9 +35,9 @@ def heading(
 ) -> int:
     """Find the true heading of a vehicle at each reading, and where not to trust it.
 
-    Writes the log's time and the seconds since the first reading, compass, magnetic and true
-    heading, standard error, that of the tilt, disagreement between sensors, the sensor that was
-    used, and flags. Exit status 1 where no heading can be trusted at all.
+    Writes the log's time, compass, magnetic and true heading, standard error, that of the tilt,
+    disagreement between sensors, the sensor that was used, and flags. Exit status 1 where no
+    heading can be trusted at all.
     """
     from agonic.console.finish import finish
     from agonic.console.sensors import add_second

@@ -14,7 +14,6 @@ from agonic.headings.result import Heading
 
 COLUMNS = (
     "time_s",
-    "elapsed_s",
     "compass_deg",
     "magnetic_deg",
     "true_deg",
@@ -32,7 +31,6 @@ def write_headings(found: Heading, file: Path) -> Path:
     time = found.time
     columns = (
         [""] * len(found) if time is None else [repr(t) for t in time.tolist()],
-        _format(None if time is None else time - time[0], len(found), 6),
         _format_angles(found.compass_deg),
         _format_angles(found.magnetic_deg),
         _format_angles(found.true_deg),
@@ -49,10 +47,10 @@ def write_headings(found: Heading, file: Path) -> Path:
     return write_atomically(file, stream.getvalue())
 
 
-def _format(values: Array | None, n: int, digits: int = 3) -> list[str]:
+def _format(values: Array | None, n: int) -> list[str]:
     if values is None:
         return [""] * n
-    return ["" if np.isnan(value) else f"{value:.{digits}f}" for value in values.tolist()]
+    return ["" if np.isnan(value) else f"{value:.3f}" for value in values.tolist()]
 
 
 def _format_angles(values: Array) -> list[str]:

@@ -1,0 +1,180 @@
+"""What a fit gives away about the readings: plane, cap, outliers, two sensors, a changed field."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.coverage import Coverage
+from agonic.health.changes import find_change
+from agonic.health.evidence import (
+    HALF_CIRCLE_DEG,
+    HEADING_DOUBTFUL_DEG,
+    HEADING_REFUSED_DEG,
+    MOST_ROWS,
+    NOISE_DOUBTFUL,
+    RECORD_LONGER,
+    SHIFT_DOUBTFUL,
+    SPARE,
+    Evidence,
+    draw_rows,
+)
+from agonic.health.finding import Finding, figure
+from agonic.health.outliers import find_outliers
+from agonic.maths.equation.coverage import (
+    count_orientations,
+    find_nearest_axis,
+    find_spread_rows,
+    measure_arc_deg,
+    measure_thickness,
+)
+
+
+def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Finding, ...]:
+    """The findings of a fit, the gravest first; one cause is not reported twice.
+
+    Readings in a plane are no fault of an attitude-aided fit.
+    """
+    shape = None if attitude_aided else _static(evidence) or _flat(evidence)
+    few = None if attitude_aided or shape else _few_orientations(evidence)
+    if shape is not None or (few is not None and few.severity == "refuse"):
+        return tuple(finding for finding in (shape, few) if finding is not None)
+    changed = find_change(evidence, attitude_aided=attitude_aided)
+    told = None if changed is None else changed.finding
+    coverage = check_coverage(evidence.coverage)
+    if changed is not None and told is not None and told.severity == "refuse":
+        # a change makes the heading uncertain as well, unless it would be without the change
+        by_noise = min(changed.noise / max(evidence.noise, np.finfo(float).tiny), 1.0)
+        if evidence.coverage.heading_sd_deg * by_noise < HEADING_REFUSED_DEG:
+            return (told,)
+        return tuple(finding for finding in (coverage, told) if finding is not None)
+    found = [coverage, told, few]
+    if changed is None:
+        found += [_noisy(evidence), find_outliers(evidence)]
+    return tuple(finding for finding in found if finding is not None)
+
+
+def _static(e: Evidence) -> Finding | None:
+    """Readings that hardly move: far less than the field would move them, or a ball of noise."""
+    some = e.readings[find_spread_rows(e.readings, most=MOST_ROWS)]
+    low, high = np.percentile(some, (2, 98), axis=0)
+    spread = float((high - low).max() / 2)
+    at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius
+    if not (at_rest or (e.noise > 0.15 * e.radius and _gaussian(some))):
+        return None
+    return Finding(
+        "static",
+        "refuse",
+        f"the sensor did not turn: its readings move by only ±{figure(spread)} {e.unit}",
+        "turn it slowly about all three axes while recording",
+    )
+
+
+def _few_orientations(e: Evidence) -> Finding | None:
+    """Held still in few orientations: however often each was read, it says one thing."""
+    reach = min(max(8 * e.noise, 0.02 * e.radius), 0.1 * e.radius)
+    enough = e.unknowns + SPARE
+    count = count_orientations(e.readings[e.weights > 0], reach, enough)
+    if count >= enough:
+        return None
+    lacking = count < e.unknowns
+    left = "that do not determine it" if lacking else "and next to nothing is left to check it by"
+    return Finding(
+        "few orientations",
+        "refuse" if lacking else "check",
+        f"the sensor was held in {count} orientations only; the calibration has {e.unknowns} "
+        f"unknowns, {left}",
+        f"record {enough} orientations or more, well spread, or turn the sensor slowly all the way",
+    )
+
+
+def _gaussian(readings: Array) -> bool:
+    """Whether readings look like noise: they jump as far as they range, and pile up in the middle.
+
+    Kurtosis is near 3 for noise, where a turning sensor has 1.8; or they flicker between a few
+    levels.
+    """
+    sd = np.maximum(readings.std(axis=0), 1e-300)
+    jumps = np.diff(readings, axis=0).std(axis=0) / (np.sqrt(2) * sd)
+    few_levels = max(len(np.unique(column)) for column in readings.T) < 8
+    kurtosis = (((readings - readings.mean(axis=0)) / sd) ** 4).mean()
+    return bool(jumps.max() > 0.5 and (few_levels or kurtosis > 2.5))
+
+
+def _flat(e: Evidence) -> Finding | None:
+    """Readings in a plane, or nearly: the centre along its normal is not determined."""
+    used = e.readings[(e.weights > 0) | (e.weights == 0).all()]
+    thick, normal = max(
+        (measure_thickness(used[rows]) for rows in (draw_rows(len(used)), find_spread_rows(used))),
+        key=lambda measured: measured[0],
+    )
+    if thick > 0.1:
+        return None
+    axis = find_nearest_axis(normal)
+    noise_thickness = 2.4 * e.noise / e.radius
+    in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
+    arc = measure_arc_deg(used)
+    if in_one_plane and arc < HALF_CIRCLE_DEG:
+        span = f"an arc of some {round(arc, -1):.0f}°"
+        what = f"all readings lie on {span} in one plane (its normal is near {axis})"
+        return Finding(
+            "plane",
+            "refuse",
+            f"{what}: bias and gain along {axis} are not determined, nor well in the plane",
+            "turn all the way round at several headings, with the nose up, down and banked",
+        )
+    if in_one_plane:
+        what = f"all readings lie in one plane (its normal is near {axis})"
+    else:
+        tilt = np.degrees(np.arcsin(min(thick, 1.0)))
+        what = f"all readings lie near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
+    return Finding(
+        "plane" if in_one_plane else "small tilt",
+        "refuse",
+        f"{what}: bias and gain along {axis} are not determined",
+        "tilt the nose up and down and bank by 30° or more at several headings",
+    )
+
+
+def check_coverage(c: Coverage) -> Finding | None:
+    """A heading that the directions visited leave uncertain."""
+    if c.heading_sd_deg < HEADING_DOUBTFUL_DEG:
+        return None
+    refused = c.heading_sd_deg >= HEADING_REFUSED_DEG
+    return Finding(
+        "coverage",
+        "refuse" if refused else "check",
+        f"the directions visited ({100 * c.filled:.0f} % of the sphere) leave the heading "
+        f"uncertain by {figure(c.heading_sd_deg)}°",
+        c.turns or f"{RECORD_LONGER}, turning slowly about all three axes",
+    )
+
+
+def _noisy(e: Evidence) -> Finding | None:
+    if e.noise < NOISE_DOUBTFUL * e.radius:
+        return None
+    return Finding(
+        "disturbed",
+        "check",
+        f"readings scatter by {100 * e.noise / e.radius:.1f} % of the field about the best "
+        "calibration: the field was not the same everywhere",
+        "record away from steel, magnets and currents, keeping the sensor in one place",
+    )
+
+
+def check_bias_drift(shift: float, radius: float, when: str, unit: str) -> Finding:
+    """A bias that is not the same throughout, by less than a change that spoils the fit.
+
+    Parameters: `shift` of the bias from the part before `when` to the part after.
+
+    >>> check_bias_drift(12.0, 50_000.0, "t = 3600 s", "nT").severity
+    'note'
+    """
+    doubtful = shift >= SHIFT_DOUBTFUL * radius
+    return Finding(
+        "bias moves",
+        "check" if doubtful else "note",
+        f"the bias before and after {when} differs by {figure(shift)} {unit}, more than chance "
+        "allows: it changed once, or drifts",
+        "calibrate the parts separately, or follow it over time" if doubtful else "",
+    )
