@@ -19,9 +19,9 @@ from agonic.health.evidence import (
 from agonic.health.finding import Finding, figure
 from agonic.health.moments import describe_moments
 from agonic.health.outliers import find_stretches
+from agonic.maths.equation.bias_states import find_bias_states
 from agonic.maths.equation.coverage import find_spread_rows
 from agonic.maths.estimation.bias_change import find_bias_change, refit_residuals
-from agonic.maths.estimation.bias_states import find_bias_states
 from agonic.maths.estimation.least_median import Pair, fit_two_spheres
 
 SIGNIFICANT = 30.0

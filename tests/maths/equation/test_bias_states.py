@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.bias_states import NEITHER, find_bias_states
+from agonic.maths.equation.bias_states import NEITHER, find_bias_states
 from agonic.maths.estimation.hidden_states import find_path
 
 NOISE = 0.004
