@@ -131,3 +131,32 @@ def test_the_space_station_keeps_one_side_to_the_earth(recordings, capsys) -> No
     assert "counted west" in ag.fit_inflight(west, drift_knots=0).status
     old = samples.with_columns(epoch=samples.epoch.replace(year=1961))
     assert "a date near 20" in ag.fit_inflight(old, drift_knots=0).status
+
+
+def test_the_world_model_can_be_chosen_and_is_named_everywhere(capsys) -> None:
+    orbit()
+    asked = ("orbit.csv", "--knots", "0", "--ground", "ground.json", "-o", "now.json")
+    for name, official in (("igrf", "IGRF-14"), ("wmm", "WMM2025")):
+        _, _ = said(capsys, *asked, "--model", name, "--force")
+        assert official in ag.load("now.json").provenance.settings["reference"]
+        assert official in Path("now.html").read_text(encoding="utf-8")
+        assert run(["fit", "inflight", *asked[:5], "--model", name]) in (0, 1)
+        assert official in capsys.readouterr().out
+    assert run(["fit", "inflight", "orbit.csv", "--model", "emm"]) == 2
+    assert "igrf, wmm" in capsys.readouterr().err
+
+
+def test_an_altitude_is_given_where_the_table_lacks_it(capsys) -> None:
+    made = orbit()
+    ag.write_csv(made.samples.with_columns(altitude_m=None), "flat.csv")
+    asked = ("--knots", "0", "--ground", "ground.json")
+    _, bare = said(capsys, "flat.csv", *asked)
+    assert bare["verdict"] == "refused"  # nothing orbits at the height of the sea
+    height = str(float(np.mean(made.samples.altitude_m)))
+    _, lifted = said(capsys, "flat.csv", *asked, "--altitude", height)
+    _, whole = said(capsys, "orbit.csv", *asked)
+    off = np.array(lifted["bias_change_nT"]) - whole["bias_change_nT"]
+    assert lifted["verdict"] == whole["verdict"]
+    assert np.abs(off).max() < 100.0
+    assert run(["fit", "inflight", "flat.csv", "--altitude", "5e5", "--tle", "x.tle"]) == 2
+    assert "not both" in capsys.readouterr().err

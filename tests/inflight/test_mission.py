@@ -104,7 +104,7 @@ def test_a_scalar_instrument_teaches_a_mission_too() -> None:
     fit = fit_mission(Pieces(without, 2500), scalar=True, drift_knots=0)
     assert fit.noise == pytest.approx(np.hypot(0.3, 0.1), rel=0.05)
     assert np.abs((fit.change.bias - made.bias[-1]) / fit.sd[:3]).max() < 4
-    with pytest.raises(ag.AgonicError, match="no latitude and no longitude"):
+    with pytest.raises(ag.AgonicError, match="no latitude or longitude"):
         fit_mission(Pieces(without, 2500))
     with pytest.raises(ag.AgonicError, match="no scalar"):
         fit_mission(Pieces(without.with_columns(scalar=None), 2500), scalar=True)

@@ -55,13 +55,9 @@ def field(
 
 def _chosen(model: str | None, year: float) -> Model:
     """The model of that name, or the one that holds in a year."""
-    from agonic import field as models
     from agonic.field.place import choose_model
 
-    known = {"igrf": models.igrf, "wmm": models.wmm, "wmmhr": models.wmmhr}
-    if model is not None and model not in known:
-        raise AgonicError(f"--model {model!r} is not known; use one of {', '.join(known)}")
-    return known[model]() if model else choose_model(year)
+    return choose_model(year, model)
 
 
 def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:

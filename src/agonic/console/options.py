@@ -32,6 +32,20 @@ Date = Annotated[
     str | None,
     typer.Option("--date", help="Date for the world model, 2026-05-01; default: the log's own."),
 ]
+WorldModel = Annotated[
+    str | None,
+    typer.Option(
+        "--model", metavar="NAME", help="World model: igrf, wmm or wmmhr; default: by the date."
+    ),
+]
+Altitude = Annotated[
+    float | None,
+    typer.Option("--altitude", metavar="M", help="Of all readings, where the log has none."),
+]
+Elements = Annotated[
+    Path | None,
+    typer.Option("--tle", metavar="FILE", help="Two-line elements that tell the positions."),
+]
 Magnitude = Annotated[
     float | None,
     typer.Option("--field", metavar="NT", help="Magnitude of the field, nT, where it is known."),

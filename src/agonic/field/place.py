@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from agonic.errors import LogError
+from agonic.errors import LogError, check_choice
 from agonic.field.decimal_year import decimal_year, parse_date
 from agonic.field.model import Model
-from agonic.field.published import igrf, wmm
+from agonic.field.published import igrf, wmm, wmmhr
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -27,17 +27,29 @@ class Expected:
     inclination_deg: float
 
 
-def choose_model(year: float) -> Model:
-    """WMM2025 in the years it was made for, IGRF before.
+MODELS = {"igrf": igrf, "wmm": wmm, "wmmhr": wmmhr}
+"""What a model is called where one is asked for."""
+
+
+def choose_model(year: float, name: str | None = None) -> Model:
+    """The model that is asked for by name, or WMM2025 in the years it was made for and IGRF before.
 
     >>> choose_model(2014.5).name, choose_model(2026.5).name
     ('IGRF-14', 'WMM2025')
     """
+    if name is not None:
+        check_choice("model", name, tuple(MODELS))
+        return MODELS[name]()
     return wmm() if 2025.0 <= year <= 2030.0 else igrf()
 
 
 def field_at(
-    latitude_deg: float, longitude_deg: float, altitude_m: float, date: str | None, samples: Samples
+    latitude_deg: float,
+    longitude_deg: float,
+    altitude_m: float,
+    date: str | None,
+    samples: Samples,
+    name: str | None = None,
 ) -> Expected:
     """What to expect at a place, on a date, or on the log's own, or else today.
 
@@ -47,7 +59,7 @@ def field_at(
     (array([49464.]), 67.2)
     """
     when = date or (samples.epoch or datetime.now(UTC)).date().isoformat()
-    model = choose_model(float(decimal_year(when)))
+    model = choose_model(float(decimal_year(when)), name)
     here = model.at(latitude_deg, longitude_deg, altitude_m, when)
     source = f"{model.name} at {latitude_deg:g}°, {longitude_deg:g}°, {altitude_m:g} m on {when}"
     vector = [float(part) for part in (here.north, here.east, here.down)]
@@ -73,7 +85,9 @@ def describe_missing(samples: Samples) -> str:
     return f"the log has no {', '.join(others)} or {last}" if others else f"the log has no {last}"
 
 
-def field_along(samples: Samples, date: str | None = None) -> Expected | None:
+def field_along(
+    samples: Samples, date: str | None = None, name: str | None = None
+) -> Expected | None:
     """What to expect along a log's own track; None where it has no position or no date.
 
     One vector where the field hardly varies along the track, else one per sample.
@@ -89,7 +103,7 @@ def field_along(samples: Samples, date: str | None = None) -> Expected | None:
         altitude_m=np.zeros(rows) if samples.altitude_m is None else samples.altitude_m,
     )
     middle = epoch + timedelta(seconds=float(np.median(time)))
-    model = choose_model(float(decimal_year(middle)))
+    model = choose_model(float(decimal_year(middle)), name)
     try:
         vectors = model.along(track)
     except LogError:
@@ -109,17 +123,19 @@ def choose_reference(
     at: tuple[float, float, float] | None = None,
     date: str | None = None,
     magnitude: float | None = None,
+    name: str | None = None,
 ) -> tuple[Reference | None, dict[str, Any]]:
     """The reference to calibrate a sensor by, and the settings of the fit that go with the place.
 
-    From the magnitude (nT) or the place that was given, or else from the log's own place and date.
+    From the magnitude (nT) or the place that was given, or else from the log's own place and date;
+    `name` asks for one of `MODELS`.
 
     >>> choose_reference(Samples(field=[[0, 0, 1.0]]), magnitude=50_000.0)[0].values
     array([50000.])
     """
     if magnitude is not None:
         return Reference.constant(magnitude, source="given"), {}
-    found = field_at(*at, date, samples) if at else field_along(samples, date)
+    found = field_at(*at, date, samples, name) if at else field_along(samples, date, name)
     if found is None:
         return None, {}
     return found.reference, {"inclination_deg": found.inclination_deg}

@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import (
+    Altitude,
     At,
     Between,
     Date,
+    Elements,
     Json,
     Out,
     Robust,
     Scalar,
     Sensor,
     Unit,
+    WorldModel,
 )
 from agonic.console.parse import parse_count, parse_numbers
 from agonic.console.sensors import open_sensor
@@ -89,6 +92,9 @@ def inflight(
     unit: Unit = None,
     at: At = None,
     date: Date = None,
+    model: WorldModel = None,
+    altitude: Altitude = None,
+    tle: Elements = None,
     gain_sd: Annotated[
         float, typer.Option(help="How far gains may have moved since the ground, a share.")
     ] = 0.01,
@@ -99,6 +105,7 @@ def inflight(
     """Bias, gains or all nine numbers from the field that is known on the way."""
     from agonic.calibration.chain import require_calibration
     from agonic.console.finish import finish
+    from agonic.console.place import set_track
     from agonic.errors import AgonicError
     from agonic.files.calibration import load
     from agonic.inflight.fit import fit_inflight
@@ -120,7 +127,14 @@ def inflight(
         "robust": robust,
     }
     if is_long(logs, MOST_ROWS):
-        given = {"--at": at, "--between": between, "--within": within}
+        given = {
+            "--model": model,
+            "--altitude": altitude,
+            "--tle": tle,
+            "--at": at,
+            "--between": between,
+            "--within": within,
+        }
         given["--attitude"] = None if attitude == "none" else attitude
         unfit = [name for name, value in given.items() if value is not None]
         if unfit:
@@ -128,8 +142,9 @@ def inflight(
         fit, samples = _mission(logs, sensor, unit, date, scalar, settings), None
     else:
         more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
-        samples = _samples(logs[0], sensor, unit, between, date)
-        fit = fit_inflight(samples, _reference(samples, at, date, scalar), **settings, **more)
+        samples = set_track(_samples(logs[0], sensor, unit, between, date), altitude, tle)
+        reference = _reference(samples, at, date, scalar, model)
+        fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
     page = None if out is None else out.with_suffix(".html")
     return finish(document, out=out, report=page, option="-o", as_json=as_json)
@@ -168,9 +183,9 @@ def _mission(
 
 
 def _reference(
-    samples: Samples, at: str | None, date: str | None, scalar: bool | None
+    samples: Samples, at: str | None, date: str | None, scalar: bool | None, model: str | None
 ) -> Reference | None:
     from agonic.console.place import find_reference, find_scalar_reference
 
     scalar_reference = find_scalar_reference(samples, scalar)
-    return scalar_reference or find_reference(samples, at, date, None)[0]
+    return scalar_reference or find_reference(samples, at, date, None, model)[0]

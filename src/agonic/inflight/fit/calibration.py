@@ -277,6 +277,7 @@ def _settings(problem: Problem, estimate: Estimate) -> Mapping[str, Any]:
     asked, terms = problem.settings, estimate.terms
     return {
         "fit": "inflight",
+        "reference": problem.source,
         "solve": asked.solve,
         "drift_intervals": max(terms.splines - 2, 0),
         "temperature_degree": terms.degree,

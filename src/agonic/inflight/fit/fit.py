@@ -152,6 +152,7 @@ def _pose_problem(
         used=used,
         ground=ground,
         settings=settings,
+        source=(reference or along).source,
         direction=expect_direction(samples, along, settings.attitude),
         rotation=np.eye(3),
         direction_e=find_direction_e(samples, along),

@@ -60,7 +60,7 @@ def read_known(cache: IO[bytes], n: int) -> Known:
 
 class Scan(NamedTuple):
     """What the first pass found: rows every `stride`-th with what is known there, how many readings
-    take part, seconds between two, and what later passes need not read."""
+    take part, seconds between two, what later passes need not read, and what told the field."""
 
     samples: Samples
     magnitudes: Array
@@ -69,13 +69,15 @@ class Scan(NamedTuple):
     taking_part: int
     step_s: float
     without: tuple[str, ...]
+    source: str
 
 
 def scan_recording(
     recording: Recording, cache: IO[bytes], scalar: bool, settings: Settings, progress: Progress
 ) -> Scan:
     """The first pass: magnitudes into the cache, and rows for the fit in memory."""
-    magnitude = _scalar if scalar else _Model()
+    model = _Model()
+    magnitude = _scalar if scalar else model
     thin, done, count, clean, step = _ThinnedRows(), 0, 0, True, 0.0
     for samples in recording.pieces():
         if samples.time is None:
@@ -97,7 +99,8 @@ def scan_recording(
         raise LogError("the record is empty")
     require_enough(np.ones(count, dtype=bool))
     samples, known = thin.whole()
-    return Scan(samples, *known, thin.stride, count, step, TRACK if clean else ())
+    source = "the scalar instrument in the record" if scalar else model.source
+    return Scan(samples, *known, thin.stride, count, step, TRACK if clean else (), source)
 
 
 class _Model:
@@ -105,6 +108,11 @@ class _Model:
 
     def __init__(self) -> None:
         self._model: Any = None
+
+    @property
+    def source(self) -> str:
+        """What a report says of it."""
+        return f"{self._model.name} along the track"
 
     def __call__(self, samples: Samples) -> Known:
         if samples.latitude_deg is None or samples.longitude_deg is None or samples.epoch is None:

@@ -128,6 +128,7 @@ def _pose_thinned(scan: Scan, ground: Calibration | None, settings: Settings) ->
         ground=ground,
         settings=settings,
         direction=None,
+        source=scan.source,
         rotation=np.eye(3),
         direction_e=scan.direction_e,
     )

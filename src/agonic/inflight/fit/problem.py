@@ -49,7 +49,8 @@ class ExpectedDirection:
 class Problem:
     """`samples` after the ground calibration; `wanted` (n,) over `magnitude`; rows `used`; where
     the fit is aided by attitude, the `direction` expected, and the `rotation` from sensor axes to
-    those of the attitude; `direction_e` (n, 3) of the field in Earth-fixed axes, where known."""
+    those of the attitude; `direction_e` (n, 3) of the field in Earth-fixed axes, where known;
+    `source` says what told the field."""
 
     samples: Samples
     wanted: Array
@@ -58,6 +59,7 @@ class Problem:
     ground: Calibration | None
     settings: Settings
     direction: ExpectedDirection | None
+    source: str
     rotation: Array
     direction_e: Array | None
 

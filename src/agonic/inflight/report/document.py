@@ -56,6 +56,7 @@ def describe_inflight(
         status=fit.status,
         findings=fit.findings,
         entries={
+            "Field": str(fit.calibration.provenance.settings.get("reference", "")),
             "Bias" if fit.ground is None else "Moved by": f"{bias} {fit.change.unit_in}",
             "Residual": f"{quantity(rms, 'nT', 3)} rms; errors are correlated, "
             f"{quantity(fit.correlation_s, 's', 2)} count as one reading",
