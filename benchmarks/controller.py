@@ -16,6 +16,7 @@ import agonic as ag
 from agonic.calibration.setup import Setup
 from agonic.exports.firmware import declination_grid, write_firmware
 from agonic.exports.firmware.tracker import write_tracker
+from agonic.exports.firmware.writer import write_ellipsoid
 from agonic.inflight.tracking import Tracker
 from agonic.network.simulate import simulate_paper
 from benchmarks.tables import markdown
@@ -68,6 +69,26 @@ class Case(NamedTuple):
     times: int = 50
 
 
+TURN = """\
+    float x = 1.0f;
+    float y = 0.0f;
+    mag_ellipsoid_begin(&fit);
+    for (k = 0; k < 200; k++) {
+        const float z = (float)(2 * k - 199) / 200.0f;
+        const float across = 500.0f * sqrtf(1.0f - z * z);
+        const float turned = -0.7373688f * x - 0.6754903f * y;
+        raw[0] = 300.0f + across * x;
+        raw[1] = across * y - 200.0f;
+        raw[2] = 550.0f * z;
+        mag_ellipsoid_add(&fit, raw);
+        y = 0.6754903f * x - 0.7373688f * y;
+        x = turned;
+    }"""
+ELLIPSOID = """\
+#include <math.h>
+static float raw[3];
+static mag_ellipsoid fit;
+static mag_ellipsoid_result result;"""
 CASES = (
     Case("bias and matrix", (), "plain", RAW, "    plain_correct(raw, field);", HELD_RAW),
     Case(
@@ -94,6 +115,25 @@ CASES = (
         CHAIN,
         CALL_CHAIN,
         HELD_CHAIN,
+    ),
+    Case(
+        "a reading for the calibration on board",
+        ("mag_ellipsoid.c",),
+        "mag_ellipsoid",
+        ELLIPSOID,
+        "    mag_ellipsoid_add(&fit, raw);",
+        "sizeof raw",
+        f"{TURN}\n    (void)result;",
+    ),
+    Case(
+        "its bias and matrix",
+        ("mag_ellipsoid.c",),
+        "mag_ellipsoid",
+        ELLIPSOID,
+        "    mag_ellipsoid_solve(&fit, 50000.0f, &result);",
+        "sizeof raw + sizeof result",
+        TURN,
+        3,
     ),
     *(
         Case(
@@ -172,6 +212,8 @@ def _export(folder: Path) -> None:
     three = Setup(compasses=compasses, horizontal=19e3, vertical=45e3)
     write_firmware(Setup(compasses=(HARD,)), folder / "one", declination=2.5)
     write_firmware(three, folder / "three", declination=grid)
+    for file, text in write_ellipsoid("mag").items():
+        (folder / file).write_text(text)
     for name in ("bias", "full"):
         samples, known, _, _ = orbiting(0, n=1500)
         tracker = Tracker(params=replace(MODELS[name], external_sd=20.0, walk=0.5))

@@ -17,7 +17,10 @@ from agonic.files.setup import save_setup
 from tests.command_line import answer
 from tests.exports.read_back import parse_px4
 
-FILES = ["compass.c", "compass.h", "compass_fit.c", "compass_fit.h", "compass_selftest.c"]
+FILES = [
+    *("compass.c", "compass.h", "compass_ellipsoid.c", "compass_ellipsoid.h"),
+    *("compass_fit.c", "compass_fit.h", "compass_selftest.c"),
+]
 LEVEL_NORTH = "{.raw = {{19100.0f, 0.0f, 45600.0f}}}"
 
 

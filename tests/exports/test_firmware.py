@@ -137,7 +137,11 @@ def firmware(request, tmp_path_factory):
 def test_the_self_test_passes_and_the_c_is_clean(firmware):
     _, folder, written = firmware
     assert written.files == tuple(
-        folder / f"compass{end}" for end in (".h", ".c", "_selftest.c", "_fit.h", "_fit.c")
+        folder / f"compass{end}"
+        for end in (
+            *(".h", ".c", "_selftest.c", "_fit.h", "_fit.c"),
+            *("_ellipsoid.h", "_ellipsoid.c"),
+        )
     )
     sources = [path.name for path in written.files if path.suffix == ".c"]
     program = compiled(folder, *sources, flags=("-Os", "-DCOMPASS_MAIN"))
@@ -387,7 +391,7 @@ def test_single_precision_only_no_variables_and_nothing_but_math_h(firmware):
         assert path.read_text().isascii()
         assert not re.search(r"[ \t]$", path.read_text(), re.MULTILINE)
     if shutil.which("size"):
-        assert set(written.sizes) == {"compass.c", "compass_fit.c"}
+        assert set(written.sizes) == {"compass.c", "compass_fit.c", "compass_ellipsoid.c"}
         for size in written.sizes.values():
             assert size.variables == 0
             assert 300 < size.code < 5000

@@ -26,6 +26,7 @@ TRIES = """
 #include <math.h>
 #include <string.h>
 #include "compass.h"
+#include "compass_ellipsoid.h"
 #include "compass_fit.h"
 int main(void)
 {
@@ -36,10 +37,13 @@ int main(void)
     compass_output out;
     compass_fit fit;
     compass_fit_result result;
+    static compass_ellipsoid sums;
+    compass_ellipsoid_result found;
     float inputs[sizeof in / sizeof(float)];
     unsigned int seed = 1;
     int n, k;
     compass_fit_begin(&fit);
+    compass_ellipsoid_begin(&sums);
     for (n = 0; n < 20000; n++) {
         for (k = 0; k < (int)(sizeof inputs / sizeof *inputs); k++) {
             seed = seed * 1664525u + 1013904223u;
@@ -49,9 +53,16 @@ int main(void)
         compass_heading(&in, &out);
         if (n % 40 == 0) {
             compass_fit_begin(&fit);
+            if (n % 400 == 0) {
+                compass_ellipsoid_begin(&sums);
+            }
         }
         inputs[0] *= n % 80 < 40 ? 1.0f : 1e-19f; /* small ones too, whose products vanish */
         compass_fit_add(&fit, inputs);
+        compass_ellipsoid_add(&sums, inputs);
+        if (n % 16 == 0) {
+            compass_ellipsoid_solve(&sums, values[n % count], &found);
+        }
         compass_fit_sphere(&fit, values[n % count], &result);
         compass_fit_diagonal(&fit, values[n % count], &result);
     }
@@ -66,7 +77,9 @@ def test_no_input_is_undefined(tilt, tmp_path):
     setup = Setup(compasses=(HARD, COUNTS, warm), tilt=tilt)
     write_firmware(setup, tmp_path, declination=GRID)
     (tmp_path / "tries.c").write_text(TRIES)
-    program = compiled(tmp_path, "compass.c", "compass_fit.c", "tries.c", flags=SANITIZED)
+    program = compiled(
+        tmp_path, "compass.c", "compass_fit.c", "compass_ellipsoid.c", "tries.c", flags=SANITIZED
+    )
     done = subprocess.run([program], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
 

@@ -10,12 +10,13 @@ from agonic.calibration.setup import Setup
 from agonic.errors import AgonicError
 from agonic.exports.c_network_parts import has_network
 from agonic.exports.convert import Export
-from agonic.exports.firmware.ctext import fill_template, require_identifier
+from agonic.exports.firmware.ctext import fill_template, require_identifier, write_literal
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.selftest import write_selftest
 from agonic.exports.firmware.size import Size, measure_sizes
 from agonic.exports.firmware.sources import write_header, write_source
+from agonic.health.evidence import NOISE_DOUBTFUL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,8 @@ def write_firmware(
 
     in float32, without allocation, variables of its own, or a library but math.h. Written are
     `{name}.h`, `{name}.c`, `{name}_selftest.c` with known readings, and beside them a calibration
-    that runs on the controller, `{name}_fit.h` and `{name}_fit.c`.
+    that runs on the controller: `{name}_fit.h` and `{name}_fit.c` with one or three gains,
+    `{name}_ellipsoid.h` and `{name}_ellipsoid.c` with the whole matrix.
 
     Parameters
     ----------
@@ -62,8 +64,15 @@ def write_firmware(
     >>> with TemporaryDirectory() as folder:
     ...     written = write_firmware(Setup(compasses=(Compass(calibration=mag),)), folder,
     ...                              declination=2.5)
-    >>> [path.name for path in written.files]
-    ['compass.h', 'compass.c', 'compass_selftest.c', 'compass_fit.h', 'compass_fit.c']
+    >>> for path in written.files:
+    ...     print(path.name)
+    compass.h
+    compass.c
+    compass_selftest.c
+    compass_fit.h
+    compass_fit.c
+    compass_ellipsoid.h
+    compass_ellipsoid.c
     """
     for compass in setup.compasses:
         if has_network(compass.calibration):
@@ -80,10 +89,14 @@ def write_firmware(
         f"{name}_selftest.c": write_selftest(plan, name),
         f"{name}_fit.h": fill_template("fit.h.in", values),
         f"{name}_fit.c": fill_template("fit.c.in", values),
+        **write_ellipsoid(name),
     }
     place = make_folder(folder)
     files = tuple(write_atomically(place / file, text) for file, text in texts.items())
-    sizes = {f"{part}.c": measure_sizes(place / f"{part}.c") for part in (name, f"{name}_fit")}
+    sizes = {
+        f"{part}.c": measure_sizes(place / f"{part}.c")
+        for part in (name, f"{name}_fit", f"{name}_ellipsoid")
+    }
     return Firmware(
         path=place,
         target="c",
@@ -92,6 +105,21 @@ def write_firmware(
         constants=plan.constants,
         sizes={file: size for file, size in sizes.items() if size is not None},
     )
+
+
+def write_ellipsoid(name: str) -> dict[str, str]:
+    """The whole ellipsoid fit that runs on a controller, text by file."""
+    values = {
+        "name": name,
+        "GUARD": name.upper(),
+        "noisy": f"{100 * NOISE_DOUBTFUL:g}",
+        "noisy_share": write_literal(NOISE_DOUBTFUL),
+    }
+    parts = ("ellipsoid/sums", "ellipsoid/solve", "ellipsoid/result")
+    return {
+        f"{name}_ellipsoid.h": fill_template("ellipsoid/header.h.in", values),
+        f"{name}_ellipsoid.c": "\n".join(fill_template(f"{p}.c.in", values) for p in parts),
+    }
 
 
 def _declination(
