@@ -88,12 +88,20 @@ def _is_text(head: bytes) -> bool:
     return bool(written)
 
 
+def _is_bag(head: bytes) -> bool:
+    """Whether it begins like a ROS 1 bag, an MCAP recording or the database of a ROS 2 bag."""
+    database = head.startswith(b"SQLite format 3\0") and b"topics" in head and b"messages" in head
+    return database or head.startswith((b"#ROSBAG V2", b"\x89MCAP0\r\n"))
+
+
+ROS = Format("ROS bags (.bag, .db3, .mcap, a folder of ROS 2)", "ros.bag", _is_bag)
 PARQUET = Format("Parquet", "parquet", _starts(b"PAR1"))
 TEXT = Format("text tables (.csv, .tsv, .txt)", "csv_text", _is_text)
 
 FORMATS = (
     Format("PX4 ULog (.ulg)", "px4.ulog", _starts(b"ULog\x01\x12\x35"), unit_fixed=True),
     PARQUET,
+    ROS,
     Format("MATLAB (.mat)", "matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")),
     Format("NumPy (.npz)", "numpy_archive", _is_numpy_archive),
     Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
@@ -122,8 +130,6 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"%PDF", "a PDF document"),
     (0, b"\x7fELF", "a program"),
     (0, b"SQLite format 3", "an SQLite database"),
-    (0, b"#ROSBAG", "a ROS 1 bag"),
-    (0, b"\x89MCAP", "an MCAP recording"),
     (0, b"\x93NUMPY", "a single NumPy array (save it with numpy.savez and name it mag_uT)"),
     (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
     (0, b"<", "a web page or XML"),

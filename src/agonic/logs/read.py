@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,11 +10,14 @@ from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
 from agonic.logs.column_names import names_for
-from agonic.logs.formats import HEAD_BYTES, Format, format_of
+from agonic.logs.formats import HEAD_BYTES, ROS, Format, format_of
 from agonic.logs.log import Log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 from agonic.units import find_unit
+
+METADATA = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
 
 
 def open_log(
@@ -45,10 +49,9 @@ def open_log(
     if unit is not None:
         find_unit(unit)
     try:
-        head = _head(file)
-        source = Input(name=file.name, sha256=hash_file(file), count=0)
+        kind, source = _identify(file)
         with names_for(file, columns) as names:
-            return _read(format_of(head), file, source, unit or (names.unit if names else None))
+            return _read(kind, file, source, unit or (names.unit if names else None))
     except LogError as error:
         if error.path is not None:
             raise
@@ -101,6 +104,15 @@ def read(
     return log.sensor(0 if sensor is None else sensor)
 
 
+def _identify(file: Path) -> tuple[Format, Input]:
+    """The kind of a recording and the input that it is; a folder may be a ROS 2 bag."""
+    if not (file / METADATA).is_file():
+        return format_of(_head(file)), Input(name=file.name, sha256=hash_file(file), count=0)
+    parts = sorted(part for part in file.iterdir() if part.is_file())
+    whole = "".join(map(hash_file, parts)).encode()
+    return ROS, Input(name=file.name, sha256=hashlib.sha256(whole).hexdigest(), count=0)
+
+
 def _head(file: Path) -> bytes:
     """The first bytes of a file, or a clear error where there is nothing to read."""
     if file.is_dir():
@@ -129,7 +141,7 @@ def _read(kind: Format, file: Path, source: Input, unit: str | None) -> Log:
         raise LogError("reading it takes more memory than there is; cut it") from error
     except Exception as error:  # parsers fail on damaged files in every way there is
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise LogError(f"damaged, or not what it looks like ({reason})") from error
+        raise LogError(f"damaged, or not what it looks like ({reason}); fetch it again") from error
     if not kind.unit_fixed or unit is None:
         return log
     note = f"the format fixes the unit of the field: the given unit {unit} is not used"

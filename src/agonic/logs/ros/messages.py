@@ -1,0 +1,95 @@
+"""What ROS messages say, as columns under the names of their fields.
+
+Units and axes are those of `sensor_msgs`: tesla, m/s², rad/s; forward, left, up; an orientation
+that turns sensor axes into east, north, up (REP-103, REP-145). `conventions` knows the names.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.logs.columns import identify_column
+
+Row = Mapping[str, float]
+
+STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+
+
+def _vector(stem: str, vector: Any) -> dict[str, float]:
+    return {f"{stem}_{axis}": getattr(vector, axis) for axis in "xyz"}
+
+
+def _read_field(message: Any) -> Row:
+    return _vector("magnetic_field", message.magnetic_field)
+
+
+def _read_imu(message: Any) -> Row:
+    """Acceleration, rate and orientation; −1 first in a covariance means that there is none."""
+    q = message.orientation
+    parts: dict[str, float] = {}
+    if message.linear_acceleration_covariance[0] != -1:
+        parts |= _vector("linear_acceleration", message.linear_acceleration)
+    if message.angular_velocity_covariance[0] != -1:
+        parts |= _vector("angular_velocity", message.angular_velocity)
+    if message.orientation_covariance[0] != -1 and q.w**2 + q.x**2 + q.y**2 + q.z**2 > 0.25:
+        parts |= {f"orientation_{axis}": getattr(q, axis) for axis in "wxyz"}
+    return parts
+
+
+def _read_fix(message: Any) -> Row:
+    """The place where there is a fix."""
+    if message.status.status < 0:
+        return {}
+    place = ("latitude", "longitude", "altitude")
+    return dict(
+        zip(
+            ("latitude_deg", "longitude_deg", "altitude_m"),
+            (getattr(message, name) for name in place),
+            strict=True,
+        )
+    )
+
+
+def _read_battery(message: Any) -> Row:
+    """The current drawn; ROS counts it negative."""
+    return {} if math.isnan(message.current) else {"current_A": -message.current}
+
+
+READERS: dict[str, Callable[[Any], Row]] = {
+    "sensor_msgs/msg/MagneticField": _read_field,
+    "sensor_msgs/msg/Imu": _read_imu,
+    "sensor_msgs/msg/NavSatFix": _read_fix,
+    "sensor_msgs/msg/Temperature": lambda m: {"temperature_C": m.temperature},
+    "sensor_msgs/msg/BatteryState": _read_battery,
+}
+"""The types of messages that are read, and what each says."""
+
+VECTOR, TIME = "geometry_msgs/msg/Vector3Stamped", "sensor_msgs/msg/TimeReference"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+
+def find_reader(topic: str, kind: str) -> Callable[[Any], Row] | None:
+    """What reads the messages of a topic; a plain vector where a magnetometer is named."""
+    column = identify_column(f"{topic}/x")
+    if kind == VECTOR and column is not None and column.quantity.column == "field":
+        return lambda message: _vector("mag", message.vector)
+    return READERS.get(kind)
+
+
+def make_table(rows: Iterable[Row]) -> dict[str, Array]:
+    """The rows as columns, NaN where a message does not say; without what is the same in all.
+
+    An orientation that never changes is one that nobody filled in.
+    """
+    every = list(rows)
+    names = dict.fromkeys(name for row in every for name in row)
+    table = {name: np.array([row.get(name, np.nan) for row in every]) for name in names}
+    turns = [name for name in table if name.startswith("orientation_")]
+    if turns and not any(np.nanmax(table[name]) > np.nanmin(table[name]) for name in turns):
+        table = {name: values for name, values in table.items() if name not in turns}
+    return table
