@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from agonic.calibration.deviation import PARAMETERS
@@ -11,6 +11,7 @@ from agonic.headings.deviation.card import card_text
 from agonic.headings.deviation.figures import draw_picture
 from agonic.headings.deviation.fit import DeviationFit
 from agonic.headings.deviation.printed_card import Paper, card_page
+from agonic.headings.deviation.remedies import find_remedies
 from agonic.report.document import Document
 
 
@@ -56,6 +57,8 @@ def describe_deviation(
     >>> round(made.to_record()["coefficients"]["A"], 6), made.to_text()[:14]
     (2.0, 'DEVIATION CARD')
     """
+    remedies = () if fit.verdict == "refused" else find_remedies(fit.calibration)
+    told = dict(zip(("to do", "or", "or better"), map(str, remedies), strict=False))
     return CardDocument(
         schema="agonic/fit-deviation@1",
         kind="Compass deviation card",
@@ -63,10 +66,10 @@ def describe_deviation(
         verdict=fit.verdict,
         status=fit.status,
         findings=fit.findings,
-        values={**_values(fit), "blank": blank},
+        values={**_values(fit), "blank": blank, "remedies": [asdict(each) for each in remedies]},
         fit=fit,
         step_deg=step_deg,
-        details=details or {},
+        details={**(details or {}), **told},
         paper=paper,
     )
 
