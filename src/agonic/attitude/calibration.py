@@ -38,7 +38,6 @@ def make_calibration(
     """The calibration, with the joint covariance of all that was estimated."""
     mixed = "second" in settings.sources
     gauge = FREE if mixed else problem.gauge
-    m = problem.basis.shape[1]
 
     def numbers(params: Numbers) -> Numbers:
         bias, matrix, slopes = _in_units(params, problem, scale)
@@ -59,7 +58,7 @@ def make_calibration(
             method=("huber-1981",),
         ),
     }
-    if m == len(estimate.solution.params):
+    if problem.terms is None:
         return Affine(**facts)
     grown = _add_magnitude_sd(covariance, found, size, scale)
     slopes = found[size:].reshape(3, -1)
@@ -109,7 +108,7 @@ def _in_units(params: Numbers, problem: Problem, scale: Scale) -> tuple[Numbers,
     """Bias at the mean of the sources, matrix, and slopes (3, k), in the units of the readings."""
     m = problem.basis.shape[1]
     bias, matrix = split(problem.basis @ params[:m])
-    slopes = scale.size * params[m:].reshape(3, -1) / scale.spread
+    slopes = scale.size * params[m : m + 3 * len(scale.spread)].reshape(3, -1) / scale.spread
     return scale.centre + scale.size * bias, matrix * (scale.magnitude / scale.size), slopes
 
 

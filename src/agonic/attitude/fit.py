@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.arrays import Mask
+from agonic.arrays import Array, Mask
 from agonic.attitude.calibration import make_calibration
 from agonic.attitude.evidence import assess
 from agonic.attitude.model_errors import find_model_errors, grow
-from agonic.attitude.problem import normalise
+from agonic.attitude.problem import Scale, normalise
 from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import add_shared_errors, find_turn_move
 from agonic.errors import CoverageError
@@ -16,7 +16,7 @@ from agonic.fit import Fit, ModelTest
 from agonic.health import FEWEST, describe_model_errors, figure, find_usable_rows, widen
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import Estimate, estimate
+from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
@@ -38,6 +38,17 @@ def fit_channels(
     Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
     of the fit, under a prior. A known heading determines it; the magnitude alone never shows it.
     """
+    usable = find_usable(samples)
+    gauge: str = settings.gauge
+    if gauge == "auto":
+        gauge = SYMMETRIC if "dip" not in channels else FREE
+    problem, scale = normalise(samples, reference, channels, gauge, settings)
+    found = estimate_usable(problem, usable, settings)
+    return make_fit(found, problem, scale, samples, usable, settings, name)
+
+
+def find_usable(samples: Samples) -> Mask:
+    """The rows that a fit can use; raises `CoverageError` where they are too few."""
     usable = find_usable_rows(samples.field)
     if usable.sum() < FEWEST:
         raise CoverageError(
@@ -45,17 +56,37 @@ def fit_channels(
             f"{_left_out(samples, usable)}",
             turns="record a few minutes of turning through all headings",
         )
-    gauge: str = settings.gauge
-    if gauge == "auto":
-        gauge = SYMMETRIC if "dip" not in channels else FREE
-    problem, scale = normalise(samples, reference, channels, gauge, settings)
+    return usable
+
+
+def estimate_usable(problem: Problem, usable: Mask, settings: Settings) -> Estimate:
+    """The estimate from the usable rows of a problem of all rows."""
     part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
     robust = settings.robust and len(part.points) >= 2 * FEWEST
-    found = estimate(part, robust=robust, seed=settings.seed)
+    return estimate(part, robust=robust, seed=settings.seed)
+
+
+def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:
+    """The same from near parameters."""
+    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
+    return refine(part, params, settings.robust and len(part.points) >= 2 * FEWEST)
+
+
+def make_fit(
+    found: Estimate,
+    problem: Problem,
+    scale: Scale,
+    samples: Samples,
+    usable: Mask,
+    settings: Settings,
+    name: str,
+) -> Fit:
+    """The fit of an estimate from the usable rows, with what it leaves open and its evidence."""
+    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
     tests: tuple[ModelTest, ...] = ()
-    if settings.gauge == "auto" and "dip" in channels and "azimuth" not in channels:
+    if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
-    turn = find_turn_move(found, part)
+    turn = None if part.shared is not None else find_turn_move(found, part)
     found = add_shared_errors(found, part, scale, turn)
     affine = make_calibration(found, problem, scale, samples, settings, name)
     turned = turn is not None

@@ -48,10 +48,11 @@ def grow(estimate: Estimate, errors: tuple[ModelError, ...], scale: Scale) -> Es
     """The estimate, without sources, grown in its covariance by what the errors leave open."""
     if not errors:
         return estimate
-    units = np.full(len(estimate.solution.params), scale.magnitude / scale.size)
+    growth = np.sum([error.growth for error in errors], axis=0)
+    units = np.full(len(growth), scale.magnitude / scale.size)
     units[:3] = scale.size
-    growth = sum(error.growth for error in errors) / np.outer(units, units)
-    grown = estimate.solution.covariance + growth
+    grown = estimate.solution.covariance.copy()
+    grown[: len(units), : len(units)] += growth / np.outer(units, units)
     return estimate._replace(solution=estimate.solution._replace(covariance=grown))
 
 

@@ -36,7 +36,8 @@ def calibrate(
     date: Date = None,
     field: Magnitude = None,
     method: Annotated[
-        str, typer.Option(help="auto (by what the log holds), ellipsoid, levelled or vector.")
+        str,
+        typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
     ] = "auto",
     between: Between = None,
     store: Annotated[
@@ -66,7 +67,7 @@ def calibrate(
     from agonic.recording.each_sensor import calibrate_each
     from agonic.recording.files import write_folder
 
-    check_choice("--method", method, ("auto", "ellipsoid", "levelled", "vector"))
+    check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
     recording, results, failures = calibrate_each(
         log, sensor, unit, between, method, at=at, date=date, field=field
     )

@@ -13,7 +13,7 @@ from agonic.reference import Reference
 from agonic.units import find_unit
 from agonic.version import __version__
 
-METHODS = ("auto", "ellipsoid", "levelled", "vector")
+METHODS = ("auto", "ellipsoid", "levelled", "inertial", "vector")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -27,7 +27,7 @@ class FleetSettings:
     date : for the world model; without, each log's own.
     undated : the date of logs that know none, where `date` is not given; today at the first run.
     field_nT : magnitude of the field, nT, where it is known.
-    method : "auto", "ellipsoid", "levelled" or "vector".
+    method : "auto", "ellipsoid", "levelled", "inertial" or "vector".
     sensor : name or number of the sensor to take from each log; without, all.
     name : a regular expression whose group in a log's path is who the sensor is.
     sensor_column : the column of a Parquet dataset that tells its sensors apart.

@@ -29,7 +29,7 @@ from agonic.verification import Check, Verification, verify
 class Calibrated:
     """One magnetometer of a log: its readings, the fit, and its verification.
 
-    `method` is the word of the fit ("ellipsoid", "levelled" or "vector"); `reason` says in a
+    `method` is the word of the fit ("ellipsoid", "levelled", "inertial", "vector"); `reason` says in a
     sentence why it was chosen; `latency` how late the readings were, where that was found and
     undone; `verdict` is "good", "check" or "refused" and `status` the sentence that goes with it.
     """
@@ -71,9 +71,10 @@ def calibrate(
     Parameters
     ----------
     samples, reference : as in `fit_ellipsoid`, `fit_levelled` and `fit_vector`.
-    kind : "ellipsoid", "levelled", "vector", "interference", or "auto": vector where an
-        independent heading is known, levelled where roll and pitch are, each with the field of the
-        place; ellipsoid otherwise. A latency that stands out is undone first, and a current on
+    kind : "ellipsoid", "levelled", "inertial", "vector", "interference", or "auto": vector where an
+        independent heading is known, levelled where roll and pitch are, inertial where an
+        accelerometer is, each with the field of the place; ellipsoid otherwise, or where it is sure
+        enough by itself. A latency that stands out is undone first, and a current on
         board joins the fit where it matters.
     settings : those of the fit.
 

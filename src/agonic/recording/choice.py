@@ -13,27 +13,35 @@ from agonic.arrays import Array
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
 from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
+from agonic.inertial.fit import fit_inertial, fit_part
+from agonic.inertial.result import InertialFit
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-Kind = Literal["auto", "ellipsoid", "levelled", "vector", "interference"]
+Kind = Literal["auto", "ellipsoid", "levelled", "vector", "inertial", "interference"]
 
 _FITS: Mapping[str, Callable[..., Fit]] = {
     "levelled": fit_levelled,
     "vector": fit_vector,
+    "inertial": fit_inertial,
     "interference": fit_interference,
 }
 
 MATTERS = 0.003
 """A current joins the fit when its usual changes move the readings by this share of the field."""
 SIGNIFICANT = 1e-4
+SURER = 0.8
+"""Of the heading's standard error: a fit that knows more has to be better by this much."""
+SURE_DEG = 0.3
+"""A heading that is known to this by the magnitude alone needs nothing else."""
 NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting"}
 """Reasons to refuse a fit that do not concern one that knows the magnitude only."""
 
@@ -78,6 +86,8 @@ def choose(
             f"a {method} fit needs the field of the place: give it (--at LAT,LON, --date), or a "
             "reference with horizontal and vertical intensity"
         )
+    if kind == "auto" and method == "inertial":
+        return _choose_surer(samples, reference, reason, settings)
     aided = _fit_with_attitude(samples, reference, method, reason, settings)
     if kind != "auto" or aided.fit.verdict != "refused":
         return aided
@@ -92,7 +102,10 @@ def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, 
     if reference.kind not in ("vector", "horizontal-vertical"):
         return "ellipsoid", "no reference but the magnitude of the field is known"
     if samples.roll_deg is None or samples.pitch_deg is None:
-        return "ellipsoid", "the log holds no roll and pitch, so only the magnitude counts"
+        if samples.acceleration is None:
+            return "ellipsoid", "the log holds no roll and pitch, so only the magnitude counts"
+        unit = "accelerometer" if samples.rotation_rate is None else "accelerometer and gyro"
+        return "inertial", f"{unit} tell how the sensor turned, and the field of the place is known"
     if samples.heading_deg is None or samples.heading_estimated or reference.kind != "vector":
         return "levelled", "roll and pitch were recorded and the field of the place is known"
     return "vector", "the whole attitude was recorded and the field of the place is known"
@@ -126,12 +139,56 @@ def _fit_with_attitude(
             fit = None
     if fit is None:
         fit = run(samples, reference, **settings)
+    if isinstance(fit, InertialFit):
+        part = partial(fit_part, fit)
+        return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
     same = {**settings, "gauge": fit.calibration.gauge, "sources": fit.calibration.needs}
 
     def again(samples: Samples, reference: Reference) -> Calibration:
         return run(samples, reference, **same).calibration
 
     return Choice(samples, reference, fit, method, reason, again, latency)
+
+
+def _choose_surer(
+    samples: Samples, reference: Reference, reason: str, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit beside accelerometer and gyro, or that by the magnitude alone where it is as sure."""
+    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
+    alone = aided = None
+    try:
+        alone = _fit_magnitude(samples, reference, "", own)
+        alone = replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
+    except CoverageError as error:
+        failed = error
+    enough = "the magnitude alone tells the calibration as surely as with the attitude"
+    if alone is not None and _is_sure(alone.fit):
+        return replace(alone, reason=enough)
+    try:
+        aided = _fit_with_attitude(samples, reference, "inertial", reason, settings)
+    except CoverageError:
+        if alone is None:
+            raise failed from None
+    if aided is None or (alone is not None and not _is_surer(aided.fit, alone.fit)):
+        assert alone is not None
+        if aided is not None and aided.fit.verdict == "refused" != alone.fit.verdict:
+            return _tell(alone, aided)
+        return replace(alone, reason=enough)
+    return aided
+
+
+def _is_sure(alone: Fit) -> bool:
+    """Whether a fit by the magnitude alone is good and leaves nothing to ask for."""
+    return alone.verdict == "good" and alone.coverage.heading_sd_deg < SURE_DEG
+
+
+def _is_surer(aided: Fit, alone: Fit) -> bool:
+    """Whether a fit beside the attitude is clearly better than that by the magnitude alone."""
+    ranks = [("good", "check", "refused").index(fit.verdict) for fit in (aided, alone)]
+    if ranks[0] != ranks[1]:
+        return ranks[0] < ranks[1]
+    own = compute_mounted_heading(aided.calibration, aided.coverage).own_sd_deg
+    return own < SURER * alone.coverage.heading_sd_deg
 
 
 def _fall_back(

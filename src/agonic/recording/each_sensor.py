@@ -34,7 +34,7 @@ def calibrate_each(
     field: float | None,
 ) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
     """The log, the sensors that could be fitted, and the names of others with the reason."""
-    aided = f"--method {method}" if method in ("levelled", "vector") else None
+    aided = f"--method {method}" if method in ("levelled", "inertial", "vector") else None
     long = open_missions(log, sensor, unit, {"--between": between, f"--method {method}": aided})
     if long:
         results, failures = _run(

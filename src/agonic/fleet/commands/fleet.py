@@ -47,7 +47,10 @@ def fleet(
     date: Date = None,
     field: Magnitude = None,
     method: Annotated[
-        str, typer.Option(help="auto (by what each log holds), ellipsoid, levelled or vector.")
+        str,
+        typer.Option(
+            help="auto (by what each log holds), ellipsoid, levelled, inertial or vector."
+        ),
     ] = "auto",
     name: Annotated[
         str | None,

@@ -26,6 +26,12 @@ from agonic.maths.equation.affine import (
     model_basis,
     split,
 )
+from agonic.maths.equation.inertial import (
+    Relative,
+    Shared,
+    relative_azimuth_residual,
+    shared_dip_residual,
+)
 from agonic.maths.equation.priors import make_prior
 from agonic.maths.estimation import leastsq
 
@@ -47,7 +53,8 @@ class Problem(NamedTuple):
     `points` (n, 3); `magnitude` (1,) or (n,); `terms` (n, k) of sources on board; `dip` and
     `across` (n, 3), horizontal and square to the field, where they are known. `soft_iron_sd`: prior
     on the symmetric part of the matrix over its mean gain; `turn_sd`: prior on the rotation in a
-    free matrix, rad.
+    free matrix, rad. `shared`: errors that all rows have in common, where down comes from an
+    inertial unit; `relative`: what its gyro knows of the azimuth, instead of `across`.
     """
 
     points: Array
@@ -59,6 +66,8 @@ class Problem(NamedTuple):
     terms: Array | None = None
     dip: Dip | None = None
     across: Array | None = None
+    shared: Shared | None = None
+    relative: Relative | None = None
 
     def subset(self, rows: Index | slice) -> Problem:
         """The same problem on some of the readings."""
@@ -72,6 +81,8 @@ class Problem(NamedTuple):
             terms=None if self.terms is None else self.terms[rows],
             dip=None if self.dip is None else Dip(*map(some, self.dip)),
             across=None if self.across is None else self.across[rows],
+            shared=None if self.shared is None else self.shared.subset(rows),
+            relative=None if self.relative is None else self.relative.subset(rows),
         )
 
     @property
@@ -82,15 +93,32 @@ class Problem(NamedTuple):
     @property
     def channels(self) -> tuple[str, ...]:
         """The channels that can be had."""
-        known = {"magnitude": True, "dip": self.dip, "azimuth": self.across}
+        azimuth = self.across if self.relative is None else self.relative
+        known = {"magnitude": True, "dip": self.dip, "azimuth": azimuth}
         return tuple(channel for channel, there in known.items() if there is not None)
 
     def prior(self, soft_iron_sd: float | None) -> leastsq.Prior | None:
         """The priors, with another standard deviation of soft iron."""
         terms = 0 if self.terms is None else self.terms.shape[1]
         return make_prior(
-            self.model, soft_iron_sd, gauge=self.gauge, turn_sd=self.turn_sd, terms=terms
+            self.model,
+            soft_iron_sd,
+            gauge=self.gauge,
+            turn_sd=self.turn_sd,
+            terms=terms,
+            shared=self.shared_count,
         )
+
+    @property
+    def shared_count(self) -> int:
+        """How many unknowns there are of the errors that all rows share; they come last."""
+        return 0 if self.shared is None else len(self.shared.dip_by)
+
+    @property
+    def eliminated(self) -> dict[str, int]:
+        """How many unknowns of each channel were eliminated beforehand."""
+        stretches = 0 if self.relative is None else int(self.relative.stretch.max()) + 1
+        return {"azimuth": stretches}
 
     @property
     def magnitude_only(self) -> bool:
@@ -105,14 +133,21 @@ def pieces(problem: Problem, channel: str, noise_sd: float = 0.0) -> leastsq.Pie
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
         bias, matrix = split(basis @ params[:m])
-        for start in range(0, n, _ROWS):
-            part = problem if n <= _ROWS else problem.subset(slice(start, start + _ROWS))
+        unknowns = params[len(params) - problem.shared_count :]
+        whole = channel == "azimuth" and problem.relative is not None  # stretches stay in one piece
+        rows = n if whole else _ROWS
+        for start in range(0, n, rows):
+            part = problem if n <= rows else problem.subset(slice(start, start + rows))
             raw = part.points - field_of_terms(part, params)
-            r, jacobian = _residual(part, channel, raw, bias, matrix, noise_sd)
-            reduced = jacobian @ basis
+            r, jacobian = _residual(part, channel, raw, bias, matrix, noise_sd, unknowns)
+            reduced = jacobian[:, :12] @ basis
             if part.terms is not None:
                 by_terms = expand_covariates(jacobian[:, :3], part.terms)
                 reduced = np.concatenate([reduced, by_terms], axis=1)
+            if len(unknowns):
+                by_shared = np.zeros((len(r), len(unknowns)))
+                by_shared[:, : jacobian.shape[1] - 12] = jacobian[:, 12:]
+                reduced = np.concatenate([reduced, by_shared], axis=1)
             yield r, reduced
 
     return blocks
@@ -127,7 +162,8 @@ def field_of_terms(problem: Problem, params: Array) -> Array | float:
     """What the terms add to each point, (n, 3); zero without any."""
     if problem.terms is None:
         return 0.0
-    return np.asarray(problem.terms @ params[problem.basis.shape[1] :].reshape(3, -1).T)
+    m, k = problem.basis.shape[1], 3 * problem.terms.shape[1]
+    return np.asarray(problem.terms @ params[m : m + k].reshape(3, -1).T)
 
 
 def compute_distances(
@@ -147,12 +183,25 @@ def compute_distances(
 
 
 def _residual(
-    part: Problem, channel: str, raw: Array, bias: Array, matrix: Array, noise_sd: float
+    part: Problem,
+    channel: str,
+    raw: Array,
+    bias: Array,
+    matrix: Array,
+    noise_sd: float,
+    unknowns: Array,
 ) -> tuple[Array, Array]:
     if channel == "magnitude":
         return magnitude_residual(raw, bias, matrix, part.magnitude, noise_sd)
+    assert part.dip is not None
+    down, shared = part.dip.down, part.shared
     if channel == "dip":
-        assert part.dip is not None
-        return dip_residual(raw, bias, matrix, *part.dip, noise_sd)
+        if shared is None:
+            return dip_residual(raw, bias, matrix, *part.dip, noise_sd)
+        level = (part.dip.horizontal, part.dip.vertical)
+        return shared_dip_residual(raw, bias, matrix, down, level, shared, unknowns, noise_sd)
+    if part.relative is not None:
+        assert shared is not None
+        return relative_azimuth_residual(raw, bias, matrix, down, part.relative, shared, unknowns)
     assert part.across is not None
     return azimuth_residual(raw, bias, matrix, part.across)

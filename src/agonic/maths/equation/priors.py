@@ -31,14 +31,17 @@ def make_prior(
     gauge: str = SYMMETRIC,
     turn_sd: float | None = None,
     terms: int = 0,
+    shared: int = 0,
 ) -> leastsq.Prior | None:
-    """Gaussian priors on soft iron, on the rotation in a free matrix, and on k terms of sources.
+    """Gaussian priors on soft iron, on the rotation in a free matrix, on k terms of sources, and on
+    errors that all rows share, which are in units of their standard deviation.
 
     Residuals ((W_ij + W_ji)/2g − δ_ij)/soft_iron_sd, (W_ij − W_ji)/(2 g turn_sd), g = tr W/3, and
     coefficients (3 k) over `TERM_SD`. None where there is nothing to hold.
     """
     basis = model_basis(model, gauge)
-    m, count = basis.shape[1], 3 * terms
+    m, count = basis.shape[1], 3 * terms + shared
+    other_sds = np.repeat([TERM_SD, 1.0], [3 * terms, shared])
     soft_iron = soft_iron_sd if model != "sphere" else None
     turn = turn_sd if gauge == FREE else None
     sds = np.repeat([soft_iron or np.inf, turn or np.inf], [6, 3])
@@ -54,8 +57,8 @@ def make_prior(
         ratios = shape @ params[:m] / gain
         jacobian = np.zeros((len(sds) + count, m + count))
         jacobian[: len(sds), :m] = (shape - np.outer(ratios, mean)) / gain / sds[:, None]
-        jacobian[len(sds) :, m:] = np.eye(count) / TERM_SD
-        return np.concatenate([(ratios - wanted) / sds, params[m:] / TERM_SD]), jacobian
+        jacobian[len(sds) :, m:] = np.diag(1.0 / other_sds)
+        return np.concatenate([(ratios - wanted) / sds, params[m:] / other_sds]), jacobian
 
     return prior
 

@@ -54,7 +54,8 @@ def nearest_parameters(bias: Array, matrix: Array, basis: Array) -> Array:
 
 def _start(few: Problem, bias: Array, matrix: Array) -> Array:
     terms = 0 if few.terms is None else few.terms.shape[1]
-    return np.concatenate([nearest_parameters(bias, matrix, few.basis), np.zeros(3 * terms)])
+    others = np.zeros(3 * terms + few.shared_count)
+    return np.concatenate([nearest_parameters(bias, matrix, few.basis), others])
 
 
 def _middle(few: Problem) -> Array:

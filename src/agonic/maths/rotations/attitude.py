@@ -75,8 +75,7 @@ def integrate_rates(rotation_rate: Array, time: Array) -> Rotation:
     """The attitudes (n) that rates (n, 3), rad/s in body axes, turn through, the first one unity.
 
     Between two rows R₂ = R₁ exp(∫ω dt + Δt²/12 ω₁ × ω₂), the integral over a cubic spline: Magnus
-    expansion to fourth order (Blanes, Casas, Oteo & Ros 2009). The products are formed by doubling
-    (Hillis & Steele 1986).
+    expansion to fourth order (Blanes, Casas, Oteo & Ros 2009).
 
     >>> rates = np.full((11, 3), [0.0, 0.0, np.pi / 2])
     >>> quarter = integrate_rates(rates, np.linspace(0, 1, 11))[-1]
@@ -86,8 +85,37 @@ def integrate_rates(rotation_rate: Array, time: Array) -> Rotation:
     turned = np.diff(CubicSpline(time, rotation_rate).antiderivative()(time), axis=0)
     coning = np.cross(rotation_rate[:-1], rotation_rate[1:]) * np.diff(time)[:, None] ** 2 / 12
     steps = Rotation.from_rotvec(np.concatenate([np.zeros((1, 3)), turned + coning]))
-    reach = 1
-    while reach < len(steps):
-        steps = Rotation.concatenate([steps[:reach], steps[:-reach] * steps[reach:]])
-        reach *= 2
-    return steps
+    return Rotation.from_quat(_multiply_on(steps.as_quat()))
+
+
+def _multiply_on(quats: Array) -> Array:
+    """The products q₁, q₁q₂, q₁q₂q₃, … of quaternions (n, 4), scalar last.
+
+    All blocks of √n go on together, and then each from the end of the one before.
+    """
+    n = len(quats)
+    width = int(np.ceil(np.sqrt(n)))
+    count = -(-n // width)
+    blocks = np.tile([0.0, 0.0, 0.0, 1.0], (count * width, 1))
+    blocks[:n] = quats
+    blocks = blocks.reshape(count, width, 4)
+    for k in range(1, width):
+        blocks[:, k] = _multiply(blocks[:, k - 1], blocks[:, k])
+    for k in range(1, count):
+        blocks[k] = _multiply(blocks[k - 1, -1], blocks[k])
+    return blocks.reshape(-1, 4)[:n]
+
+
+def _multiply(first: Array, second: Array) -> Array:
+    """The products of quaternions (…, 4), scalar last."""
+    x, y, z, w = np.moveaxis(first, -1, 0)
+    a, b, c, d = np.moveaxis(second, -1, 0)
+    return np.stack(
+        [
+            w * a + x * d + y * c - z * b,
+            w * b - x * c + y * d + z * a,
+            w * c + x * b - y * a + z * d,
+            w * d - x * a - y * b - z * c,
+        ],
+        axis=-1,
+    )

@@ -1,0 +1,1 @@
+"""Calibrations aided by raw accelerometer and gyro: for what cannot be turned over."""

@@ -1,0 +1,53 @@
+"""`InertialFit`: a calibration with the errors of the accelerometer and gyro that taught it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.fit import Fit
+from agonic.inertial.attitude import Inertial
+from agonic.inertial.settings import Settings
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InertialFit(Fit):
+    """A calibration beside accelerometer and gyro, and what was found of these.
+
+    `samples` are those that were fitted, with roll and pitch as they were felt, and `reference`
+    theirs; `felt` is that attitude, with the errors found taken out. `inertial_errors` (q,) and
+    their `inertial_sd`: the accelerometer's bias, m/s², and with a gyro its bias, rad/s, its scale,
+    and the speed, m/s, that the vehicle keeps in turns.
+    """
+
+    samples: Samples
+    reference: Reference
+    felt: Inertial
+    inertial_errors: Array
+    inertial_sd: Array
+    settings: Settings
+
+    @property
+    def accelerometer_bias(self) -> Array:
+        """What the accelerometer reads too much, (3,) m/s²."""
+        return self.inertial_errors[:3]
+
+    @property
+    def gyro_bias(self) -> Array | None:
+        """What the gyro reads too much, (3,) rad/s; `None` without one."""
+        return self.inertial_errors[3:6] if len(self.inertial_errors) > 3 else None
+
+    @property
+    def source(self) -> str:
+        """What told the attitude."""
+        return "accelerometer" if self.felt.ahead is None else "accelerometer and gyro"
+
+    def find_rows(self, samples: Samples) -> Index | None:
+        """The rows of the fit that some of its samples are; `None` without times."""
+        if self.samples.time is None or samples.time is None:
+            return None
+        return np.searchsorted(self.samples.time, samples.time)

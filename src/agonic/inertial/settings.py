@@ -1,0 +1,28 @@
+"""What a fit beside accelerometer and gyro has to choose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agonic.attitude.settings import Settings as AttitudeSettings
+from agonic.errors import AgonicError
+
+_POSITIVE = ("accelerometer_sd_m_s2", "gyro_bias_sd_deg_s", "gyro_scale_sd", "speed_sd_m_s", "stretch_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings(AttitudeSettings):
+    """The settings of a fit; see `fit_inertial`."""
+
+    accelerometer_sd_m_s2: float = 0.1
+    gyro_bias_sd_deg_s: float = 1.0
+    gyro_scale_sd: float = 0.02
+    speed_sd_m_s: float = 10.0
+    stretch_s: float = 30.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in _POSITIVE:
+            value = getattr(self, name)
+            if not value > 0:
+                raise AgonicError(f"{name} is {value}; it has to be above zero")
