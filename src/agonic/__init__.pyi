@@ -104,6 +104,8 @@ from agonic.health import Finding as Finding
 from agonic.history.departure import departures as departures
 from agonic.history.fit import Drift as Drift
 from agonic.history.fit import drift as drift
+from agonic.inertial.fit import fit_inertial as fit_inertial
+from agonic.inertial.result import InertialFit as InertialFit
 from agonic.inflight.fit import InflightFit as InflightFit
 from agonic.inflight.fit import fit_inflight as fit_inflight
 from agonic.inflight.fit import fit_mission as fit_mission

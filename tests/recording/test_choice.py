@@ -32,14 +32,16 @@ def test_what_the_log_holds_decides() -> None:
     tumbled = simulate("tumble").samples
     cases = [
         (tumbled, ag.Reference.constant(50_000), "no reference but the magnitude"),
-        (tumbled.with_columns(roll_deg=None), PLACE, "no roll and pitch"),
+        (tumbled.with_columns(roll_deg=None), PLACE, "magnitude alone tells"),
+        (tumbled.with_columns(roll_deg=None, acceleration=None), PLACE, "no roll and pitch"),
         (tumbled, None, "or date"),
     ]
     for given, reference, reason in cases:
         result = ag.calibrate(given, reference)
         assert (result.method, result.verdict) == ("ellipsoid", "good")
         assert reason in result.reason
-    assert ag.calibrate(bare, field_n).method == "ellipsoid"
+    by_force = ag.calibrate(bare.with_columns(acceleration=None), field_n)
+    assert by_force.method == "ellipsoid"
 
 
 def test_the_user_may_decide() -> None:

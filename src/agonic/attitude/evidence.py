@@ -98,7 +98,7 @@ def assess(
     column = _check_heading(plain, cleaned, samples, problem, weights > 0)
     if column is not None:
         found = tuple(f for f in found if f.name != column.name)
-    fit = replace(fit, remarks=_remarks(fit, tilt_sd, mounted))
+    fit = replace(fit, remarks=_remarks(fit, tilt_sd, mounted, problem.shared is not None))
     return fit.with_findings(*found, told, column)
 
 
@@ -243,15 +243,7 @@ def _findings(
     found = [*seen, *filter(None, (check_scale(gain, samples.unit), half))]
     found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
-        found.append(
-            Finding(
-                "attitude",
-                "refuse" if tilt_sd > ATTITUDE_REFUSED_DEG else "check",
-                f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model: "
-                "roll and pitch are wrong, late, or the field is disturbed",
-                "check the attitude, its axes and its delay; fly gentle turns",
-            )
-        )
+        found.append(_doubt_attitude(tilt_sd, felt=problem.shared is not None))
     turned = _heading_sd_deg(evidence, channels)
     if turned is not None and turned > HEADING_DOUBTFUL_DEG:
         found.append(
@@ -266,7 +258,27 @@ def _findings(
     return tuple(found)
 
 
-def _remarks(fit: Fit, tilt_sd: float | None, mounted: MountedHeading) -> tuple[str, ...]:
+def _doubt_attitude(tilt_sd: float, felt: bool) -> Finding:
+    """The finding that roll and pitch, recorded or felt by an accelerometer, are not those."""
+    why = "roll and pitch are wrong, late, or the field is disturbed"
+    move = "check the attitude, its axes and its delay; fly gentle turns"
+    if felt:
+        why = (
+            "the vehicle speeds up and brakes, the axes or units of accelerometer and gyro are "
+            "wrong, or the field is disturbed"
+        )
+        move = "turn slowly, without jolts; check axes, units and times of accelerometer and gyro"
+    return Finding(
+        "attitude",
+        "refuse" if tilt_sd > ATTITUDE_REFUSED_DEG else "check",
+        f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model: {why}",
+        move,
+    )
+
+
+def _remarks(
+    fit: Fit, tilt_sd: float | None, mounted: MountedHeading, felt: bool
+) -> tuple[str, ...]:
     """How good the result is, in words."""
     said = [
         describe_accuracy(
@@ -278,5 +290,6 @@ def _remarks(fit: Fit, tilt_sd: float | None, mounted: MountedHeading) -> tuple[
         *(test.sentence for test in fit.tests),
     ]
     if tilt_sd:
-        said.append(f"roll and pitch are good to {figure(tilt_sd)}° by the field's dip")
+        which = "the tilt that was felt is" if felt else "roll and pitch are"
+        said.append(f"{which} good to {figure(tilt_sd)}° by the field's dip")
     return tuple(said)

@@ -117,11 +117,15 @@ def _turn_test(problem: Problem, found: Estimate) -> ModelTest:
     # errors of the attitude last, and what lasts is known from few independent readings
     independent = len(problem.points) / found.noise["dip"].correlation
     statistic, p = wald(turn, covariance, independent)
+    axes = "the axes of roll and pitch" if problem.shared is None else "the accelerometer"
     degrees = figure(float(np.degrees(np.linalg.norm(turn))))
-    words = (
-        f"the sensor sits turned by {degrees}° against the axes of roll and pitch, or their zero "
-        "is off by as much: the heading's standard error allows for either"
-        if p <= TURN_SIGNIFICANT
-        else "no sign of a turn between the sensor and the axes of roll and pitch"
-    )
+    if p > TURN_SIGNIFICANT:
+        words = f"no sign of a turn between the sensor and {axes}"
+    elif problem.shared is None:
+        words = (
+            f"the sensor sits turned by {degrees}° against {axes}, or their zero is off by as "
+            "much: the heading's standard error allows for either"
+        )
+    else:
+        words = f"the sensor sits turned by {degrees}° against {axes}"
     return ModelTest(smaller=SYMMETRIC, larger=FREE, statistic=statistic, p_value=p, sentence=words)

@@ -18,13 +18,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import LogError
+from agonic.inertial.maths.low_pass import (
+    low_pass,
+    measure_force_variance,
+    measure_rate_variance,
+)
 from agonic.maths.rotations.attitude import integrate_rates
-from agonic.maths.rotations.vectors import skew
 from agonic.maths.rotations.tilt import down_from_force
+from agonic.maths.rotations.vectors import skew
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -43,6 +47,8 @@ class Inertial(NamedTuple):
     the accelerometer's bias (3, m/s²), and with a gyro of its bias (3, rad/s) and scale (3). Then
     `ahead` (n, 3) is a level direction of steady heading, `part` (n,) numbers the parts in which it
     is steady, and `azimuth_by` (n, q) is what the errors add to the azimuth of the field.
+    `force_sd`, m/s², and `rate_sd`, rad/s, are the noise of a row that goes through the low-pass
+    and the integral: of the accelerometer with all that shakes it, and of the gyro.
     """
 
     down: Array
@@ -50,6 +56,8 @@ class Inertial(NamedTuple):
     part: Index
     ahead: Array | None = None
     azimuth_by: Array | None = None
+    force_sd: float = 0.0
+    rate_sd: float = 0.0
 
     @property
     def known(self) -> Mask:
@@ -64,6 +72,8 @@ class Inertial(NamedTuple):
             self.part[rows],
             None if self.ahead is None else self.ahead[rows],
             None if self.azimuth_by is None else self.azimuth_by[rows],
+            self.force_sd,
+            self.rate_sd,
         )
 
 
@@ -91,11 +101,15 @@ def feel_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
         ahead=np.zeros((n, 3)),
         azimuth_by=np.zeros((n, 12)),
     )
+    variances = [(0.0, 0.0, 0)]
     for number, rows in enumerate(find_parts(time)):
         if len(rows) >= SHORTEST:
-            _feel_part(felt, rows, time[rows], force[rows], rate[rows], settling_s)
+            noise = _feel_part(felt, rows, time[rows], force[rows], rate[rows], settling_s)
+            variances.append((*noise, len(rows)))
             felt.part[rows] = number
-    return felt
+    *squares, counts = np.array(variances).T
+    force_sd, rate_sd = np.sqrt([s @ counts / max(counts.sum(), 1.0) for s in squares])
+    return felt._replace(force_sd=float(force_sd), rate_sd=float(rate_sd))
 
 
 def find_parts(time: Array) -> list[Index]:
@@ -107,8 +121,12 @@ def find_parts(time: Array) -> list[Index]:
 
 def _feel_part(
     felt: Inertial, rows: Index, time: Array, force: Array, rate: Array, settling_s: float
-) -> None:
-    """What readings (m, 3) without pauses tell, put into their rows."""
+) -> tuple[float, float]:
+    """What readings (m, 3) without pauses tell, put into their rows.
+
+    Returns the variances of `force_sd` and `rate_sd`.
+    """
+    rate_variance = measure_rate_variance(rate)
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step)) + 1)
     force, rate = _interpolate(even, time, force), _interpolate(even, time, rate)
@@ -117,13 +135,17 @@ def _feel_part(
     def lasting(values: Array) -> Array:
         return low_pass(values, step, settling_s)
 
-    pull = lasting(np.einsum("nij,nj->ni", axes, force))
+    turned_force = np.einsum("nij,nj->ni", axes, force)
+    pull = lasting(turned_force)
     up = pull / np.sqrt((pull**2).sum(axis=1, keepdims=True))
     across = np.eye(3) - up[:, :, None] * up[:, None, :]
     by_force = across @ lasting(axes) / STANDARD_GRAVITY_M_S2
-    by_speed = across @ lasting(axes @ skew(rate)) / STANDARD_GRAVITY_M_S2
+    turning = axes @ skew(rate)
+    by_speed = across @ lasting(turning) / STANDARD_GRAVITY_M_S2
     turned = np.concatenate([axes, axes * rate[:, None, :]], axis=2)  # R δω of bias and scale
     angle = np.cumsum(turned, axis=0) * step
+    shaken = np.concatenate([axes, np.cross(angle, pull[:, :, None], axis=1), turning], axis=2)
+    force_variance = measure_force_variance(turned_force, shaken, step, settling_s)
     fast = angle - lasting(angle)
     by_rate = -np.cross(fast, up[:, :, None], axis=1)
     moved = np.einsum("nib,niq->nbq", axes, np.concatenate([by_force, by_rate, by_speed], axis=2))
@@ -139,6 +161,7 @@ def _feel_part(
     felt.down_by[rows] = -_interpolate(time, even, moved.reshape(-1, 36)).reshape(-1, 3, 12)
     felt.ahead[rows] = ahead / np.sqrt((ahead**2).sum(axis=1, keepdims=True))
     felt.azimuth_by[rows, 3:9] = _interpolate(time, even, azimuth)
+    return force_variance, rate_variance
 
 
 def _carry(up: Array, step: float) -> Array:
@@ -150,14 +173,6 @@ def _carry(up: Array, step: float) -> Array:
     first = np.eye(3)[np.argmin(np.abs(up[0]))]
     first = first - up[0] * (first @ up[0])
     return np.asarray(turn.apply(first / np.sqrt(first @ first)))
-
-
-def low_pass(values: Array, step: float, settling_s: float) -> Array:
-    """What lasts of even columns (n, …): Butterworth of second order, forwards and backwards."""
-    corner_Hz = np.sqrt(2.0) / (2 * np.pi * settling_s)
-    sos = butter(2, min(2 * corner_Hz * step, 0.99), output="sos")
-    length = min(len(values) - 1, round(3 * settling_s / step))
-    return np.asarray(sosfiltfilt(sos, values, axis=0, padtype="odd", padlen=length))
 
 
 def _interpolate(wanted: Array, time: Array, vectors: Array) -> Array:

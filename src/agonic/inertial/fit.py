@@ -17,7 +17,8 @@ from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError
 from agonic.fit import Fit
 from agonic.health import FEWEST
-from agonic.inertial.attitude import Inertial, feel_attitude
+from agonic.inertial.attitude import SETTLING_S, Inertial, feel_attitude
+from agonic.inertial.covariance import add_inertial_noise
 from agonic.inertial.problem import pose, standard_deviations, with_tilt, without_errors
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
@@ -124,7 +125,7 @@ def fit_inertial(
     )
     solved = _solve(samples, reference, settings)
     fit = make_fit(
-        solved.found,
+        _with_inertial_noise(solved),
         solved.problem,
         solved.scale,
         solved.samples,
@@ -144,6 +145,17 @@ def fit_inertial(
         inertial_sd=np.sqrt(variances) * solved.sds,
         settings=solved.settings,
     )
+
+
+def _with_inertial_noise(solved: _Solved) -> Estimate:
+    """The estimate with what the noise of accelerometer and gyro leaves open."""
+    rows, time = np.flatnonzero(solved.usable), solved.samples.time
+    if time is None or solved.felt.ahead is None:
+        return solved.found
+    errors = solved.found.solution.params[-len(solved.sds) :] * solved.sds
+    felt = feel_attitude(without_errors(solved.samples, errors))  # nothing but noise is left
+    part = solved.problem.subset(rows)
+    return add_inertial_noise(solved.found, part, time[rows], felt, SETTLING_S)
 
 
 def fit_part(whole: InertialFit, samples: Samples, reference: Reference) -> Affine:

@@ -50,7 +50,7 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
 
 
 def standard_deviations(felt: Inertial, settings: Settings) -> Array:
-    """The priors of the errors of the inertial unit: of the accelerometer, of the gyro, and the speed."""
+    """Of the priors of the errors: of the accelerometer, of the gyro, and of the speed."""
     accelerometer = np.full(3, settings.accelerometer_sd_m_s2)
     if felt.azimuth_by is None:
         return accelerometer

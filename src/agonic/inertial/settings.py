@@ -7,7 +7,13 @@ from dataclasses import dataclass
 from agonic.attitude.settings import Settings as AttitudeSettings
 from agonic.errors import AgonicError
 
-_POSITIVE = ("accelerometer_sd_m_s2", "gyro_bias_sd_deg_s", "gyro_scale_sd", "speed_sd_m_s", "stretch_s")
+_POSITIVE = (
+    "accelerometer_sd_m_s2",
+    "gyro_bias_sd_deg_s",
+    "gyro_scale_sd",
+    "speed_sd_m_s",
+    "stretch_s",
+)
 
 
 @dataclass(frozen=True, kw_only=True)

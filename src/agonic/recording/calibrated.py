@@ -29,8 +29,8 @@ from agonic.verification import Check, Verification, verify
 class Calibrated:
     """One magnetometer of a log: its readings, the fit, and its verification.
 
-    `method` is the word of the fit ("ellipsoid", "levelled", "inertial", "vector"); `reason` says in a
-    sentence why it was chosen; `latency` how late the readings were, where that was found and
+    `method` is the word of the fit ("ellipsoid", "levelled", "inertial" or "vector"); `reason` says
+    in a sentence why it was chosen; `latency` how late the readings were, where that was found and
     undone; `verdict` is "good", "check" or "refused" and `status` the sentence that goes with it.
     """
 

@@ -16,6 +16,7 @@ from agonic.simulation.defects import (
     with_outliers,
 )
 from agonic.simulation.draws import random_calibration
+from agonic.simulation.inertial_unit import with_inertial_unit
 from agonic.simulation.sensor import Simulated, kinds, simulate
 from agonic.simulation.vehicle import SimulatedVehicle, simulate_vehicle
 
@@ -37,6 +38,7 @@ __all__ = [
     "simulate_vehicle",
     "with_correlated_noise",
     "with_gap",
+    "with_inertial_unit",
     "with_nan",
     "with_outliers",
 ]

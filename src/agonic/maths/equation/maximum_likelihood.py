@@ -16,12 +16,15 @@ from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.equation.coverage import find_cells, find_spread_rows, weigh_crowded
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.batch_means import STRETCHES, compute_scatter
 from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussian
 from agonic.maths.estimation.robust_spread import weighted_median
 
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
+_FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
+_TOLD = 1e-6  # of the information along the best known direction
 _DETERMINED = 0.05  # standard error over the field, or over the gain
 
 
@@ -109,6 +112,8 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         if typical is not None:
             typical = np.flatnonzero(np.isin(np.flatnonzero(counted), rows))
         noise = {c: estimate_noise(r, robust, unknowns[c], typical) for c, r in left.items()}
+        if problem.shared is not None:  # what an inertial unit feels is wrong for seconds
+            noise = _correlate(part, noise, params)
         residuals = left
         if part is not problem:
             residuals = {c: compute_residuals(problem, c, params) for c in channels}
@@ -121,6 +126,29 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         if settled and np.array_equal(used, counted):
             break
     return Estimate(solution, noise, residuals, weights * used)
+
+
+def _correlate(part: Problem, noise: dict[str, Noise], params: Array) -> dict[str, Noise]:
+    """The noise with correlation lengths as the scores have them, where these are longer.
+
+    Errors far below the noise of a reading decide the result where they last: residuals show
+    nothing of them, sums of scores over seconds do.
+    """
+    found = dict(noise)
+    for channel, of in noise.items():
+        sides = zip(*pieces(part, channel)(params), strict=True)
+        residuals, jacobian = (np.concatenate(side) for side in sides)
+        z = residuals / of.sd
+        scores = jacobian * (of.loss.weight(z * z) * z)[:, None]
+        scores = scores / np.sqrt(np.maximum((scores**2).sum(axis=0), 1e-300))
+        values, axes = np.linalg.eigh(scores.T @ scores)
+        known = values > _TOLD * values[-1]
+        white = scores @ (axes[:, known] / np.sqrt(values[known]))
+        blocks = np.arange(0, len(white), -(-len(white) // STRETCHES))
+        sums = np.add.reduceat(white, blocks, axis=0)
+        length = compute_scatter(sums, np.eye(int(known.sum())), fewest=_FEWEST).correlation
+        found[channel] = of._replace(correlation=max(of.correlation, length))
+    return found
 
 
 def find_corroborated(

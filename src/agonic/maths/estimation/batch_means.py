@@ -31,11 +31,14 @@ class Scatter(NamedTuple):
     correlation: float
 
 
-def compute_scatter(scores: Array, white: Array, *, steady: bool = False) -> Scatter:
+def compute_scatter(
+    scores: Array, white: Array, *, steady: bool = False, fewest: int = _FEWEST
+) -> Scatter:
     """The scatter of Σ_k g_k by the batches that are just long enough; V where none is.
 
     Parameters: scores (k, m) g_k in order of time; white (m, m) V; `steady` takes differences from
-    batch to batch, which a change or drift does not touch. Batches double in length while that
+    batch to batch, which a change or drift does not touch; `fewest` batches that tell a scatter.
+    Batches double in length while that
     adds to tr(V⁻¹S)/m more than chance would, √(2/(m·batches)).
 
     Source: batch means, as for sums of correlated series (Künsch 1989; Lahiri 2003).
@@ -51,7 +54,7 @@ def compute_scatter(scores: Array, white: Array, *, steady: bool = False) -> Sca
     centred = scores - scores.mean(axis=0)
     precision = inverse(white)
     best, size = Scatter(white, 1.0), 1
-    while count // size >= _FEWEST:
+    while count // size >= fewest:
         batches = count // size
         sums = centred[: batches * size].reshape(batches, size, m).sum(axis=1)
         share = batches * size / count

@@ -1,4 +1,4 @@
-"""`agonic fit ellipsoid|levelled|vector|interference LOG`: one fit with every setting."""
+"""`agonic fit ellipsoid|levelled|inertial|vector|interference LOG`: one fit with every setting."""
 
 from __future__ import annotations
 
@@ -46,6 +46,7 @@ Second = Annotated[
 AIDED = {
     "levelled": "Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the "
     "place.",
+    "inertial": "Bias and matrix of what cannot be turned over: raw accelerometer and gyro.",
     "vector": "Bias and matrix where the whole attitude is known, heading included.",
 }
 """The fits that the attitude aids, and what they find from what."""

@@ -1,0 +1,69 @@
+"""The low-pass that takes gravity out of specific force, and what noise passes through it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from agonic.arrays import Array
+from agonic.maths.estimation import leastsq
+
+UNSEEN = 4.382
+"""sd of ⟨a⟩ over that of ⟨a − ⟨a⟩⟩ where a has an even spectrum, ⟨⟩ the low-pass: the root of
+∫(1 + x⁴)⁻² dx over ∫x⁸(1 + x⁴)⁻⁴ dx."""
+BANDWIDTH = 0.833
+"""∫(1 + x⁴)⁻² dx: what the low-pass lets through of an even spectrum, over its corner."""
+WIDTH = 0.69
+"""Of the band just above the corner, over the corner: ∫x⁸(1 + x⁴)⁻⁴ dx over its peak."""
+IN_BAND = 1 / 3
+"""Of the errors that are fitted there: the others change more slowly."""
+BLIND = 3.0
+"""Time constants at the ends, where the low-pass has only half of its data."""
+
+
+def low_pass(values: Array, step: float, settling_s: float) -> Array:
+    """What lasts of even columns (n, …): Butterworth of second order, forwards and backwards.
+
+    >>> low_pass(np.array([1.0, 1.0, 1.0, 1.0]), 0.1, 1.0).round(9).tolist()
+    [1.0, 1.0, 1.0, 1.0]
+    """
+    sos = butter(2, min(2 * find_corner_Hz(settling_s) * step, 0.99), output="sos")
+    length = min(len(values) - 1, round(BLIND * settling_s / step))
+    return np.asarray(sosfiltfilt(sos, values, axis=0, padtype="even", padlen=length))
+
+
+def find_corner_Hz(settling_s: float) -> float:
+    """The corner of the low-pass with a time constant."""
+    return float(np.sqrt(2.0) / (2 * np.pi * settling_s))
+
+
+def measure_force_variance(force: Array, by: Array, step: float, settling_s: float) -> float:
+    """The variance of a row of white noise that would pass the low-pass as this force does.
+
+    It is read off just above the corner, ⟨f − ⟨f⟩⟩, without what known errors do there.
+
+    Parameters: force (n, 3) and what q errors add to it (n, 3, q), in axes that hardly turn.
+    """
+    together = np.concatenate([force[:, :, None], by], axis=2)
+    left = low_pass(together - low_pass(together, step, settling_s), step, settling_s)
+    edge = min(round(BLIND * settling_s / step), len(left) // 4)
+    inner = left[edge : len(left) - edge].reshape(-1, left.shape[2])
+    size = np.maximum(np.sqrt((inner**2).sum(axis=0)), 1e-300)
+    found = np.linalg.lstsq(inner[:, 1:] / size[1:], inner[:, 0], rcond=1e-9)[0]
+    noise = inner[:, 0] - (inner[:, 1:] / size[1:]) @ found
+    corner = find_corner_Hz(settling_s)
+    freedom = 3 * 2 * WIDTH * corner * step * (len(left) - 2 * edge)
+    fitted = min(by.shape[2] * IN_BAND, 0.75 * freedom)
+    variance = float(np.mean(noise**2)) * freedom / max(freedom - fitted, 1e-9)
+    return float(UNSEEN**2 * variance / min(BANDWIDTH * 2 * corner * step, 1.0))
+
+
+def measure_rate_variance(rate: Array) -> float:
+    """The variance of a gyro's noise (n, 3), by third differences: motion is smooth, noise is not.
+
+    >>> noise = np.random.default_rng(0).normal(size=(4000, 3))
+    >>> round(measure_rate_variance(noise), 1)
+    1.0
+    """
+    jerk = np.diff(rate, n=3, axis=0)
+    return float(np.mean((leastsq.MAD_TO_SD * np.median(np.abs(jerk), axis=0)) ** 2) / 20)
