@@ -26,6 +26,7 @@ extensions = [
     "public_names",
     "sources",
     "house",
+    "documents",
     "terminal",
 ]
 exclude_patterns = ["_build", "_ext", "decisions/experiments"]

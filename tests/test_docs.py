@@ -7,6 +7,7 @@ import runpy
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -131,6 +132,16 @@ def test_every_experiment_is_named_beside_its_figures() -> None:
     written = "".join(map(text_of, PAGES))
     for script in (DOCS / "decisions" / "experiments").glob("*.py"):
         assert f"python {script.relative_to(ROOT).as_posix()}" in written
+
+
+def test_every_item_of_the_four_documents_has_a_page_that_is_there() -> None:
+    """The numbers themselves are made and held to their limits when the page is built."""
+    documents = tomllib.loads(text_of(DOCS / "documents.toml"))["document"]
+    items = [item for document in documents for item in document["items"]]
+    assert len(documents) == 4
+    for item in items:
+        assert "missing" in item or (DOCS / item["page"]).is_file(), item["what"]
+        assert "holds" in item or "published" not in item, item["what"]
 
 
 @pytest.mark.parametrize(
