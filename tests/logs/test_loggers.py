@@ -215,6 +215,7 @@ def test_a_clock_of_its_own_for_each_topic(tmp_path):
     path.write_text(path.read_text().replace("nan", ""))
     samples = read(path)
     check(samples)
+    assert dict(samples.rejected) == {}
     np.testing.assert_allclose(np.abs(samples.roll_deg), 180, atol=1e-6)
     turned = (samples.heading_deg[1:-1] - HEADING[1:-1] + 180) % 360 - 180
     np.testing.assert_allclose(turned, -0.007 * HEADING[1] * 50, atol=0.2)
@@ -372,7 +373,8 @@ def test_sentences(tmp_path):
 def test_recorded_car(recordings):
     """Flat CSV of a VN-100 in a car: clock in two columns, SI units of ROS, gravity along −z."""
     samples = read(recordings / "ros/data_going_in_circles.csv")
-    assert len(samples) == 3987
+    assert (len(samples), dict(samples.rejected)) == (3987, {})
+    assert samples.latitude_deg is not None  # of rows with another clock
     assert np.median(np.diff(samples.time)) == pytest.approx(0.025, abs=0.001)
     assert samples.epoch.isoformat() == "2024-10-21T14:46:28+00:00"
     np.testing.assert_allclose(samples.field[0], [-23230, -8610, 29020])
@@ -426,3 +428,20 @@ def test_a_command_takes_the_names_too(tmp_path, capsys):
     assert run(["info", str(path), "--columns", NAMES, "--unit", "uT"]) == 0
     assert "40" in capsys.readouterr().out
     assert run(["info", str(path)]) == 2  # nothing is left behind
+
+
+def test_what_could_not_be_read_is_said_before_a_verdict(tmp_path):
+    """A gyroscope without a unit, a clock of unknown ticks: causes are named without them."""
+    from agonic.health.readings import inspect
+
+    header = "ticks,t," + axes("mag_{}_uT") + "," + axes("acc_{}_m_s2") + "," + axes("gyro_{}")
+    path = write(tmp_path / "log.csv", header, [TIME, np.round(TIME * 5e4), FIELD, ACC, GYRO])
+    samples = read(path)
+    (finding,) = [found for found in inspect(samples) if found.name == "not read"]
+    assert "times left out" in finding.what
+    assert "gyro left out: its header names neither degrees nor radians" in finding.what
+    from agonic.ellipsoid.fit import fit_ellipsoid
+
+    assert fit_ellipsoid(samples).status.startswith("Not all of the log could be read: times left")
+    good = read(write(tmp_path / "good.csv", "t_s," + axes("mag_{}_uT"), [TIME, FIELD]))
+    assert not [found for found in inspect(good) if found.name == "not read"]

@@ -72,6 +72,10 @@ def verdict_of(findings: Iterable[Finding], *, failed: bool = False) -> Verdict:
     return "check" if failed or "check" in severities else "good"
 
 
+NOT_READ = "not read"
+"""The finding that is said before all others: what follows does not know what the log holds."""
+
+
 class Judged:
     """A result that says what it is worth: its `findings` give the verdict, its `remarks` figures.
 
@@ -98,9 +102,15 @@ class Judged:
     @property
     def status(self) -> str:
         """The result in words: what stands in the way, how good it is, what else was seen."""
-        notes = [finding.sentence for finding in self.findings if finding.severity == "note"]
-        grave = [finding.sentence for finding in self.findings if finding.severity != "note"]
-        return sentences(*grave, *self.remarks, *notes)
+        unread = [finding for finding in self.findings if finding.name == NOT_READ]
+        notes = [finding for finding in self.findings if finding.severity == "note"]
+        grave = [finding for finding in self.findings if finding.severity != "note"]
+        before, after = (*unread, *grave), (finding for finding in notes if finding not in unread)
+        return sentences(
+            *(finding.sentence for finding in before),
+            *self.remarks,
+            *(finding.sentence for finding in after),
+        )
 
 
 def sentences(*texts: str) -> str:

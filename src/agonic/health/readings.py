@@ -7,8 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.health.finding import Finding
+from agonic.health.finding import NOT_READ, Finding
 from agonic.samples import Samples
+
+_UNREAD = ("times left out", "acc left out", "gyro left out")
+"""How the notes of a reader begin on what it found and could not read."""
 
 FEWEST = 12
 """Fewer readings than this cannot be judged: nine unknowns leave nothing to check them by."""
@@ -30,6 +33,7 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
         _stale(samples.field),
         _gaps(samples),
         _corrected(samples),
+        _unread(samples),
     ]
     return tuple(finding for finding in found if finding is not None)
 
@@ -95,6 +99,19 @@ def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
         for why, count in rejected.items()
         if count
     ]
+
+
+def _unread(samples: Samples) -> Finding | None:
+    """A clock, an accelerometer or a gyroscope that is in the log and could not be read."""
+    told = [note for note in samples.notes if note.startswith(_UNREAD)]
+    if not told:
+        return None
+    return Finding(
+        NOT_READ,
+        "note",
+        f"not all of the log could be read: {'; '.join(told)}",
+        "what follows rests on the rest; name columns and units in the header, or with --columns",
+    )
 
 
 def _few(samples: Samples) -> Finding | None:

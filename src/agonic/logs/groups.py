@@ -21,6 +21,7 @@ from agonic.logs.auxiliary import PERIODS_DEG, Table, find_reach, set_angle_unit
 from agonic.logs.columns import identify_columns
 from agonic.logs.conventions import apply_conventions
 from agonic.logs.log import Log, Stream
+from agonic.logs.quantities import BY_COLUMN
 from agonic.logs.resample import compute_rate_Hz, resample
 from agonic.logs.rows.beside import AUXILIARY, Part, read_columns
 from agonic.logs.rows.times import find_clocks, find_time
@@ -149,7 +150,8 @@ def _complete(samples: Samples, group: str, beside: Iterable[_Beside]) -> Sample
         for name in wanted:
             values = _carry(samples, other, name, shift)
             if values is None:
-                notes.append(f"{name} of {other.name or 'another table'} left out: it has holes")
+                what = BY_COLUMN[name].name
+                notes.append(f"{what} left out: holes in {other.name or 'its table'}")
                 continue
             columns[name] = values
             estimated = estimated or (name == "heading_deg" and other.estimated)

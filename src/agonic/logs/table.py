@@ -17,7 +17,7 @@ from agonic.logs.columns import Identified, identify_column, identify_columns
 from agonic.logs.conventions import apply_conventions
 from agonic.logs.log import Log, Stream
 from agonic.logs.resample import compute_rate_Hz
-from agonic.logs.rows.beside import Part, read_columns
+from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns
 from agonic.logs.rows.times import find_clocks, find_time, pick
 from agonic.logs.rows.units import find_field_unit
 from agonic.provenance import Input
@@ -96,6 +96,11 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     time, epoch, time_notes = find_time(part.clocks[number], part.rows, field)
     readings = np.asarray(np.isfinite(field).all(axis=1))
     columns, estimated, remarks = read_columns(part, number, time, readings)
+    if len(foreign := find_foreign_rows(part, field)):
+        keep = np.setdiff1d(np.arange(len(field)), foreign)
+        field, time = field[keep], None if time is None else time[keep]
+        columns = {n: None if c is None else c[keep] for n, c in columns.items()}
+        remarks = (*remarks, f"{len(foreign)} rows are of other sensors")
     if columns.get("second") is not None:  # `Samples` takes it in the unit of the field
         columns["second"] = columns["second"] / nanotesla_per(unit)
     return Samples(

@@ -38,6 +38,21 @@ class Part:
         return np.stack([c if len(c) == len(self.rows) else c[self.rows] for c in columns], 1)
 
 
+def find_foreign_rows(part: Part, field: Array) -> Index:
+    """Rows without a reading that hold what the readings' rows lack: another sensor's."""
+    empty = np.asarray(np.isnan(field).all(axis=1))
+    if not empty.any() or empty.all():
+        return np.empty(0, np.int64)
+    for name, groups in part.found.items():
+        for column in (axes[min(axes)] for axes in groups.values() if name != "field"):
+            values = part.table[column.header]
+            if values.dtype.kind == "f":
+                known = np.isfinite(values if len(values) == len(part.rows) else values[part.rows])
+                if known[empty].mean() > 0.5 > known[~empty].mean():
+                    return np.flatnonzero(empty)
+    return np.empty(0, np.int64)
+
+
 def read_columns(
     part: Part, number: str, time: Array | None, readings: Mask
 ) -> tuple[dict[str, Any], bool, tuple[str, ...]]:
