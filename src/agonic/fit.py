@@ -104,8 +104,8 @@ def describe_accuracy(
 ) -> str:
     """How well the result is known, in words."""
     return (
-        f"bias known to {figure(bias_sd)} {unit}, a level heading to "
-        f"{figure(heading_sd_deg)}° at {inclination_deg:.0f}° dip"
+        f"standard error: bias {figure(bias_sd)} {unit}, heading {figure(heading_sd_deg)}° (level, "
+        f"dip {inclination_deg:.0f}°)"
     )
 
 

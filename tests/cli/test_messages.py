@@ -63,11 +63,11 @@ def test_accuracy_is_in_the_unit_of_the_bias(capsys) -> None:
 def test_a_place_without_a_date_is_told_that_the_date_is_missing(capsys) -> None:
     place = {"latitude_deg": 52.0, "longitude_deg": 5.0}
     log = write_log("log.csv", {"mag_": tumbled()}, **place)
-    run(["calibrate", log])
+    run(["calibrate", log, "--verbose"])
     said = capsys.readouterr().out
     assert "the log has no date" in said
     assert "latitude" not in said
-    run(["calibrate", write_log("bare.csv", {"mag_": tumbled()})])
+    run(["calibrate", "-v", write_log("bare.csv", {"mag_": tumbled()})])
     assert "the log has no latitude, longitude or date" in " ".join(capsys.readouterr().out.split())
 
 

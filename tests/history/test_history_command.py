@@ -65,7 +65,7 @@ def test_from_logs_to_a_history(capsys) -> None:
     assert run([*look[:-1], "2025-12-01"]) == 1
     text = capsys.readouterr().out
     assert "! board-7: check" in text
-    assert "bias x by +3" in text.replace("\u202f", "")
+    assert "bias x by +3" in " ".join(text.replace("\u202f", "").split())
     assert "calibrate once more" in text.lower()
     assert run(["history", *STORE]) == 0
     assert "board-7" in capsys.readouterr().out

@@ -53,7 +53,7 @@ def test_a_failed_check_asks_the_user_to_look() -> None:
     made = simulate("tumble", n=2000)
     found = ag.calibrate(made.samples, ag.Reference.constant(50_000.0), model="sphere")
     assert found.verdict == "check"
-    assert "On held-out parts spread of the magnitude is" in found.status
+    assert "Held-out parts fail a check: spread of the magnitude, " in found.status
     assert "(limit 3 %)" in found.status
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.health import Finding
+from agonic.health import Finding, sentences
 from agonic.report.document import Document, Section, Table
 from agonic.report.markup import Markup, element
 from agonic.report.text import WIDTH
@@ -134,7 +134,7 @@ def test_control_characters_stay_out_of_the_terminal() -> None:
     assert said.isprintable() or set(said) - set("\n") == {c for c in said if c.isprintable()}
 
 
-def test_of_a_refused_result_numbers_are_shown_where_the_wing_says_so() -> None:
+def test_of_a_refused_result_the_text_says_why_and_no_numbers() -> None:
     coil = Document(
         name="coil",
         verdict="refused",
@@ -142,13 +142,62 @@ def test_of_a_refused_result_numbers_are_shown_where_the_wing_says_so() -> None:
         entries={"Constant": "76 nT/A"},
         key_figures=[("Noise", "12 nT", "one reading")],
         refused_numbers=True,
-        most_lines=2,
     )
-    head, first, second, last = coil.to_text().splitlines()
-    assert head == "✗ coil: refused"
-    assert (first.startswith("  Too few."), second.endswith(" …")) == (True, True)
-    assert last == "  Constant  76 nT/A"
+    assert " ".join(coil.to_text().split()) == "✗ coil: refused " + " ".join(["Too few."] * 40)
     assert "12 nT" in coil.to_html()
+
+
+def test_each_finding_is_a_line_the_gravest_first_with_what_helps() -> None:
+    found = (
+        Finding("outliers", "note", "3 readings do not fit"),
+        Finding("noise", "check", "it is noisy", "move it away"),
+        Finding("static", "refuse", "it did not turn", "turn it"),
+    )
+    status = sentences(*(finding.sentence for finding in found), "noise 12 nT")
+    made = Document(name="mag", verdict="check", status=status, findings=found)
+    assert made.to_text().splitlines() == [
+        "! mag: check",
+        "  Refused   It did not turn; turn it.",
+        "  Check     It is noisy; move it away.",
+        "  Note      3 readings do not fit.",
+        "  Noise 12 nT.",
+    ]
+    assert made.to_text(brief=True).splitlines()[-2:] == [
+        "  Check     It is noisy; move it away.",
+        "  Noise 12 nT.",
+    ]
+
+
+@pytest.mark.parametrize("width", [40, 80, 120, 200])
+def test_text_fits_every_width_whole(width: int) -> None:
+    words = "the directions that were visited leave the heading uncertain " * 4
+    table = Table(["sensor", "bias x, nT", "bias y, nT", "noise, nT"], [["MAG", "1", "2", "3"]])
+    made = Document(
+        name="MAG " * 20,
+        verdict="check",
+        status=words,
+        entries={"Bias": words},
+        sections=[Section("Numbers", [table], printed=True)],
+        remarks=[words],
+        next_step="agonic calibrate a/folder/with/a/name.bin --between 14.8,57.1 -o out",
+    )
+    lines = made.to_text(width).splitlines()
+    assert all(len(line) <= width for line in lines)
+    plain = " ".join(line.removesuffix(" \\").strip() for line in lines)
+    plain = " ".join(plain.split())
+    assert plain.count(words.strip()) == 3
+    assert "--between 14.8,57.1 -o out" in plain
+    assert "…" not in plain
+
+
+def test_what_several_sensors_are_told_is_told_once() -> None:
+    sensors = [
+        Document(name=n, verdict="good", remarks=[f"{n}.h: no term", f"{n} alone"]) for n in "ab"
+    ]
+    lines = Document(name="log", sensors=sensors).to_text().splitlines()
+    assert lines.count("Note      a.h, b.h: no term") == 1
+    assert sum("no term" in line for line in lines) == 1
+    assert "  Note      a alone" in lines
 
 
 def test_values_may_say_the_verdict_in_a_place_of_their_own() -> None:

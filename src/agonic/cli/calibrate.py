@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -52,6 +53,10 @@ def calibrate(
             help="Who the sensor is in the history; default: its device number, or the log's name.",
         ),
     ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Notes, checks and the choice of method too.")
+    ] = False,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
     as_json: Json = False,
 ) -> int:
     """Calibrate every magnetometer in a log, verify it on held-out parts, and report.
@@ -66,6 +71,7 @@ def calibrate(
     from agonic.recording.document import describe_recording
     from agonic.recording.each_sensor import calibrate_each
     from agonic.recording.files import write_folder
+    from agonic.recording.next_step import choose_command
 
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
     recording, results, failures = calibrate_each(
@@ -79,4 +85,6 @@ def calibrate(
         place = (unit, at, date, field)
         keep_results(store, results, recording, place, method, between, name)
     document = describe_recording(results, written=written, failures=failures)
-    return finish(document, page=folder / "report.html", as_json=as_json)
+    document = replace(document, next_step=choose_command(results, log, folder))
+    page = folder / "report.html"
+    return finish(document, page=page, as_json=as_json, brief=not verbose, open_page=show)

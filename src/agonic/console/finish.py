@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from agonic.report.document import Document
+
+
+PURPOSES = {
+    ".html": "the report: open it in a browser",
+    ".json": "the calibration: for agonic apply, verify, heading, export",
+    ".toml": "the setup of the vehicle: for agonic heading",
+    ".h": "for firmware: a C header with a self-test",
+    ".param": "for ArduPilot: load it in a ground station, and restart",
+    ".params": "for PX4: load it in a ground station, and restart",
+    ".csv": "the readings",
+}
+"""What a file is for, by its ending."""
 
 
 def finish(
@@ -19,16 +32,20 @@ def finish(
     option: str = "--report",
     page: Path | None = None,
     as_json: bool = False,
+    brief: bool = False,
+    open_page: bool = False,
 ) -> int:
     """Save the calibration, write the report, say the result, and return the exit status.
 
     The document's calibration is saved to `out`, unless it is refused. `files` are written already.
     `option` is the one that `report` was given by. `page` is a report that is written already, and
-    that the documents of the sensors have among their files. The status is 0 where nothing is
-    objected to.
+    that the documents of the sensors have among their files; `open_page` shows it in a browser.
+    `brief` leaves out what only `--verbose` says. The status is 0 where nothing is objected to.
     """
     from agonic.console.output import print_json, say
+    from agonic.console.width import find_width
     from agonic.files.calibration import save
+    from agonic.report.text import wrap_command
 
     calibration = None if document.verdict == "refused" else document.calibration
     written = [] if out is None or calibration is None else [str(save(calibration, out))]
@@ -40,14 +57,57 @@ def finish(
         own = {} if page is not None else {"files": written}
         print_json(document.schema, document.to_record() | own)
     else:
-        say(document.to_text())
-        if page is not None:
-            say(f"\nReport    {page}")
+        width = find_width()
+        say(replace(document, next_step="").to_text(width, brief=brief))
+        files = list_files(document, page)
+        if files:
+            say("\n" + "\n".join(describe_files(files, width)))
         elif written:
             say(f"\nWritten   {', '.join(written)}")
         elif document.calibration is not None or document.sensors:
             say("\nNothing was written.")
+        if document.next_step:
+            say("\n" + wrap_command(document.next_step, width=width, label="Next      "))
+    if open_page and page is not None:
+        show_in_browser(page)
     return 0 if document.good else 1
+
+
+def list_files(document: Document, page: Path | None) -> list[Path]:
+    """Every file that was written for the sensors of a document, the page first, each once."""
+    if page is None:
+        return []
+    of_sensors = [
+        Path(file)
+        for sensor in document.sensors
+        for file in (sensor.values or {}).get("files") or ()
+        if Path(file) != page
+    ]
+    return [page, *dict.fromkeys(of_sensors)]
+
+
+def describe_files(files: Sequence[Path], width: int) -> list[str]:
+    """The files of a folder, a line each, with what each is for.
+
+    >>> print(*describe_files([Path("out/report.html"), Path("out/mag.h")], 80), sep="\\n")
+    Written to out:
+      report.html  the report: open it in a browser
+      mag.h        for firmware: a C header with a self-test
+    """
+    from agonic.report.text import wrap, wrap_entries
+
+    described = {file.name: PURPOSES.get(file.suffix, "") or "beside the others" for file in files}
+    head = wrap(f"Written to {files[0].parent}:", width=width, indent="")
+    return [head, *wrap_entries(described, width=width)]
+
+
+def show_in_browser(page: Path) -> None:
+    """Open a page in the browser; where there is none, that is told."""
+    import sys
+    import webbrowser
+
+    if not webbrowser.open(page.resolve().as_uri()):
+        print(f"agonic: no browser could be opened; the page is {page}", file=sys.stderr)
 
 
 def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]]) -> str:

@@ -25,6 +25,7 @@ from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.health.finding import figure
 
 NEGLIGIBLE_DEG = 0.01
 """A rotation below this is not worth a warning."""
@@ -74,8 +75,9 @@ def list_left_out(calibration: Calibration) -> tuple[str, ...]:
         return ()
     added = np.linalg.norm(one.matrix @ one.coefficients, axis=0)
     return tuple(
-        f"the target has no term for {signal}: {size:.3g} {one.unit_out} per unit of it stay in "
-        "the field; the file is right where it is zero. Export the setup to c to keep the term"
+        f"the target has no term for {signal}: {figure(size, 3)} {one.unit_out} per unit of it "
+        "stay in the field; the file is right where it is zero. Export the setup to c to keep the "
+        "term"
         for signal, size in zip(signals(one.sources), added, strict=True)
     )
 

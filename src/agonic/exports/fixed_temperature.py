@@ -24,6 +24,7 @@ from agonic.exports.polynomials import (
     list_signals,
 )
 from agonic.exports.targets import TARGETS, list_words
+from agonic.health.finding import figure
 
 LEVELS = 121
 """Temperatures at which the error is looked at."""
@@ -150,7 +151,7 @@ def describe_lag(calibration: Calibration) -> tuple[str, ...]:
     _, (matrix,), (rates,) = evaluate_affine(calibration, np.mean(find_range_C(calibration)))
     size = np.linalg.norm(matrix @ rates[:, names.index("temperature_rate")]) / 60
     return (
-        f"the target has no term for the rate of the temperature: {size:.3g} "
+        f"the target has no term for the rate of the temperature: {figure(float(size), 3)} "
         f"{calibration.unit_out} for each degree C per minute stay in the field",
     )
 

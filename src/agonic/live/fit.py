@@ -22,7 +22,7 @@ from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
-from agonic.recording.calibrated import calibrate
+from agonic.recording.calibrated import calibrate, list_failed
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -181,11 +181,8 @@ class LiveFit:
             made = calibrate(self.samples, self.params.reference, kind="ellipsoid", **settings)
         except AgonicError as error:
             return (Finding("calibration", "check", str(error), "go on turning"),)
-        failed = [check for check in made.verification.checks if check.passed is False]
-        return (
-            *(finding for finding in made.fit.findings if finding.severity != "note"),
-            *(Finding(check.name, "check", check.meaning, "go on turning") for check in failed),
-        )
+        grave = (finding for finding in made.fit.findings if finding.severity != "note")
+        return (*grave, *list_failed(made.verification))
 
     def _assembled(self) -> tuple[Affine, Coverage]:
         """The last fit in the unit of the readings, and its coverage."""

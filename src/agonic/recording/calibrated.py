@@ -17,7 +17,8 @@ from agonic.calibration.interference import Interference
 from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recording_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.health import verdict_of
+from agonic.health import Finding, sentences, verdict_of
+from agonic.recording.advice import suit_advice
 from agonic.recording.choice import Choice, Kind, choose, describe_latency
 from agonic.recording.held_out import compare_folds, fit_folds
 from agonic.reference import Reference
@@ -185,12 +186,13 @@ def _evidence(
 def _conclude(choice: Choice, verification: Verification) -> Calibrated:
     """The verdict: refused by the fit, to be checked for a failed check, or good."""
     fit = choice.fit
-    failed = [check for check in verification.checks if check.passed is False]
+    suited = suit_advice(fit.findings, choice.samples)
+    if suited != fit.findings:
+        fit = replace(fit, findings=()).with_findings(*suited)
+    failed = list_failed(verification)
     verdict, said = verdict_of(fit.findings, failed=bool(failed)), [fit.status]
     if verdict != "refused":
-        said += [
-            f"On held-out parts {_describe_check(check)}: {check.meaning}." for check in failed
-        ]
+        said += [sentences(finding.sentence) for finding in failed]
         if choice.latency is not None:
             said.append(describe_latency(choice.latency))
     return Calibrated(
@@ -205,8 +207,17 @@ def _conclude(choice: Choice, verification: Verification) -> Calibrated:
     )
 
 
-def _describe_check(check: Check) -> str:
-    """A failed check with its numbers."""
+def list_failed(verification: Verification) -> list[Finding]:
+    """The checks that failed on held-out parts, as findings."""
+    return [
+        Finding(check.name, "check", _describe(check), check.meaning)
+        for check in verification.checks
+        if check.passed is False
+    ]
+
+
+def _describe(check: Check) -> str:
+    """A check with its numbers."""
     unit = f" {check.unit}" if check.unit not in ("", "°") else check.unit
     limit = "" if check.limit is None else f" (limit {check.limit:g}{unit})"
-    return f"{check.name} is {check.value:.3g}{unit}{limit}"
+    return f"held-out parts fail a check: {check.name}, {check.value:.3g}{unit}{limit}"

@@ -9,14 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.recording import figures, sphere
-from agonic.recording.calibrated import Calibrated
+from agonic.recording.calibrated import Calibrated, list_failed
 from agonic.recording.choice import describe_latency
-from agonic.recording.quantities import ADDED, Group, list_quantities, mixes_sensors
+from agonic.recording.entries import describe_heading, list_details, list_entries
+from agonic.recording.quantities import mixes_sensors
 from agonic.recording.residuals import compute_residuals, find_held_out
 from agonic.recording.tables import describe_method, list_numbers
 from agonic.recording.values import FIELDS, list_values
 from agonic.report import tables
-from agonic.report.digits import count, degrees, group_digits, percent, quantity, with_sd
+from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Block, Document, Section, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
@@ -30,9 +31,6 @@ SUMMARY = (
     "Heading standard error",
     "Noise",
 )
-LABELS = {"current_A": "Current", "throttle": "Throttle"}
-
-_MOST_LINES = 2  # of a sentence, so that three sensors fit on a screen of 24 lines
 
 
 class Written(NamedTuple):
@@ -80,9 +78,6 @@ def describe_recording(
     results, title : as in `render`. written : the files of each sensor, by its name.
     failures : the names of sensors that could not be fitted at all, and why. schema : of the JSON.
 
-    Its text is made for a screen: at most 7 lines for each of several sensors, and a line more for
-    a latency, each source on board, and each warning.
-
     >>> describe_recording([]).to_text()
     'No magnetometer was found in the log.'
     """
@@ -119,7 +114,7 @@ def _summarise(number: int, result: Calibrated) -> list[str]:
         tables.mark(result.verdict, MEANINGS[result.verdict][0]),
         group_digits(result.fit.n),
         tables.spread(result.verification),
-        degrees(result.fit.coverage.heading_sd_deg),
+        describe_heading(result)[0],
         quantity(result.fit.noise, unit, 2),
     ]
 
@@ -158,15 +153,15 @@ def describe_sensor(
         name=result.samples.name,
         method=f"{result.method}, {calibration.model} model, {group_digits(fit.n)} readings",
         verdict=result.verdict,
-        status=sentence(result.status),
-        findings=fit.findings,
+        status=_describe_result(result),
+        findings=(*fit.findings, *list_failed(result.verification)),
         move=choose_move(result),
         remarks=warnings,
         key_figures=_list_key_figures(result),
-        entries=_list_entries(result, alone),
+        entries=list_entries(result),
+        details=list_details(result),
         entries_title="",
         refused_numbers=True,
-        most_lines=_MOST_LINES,
         sections=[
             Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
@@ -188,6 +183,12 @@ def describe_sensor(
     )
 
 
+def _describe_result(result: Calibrated) -> str:
+    """The status without the latency, which has a line of its own."""
+    latency = "" if result.latency is None else describe_latency(result.latency)
+    return sentence(result.status.removesuffix(latency).strip())
+
+
 def choose_move(result: Calibrated) -> str:
     """What to do first: the move of the gravest finding, or of the first check that failed."""
     if result.verdict == "good":
@@ -199,17 +200,10 @@ def choose_move(result: Calibrated) -> str:
     )
 
 
-def _describe_heading(result: Calibrated) -> tuple[str, str]:
-    """The standard error of a heading, and where it holds."""
-    coverage = result.fit.coverage
-    place = f"at {group_digits(coverage.inclination_deg)}° inclination"
-    return degrees(coverage.heading_sd_deg), place
-
-
 def _list_key_figures(result: Calibrated) -> list[tuple[str, str, str]]:
     """The four numbers to look at first."""
     fit, cells = result.fit, result.fit.coverage.cells
-    heading, place = _describe_heading(result)
+    heading, place = describe_heading(result)
     noise = quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)
     return [
         (SUMMARY[3], tables.spread(result.verification), "held out, before → after"),
@@ -221,34 +215,6 @@ def _list_key_figures(result: Calibrated) -> list[tuple[str, str, str]]:
             f"directions, from {count(fit.n, 'reading')}",
         ),
     ]
-
-
-def _list_entries(result: Calibrated, alone: bool) -> dict[str, str]:
-    """The lines of the text: numbers, what is beside them, and the next move."""
-    fit = result.fit
-    heading, place = _describe_heading(result)
-    first, *others = list_quantities(result)  # the bias, or the constant of a mix
-    entries = {
-        first.name: _join_numbers(first),
-        "Spread": f"{tables.spread(result.verification)}   heading standard error {heading} "
-        f"{place}   noise {quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)}",
-    }
-    if result.verdict != "refused":
-        if result.latency is not None:
-            entries["Latency"] = describe_latency(result.latency)
-        for group in others:
-            if group.name.startswith(ADDED):
-                name = group.name.removeprefix(ADDED)
-                entries[LABELS.get(name, name)] = f"{_join_numbers(group)} ({name})"
-    if alone:
-        entries["Method"] = f"{result.method}: {result.reason}"
-    return entries | {"Next": sentence(choose_move(result))}
-
-
-def _join_numbers(group: Group) -> str:
-    """The numbers of a group in a line."""
-    numbers = "   ".join(f"{q.name} {with_sd(q.value, q.sd)}" for q in group.rows)
-    return f"{numbers} {group.unit}"
 
 
 def _explain_numbers(result: Calibrated) -> Markup:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agonic.report.digits import write_minus
+from agonic.report.digits import typeset
 from agonic.report.markup import Markup, element
 from agonic.report.tables import mark
 from agonic.report.verdict import MEANINGS, sentence
@@ -35,7 +35,7 @@ def verdict(word: str, *said: str, move: str = "") -> Markup:
         "div",
         element("p", mark(word, shown), f": {meaning}", class_="word"),
         element("p", *said),
-        element("p", element("strong", "Do next: "), write_minus(sentence(move))) if move else "",
+        element("p", element("strong", "Do next: "), typeset(sentence(move))) if move else "",
         class_=f"verdict {word}",
     )
 

@@ -10,6 +10,10 @@ THIN = "\N{NARROW NO-BREAK SPACE}"
 MINUS = "\N{MINUS SIGN}"
 UNDETERMINED = "undetermined"
 
+_THOUSANDS = re.compile(
+    r"(?<![\w.,\-/])\d{4,15}(?=(?:\.\d+)?[ \N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]?"
+    r"(?:nT|µT|mG|raw|readings?|rows?|samples|s|m|°)(?!\w))"
+)  # of a quantity or a count, not of a year or an option
 _HYPHEN = re.compile(r"(?<![\w.\-])-(?=\.?\d)")  # of a number, not of a date or a name
 
 
@@ -95,6 +99,15 @@ def write_minus(text: str) -> str:
     'at −66° (2015-11-21, levelled −0.5, COMPASS-2)'
     """
     return _HYPHEN.sub(MINUS, text)
+
+
+def typeset(text: str) -> str:
+    """A sentence with its numbers written as in tables: minus signs, and thousands set apart.
+
+    >>> typeset("bias 44509.5 nT, at -66° in 1234 rows of 2026").replace(THIN, " ")
+    'bias 44 509.5 nT, at −66° in 1 234 rows of 2026'
+    """
+    return write_minus(_THOUSANDS.sub(lambda found: f"{int(found[0]):,}".replace(",", THIN), text))
 
 
 def percent(fraction: float) -> str:

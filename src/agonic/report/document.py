@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from agonic.calibration.base import Calibration
-from agonic.health import Finding
+from agonic.health import Finding, sentences, sort_findings
 from agonic.report import blocks, tables, text
-from agonic.report.digits import write_minus
+from agonic.report.digits import typeset
 from agonic.report.markup import Markup, data_script, element, markup, table
 from agonic.report.page_file import assemble_page, read_static
 from agonic.report.verdict import MEANINGS, moves, sentence
@@ -64,17 +64,44 @@ class Section:
             drawn = [element("div", *drawn, class_=self.style)]
         return blocks.part(self.title, *drawn, level=level) if self.title else markup(*drawn)
 
-    def to_text(self) -> list[str]:
+    def to_text(self, width: int = text.WIDTH) -> list[str]:
         """The section as lines, after an empty one."""
         lines = ["", *([self.title] if self.title else [])]
         for block in self.blocks:
             if isinstance(block, Table):
-                lines += text.format_columns(block.head, block.rows)
+                lines += text.format_columns(block.head, block.rows, width)
             elif isinstance(block, Mapping):
-                lines += text.wrap_entries(block)
+                lines += text.wrap_entries(block, width=width)
             elif isinstance(block, str) and not isinstance(block, Markup):
-                lines.append(text.wrap(block))
+                lines.append(text.wrap(block, width=width))
         return lines
+
+
+class Repeated(NamedTuple):
+    """What is to be noted of several sensors: their names or files, the note, how each had it."""
+
+    names: list[str]
+    says: str
+    remarks: list[str]
+
+
+def list_repeated(sensors: Sequence[Document]) -> list[Repeated]:
+    """Notes that several sensors have, whatever the file that each is about is called.
+
+    >>> noted = [Document(name=n, remarks=[f"{n}.h: no term"]) for n in ("MAG", "MAG2")]
+    >>> list_repeated(noted)[0][:2]
+    (['MAG.h', 'MAG2.h'], 'no term')
+    """
+    found: dict[str, Repeated] = {}
+    for sensor in sensors:
+        for remark in sensor.remarks:
+            file, colon, says = remark.partition(": ")
+            named = colon and " " not in file and "." in file
+            key = says if named else remark
+            one = found.setdefault(key, Repeated([], key, []))
+            one.names.append(file if named else sensor.name)
+            one.remarks.append(remark)
+    return [one for one in found.values() if len(one.names) > 1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,8 +119,9 @@ class Document:
         what helps against the gravest finding. remarks : notes for whoever uses it.
     key_figures : name, value, and what it is of. entries : label → text, in the text, and on the
         page under the heading `entries_title`, unless that is "". sections : the rest.
-    refused_numbers : whether key figures and entries are shown of a refused result too.
-    most_lines : of the status and of each entry in text; default: all.
+    refused_numbers : whether key figures are shown on the page of a refused result too.
+    details : entries of the text that are shown when all is asked for. next_step : last in the
+        text, a command to type.
     values : what the JSON says beside verdict, status and findings, which it may override.
     sensors : a document for each sensor, where there are several.
     calibration, samples : whose provenance is shown.
@@ -116,7 +144,8 @@ class Document:
     entries_title: str = "What was found"
     sections: Sequence[Section] = ()
     refused_numbers: bool = False
-    most_lines: int | None = None
+    details: Mapping[str, str] | None = None
+    next_step: str = ""
     values: Mapping[str, Any] | None = None
     sensors: Sequence[Document] = ()
     calibration: Calibration | None = None
@@ -144,7 +173,7 @@ class Document:
         """
         name = self.title or self.name
         about = self.about or ("" if self.verdict else self.status)
-        under = [element("p", write_minus(about), class_="kicker")] if about else []
+        under = [element("p", typeset(about), class_="kicker")] if about else []
         inside = [
             *self._opening(),
             *self._middle("h2"),
@@ -161,8 +190,12 @@ class Document:
             script="".join(map(read_static, self.scripts)),
         )
 
-    def to_text(self) -> str:
-        """The result for people, on a terminal; of a refused one no more than why.
+    def to_text(self, width: int = text.WIDTH, *, brief: bool = False) -> str:
+        """The result for people, on a terminal so many characters wide.
+
+        One finding a line, the gravest first, with what helps against it; of a refused result no
+        more than those. `brief` leaves out notes, details, and what each of several sensors would
+        say again.
 
         >>> made = Document(name="coil", verdict="good", method="4 reversals",
         ...                 status="All is well.", entries={"Constant": "76 nT/A"})
@@ -171,7 +204,10 @@ class Document:
           All is well.
           Constant  76 nT/A
         """
-        return "\n".join(self._lines()).removeprefix("\n")
+        lines = list(self._lines(width, brief))
+        if self.next_step:
+            lines += ["", text.wrap_command(self.next_step, width=width, label="Next      ")]
+        return "\n".join(lines).removeprefix("\n")
 
     def to_record(self) -> dict[str, Any]:
         """The result for programs, without the name of the schema."""
@@ -195,31 +231,58 @@ class Document:
             return self.move
         return next(iter(moves(self.findings or ())), "")
 
-    def _lines(self) -> Iterable[str]:
+    def _lines(self, width: int, brief: bool, said: Collection[str] = ()) -> Iterable[str]:
+        """The text line by line, without the remarks `said` elsewhere."""
         if self.verdict:
             word = MEANINGS[self.verdict][0].lower()
             method = f" ({self.method})" if self.method else ""
-            yield text.printable(f"{text.SIGNS[self.verdict]} {self.name}: {word}{method}")
-        if self.status:
-            indent = "  " if self.verdict else ""
-            yield text.wrap(self.status, indent=indent, most_lines=self.most_lines)
-        if self._shows_numbers:
-            entries = self.entries or {}
-            yield from text.wrap_entries(
-                entries, least=_LABEL if self.verdict else 0, most_lines=self.most_lines
-            )
+            sign = f"{text.SIGNS[self.verdict]} "
+            yield text.wrap(f"{self.name}: {word}{method}", width=width, indent="", label=sign)
+        yield from self._say_findings(width, brief)
+        if self._shows_entries:
+            entries = {**(self.entries or {}), **((not brief and self.details) or {})}
+            least = _LABEL if self.verdict else 0
+            yield from text.wrap_entries(entries, width=width, least=least)
             for section in self.sections:
                 if section.printed:
-                    yield from section.to_text()
-        yield from (text.wrap(note, label="Note      ") for note in self.remarks)
+                    yield from section.to_text(width)
+        for note in self.remarks:
+            if note not in said:
+                yield text.wrap(note, width=width, label="Note      ")
+        shared = list_repeated(self.sensors)
         for sensor in self.sensors:
             yield ""
-            yield from sensor._lines()
+            yield from sensor._lines(width, brief, {r for one in shared for r in one.remarks})
+        if shared:
+            yield ""
+        for one in shared:
+            names = f"{', '.join(one.names)}: {one.says}"
+            yield text.wrap(names, width=width, indent="", label="Note      ")
+
+    @property
+    def _shows_entries(self) -> bool:
+        return self.verdict != "refused"
+
+    def _say_findings(self, width: int, brief: bool) -> Iterable[str]:
+        """Each finding on a line of its own, and what else the status says."""
+        indent = "  " if self.verdict else ""
+        rest, lines = self.status, []
+        for finding in sort_findings(self.findings or ()):
+            says = sentences(finding.sentence)
+            if says not in rest:
+                continue
+            rest = rest.replace(says, "")
+            if finding.severity != "note" or not brief:
+                label = f"{tables.SEVERITIES[finding.severity][1]:<{_LABEL}}  "
+                lines.append(text.wrap(says, width=width, indent=indent, label=label))
+        yield from lines
+        if rest := " ".join(word for word in rest.split(" ") if word):
+            yield text.wrap(rest, width=width, indent=indent)
 
     def _opening(self) -> Iterable[Markup]:
         """Verdict and figures to look at first; of a refused result the verdict alone."""
         if self.verdict:
-            yield blocks.verdict(self.verdict, write_minus(self.status), move=self.next_move)
+            yield blocks.verdict(self.verdict, typeset(self.status), move=self.next_move)
         if self.key_figures and self._shows_numbers:
             yield blocks.key_figures(self.key_figures)
 
@@ -262,12 +325,10 @@ def _block(block: Block) -> Markup:
     if isinstance(block, Markup):
         return block
     if isinstance(block, str):
-        return element("p", write_minus(block))
+        return element("p", typeset(block))
     if isinstance(block, Table):
         return block.to_html()
     if isinstance(block, Mapping):
-        return tables.definitions(
-            {name: write_minus(words) for name, words in block.items() if words}
-        )
+        return tables.definitions({name: typeset(words) for name, words in block.items() if words})
     drawn = block()
     return drawn if isinstance(drawn, Markup) else markup(*drawn)

@@ -8,7 +8,7 @@ from typing import Any
 from agonic.calibration.base import Calibration
 from agonic.citations import CITATIONS
 from agonic.health import Finding
-from agonic.report.digits import count, percent, quantity, write_minus
+from agonic.report.digits import count, percent, quantity, typeset
 from agonic.report.labels import FRAMES, unit_label
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.verdict import sentence
@@ -48,7 +48,7 @@ def checks(verification: Verification) -> Markup:
             quantity(check.value, check.unit),
             _limit(check),
             _outcome(check),
-            write_minus(sentence(check.meaning)),
+            typeset(sentence(check.meaning)),
         ]
         for check in verification.checks
     ]
@@ -72,8 +72,8 @@ def findings(found: Sequence[Finding]) -> Markup:
     rows = [
         [
             mark(*SEVERITIES[f.severity]),
-            markup(element("code", f.name), " ", write_minus(sentence(f.what))),
-            write_minus(sentence(f.move)) if f.move else NOTHING,
+            markup(element("code", f.name), " ", typeset(sentence(f.what))),
+            typeset(sentence(f.move)) if f.move else NOTHING,
         ]
         for f in found
     ]
@@ -114,7 +114,7 @@ def provenance(calibration: Calibration, samples: Samples | None) -> Markup:
 
 
 def _setting(value: Any) -> str:
-    return write_minus(f"{value:g}" if isinstance(value, float) else str(value))
+    return typeset(f"{value:g}" if isinstance(value, float) else str(value))
 
 
 def _frame(letter: str) -> str:

@@ -6,56 +6,76 @@ import textwrap
 import unicodedata
 from collections.abc import Mapping, Sequence
 
-from agonic.report.digits import write_minus
+from agonic.report.digits import typeset
 
 WIDTH = 100
 SIGNS = {"good": "✓", "check": "!", "refused": "✗"}
 """The sign of each verdict at the head of a line."""
 
 
-def wrap(text: str, *, indent: str = "  ", label: str = "", most_lines: int | None = None) -> str:
+def wrap(text: str, *, width: int = WIDTH, indent: str = "  ", label: str = "") -> str:
     """Text as lines of a terminal's width; a label stands before the first.
 
     Parameters
     ----------
     indent : before every line. label : before the first; the other lines begin where it ends.
-    most_lines : of which the last ends in an ellipsis where the text is longer.
 
     >>> print(wrap("turn it about all the axes " * 5, label="Next  "))
       Next  turn it about all the axes turn it about all the axes turn it about all the axes turn it
             about all the axes turn it about all the axes
     """
     return textwrap.fill(
-        write_minus(printable(text)),
-        WIDTH,
+        typeset(printable(text)),
+        width,
         initial_indent=indent + label,
         subsequent_indent=indent + " " * len(label),
         break_long_words=False,
-        max_lines=most_lines,
-        placeholder=" …",
+        break_on_hyphens=False,
     )
 
 
-def wrap_entries(
-    entries: Mapping[str, str], *, least: int = 0, most_lines: int | None = None
-) -> list[str]:
+def wrap_command(command: str, *, width: int = WIDTH, label: str = "") -> str:
+    """A command to type, which goes on after a backslash where it is too long for a line.
+
+    >>> print(wrap_command("agonic info flight.bin", width=20, label="Next  "))
+    Next  agonic info \\
+          flight.bin
+    """
+    lines = textwrap.wrap(
+        printable(command),
+        width - 2,
+        initial_indent=label,
+        subsequent_indent=" " * len(label),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return " \\\n".join(lines)
+
+
+def wrap_entries(entries: Mapping[str, str], *, width: int = WIDTH, least: int = 0) -> list[str]:
     """Each entry on as many lines as it takes, its label before it, `least` characters wide.
+
+    Lines of an entry stay lines.
 
     >>> wrap_entries({"Noise": "12 nT", "Condition": "3.1"})
     ['  Noise      12 nT', '  Condition  3.1']
     """
     wide = max(least, *map(len, entries), 0) + 2
     return [
-        wrap(text, label=f"{label:<{wide}}", most_lines=most_lines)
+        wrap(line, width=width, label=f"{'' if k else label:<{wide}}")
         for label, text in entries.items()
         if text
+        for k, line in enumerate(text.split("\n"))
     ]
 
 
-def format_columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def format_columns(
+    head: Sequence[str], rows: Sequence[Sequence[str]], width: int = WIDTH
+) -> list[str]:
     """A table as lines: names in the first column from the left, all else from the right.
 
-    Columns without an entry, which are there to be filled in on paper, are left out.
+    Columns without an entry, which are there to be filled in on paper, are left out. A table that
+    is wider than `width` becomes a few lines for each row.
 
     >>> format_columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
     ['  nodes  rms, nT', '      3     12.5', '     10      9.1']
@@ -69,6 +89,13 @@ def format_columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[s
         cells = [first.rjust(wide[0]) if numbered else first.ljust(wide[0])]
         cells += [cell.rjust(w) for cell, w in zip(others, wide[1:], strict=True)]
         lines.append(f"  {'  '.join(cells)}".rstrip())
+    if max(map(len, lines)) <= width:
+        return lines
+    names, *values = table
+    lines = []
+    for first, *others in values:
+        named = {f"  {name}": value for name, value in zip(names[1:], others, strict=True)}
+        lines += [f"  {first}", *wrap_entries(named, width=width)]
     return lines
 
 

@@ -31,8 +31,8 @@ class CardDocument(Document):
         """The card as a page."""
         return card_page(self.fit, step_deg=self.step_deg, details=self.details, paper=self.paper)
 
-    def to_text(self) -> str:
-        """The card as plain text."""
+    def to_text(self, width: int = 0, *, brief: bool = False) -> str:
+        """The card as plain text, which is as wide as a card."""
         return card_text(self.fit, step_deg=self.step_deg, details=self.details)
 
     def to_picture(self) -> str:

@@ -1,0 +1,84 @@
+"""Advice that suits the recording: nobody can tilt a satellite, an observatory or the Earth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from agonic.health import Finding
+from agonic.samples import Samples
+
+EARTH_RADIUS_M = 6_371_000.0
+SPACE_ALTITUDE_M = 100_000.0
+SPACE_SPEED_M_S = 3000.0
+STANDING_S = 1800.0
+"""A sensor that is not turned for longer than this is mounted where it is."""
+TURNING = ("static", "plane", "small tilt", "coverage", "few orientations")
+"""Findings that ask somebody to turn the sensor."""
+
+
+def suit_advice(findings: Iterable[Finding], samples: Samples) -> tuple[Finding, ...]:
+    """The findings, what helps against them suited to where the samples were recorded.
+
+    >>> still = Finding("static", "refuse", "the sensor did not turn", "turn it")
+    >>> [found.name for found in suit_advice([still], Samples(field=[[1.0, 2, 3]], frame="n"))]
+    ['axes of the Earth']
+    """
+    found = tuple(findings)
+    if samples.frame in ("n", "e"):
+        kept = (finding for finding in found if finding.name not in TURNING)
+        return (_name_axes_of_the_earth(samples), *kept)
+    move = _choose_move(samples)
+    if not move:
+        return found
+    return tuple(
+        replace(finding, move=move) if _asks_to_turn(finding, samples) else finding
+        for finding in found
+    )
+
+
+def is_in_space(samples: Samples) -> bool:
+    """Whether the track is that of a spacecraft, by its altitude or its speed over the ground."""
+    if samples.altitude_m is not None:
+        return float(np.median(samples.altitude_m)) > SPACE_ALTITUDE_M
+    if samples.latitude_deg is None or samples.longitude_deg is None or samples.time is None:
+        return False
+    latitude, longitude = np.radians(samples.latitude_deg), np.radians(samples.longitude_deg)
+    around = np.cos(latitude)
+    up = np.stack([around * np.cos(longitude), around * np.sin(longitude), np.sin(latitude)])
+    step = EARTH_RADIUS_M * np.linalg.norm(np.diff(up, axis=1), axis=0)
+    speeds = step / np.diff(samples.time)
+    return bool(len(speeds) and float(np.median(speeds)) > SPACE_SPEED_M_S)
+
+
+def _asks_to_turn(finding: Finding, samples: Samples) -> bool:
+    return finding.name in TURNING and (finding.name == "static" or is_in_space(samples))
+
+
+def _choose_move(samples: Samples) -> str:
+    """What helps where the sensor cannot be turned at will; "" where it can."""
+    if is_in_space(samples):
+        return (
+            "use a longer record, one in which the spacecraft turns, or a calibration from the "
+            "ground (agonic fit inflight)"
+        )
+    if samples.duration_s is not None and samples.duration_s > STANDING_S:
+        return (
+            "a sensor that is mounted for good, as in an observatory, is calibrated against "
+            "absolute measurements (agonic fit north); one that can be moved: turn it slowly about "
+            "all three axes while recording"
+        )
+    return ""
+
+
+def _name_axes_of_the_earth(samples: Samples) -> Finding:
+    axes = "north, east and down" if samples.frame == "n" else "Earth-fixed"
+    return Finding(
+        "axes of the Earth",
+        "refuse",
+        f"the readings are components {axes}, not in the axes of a sensor: they hold no bias and "
+        "no gain of it",
+        "give the readings as the sensor made them",
+    )
