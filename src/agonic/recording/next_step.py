@@ -18,7 +18,7 @@ from agonic.units import NANOTESLA_PER, RAW
 
 EARTH_NT = (20_000.0, 70_000.0)
 _GRAVEST_FIRST = ("refused", "check", "good")
-_MOMENT = re.compile(r"([\d.]+) s\b")
+_MOMENT = re.compile(r"t = (-?[\d.]+) s\b")
 
 
 def choose_command(results: Sequence[Calibrated], log: Path, folder: Path) -> str:
