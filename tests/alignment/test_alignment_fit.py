@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.session import Pier, load_earth_rotation, observe
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session
 from agonic.alignment.star_sensor import AlignmentFit, error_budget, fit_alignment, plan_alignment
+from agonic.alignment.star_sensor.axes_figure import draw_axes
 from agonic.errors import AgonicError, CoverageError, UnitError, ValidityError
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, from_323_deg
@@ -362,3 +363,17 @@ def test_plans_that_cannot_be() -> None:
         plan_alignment(field, wanted_sd_arcsec=0.01)
     with pytest.raises(AgonicError, match="a plan needs a reading or more"):
         plan_alignment(field, readings=0)
+
+
+def test_the_figure_of_the_axes_ends_where_the_alignment_says() -> None:
+    """The turns of the drawing, taken in steps, lead from one set of axes to the other."""
+    made = simulate_session(seed=3)
+    fit = fit_alignment(made.session)
+    alpha, beta, gamma = np.radians(fit.angles_deg)
+    about_z = Rotation.from_rotvec([0, 0, alpha])
+    about_y = Rotation.from_rotvec(beta * about_z.apply([0, 1, 0]))
+    tilted = about_y * about_z
+    about_last = Rotation.from_rotvec(gamma * tilted.apply([0, 0, 1]))
+    np.testing.assert_allclose((about_last * tilted).as_matrix().T, fit.rot_mc, atol=1e-12)
+    drawn = draw_axes(*fit.angles_deg)
+    assert all(f"{name}₃" in drawn for name in "xyz")

@@ -10,6 +10,7 @@ import numpy as np
 
 from agonic.alignment.figures import draw_residuals
 from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.star_sensor.axes_figure import draw_axes
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_dome, draw_sky
 from agonic.alignment.star_sensor.result import AlignmentFit
@@ -20,8 +21,12 @@ from agonic.report.digits import MINUS, group_digits, quantity, significant, wit
 from agonic.report.document import Document, Section, Table
 from agonic.report.markup import Markup, element
 from agonic.report.tables import NOTHING
-from agonic.report.verdict import WHEN_GOOD, moves
+from agonic.report.verdict import moves
 
+WHEN_ALIGNED = (
+    "Use this alignment; align again when either instrument was taken off the platform, or after a "
+    "journey. Any eight orientations of a later night tell whether it still holds."
+)
 ANGLES = ("α", "β", "γ")
 ANGLE_HEAD = ("Angle", "Value", "Standard error")
 QUATERNION_HEAD = ("Quaternion", "Value", "Standard error")
@@ -67,7 +72,7 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         verdict=fit.verdict,
         status=fit.status,
         findings=fit.findings,
-        move=next(iter(moves(fit.findings)), WHEN_GOOD),
+        move=next(iter(moves(fit.findings)), WHEN_ALIGNED),
         key_figures=[] if refused else _key_figures(fit),
         entries={} if refused else _entries(fit),
         entries_title="",
@@ -175,9 +180,19 @@ def _alignment(fit: AlignmentFit) -> Section:
             "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
             f"Standard errors about the magnetometer’s axes: {_by_axis(fit.sd_arcsec, ', ')}.",
             Table(MATRIX_HEAD, cosines, scrolls=True),
+            lambda: _axes(fit),
             _others(fit),
         ],
     )
+
+
+def _axes(fit: AlignmentFit) -> Markup:
+    caption = (
+        "Axes of the star sensor (x, y, z; z the boresight) and of the magnetometer (x₃, y₃, z₃): "
+        "turned by α about z, by β about the new y, by γ about the newest z"
+    )
+    drawn = draw_axes(*map(float, fit.angles_deg))
+    return element("figure", drawn, element("figcaption", caption))
 
 
 def _evidence(fit: AlignmentFit) -> list[Section]:
