@@ -22,7 +22,10 @@ SPREAD_LIMIT = 0.03
 """Spread of the calibrated magnitude that still allows a heading of about a degree."""
 NOISE_LIMIT = 1.5
 MAGNITUDE_LIMIT = 0.03
+DIP = "dip against the reference"
 DIP_LIMIT_DEG = 5.0
+DIP_REFUSED_DEG = 15.0
+"""A dip of unseen readings that is so far off is not of this attitude, or not of this field."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,7 +232,7 @@ def _attitude_checks(
 
 def _dip_check(error: float) -> Check:
     return _judge(
-        "dip against the reference",
+        DIP,
         error,
         DIP_LIMIT_DEG,
         "°",

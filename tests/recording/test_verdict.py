@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 from agonic.health import Finding
+from agonic.recording.calibrated import check_unseen_dip
 from agonic.recording.document import choose_move
 from agonic.report.verdict import WHEN_GOOD
+from agonic.verification import DIP
 
 
 def test_a_good_calibration_is_to_be_used(good):
@@ -29,3 +31,13 @@ def test_without_a_move_the_check_that_failed_says_what_to_do(good):
     verification = replace(good.verification, checks=(*others, failed))
     result = replace(good, verdict="check", verification=verification)
     assert choose_move(result) == "record again away from the car"
+
+
+def test_unseen_readings_that_dip_far_off_refuse_a_fit(good):
+    """As with roll and pitch of another vehicle, which a fit to them may swallow."""
+    check = replace(good.verification.checks[0], name=DIP, value=45.0)
+    refusal = check_unseen_dip((*good.verification.checks, check))
+    assert (refusal.name, refusal.severity) == ("attitude", "refuse")
+    assert "45° off" in refusal.what
+    assert check_unseen_dip((replace(check, value=6.0),)) is None  # a failed check, no more
+    assert check_unseen_dip(good.verification.checks) is None

@@ -2,10 +2,9 @@
 
 Its variables have fixed units: `imu_mag` in µT, `imu_acc` in m/s², `imu_gyr` in rad/s, (n, 3) in
 sensor axes. `opt_quat` (n, 4) is w, x, y, z (Hamilton) and turns components in sensor axes into
-east, north, up; its north is the magnetic north of the room. The sensor lies face up, so its axes
-are not forward, right, down: roll, pitch and heading here are those that turn components in the
-sensor's own axes x, y, z, as if they were forward, right, down, into north, east, down. The turn
-is exact; only the words do not describe a vehicle (a sensor lying flat has a roll of 180°).
+east, north, up; its north is the magnetic north of the room. The sensor lies face up: its axes
+point forward, left and up. All vectors are read into forward, right, down (y and z change their
+signs), so that roll, pitch and heading describe a vehicle: lying flat it is level.
 
 Where the optical system lost sight, the attitude is held from the nearest row that has one if the
 sensor did not move in between, and interpolated over up to half a second of movement.
@@ -28,11 +27,12 @@ from agonic.logs.auxiliary import SHORT_REACH_S, measure_reach
 
 NAMES = {"imu_mag": "mag_uT", "imu_acc": "acc_m_s2", "imu_gyr": "gyro_rad_s"}
 NOTE = (
-    "BROAD: roll, pitch and heading are the optical ones and turn sensor axes x, y, z into north, "
-    "east, down; north is magnetic north of the room"
+    "BROAD: vectors are in x, −y, −z of the sensor, which are forward, right, down where it lies "
+    "flat; roll, pitch and heading are the optical ones; north is magnetic north of the room"
 )
 
 _NED_FROM_ENU = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+_FACE_UP = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
 _REST_RAD_S = np.radians(2.0)
 
 
@@ -54,6 +54,7 @@ def rename_variables(
     filled = fill_short_gaps(held, time)
     roll, pitch, heading = compute_attitude_deg(filled)
     named = {NAMES.get(name, name): array for name, array in arrays.items()}
+    named |= {name: _FACE_UP.apply(named[name]) for name in NAMES.values()}
     named |= {"roll_deg": roll, "pitch_deg": pitch, "heading_deg": heading}
     lost, still, gone = (int(np.isnan(q).any(axis=1).sum()) for q in (seen, held, filled))
     counts = (
@@ -64,16 +65,16 @@ def rename_variables(
 
 
 def compute_attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
-    """Roll, pitch and heading (n,) of rotations from sensor axes to east, north, up; NaN stays.
+    """Roll, pitch and heading (n,) by rotations from sensor axes to east, north, up; NaN stays.
 
     >>> face_up_x_north = np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])
     >>> [a.round(9).tolist() for a in compute_attitude_deg(face_up_x_north)]
-    [[180.0], [0.0], [0.0]]
+    [[0.0], [0.0], [0.0]]
     """
     known = np.isfinite(quat_wxyz).all(axis=1)
-    rot_nm = _NED_FROM_ENU * Rotation.from_quat(quat_wxyz[known], scalar_first=True)
+    rot_nb = _NED_FROM_ENU * Rotation.from_quat(quat_wxyz[known], scalar_first=True) * _FACE_UP
     angles = np.full((len(quat_wxyz), 3), np.nan)
-    angles[known] = rot_nm.as_euler("ZYX", degrees=True)
+    angles[known] = rot_nb.as_euler("ZYX", degrees=True)
     return angles[:, 2], angles[:, 1], angles[:, 0] % 360.0
 
 

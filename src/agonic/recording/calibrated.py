@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -17,13 +18,13 @@ from agonic.calibration.interference import Interference
 from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recording_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.health import Finding, sentences, verdict_of
+from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.recording.advice import suit_advice
 from agonic.recording.choice import Choice, Kind, choose, describe_latency
 from agonic.recording.held_out import compare_folds, fit_folds
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.verification import Check, Verification, verify
+from agonic.verification import DIP, DIP_REFUSED_DEG, Check, Verification, verify
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,7 +136,24 @@ def _verify(choice: Choice) -> Calibrated:
         held_out=used if used.any() else None,
     )
     checks = (*verification.checks, compare_folds(folds))
+    if fit.verdict != "refused":
+        choice = replace(choice, fit=fit.with_findings(check_unseen_dip(checks)))
     return _conclude(choice, replace(verification, checks=checks))
+
+
+def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
+    """The refusal of a fit by attitude whose unseen readings dip as no other of its readings."""
+    off = max((check.value for check in checks if check.name == DIP), default=0.0)
+    if not off > DIP_REFUSED_DEG:
+        return None
+    return Finding(
+        "attitude",
+        "refuse",
+        f"readings that the fit has not seen dip {figure(off)}° off: roll and pitch are not those "
+        "of this sensor's vehicle, or the field was disturbed",
+        "check where roll and pitch come from and their delay, or calibrate by the magnitude alone "
+        "(--method ellipsoid)",
+    )
 
 
 def _keep_latency(choice: Choice) -> Choice:
