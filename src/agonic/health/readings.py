@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.health.finding import NOT_READ, Finding
+from agonic.health.finding import Finding
 from agonic.samples import Samples
 
 _UNREAD = ("times left out", "acc left out", "gyro left out")
@@ -107,7 +107,7 @@ def _unread(samples: Samples) -> Finding | None:
     if not told:
         return None
     return Finding(
-        NOT_READ,
+        "not read",
         "note",
         f"not all of the log could be read: {'; '.join(told)}",
         "what follows rests on the rest; name columns and units in the header, or with --columns",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from agonic.alignment.coil import evidence
 from agonic.alignment.coil.result import CoilFit, Direction, Level
 from agonic.alignment.maths import coil_axis as kernel
 from agonic.alignment.maths.coil_axis import CoilEstimate, Stretch
@@ -17,7 +18,6 @@ from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array
 from agonic.calibration.base import select_columns
 from agonic.errors import CoverageError, ValidityError
-from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
 from agonic.maths.rotations.vectors import skew
@@ -26,9 +26,6 @@ METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02
 """Share of the largest current by which stretches of one level may differ."""
 FEWEST, MOST_DRIFT = 6, 16
-RARE = 1e-3
-STANDS_OUT = 4.0
-CORRELATED = 2.0
 
 
 def fit_coil(session: CoilSession) -> CoilFit:
@@ -75,7 +72,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
-    return replace(fit, findings=tuple(_findings(fit)), remarks=_remarks(fit))
+    return replace(fit, findings=evidence.examine(fit), remarks=evidence.describe(fit))
 
 
 def _stretches(session: CoilSession) -> Stretch:
@@ -217,95 +214,3 @@ def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...
         for size, a, e in zip(sizes, along, error, strict=True)
     )
     return levels, float(chdtrc(len(along) - 1, chi2))
-
-
-def _findings(fit: CoilFit) -> list[Finding]:
-    """What is wrong or worth knowing."""
-    said = []
-    if (fit.stretches.current > 0).all() or (fit.stretches.current < 0).all():
-        said.append(
-            Finding(
-                "one polarity",
-                "check",
-                "the current never changes its sign, so what is even in it does not cancel",
-                "reverse it",
-            )
-        )
-    if fit.session.reference is None:
-        said.append(
-            Finding(
-                "no reference",
-                "note",
-                "the drift of the ambient field is only what a smooth curve makes of it",
-                "record a reference beside it",
-            )
-        )
-    site = fit.session.site
-    if "e" in fit.directions and site is not None and site.coordinates == "geodetic":
-        said.append(
-            Finding(
-                "geodetic coordinates",
-                "check",
-                "the site's coordinates are geodetic: north "
-                "and down may be off by up to 20″, the deflection of the vertical",
-                "give astronomical coordinates",
-            )
-        )
-    if "e" in fit.directions and "i" not in fit.directions:
-        said.append(
-            Finding(
-                "no inertial axis",
-                "note",
-                "the readings have no date for which the Earth's "
-                "rotation is known, so there is no inertial axis",
-                "give times as dates, or install a newer astropy-iers-data",
-            )
-        )
-    if fit.p_linear < RARE:
-        worst = max(fit.levels, key=lambda level: abs(level.departure / level.sd))
-        said.append(
-            Finding(
-                "nonlinear",
-                "check",
-                f"at {figure(worst.current_A, 3)} A the constant is off "
-                f"by {figure(1e6 * worst.departure / fit.constant)} ppm",
-                "check shunt and source, and the magnetometer's linearity",
-            )
-        )
-    even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
-    if spread.any() and (even**2 / spread).max() > STANDS_OUT**2:
-        largest = float(np.abs(fit.stretches.current).max())
-        said.append(
-            Finding(
-                "even in the current",
-                "note",
-                "reversing does not reverse "
-                f"{figure(float(np.linalg.norm(even)) * largest**2)} nT at {largest:g} A",
-                "look for heating, or iron near the coil; the axis is free of it",
-            )
-        )
-    if fit.estimate.correlation.max() > CORRELATED:
-        said.append(
-            Finding(
-                "correlated residuals",
-                "check",
-                "stretches are alike in what is left, "
-                f"{figure(float(fit.estimate.correlation.max()))} counting as one",
-                "reverse the current more often, or put the reference nearer",
-            )
-        )
-    return said
-
-
-def _remarks(fit: CoilFit) -> tuple[str, ...]:
-    """How good it is."""
-    said = [
-        f"{figure(fit.constant, 7)} nT/A ± {figure(fit.constant_sd)}, the axis known to "
-        f"{figure(fit.axis_sd_arcsec)}″ in the magnetometer's axes from {fit.reversals} reversals"
-    ]
-    if fit.geometric_deg is not None and fit.geometric_sd_arcsec is not None:
-        said.append(
-            f"it is {figure(3600 * fit.geometric_deg, 4)}″ ± {figure(fit.geometric_sd_arcsec)}″ "
-            "from the axis as drawn"
-        )
-    return tuple(said)

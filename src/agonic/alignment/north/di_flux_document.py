@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.north.di_flux import DiFluxFit
+from agonic.alignment.north.di_flux_result import DiFluxFit
 from agonic.alignment.north.document import format_angle
 from agonic.report.digits import group_digits, significant, with_sd
 from agonic.report.document import Document, Section, Table

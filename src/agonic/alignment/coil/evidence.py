@@ -1,0 +1,107 @@
+"""What the axis of a coil rests on, and what is wrong or worth knowing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.alignment.coil.result import CoilFit
+from agonic.health import Finding, figure
+
+RARE = 1e-3
+STANDS_OUT = 4.0
+CORRELATED = 2.0
+
+
+def examine(fit: CoilFit) -> tuple[Finding, ...]:
+    """The findings of a fit, in the order of its parts: currents, frames, model, residuals."""
+    checks = (
+        _one_polarity,
+        _no_reference,
+        _geodetic,
+        _no_inertial_axis,
+        _nonlinear,
+        _even,
+        _correlated,
+    )
+    return tuple(found for check in checks if (found := check(fit)) is not None)
+
+
+def describe(fit: CoilFit) -> tuple[str, ...]:
+    """How good it is, in sentences."""
+    said = (
+        f"{figure(fit.constant, 7)} nT/A ± {figure(fit.constant_sd)}, the axis known to "
+        f"{figure(fit.axis_sd_arcsec)}″ in the magnetometer's axes from {fit.reversals} reversals",
+    )
+    if fit.geometric_deg is None or fit.geometric_sd_arcsec is None:
+        return said
+    away = f"{figure(3600 * fit.geometric_deg, 4)}″ ± {figure(fit.geometric_sd_arcsec)}″"
+    return (*said, f"it is {away} from the axis as drawn")
+
+
+def _one_polarity(fit: CoilFit) -> Finding | None:
+    current = fit.stretches.current
+    if not ((current > 0).all() or (current < 0).all()):
+        return None
+    what = "the current never changes its sign, so what is even in it does not cancel"
+    return Finding("one polarity", "check", what, "reverse it")
+
+
+def _no_reference(fit: CoilFit) -> Finding | None:
+    if fit.session.reference is not None:
+        return None
+    what = "the drift of the ambient field is only what a smooth curve makes of it"
+    return Finding("no reference", "note", what, "record a reference beside it")
+
+
+def _geodetic(fit: CoilFit) -> Finding | None:
+    site = fit.session.site
+    if "e" not in fit.directions or site is None or site.coordinates != "geodetic":
+        return None
+    what = (
+        "the site's coordinates are geodetic: north and down may be off by up to 20″, the "
+        "deflection of the vertical"
+    )
+    return Finding("geodetic coordinates", "check", what, "give astronomical coordinates")
+
+
+def _no_inertial_axis(fit: CoilFit) -> Finding | None:
+    if "e" not in fit.directions or "i" in fit.directions:
+        return None
+    what = (
+        "the readings have no date for which the Earth's rotation is known, so there is no "
+        "inertial axis"
+    )
+    move = "give times as dates, or install a newer astropy-iers-data"
+    return Finding("no inertial axis", "note", what, move)
+
+
+def _nonlinear(fit: CoilFit) -> Finding | None:
+    if fit.p_linear >= RARE:
+        return None
+    worst = max(fit.levels, key=lambda level: abs(level.departure / level.sd))
+    what = (
+        f"at {figure(worst.current_A, 3)} A the constant is off by "
+        f"{figure(1e6 * worst.departure / fit.constant)} ppm"
+    )
+    move = "check shunt and source, and the magnetometer's linearity"
+    return Finding("nonlinear", "check", what, move)
+
+
+def _even(fit: CoilFit) -> Finding | None:
+    even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
+    if not spread.any() or (even**2 / spread).max() <= STANDS_OUT**2:
+        return None
+    largest = float(np.abs(fit.stretches.current).max())
+    left = float(np.linalg.norm(even)) * largest**2
+    what = f"reversing does not reverse {figure(left)} nT at {largest:g} A"
+    move = "look for heating, or iron near the coil; the axis is free of it"
+    return Finding("even in the current", "note", what, move)
+
+
+def _correlated(fit: CoilFit) -> Finding | None:
+    length = float(fit.estimate.correlation.max())
+    if length <= CORRELATED:
+        return None
+    what = f"stretches are alike in what is left, {figure(length)} counting as one"
+    move = "reverse the current more often, or put the reference nearer"
+    return Finding("correlated residuals", "check", what, move)
