@@ -13,7 +13,7 @@ from agonic.fit import ModelTest
 from agonic.health import Finding, figure
 from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.temperature_model import build_covariates
-from agonic.maths.estimation import series
+from agonic.maths.estimation import leastsq, series
 from agonic.maths.estimation.wald import wald
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -24,6 +24,7 @@ from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.fit.scale import NO_LAG, Scale, find_narrow_range, require_range
 from agonic.thermal.fit.settings import LARGEST_AUTO, Settings
 from agonic.thermal.maths.known_field import (
+    BLOCKS,
     KnownFieldEstimate,
     KnownFieldProblem,
     estimate_known_field,
@@ -49,9 +50,11 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     found = [*findings, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
+    unseen = rms * _compare_to_seen(estimate)
     remark = (
-        f"the corrected readings are {figure(rms)} nT "
-        f"(rms of an axis) from the known field, {figure(before)} before"
+        f"the corrected readings are {figure(rms)} nT (rms of an axis) from the known field, "
+        f"{figure(unseen)} where the fit has not seen them ({BLOCKS} blocks), {figure(before)} "
+        "before"
     )
     return ThermalFit(
         calibration=calibration,
@@ -146,11 +149,13 @@ class _Normalised(NamedTuple):
     scale: Scale
     magnitude: float
 
-    def estimate(self, degree: int, robust: bool, rate: bool = False) -> _Estimated:
+    def estimate(
+        self, degree: int, robust: bool, rate: bool = False, start: Array | None = None
+    ) -> _Estimated:
         """The problem of an order, with the term in dT/dt or without, and its estimate."""
         phi = build_covariates(self.x, 0.0, degree, self.lag if rate else None)
         problem = KnownFieldProblem(self.points, self.fields, phi, degree, rate)
-        return problem, estimate_known_field(problem, robust=robust)
+        return problem, estimate_known_field(problem, robust=robust, start=start)
 
 
 _Estimated = tuple[KnownFieldProblem, KnownFieldEstimate]
@@ -181,17 +186,19 @@ def _choose_model(
     curve: Array | None = None
     if degree == "auto":
         estimates = (readings.estimate(order, robust)[1] for order in range(LARGEST_AUTO + 1))
-        curve = np.array([estimate.noise.sd**2 for estimate in estimates])
+        curve = np.array([_measure_unseen(estimate) ** 2 for estimate in estimates])
         degree = _choose_degree(curve)
     plain = readings.estimate(degree, robust)
     if readings.lag is None:
         return *plain, (), curve
-    lagging = readings.estimate(degree, robust, rate=True)
+    start = np.concatenate([plain[1].solution.params, np.zeros(3)])
+    lagging = readings.estimate(degree, robust, rate=True, start=start)
     solution, noise = lagging[1].solution, lagging[1].noise
     term = solution.params[-3:]
     independent = len(readings.points) / noise.correlation
     statistic, p_value = wald(term, solution.covariance[-3:, -3:], independent)
-    there = settings.rate is True or p_value < _SIGNIFICANT
+    better = _measure_unseen(lagging[1]) < _measure_unseen(plain[1])
+    there = settings.rate is True or (p_value < _SIGNIFICANT and better)
     words = readings.scale.describe_lag(term, unit) if there else NO_LAG
     test = ModelTest(
         smaller="temperature", larger="rate", statistic=statistic, p_value=p_value, sentence=words
@@ -199,8 +206,21 @@ def _choose_model(
     return *(lagging if there else plain), (test,), curve
 
 
+def _measure_unseen(estimate: KnownFieldEstimate) -> float:
+    """The standard deviation of what readings are off by where the fit has not seen them."""
+    left = estimate.unseen.ravel()
+    return leastsq.noise_scale(left, estimate.noise.loss, leastsq.robust_scale(left), 0)
+
+
+def _compare_to_seen(estimate: KnownFieldEstimate) -> float:
+    """By how much residuals are larger where the fit has not seen the readings."""
+    kept = estimate.weights > 0
+    seen = float(np.mean(estimate.residuals[kept] ** 2))
+    return float(np.sqrt(np.mean(estimate.unseen[kept] ** 2) / max(seen, 1e-300)))
+
+
 def _choose_degree(variances: Array) -> int:
-    """The smallest order after which the variance stops falling markedly."""
+    """The smallest order after which the variance of unseen readings stops falling markedly."""
     for order in range(LARGEST_AUTO):
         if (variances[order + 1 :] > (1 - _MARKED) * variances[order]).all():
             return order

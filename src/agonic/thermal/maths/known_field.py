@@ -17,7 +17,12 @@ from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise import Noise, estimate_noise
 
-_ROWS = 4096  # a block whose temporaries stay in the cache
+BLOCKS = 10
+"""Blocks of readings, in their order, each of which a fit is tried on that has not seen it."""
+_ROWS = 4096  # rows whose temporaries stay in the cache
+_DOUBTED = 0.2  # weight of an outlier
+_CLEARLY = 0.15  # what leaving out stretches of readings must gain on unseen ones
+_GROSS = 6.0  # standard deviations: what no fit foretells says nothing of either
 
 
 class KnownFieldProblem(NamedTuple):
@@ -34,14 +39,22 @@ class KnownFieldProblem(NamedTuple):
         """From the coefficients to the local numbers: all nine entries of the matrix are free."""
         return temperature_model.build_layout(self.degree, FREE, self.rate)
 
+    def select(self, rows: slice) -> KnownFieldProblem:
+        """Some of the rows."""
+        return self._replace(
+            points=self.points[rows], field=self.field[rows], phi=self.phi[rows]
+        )
+
 
 class KnownFieldEstimate(NamedTuple):
-    """The solution, the noise of a reading on one axis, residuals (n, 3) and weights (n,)."""
+    """The solution, the noise of a reading on one axis, residuals (n, 3) and weights (n,);
+    `unseen` (n, 3) are the residuals by the fit without the block in which a reading lies."""
 
     solution: leastsq.Solution
     noise: Noise
     residuals: Array
     weights: Array
+    unseen: Array
 
 
 def make_pieces(problem: KnownFieldProblem) -> leastsq.Pieces:
@@ -76,33 +89,115 @@ def find_start(problem: KnownFieldProblem) -> Array:
     return np.asarray(np.linalg.lstsq(problem.layout, local.ravel(), rcond=None)[0])
 
 
-def estimate_known_field(problem: KnownFieldProblem, *, robust: bool = True) -> KnownFieldEstimate:
-    """The most probable coefficients, and the noise, taken from the residuals."""
-    params = find_start(problem)
+def estimate_known_field(
+    problem: KnownFieldProblem, *, robust: bool = True, start: Array | None = None
+) -> KnownFieldEstimate:
+    """The most probable coefficients, and the noise, taken from the residuals.
+
+    Outliers are down-weighted where that foretells unseen readings better: what a model lacks
+    (hysteresis, a lag) spoils whole stretches of readings, and to leave those out fits the rest
+    only. `start` is where to begin, if something near is known.
+    """
+    params = find_start(problem) if start is None else start
     first = leastsq.solve(
-        make_pieces(problem),
-        params,
-        scale=1.0,
-        loss=leastsq.squares(),
-        tolerance=1e-6,
-        max_iterations=5,
+        make_pieces(problem), params, scale=1.0, loss=leastsq.squares(), tolerance=1e-6
     )
-    params, residuals = first.params, first.residuals
+    plain = _summarise(problem, first, _estimate_noise(first.residuals, False, len(params)))
+    noise = _estimate_noise(first.residuals, robust, len(params))
+    if noise.loss is leastsq.squares():
+        return plain
+    weighted = _solve_robustly(problem, first, noise)
+    needed = 1.0 - _CLEARLY * _measure_clustering(weighted.weights)
+    gained = compare_unseen(weighted, weighted) < needed * compare_unseen(plain, weighted)
+    return weighted if gained else plain
+
+
+def _measure_clustering(weights: Array) -> float:
+    """The share of the readings that were taken for outliers that stand beside another such."""
+    out = weights < _DOUBTED
+    beside = np.concatenate([[False], out[:-1]]) | np.concatenate([out[1:], [False]])
+    return float(beside[out].mean()) if out.any() else 0.0
+
+
+def compare_unseen(one: KnownFieldEstimate, other: KnownFieldEstimate) -> float:
+    """The rms of what an estimate leaves unseen; no reading counts for more than what is gross to
+    the other."""
+    limit = _GROSS * leastsq.robust_scale(other.unseen.ravel())
+    return float(np.sqrt(np.mean(np.minimum(np.abs(one.unseen), limit) ** 2)))
+
+
+def _solve_robustly(
+    problem: KnownFieldProblem, first: leastsq.Solution, noise: Noise
+) -> KnownFieldEstimate:
+    """The estimate with outliers down-weighted, from that without."""
+    solution, count = first, len(first.params)
     for _ in range(10):
-        noise = _estimate_noise(residuals, robust, len(params))
         solution = leastsq.solve(
             make_pieces(problem),
-            params,
+            solution.params,
             scale=noise.sd,
             loss=noise.loss,
             correlation=noise.correlation,
             tolerance=1e-2,
         )
-        params, residuals = solution.params, solution.residuals
-        if _estimate_noise(residuals, robust, len(params)).settled(noise):
+        before, noise = noise, _estimate_noise(solution.residuals, True, count)
+        if noise.settled(before):
             break
-    weights = noise.loss.weight((residuals / noise.sd) ** 2).reshape(-1, 3).min(axis=1)
-    return KnownFieldEstimate(solution, noise, residuals.reshape(-1, 3), weights)
+    return _summarise(problem, solution, noise)
+
+
+def _summarise(
+    problem: KnownFieldProblem, solution: leastsq.Solution, noise: Noise
+) -> KnownFieldEstimate:
+    """An estimate of a solution, its covariance by the noise that its residuals show."""
+    weights = noise.loss.weight((solution.residuals / noise.sd) ** 2).reshape(-1, 3)
+    solution = leastsq.solve(
+        make_pieces(problem),
+        solution.params,
+        scale=noise.sd,
+        loss=noise.loss,
+        correlation=noise.correlation,
+        tolerance=1e-2,
+    )
+    return KnownFieldEstimate(
+        solution,
+        noise,
+        solution.residuals.reshape(-1, 3),
+        weights.min(axis=1),
+        _predict_unseen(problem, solution.params, weights),
+    )
+
+
+def _predict_unseen(problem: KnownFieldProblem, params: Array, weights: Array) -> Array:
+    """The residuals (n, 3) of each of `BLOCKS` blocks by the fit of the others.
+
+    With A = Σ w JᵀJ and g = Σ w Jᵀr, g = 0 at the minimum of the whole, the fit without block b
+    lies (A − A_b)⁻¹ g_b from it: a Gauss–Newton step, exact where residuals are linear.
+    """
+    edges = np.linspace(0, len(problem.points), BLOCKS + 1).astype(int)
+    blocks = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    sums = [_sum_up(problem.select(rows), params, weights[rows]) for rows in blocks]
+    whole = np.sum([information for information, _ in sums], axis=0)
+    unseen = np.empty((len(problem.points), 3))
+    for rows, (information, gradient) in zip(blocks, sums, strict=True):
+        step = leastsq.inverse(whole - information) @ gradient
+        pieces = make_pieces(problem.select(rows))(params)
+        unseen[rows] = np.concatenate([r + jacobian @ step for r, jacobian in pieces]).reshape(
+            -1, 3
+        )
+    return unseen
+
+
+def _sum_up(problem: KnownFieldProblem, params: Array, weights: Array) -> tuple[Array, Array]:
+    """Information and gradient of some readings."""
+    a, done = len(params), 0
+    information, gradient, flat = np.zeros((a, a)), np.zeros(a), weights.ravel()
+    for r, jacobian in make_pieces(problem)(params):
+        weighted = jacobian * flat[done : done + len(r), None]
+        information += weighted.T @ jacobian
+        gradient += r @ weighted
+        done += len(r)
+    return information, gradient
 
 
 def _estimate_noise(residuals: Array, robust: bool, parameters: int) -> Noise:
