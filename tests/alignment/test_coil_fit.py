@@ -166,6 +166,23 @@ def test_settling_readings_are_left_out() -> None:
     assert spoilt.constant / 40_000 == pytest.approx(1 - 0.1 / 6, abs=1e-4)
 
 
+def test_a_field_that_has_not_settled_is_refused_and_named() -> None:
+    """The coil follows its current with 1 s, a reading a second: the constant is 23 % too small."""
+    made = simulate_coil(readings=5, seed=3)
+    samples = made.session.magnetometer
+    current, flowing = samples.current_A, np.array(samples.current_A)
+    kept = np.exp(-1.0)
+    for row in range(1, len(flowing)):
+        flowing[row] = current[row - 1] + (flowing[row - 1] - current[row - 1]) * kept
+    late = samples.field + (flowing - current)[:, None] * made.vector
+    session = replace(made.session, magnetometer=samples.with_columns(field=late))
+    fit = fit_coil(session)
+    assert abs(fit.constant / 40_000 - 1) > 0.1
+    assert fit.verdict == "refused"
+    assert "settle_s" in fit.status
+    assert "not settled" not in {f.name for f in fit_coil(made.session).findings}
+
+
 def test_the_currents_own_scale_is_in_the_constant() -> None:
     made = simulate_coil(seed=1)
     fit = fit_coil(replace(made.session, current_sd=1e-4))

@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.alignment.coil.result import CoilFit
+from agonic.alignment.maths.coil_axis import CoilEstimate
 from agonic.health import Finding, figure
 
 RARE = 1e-3
 STANDS_OUT = 4.0
 CORRELATED = 2.0
+SETTLING = 5.0
+"""Standard errors by which the second halves of stretches must differ to say anything."""
+SETTLED, UNSETTLED = 1e-5, 1e-2
+"""Shares of the constant: a field that moves it by less has settled, by more is not used."""
 
 
 def examine(fit: CoilFit) -> tuple[Finding, ...]:
@@ -105,3 +110,23 @@ def _correlated(fit: CoilFit) -> Finding | None:
     what = f"stretches are alike in what is left, {figure(length)} counting as one"
     move = "reverse the current more often, or put the reference nearer"
     return Finding("correlated residuals", "check", what, move)
+
+
+def judge_settling(fit: CoilFit, late: CoilEstimate | None) -> list[Finding]:
+    """Whether the field was still on its way after each change of the current: then the second
+    halves of the stretches give another constant."""
+    if late is None:
+        return []
+    moved = abs(float((late.linear - fit.estimate.linear) @ fit.axis))
+    sd, share = float(np.sqrt(late.covariance[:, 0, 0] @ fit.axis**2)), moved / fit.constant
+    if moved < SETTLING * sd or share < SETTLED:
+        return []
+    return [
+        Finding(
+            "not settled",
+            "refuse" if share > UNSETTLED else "check",
+            "the field still changes after each change of the current: the second halves of the "
+            f"stretches alone give a constant that differs by {figure(100 * share)} %",
+            "give a longer settle_s in the session, and leave each current on for longer",
+        )
+    ]

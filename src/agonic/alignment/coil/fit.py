@@ -72,7 +72,19 @@ def fit_coil(session: CoilSession) -> CoilFit:
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
-    return replace(fit, findings=evidence.examine(fit), remarks=evidence.describe(fit))
+    findings = (*evidence.judge_settling(fit, _fit_late(fit)), *evidence.examine(fit))
+    return replace(fit, findings=findings, remarks=evidence.describe(fit))
+
+
+def _fit_late(fit: CoilFit) -> CoilEstimate | None:
+    """The estimate of the second halves of the stretches alone; None where too little is left."""
+    session, time = fit.session, fit.stretches.time
+    half_s = float(np.ptp(time)) / (len(time) - 1) / 2
+    try:
+        seen = _stretches(replace(session, settle_s=session.settle_s + half_s))
+    except CoverageError:
+        return None
+    return kernel.estimate(seen, fit.estimate.drift, even=len(fit.levels) > 0)
 
 
 def _stretches(session: CoilSession) -> Stretch:

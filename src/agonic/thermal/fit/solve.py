@@ -153,11 +153,14 @@ def _add_orientations(
     seen = find_directions(problem, first.coefficients)
     rms = float(np.degrees(fixture.find_mounting(seen, rot_nb).rms))
     limit = MISFIT_DEG if len(readings.numbers) >= FEWEST else _MISFIT_FEW_DEG
-    if rms > max(limit, 4 * settings.fixture_sd_deg):
+    limit = max(limit, 4 * settings.fixture_sd_deg)
+    if rms > limit:
         swap = fixture.find_exchanged_directions(seen, rot_nb)
         left = float(np.degrees(swap.rms))
         pair = (readings.numbers[swap.first], readings.numbers[swap.second])
-        return problem, Orientations(False, rms, pair if left < _BETTER * rms else None, left)
+        return problem, Orientations(
+            False, rms, pair if left < min(_BETTER * rms, limit) else None, left
+        )
     problem = problem._replace(
         rot_nb=rot_nb,
         fixture_sd=float(np.radians(settings.fixture_sd_deg)),

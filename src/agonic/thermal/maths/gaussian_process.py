@@ -24,13 +24,12 @@ from agonic.arrays import Array, Index
 Kind = tuple[str, float]
 
 ORDER = 6
-KINDS: tuple[Kind, ...] = tuple(
-    (shape, length)
-    for shape, lengths in (
-        ("smooth", (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)),
-        ("rough", (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)),
-    )
-    for length in lengths
+STEADY: Kind = ("steady", 0.0)
+"""Another constant at each station: what stands beside the box there, or a bias that ages."""
+KINDS: tuple[Kind, ...] = (
+    STEADY,
+    *(("smooth", length) for length in (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)),
+    *(("rough", length) for length in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)),
 )
 """Smooth or rough, and the length in halves of a station's recording."""
 LONG, UNLIKELY = 2.0, 6.0
@@ -92,13 +91,14 @@ class StationSpaces(NamedTuple):
 def list_near_kinds(process: GaussianProcess) -> tuple[Kind, ...]:
     """The kinds near one that was found; every other where none was.
 
-    >>> list_near_kinds(GaussianProcess(0.001, ("smooth", 0.5), 20.0))
-    (('smooth', 0.25), ('smooth', 0.35), ('smooth', 0.5), ('smooth', 0.7), ('smooth', 1.0))
+    >>> [length for _, length in list_near_kinds(GaussianProcess(0.001, ("smooth", 0.5), 20.0))]
+    [0.0, 0.25, 0.35, 0.5, 0.7, 1.0]
     """
     if process.sd == 0.0:
-        return KINDS[::2]
+        return (STEADY, *KINDS[1::2])
     at = KINDS.index(process.kind)
-    return KINDS[max(at - 2, 0) : at + 3]
+    near = KINDS[max(at - 2, 0) : at + 3]
+    return near if STEADY in near else (STEADY, *near)
 
 
 def make_time_basis(time: Array, station: Index) -> TimeBasis:
@@ -121,6 +121,11 @@ def make_time_basis(time: Array, station: Index) -> TimeBasis:
 def compute_covariance(basis: TimeBasis, kind: Kind) -> Array:
     """Covariance (k, s, k, s) of the polynomials' coefficients, for a process of unit variance."""
     shape, length = kind
+    k = len(basis.times)
+    if shape == "steady":
+        blocks = np.zeros((k, ORDER + 1, k, ORDER + 1))
+        blocks[range(k), 0, range(k), 0] = 1.0
+        return blocks
     flat = basis.times.ravel()
     away = np.abs(flat[:, None] - flat) / length
     if shape == "smooth":
@@ -129,7 +134,6 @@ def compute_covariance(basis: TimeBasis, kind: Kind) -> Array:
     else:
         a = np.sqrt(3.0) * away
         process = (1 + a) * np.exp(-a)
-    k = len(basis.times)
     grid = np.linspace(-1.0, 1.0, _POINTS)
     project = np.linalg.pinv(np.polynomial.legendre.legvander(grid, ORDER))
     blocks = process.reshape(k, _POINTS, k, _POINTS)

@@ -7,6 +7,7 @@ noise does not pull the gains towards zero. Points are scaled to about one, as a
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -41,9 +42,7 @@ class KnownFieldProblem(NamedTuple):
 
     def select(self, rows: slice) -> KnownFieldProblem:
         """Some of the rows."""
-        return self._replace(
-            points=self.points[rows], field=self.field[rows], phi=self.phi[rows]
-        )
+        return self._replace(points=self.points[rows], field=self.field[rows], phi=self.phi[rows])
 
 
 class KnownFieldEstimate(NamedTuple):
@@ -175,7 +174,7 @@ def _predict_unseen(problem: KnownFieldProblem, params: Array, weights: Array) -
     lies (A − A_b)⁻¹ g_b from it: a Gauss–Newton step, exact where residuals are linear.
     """
     edges = np.linspace(0, len(problem.points), BLOCKS + 1).astype(int)
-    blocks = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    blocks = [slice(a, b) for a, b in pairwise(edges.tolist())]
     sums = [_sum_up(problem.select(rows), params, weights[rows]) for rows in blocks]
     whole = np.sum([information for information, _ in sums], axis=0)
     unseen = np.empty((len(problem.points), 3))
