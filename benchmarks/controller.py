@@ -16,6 +16,7 @@ import agonic as ag
 from agonic.calibration.setup import Setup
 from agonic.exports.firmware import declination_grid, write_firmware
 from agonic.exports.firmware.tracker import write_tracker
+from agonic.exports.firmware.training import write_training
 from agonic.exports.firmware.writer import write_ellipsoid
 from agonic.inflight.tracking import Tracker
 from agonic.network.simulate import simulate_paper
@@ -89,6 +90,34 @@ ELLIPSOID = """\
 static float raw[3];
 static mag_ellipsoid fit;
 static mag_ellipsoid_result result;"""
+LEARN = """\
+    unsigned long seed = 1;
+    int status = PAPER_TRAINING_BUSY;
+    int k;
+    paper_training_begin(&training);
+    for (k = 0; k < PAPER_TRAINING_WINDOW; k++) {
+        float way[3];
+        float reading[3];
+        float size = 0.0f;
+        int i;
+        for (i = 0; i < 3; i++) { /* readings after the change of the paper, all ways */
+            seed = (seed * 1664525UL + 1013904223UL) & 0xFFFFFFFFUL;
+            way[i] = (float)(seed >> 8) / 8388608.0f - 1.0f;
+            reading[i] = (float)((seed >> 4) & 0xFFUL) / 37.0f - 3.4f; /* noise of 2 nT */
+            size += way[i] * way[i];
+        }
+        for (i = 0; i < 3; i++) {
+            way[i] = 4000.0f + 100.0f * way[i] / sqrtf(size);
+        }
+        reading[0] += 0.9579f * way[0] - 0.0209f * way[1] - 0.0065f * way[2] - 652.7f;
+        reading[1] += 0.0020f * way[0] + 0.9456f * way[1] - 0.0040f * way[2] + 1266.4f;
+        reading[2] += 0.0011f * way[0] + 0.0561f * way[1] + 0.9637f * way[2] - 444.5f;
+        paper_training_add(&training, reading, way);
+    }
+    paper_training_start(&training);
+    while (status == PAPER_TRAINING_BUSY) {
+        status = paper_training_run(&training);
+    }"""
 CASES = (
     Case("bias and matrix", (), "plain", RAW, "    plain_correct(raw, field);", HELD_RAW),
     Case(
@@ -135,6 +164,15 @@ CASES = (
         TURN,
         3,
     ),
+    Case(
+        "a retraining of 3-3-3 over 1500 readings",
+        ("paper_training.c",),
+        "paper_training",
+        "#include <math.h>\nstatic paper_training training;",
+        LEARN,
+        "0",
+        times=1,
+    ),
     *(
         Case(
             f"tracker, {words}",
@@ -176,6 +214,8 @@ def _table(processor: Processor, unit: str, folder: Path) -> str:
     empty = _linked(processor, folder, Case("", (), "", "", "", "0"))
     rows = []
     for case in CASES:
+        if "retraining" in case.name and "4M" not in processor.memory:
+            continue  # it keeps 38 kB of readings and sums, and wants floats in hardware
         flash, ram, told = _linked(processor, folder, case)
         rows.append(
             [
@@ -212,6 +252,10 @@ def _export(folder: Path) -> None:
     three = Setup(compasses=compasses, horizontal=19e3, vertical=45e3)
     write_firmware(Setup(compasses=(HARD,)), folder / "one", declination=2.5)
     write_firmware(three, folder / "three", declination=grid)
+    alone = ag.fit_network(
+        made.samples, made.reference, base=None, hidden=3, compared=False, restarts=1
+    ).calibration
+    write_training(alone, folder, window=1500, name="paper")
     for file, text in write_ellipsoid("mag").items():
         (folder / file).write_text(text)
     for name in ("bias", "full"):

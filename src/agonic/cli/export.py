@@ -80,6 +80,12 @@ def export(
         float, typer.Option(metavar="DEG", help="c: how far that table may be off the model.")
     ] = 0.1,
     date: Date = None,
+    window: Annotated[
+        int | None,
+        typer.Option(
+            metavar="ROWS", help="c: a network that is trained on board, over so many readings."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Write a calibration in another program's own form, with what that form cannot hold.
@@ -106,6 +112,9 @@ def export(
             f"{to} takes one calibration and not a setup; export the calibration files that the "
             "setup names, one by one"
         )
+    if window is not None:
+        _report(_export_training(cal, to, out, name, window), as_json)
+        return 0
     if is_setup or whole:
         if temperature is not None:
             raise AgonicError(
@@ -145,6 +154,18 @@ def _export_track(state: Path, to: str, out: Path | None, name: str | None) -> E
         )
     tracker = Tracker.resume(state)
     return write_tracker(tracker.params, tracker.state, out or state.with_suffix(""), name=name)
+
+
+def _export_training(cal: Path, to: str, out: Path | None, name: str | None, window: int) -> Export:
+    """What trains a network on the controller."""
+    from agonic.calibration.chain import require_calibration
+    from agonic.exports.firmware.training import write_training
+    from agonic.files.calibration import load
+
+    if to != "c":
+        raise AgonicError(f"{to} cannot train a network; --window is for c")
+    calibration = require_calibration(load(cal))
+    return write_training(calibration, out or cal.with_suffix(""), window=window, name=name)
 
 
 def _placed(

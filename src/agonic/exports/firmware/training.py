@@ -1,0 +1,157 @@
+"""A network that learns on the controller, as C99."""
+
+from __future__ import annotations
+
+from math import ceil
+from pathlib import Path
+
+from agonic.atomic import make_folder, write_atomically
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import Calibration
+from agonic.calibration.network import Network
+from agonic.calibration.retraining import RetrainerParams
+from agonic.errors import AgonicError
+from agonic.exports.convert import write_banner
+from agonic.exports.firmware.ctext import (
+    fill_template,
+    make_c_name,
+    require_identifier,
+    write_array,
+    write_comment,
+    write_flash,
+    write_literal,
+)
+from agonic.exports.firmware.size import measure_sizes
+from agonic.exports.firmware.writer import Firmware
+from agonic.maths.equation.network import join
+
+MOST_WEIGHTS = 60
+PER_WEIGHT = 3.0
+"""So many readings for each weight, beside a fifth that is held out."""
+BLOCKS = 50
+"""In the window; every fifth is held out."""
+LEAST_WINDOW, MOST_WINDOW = 100, 20_000
+SLICE = 8
+"""Rows that a call takes."""
+PARTS = ("network", "steps", "calls")
+
+
+def write_training(
+    calibration: Calibration, folder: Path | str, *, window: int = 300, name: str | None = None
+) -> Firmware:
+    """Write a network as C99 that is trained further on the controller.
+
+        Δω = −(JᵀJ + μI)⁻¹ Jᵀe
+
+    over the last readings of which the field was known, a slice a call, in float32 and fixed
+    memory; what was learned is taken where it is clearly better on readings held out. Written are
+    `{name}_training.h` and `{name}_training.c`.
+
+    Parameters
+    ----------
+    calibration : a `Network` of the readings alone with three outputs, on no base or an affine one,
+        with 60 weights at most.
+    folder : made where it is not there.
+    window : readings that are kept, 24 bytes each.
+    name : what the C names start with; `None`: the sensor's.
+
+    Raises `AgonicError` for another calibration, or a window too small for the weights.
+
+    Source: Wang, Sheng, He & Cheng (2020), Eq. 14, doi:10.4236/jcc.2020.86004.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.network.fit import fit_network
+    >>> from agonic.network.simulate import simulate_paper
+    >>> made = simulate_paper(15.0, directions="space")
+    >>> fit = fit_network(made.samples, made.reference, hidden=3, restarts=1, compared=False)
+    >>> with TemporaryDirectory() as folder:
+    ...     written = write_training(fit.calibration, folder)
+    >>> [path.name for path in written.files]
+    ['paper_training.h', 'paper_training.c']
+    """
+    network = _require_network(calibration)
+    prefix = make_c_name(network.sensor) if name is None else require_identifier(name)
+    values = _values(network, prefix, _require_window(network, window))
+    texts = {
+        f"{prefix}_training.h": fill_template("training/header.h.in", values),
+        f"{prefix}_training.c": "\n".join(
+            fill_template(f"training/{part}.c.in", values) for part in PARTS
+        ),
+    }
+    place = make_folder(folder)
+    files = tuple(write_atomically(place / file, text) for file, text in texts.items())
+    size = measure_sizes(files[1])
+    return Firmware(
+        path=place, target="c", files=files, sizes={} if size is None else {files[1].name: size}
+    )
+
+
+def _require_network(calibration: Calibration) -> Network:
+    """The network that can be trained on board, or an error that says what it lacks."""
+    if not isinstance(calibration, Network):
+        raise AgonicError(
+            f"a {type(calibration).__name__} has no weights to train on the controller; fit a "
+            "network (agonic fit network), or leave the window away"
+        )
+    base = calibration.base
+    lacking = (
+        (len(calibration.output) != 3, "has one output along the field; train it on vectors"),
+        (calibration.inputs != ("field",), "takes more than the readings; leave the others out"),
+        (base is not None and type(base) is not Affine, "has a base that takes more than readings"),
+        (calibration.weights.size > MOST_WEIGHTS, f"has more than {MOST_WEIGHTS} weights"),
+    )
+    for wrong, words in lacking:
+        if wrong:
+            raise AgonicError(f"on the controller this network cannot be trained: it {words}")
+    return calibration
+
+
+def _require_window(network: Network, window: int) -> int:
+    """The window in whole blocks."""
+    least = max(LEAST_WINDOW, _fewest(network, LEAST_WINDOW))
+    if not least <= window <= MOST_WINDOW:
+        raise AgonicError(
+            f"a window of {window} readings: {network.weights.size} weights take {least} at least, "
+            f"and {MOST_WINDOW} are the most"
+        )
+    return BLOCKS * (window // BLOCKS)
+
+
+def _fewest(network: Network, window: int) -> int:
+    """Readings from which on it is trained: enough for the weights, and five blocks held out."""
+    return max(ceil(1.25 * PER_WEIGHT * network.weights.size / 3), BLOCKS // 2 * (window // BLOCKS))
+
+
+def _values(network: Network, name: str, window: int) -> dict[str, str]:
+    shape, furthest = network.shape, RetrainerParams().furthest
+    columns = shape.hidden * 4 + shape.hidden + 1
+    base = network.base
+    formula = "field = base(raw) + network(raw), trained on the controller, float32"
+    numbers = {} if base is None else {"bias": base.bias, "matrix": base.matrix}
+    tables = {key: write_array(value) for key, value in numbers.items()}
+    kind = "none" if base is None else "affine"
+    return {
+        "name": name,
+        "GUARD": name.upper(),
+        "about": write_comment(write_banner(network, formula)),
+        "flash": write_flash(),
+        "unit_in": network.unit_in,
+        "unit_out": network.unit_out,
+        "outside": ", where the base is all that is left" if base is not None else "",
+        "window": str(window),
+        "block": str(window // BLOCKS),
+        "fewest": str(_fewest(network, window)),
+        "weights": str(shape.size),
+        "hidden": str(shape.hidden),
+        "gram": str(columns * (columns + 1) // 2),
+        "factor": str(shape.size * (shape.size + 1) // 2),
+        "slice": str(SLICE),
+        "furthest": write_literal(furthest),
+        "furthest_percent": f"{100 * furthest:g}",
+        "input_scale": write_array([network.input_middle, network.input_half]),
+        "output_middle": write_array(network.output_middle),
+        "output_half": write_literal(network.output_half),
+        "exported": write_array(join(network.hidden, network.output)),
+        "limits": write_array([network.centres.min(axis=0), network.centres.max(axis=0)]),
+        "base": fill_template(f"training/base_{kind}.c.in", {**tables, "flash": ""}),
+    }

@@ -1,0 +1,213 @@
+"""Training on the controller: the network that Python would train, taken where it is better."""
+
+import ctypes
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.calibration.network import Network
+from agonic.cli import run
+from agonic.errors import AgonicError
+from agonic.exports.firmware.ctext import write_array
+from agonic.exports.firmware.training import BLOCKS, write_training
+from agonic.maths.equation.network import forward, split
+from agonic.network.maths.levenberg_marquardt import Problem, train
+from agonic.network.simulate import SimulatedField, simulate_nonaffine, simulate_paper
+from tests.exports.controller import library
+from tests.exports.processors import PROCESSORS
+
+IDLE, BUSY, ACCEPTED, REJECTED, TOO_FAR, FEW = range(6)
+NOISE = 2.0
+SECOND = 100e6  # instructions of a controller at 100 MHz, one a cycle
+MAIN = """
+#include "board.h"
+#include "paper_training.h"
+
+static const float known[ROWS][6] = TABLE;
+static paper_training training;
+
+int main(void)
+{
+    unsigned long from;
+    unsigned long longest = 0;
+    unsigned long total = 0;
+    int status = PAPER_TRAINING_BUSY;
+    int k;
+    paper_training_begin(&training);
+    for (k = 0; k < ROWS; k++) {
+        paper_training_add(&training, known[k], known[k] + 3);
+    }
+    paper_training_start(&training);
+    while (status == PAPER_TRAINING_BUSY) {
+        from = board_ticks();
+        status = paper_training_run(&training);
+        from = board_ticks() - from;
+        total += from;
+        longest = from > longest ? from : longest;
+    }
+    board_tell("status", status);
+    board_tell("total", (long)(total * board_tick_size));
+    board_tell("longest", (long)(longest * board_tick_size));
+    board_tell("epochs", (long)training.epochs);
+    board_tell("bytes", (long)sizeof training);
+    return 0;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def paper() -> tuple[Network, SimulatedField, SimulatedField]:
+    """A network trained on the ground, readings there, and after the change in orbit."""
+    made = simulate_paper(directions="space", noise=NOISE, seed=2)
+    ground, orbit = made.select(slice(0, 1500)), made.select(slice(1500, 3000))
+    fit = ag.fit_network(
+        ground.samples, ground.reference, base=None, hidden=3, compared=False, restarts=1
+    )
+    return fit.calibration, ground, orbit
+
+
+class Board:
+    """The exported network, compiled."""
+
+    def __init__(self, network: Network, folder: Path, window: int) -> None:
+        write_training(network, folder, window=window, name="net")
+        self.run = library(folder, "net_training.c")
+        self.state = ctypes.create_string_buffer(400_000)
+        self.run.net_training_begin(self.state)
+
+    def call(self, name: str, *rows: np.ndarray) -> tuple[int, list[np.ndarray]]:
+        given = [np.array(row, dtype=np.float32) for row in rows]
+        places = [ctypes.c_void_p(row.ctypes.data) for row in given]
+        return getattr(self.run, f"net_training_{name}")(self.state, *places), given
+
+    def add(self, raw: np.ndarray, wanted: np.ndarray) -> int:
+        return sum(self.call("add", *row)[0] for row in zip(raw, wanted, strict=True))
+
+    def train(self) -> int:
+        status, _ = self.call("start")
+        while status == BUSY:
+            status, _ = self.call("run")
+        return status
+
+    def correct(self, raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = [self.call("correct", row, row) for row in raw]
+        return np.array([field[1] for _, field in found]), np.array([one for one, _ in found])
+
+
+def errors(field: np.ndarray, made: SimulatedField) -> float:
+    return float(np.sqrt(((field - made.field) ** 2).mean()))
+
+
+def by_python(network: Network, raw: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """The field by the same training in double precision, on a base that stays."""
+    base = np.zeros_like(raw) if network.base is None else network.base.correct(raw)
+    trained = np.arange(len(raw)) // (len(raw) // BLOCKS) % 5 != 4
+    x = (raw - network.input_middle) / network.input_half
+    target = (wanted - base - network.output_middle) / network.output_half
+    scaled = Problem(x[trained], target[trained], network.shape.hidden)
+    weights = train(scaled, network.weights, stopping="plain").weights
+    added = forward(*split(weights, network.shape), x)
+    return base + network.output_middle + network.output_half * added
+
+
+def test_it_trains_as_python_does(paper, tmp_path):
+    network, _, orbit = paper
+    raw = orbit.samples.field
+    board = Board(network, tmp_path, 1500)
+    assert board.add(raw, orbit.field) == 1500
+    before, _ = board.correct(raw)
+    assert errors(before, orbit) > 20.0
+    assert board.train() == ACCEPTED
+    field, inside = board.correct(raw)
+    assert inside.all()
+    assert errors(field, orbit) < 1.1 * NOISE
+    assert np.abs(field - by_python(network, raw, orbit.field)).max() < 0.05 * NOISE
+
+
+def test_a_network_on_a_base_learns_too(tmp_path):
+    made = simulate_nonaffine(n=3000, seed=4)
+    first, later = made.select(slice(0, 1500)), made.select(slice(1500, 3000))
+    fit = ag.fit_network(first.samples, first.reference, hidden=4, compared=False, restarts=1)
+    board = Board(fit.calibration, tmp_path, 1500)
+    raw = later.samples.field + np.array([300.0, -200.0, 100.0])  # the hard iron has changed
+    board.add(raw, later.field)
+    before = errors(board.correct(raw)[0], later)
+    assert board.train() == ACCEPTED
+    after = errors(board.correct(raw)[0], later)
+    python = errors(by_python(fit.calibration, raw, later.field), later)
+    assert after < 0.7 * before  # hysteresis stays
+    assert after == pytest.approx(python, rel=0.02)
+    far = np.array([[400_000.0, 0.0, 0.0]])
+    field, inside = board.correct(far)
+    np.testing.assert_allclose(field, fit.calibration.base.correct(far), rtol=1e-5)
+    assert not inside.any()
+
+
+def test_what_is_not_better_is_rejected(paper, tmp_path):
+    network, ground, orbit = paper
+    board = Board(network, tmp_path, 1500)
+    board.add(ground.samples.field, ground.field)
+    state = board.correct(orbit.samples.field)[0]
+    assert board.train() == REJECTED
+    assert np.array_equal(board.correct(orbit.samples.field)[0], state)
+    rng = np.random.default_rng(0)
+    poison = ground.field + 500.0 * rng.standard_normal(ground.field.shape)
+    board.add(ground.samples.field, poison)
+    assert board.train() == REJECTED
+    board.add(ground.samples.field, 2.0 * ground.field)
+    assert board.train() == TOO_FAR
+    assert np.array_equal(board.correct(orbit.samples.field)[0], state)
+
+
+def test_few_readings_none_and_those_during_a_training(paper, tmp_path):
+    network, _, orbit = paper
+    board = Board(network, tmp_path, 1500)
+    raw, wanted = orbit.samples.field, orbit.field
+    assert board.add(raw[:200], wanted[:200]) == 200
+    assert board.train() == FEW
+    assert board.call("run")[0] == IDLE
+    for bad in ([np.nan, 0, 0], [0, np.inf, 0], [3e38, 3e38, 0]):
+        assert board.call("add", bad, wanted[0])[0] == 0
+        assert board.call("add", raw[0], bad)[0] == 0
+        assert board.call("correct", bad, bad)[0] == 0
+    board.add(raw[:900], wanted[:900])
+    assert board.call("start")[0] == BUSY
+    assert board.call("add", raw[0], wanted[0])[0] == 0
+
+
+def test_other_networks_say_what_they_lack(paper, tmp_path):
+    network, _, _ = paper
+    with pytest.raises(AgonicError, match="has no weights to train"):
+        write_training(ag.Affine(bias=np.zeros(3), matrix=np.eye(3)), tmp_path)
+    with pytest.raises(AgonicError, match="a window of 50 readings"):
+        write_training(network, tmp_path, window=50)
+    wide = replace(network, hidden=np.zeros((9, 4)), output=np.zeros((3, 10)), covariance=None)
+    with pytest.raises(AgonicError, match="more than 60 weights"):
+        write_training(wide, tmp_path)
+
+
+def test_the_command_writes_it(paper, tmp_path, capsys):
+    file = ag.save(paper[0], tmp_path / "net.json")
+    assert run(["export", str(file), "--to", "c", "--window", "300", "--name", "aft"]) == 0
+    assert "net/aft_training.c" in capsys.readouterr().out
+    assert run(["export", str(file), "--to", "table", "--window", "300"]) == 2
+    assert "--window is for c" in capsys.readouterr().err
+
+
+def test_a_retraining_takes_less_than_a_second(paper, tmp_path):
+    """The paper's network over its 15 s at 100 Hz, on a Cortex-M4F of 100 MHz, by slices."""
+    processor = PROCESSORS["Cortex-M4F"]
+    if processor.missing:
+        pytest.skip(processor.missing)
+    network, _, orbit = paper
+    write_training(network, tmp_path, window=1500)
+    table = write_array(np.hstack([orbit.samples.field, orbit.field]))
+    (tmp_path / "main.c").write_text(MAIN.replace("ROWS", "1500").replace("TABLE", table))
+    told = processor.run(processor.build(tmp_path, "paper_training.c", "main.c"))
+    assert told["status"] == ACCEPTED
+    assert told["total"] < SECOND
+    assert told["longest"] < 25_000
+    assert told["bytes"] < 40_000
