@@ -160,3 +160,15 @@ def test_pages_hold_in_a_browser(width, scheme, page, followed, opened) -> None:
         )
         assert unseen == 0
         assert len(text) < 200_000
+
+
+def test_the_regression_is_that_of_each_axis(page, fit, made) -> None:
+    """R of the paper's figure, axis by axis, of what the network gives and what is known."""
+    used = fit.weights > 0
+    found, _ = fit.calibration.evaluated(made.samples.field, {})
+    known = made.reference.values
+    text = words(page)
+    for axis in range(3):
+        r = np.corrcoef(found[used, axis], known[used, axis])[0, 1]
+        assert f"Along {'xyz'[axis]}: R = {r:.5f}" in text
+    assert page.count('class="dots"') == 3

@@ -6,11 +6,13 @@ from dataclasses import asdict
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
 from agonic.calibration.network import Network
 from agonic.network.fit import NetworkChoice, NetworkFit
+from agonic.network.fit.solve import correlate
 from agonic.network.report import figures, tables
 from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity
@@ -66,6 +68,7 @@ def describe_network(
             *_compare(fit, samples),
             *([_choice(choice)] if choice else []),
             Section("Training", [lambda: _training(fit)]),
+            Section("Regression", [lambda: _regress(fit, samples)], style="pair"),
             *caution(network),
             Section("Where it holds", _guard(network, network, samples)),
             *_numbers(network),
@@ -82,6 +85,7 @@ def describe_network(
             "epochs": fit.iterations,
             "mean_square": fit.mean_square,
             "regression": fit.regression,
+            "regression_of_axes": _correlate_axes(fit, samples),
             "noise_nT": fit.noise,
             "residual_rms_nT": fit.rms,
             "residual_max_nT": fit.maximum,
@@ -189,6 +193,31 @@ def _training(fit: NetworkFit) -> Markup:
         keys["held"] = "held out"
     note = "It begins where the trials of several random starts have ended."
     return caption("Error after each epoch", figures.draw_training(fit), keys, note)
+
+
+def _evaluate(fit: NetworkFit, samples: Samples) -> tuple[Array, Array]:
+    """The network's field and the known one, (n, o), nT, of the readings that took part."""
+    network, used = fit.calibration, fit.weights > 0
+    field, _ = network.evaluated(samples.field, select_columns(network, samples))
+    if network.target == "magnitude":
+        field = np.linalg.norm(field, axis=1, keepdims=True)
+    return field[used], (field - fit.residuals)[used]
+
+
+def _correlate_axes(fit: NetworkFit, samples: Samples) -> list[float]:
+    """R of each axis, between the network's field and the known one."""
+    found, known = _evaluate(fit, samples)
+    return [correlate(a, b) for a, b in zip(found.T, known.T, strict=True)]
+
+
+def _regress(fit: NetworkFit, samples: Samples) -> list[Markup]:
+    """The network's field over the known one, a figure an axis, as the paper draws it."""
+    found, known = _evaluate(fit, samples)
+    names = ("x", "y", "z") if known.shape[1] == 3 else ("the field",)
+    return [
+        caption(f"Along {name}: R = {correlate(a, b):.5f}", figures.draw_regression(b, a, name))
+        for name, a, b in zip(names, found.T, known.T, strict=True)
+    ]
 
 
 def _guard(calibration: Calibration, network: Network, samples: Samples) -> list[str]:

@@ -33,6 +33,8 @@ PUBLISHED = -3.0
 """log₁₀ of the mean square error that the paper reaches, of a network without a base."""
 BLOCKS = 120
 """Stretches of time whose rms error is drawn."""
+DOTS = 400
+"""Readings of a regression that are drawn."""
 MIDDLE = 5.0
 """Readings in a column from which on its middle two thirds mean something."""
 
@@ -58,6 +60,18 @@ def draw_training(fit: NetworkFit) -> Markup:
         if known.sum() > 1:
             layers.append(path(f"M{points(right(x, epochs[known]), down(y, values[known]))}", name))
     return plot(x, y, layers, "Mean square error after every epoch of the training")
+
+
+def draw_regression(known: Array, found: Array, axis: str) -> Markup:
+    """What the network gives (n,) over what is known (n,), nT, of one axis; the line is y = x."""
+    rows = np.unique(np.linspace(0, len(known) - 1, DOTS).astype(int))
+    low, high = float(known.min()), float(known.max())
+    x = Axis(f"known field along {axis}, nT", low, high if high > low else low + 1.0)
+    y = Axis("by the network, nT", x.low, x.high)
+    places = zip(right(x, known[rows]), down(y, found[rows]), strict=True)
+    dots = "".join(f"M{across:.1f} {below:.1f}h0" for across, below in places)
+    layers = [path("M0 1000L1000 0", "zero"), path(dots, "dots")]
+    return plot(x, y, layers, f"The network's field over the known one along {axis}")
 
 
 def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
