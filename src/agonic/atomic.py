@@ -62,6 +62,12 @@ def protect(*, force: bool = False) -> Iterator[None]:
         _protection = before
 
 
+def list_written() -> list[str]:
+    """The files that were written since `protect` began, as they are named from here."""
+    written = () if _protection is None else _protection.written
+    return sorted(os.path.relpath(path) for path in written if Path(path).exists())
+
+
 def overwrite_all() -> None:
     """Let files that agonic did not write be replaced until the end of `protect`."""
     if _protection is not None:

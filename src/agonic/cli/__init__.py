@@ -8,9 +8,9 @@ import warnings
 from collections.abc import Callable
 from functools import lru_cache
 from importlib import import_module
-from io import TextIOWrapper
 from typing import Any
 
+from agonic.console.plain_text import allow_any_sign
 from agonic.version import __version__
 
 GROUPS = {
@@ -54,6 +54,9 @@ COMMANDS = {name: module for group in GROUPS.values() for name, module in group.
 GOOD, FAILED, UNUSABLE = 0, 1, 2
 """Exit status: all well; a check failed or a fit was refused; bad input or usage."""
 
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
+
 DEBUG = "AGONIC_DEBUG"
 """The environment variable that lets an error that was not foreseen show its traceback."""
 
@@ -62,8 +65,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Run `agonic` and leave with its exit status; an error is one line on stderr."""
     # before NumPy is imported: small matrices lose far more to threads than they gain
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if isinstance(sys.stdout, TextIOWrapper):  # a name of a file may hold what cannot be printed
-        sys.stdout.reconfigure(errors="backslashreplace")
+    for stream in (sys.stdout, sys.stderr):
+        allow_any_sign(stream)
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
@@ -72,8 +75,9 @@ def run(arguments: list[str]) -> int:
     import typer
 
     from agonic.atomic import protect
-    from agonic.console.boundary import explain
+    from agonic.console.boundary import Interrupted, explain
     from agonic.console.help import describe_usage_error
+    from agonic.console.standard_input import keep_standard_input
     from agonic.errors import AgonicError
 
     if arguments in (["--version"], ["-V"]):
@@ -81,14 +85,13 @@ def run(arguments: list[str]) -> int:
         return GOOD
     warnings.showwarning = _warner()
     try:
-        with protect():
-            status = make_command()(args=arguments, prog_name="agonic", standalone_mode=False)
+        with protect(), keep_standard_input(arguments) as words:
+            status = make_command()(args=words, prog_name="agonic", standalone_mode=False)
     except typer.TyperException as error:
         return _complain(describe_usage_error(error))
-    except (typer.Abort, KeyboardInterrupt):
-        return _complain("interrupted; nothing was written")
-    except typer.Exit as leave:
-        return int(leave.exit_code)
+    except Interrupted as stopped:
+        _complain(str(stopped))
+        return INTERRUPTED
     except (AgonicError, OSError) as error:
         return _complain(str(error))
     except Exception as error:  # a fault of ours: one line that says where, never a traceback

@@ -97,6 +97,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic fit vector survey.csv --at 52.1,5.2 -o mag.json",
         "agonic fit vector survey.csv --gauge free --sensor MAG2",
     ),
+    "agonic fit inertial": (
+        "agonic fit inertial ship.csv --at 52.1,5.2 -o mag.json",
+        "agonic fit inertial ship.csv --sensor MAG2 --between 60,600",
+    ),
     "agonic fit interference": (
         "agonic fit interference flight.bin --with current_A,throttle -o mag.json",
         "agonic fit interference flight.bin --sensor MAG --second MAG2 -o mag.json",

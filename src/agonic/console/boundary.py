@@ -16,6 +16,18 @@ _CAUSES: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 
 
+class Interrupted(Exception):
+    """A command was stopped by Ctrl-C; its text says what was kept."""
+
+
+def stop() -> Interrupted:
+    """What to raise after Ctrl-C."""
+    from agonic.atomic import list_written
+
+    kept = ", ".join(list_written())
+    return Interrupted(f"interrupted; {'kept: ' * bool(kept)}{kept or 'nothing was written'}")
+
+
 def explain(error: Exception, arguments: Sequence[str]) -> str:
     """One line on an error that was not foreseen: the command, what was wrong, the next move.
 

@@ -10,6 +10,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from agonic.console.boundary import stop
 from agonic.console.width import find_width
 
 Row = tuple[str, str]
@@ -23,6 +24,13 @@ class Command(TyperCommand):
     """A command with its own form of help."""
 
     examples: Sequence[str] = ()
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it; Ctrl-C is told with what was kept."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise stop() from None
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
@@ -156,4 +164,6 @@ def describe_usage_error(error: Any) -> str:
     if type(error).__name__ == "MissingParameter" and param is not None:
         is_argument = param.param_type_name == "argument"
         said = f"Missing {_name_value(param) if is_argument else max(param.opts, key=len)}"
+    if command == "agonic calibrate" and "unexpected extra argument" in said:
+        said = "calibrate takes one LOG; for several there is: agonic fleet LOG... -o DIR"
     return f"{said}; see {command} --help"

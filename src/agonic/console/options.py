@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 LogPath = Annotated[
-    Path, typer.Argument(metavar="LOG", help="A recording; its content decides how it is read.")
+    Path, typer.Argument(metavar="LOG", help="A recording, or - for standard input.")
 ]
 CalibrationPath = Annotated[
     Path, typer.Argument(metavar="CAL", help="A calibration file written by agonic.")

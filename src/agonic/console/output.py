@@ -13,7 +13,9 @@ import numpy as np
 
 def print_json(schema: str, values: Mapping[str, Any]) -> None:
     """One JSON object with its schema's name first."""
-    print(json.dumps(plain({"schema": schema, **values}), ensure_ascii=False, allow_nan=False))
+    speaks_unicode = (sys.stdout.encoding or "utf-8").lower().replace("-", "") == "utf8"
+    record = plain({"schema": schema, **values})
+    print(json.dumps(record, ensure_ascii=not speaks_unicode, allow_nan=False))
 
 
 def plain(value: Any) -> Any:

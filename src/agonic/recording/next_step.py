@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from agonic.console.standard_input import NAME
 from agonic.files.names import file_stem
 from agonic.health import Finding, figure
 from agonic.recording.advice import is_in_space
@@ -26,6 +27,8 @@ def choose_command(results: Sequence[Calibrated], log: Path, folder: Path) -> st
 
     Parameters: the sensors of the `log`; the `folder` that was written.
     """
+    if log.name == NAME:  # what was piped in is not there any more
+        return ""
     named = shlex.quote(str(log))
     for result in sorted(results, key=lambda one: _GRAVEST_FIRST.index(one.verdict)):
         if command := _find_remedy(result, named):
