@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from agonic.arrays import Array, Mask
@@ -15,9 +17,12 @@ from agonic.health import (
     Finding,
     check_scale,
     examine,
+    figure,
     find_usable_rows,
     inspect,
+    verdict_of,
 )
+from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
 from agonic.maths.estimation.noise import estimate_noise
@@ -154,3 +159,29 @@ def assess(
 def find_wrong_scale(affine: Affine) -> Finding | None:
     """A wrong unit or a wrong reference."""
     return check_scale(float(np.trace(affine.matrix) / 3), affine.unit_in)
+
+
+def name_uncertainty(fit: Fit, plain: Array | None) -> Fit:
+    """The fit, with what makes the heading uncertain called by its name.
+
+    Where the directions alone would leave it certain, by the covariance `plain` of noise without
+    memory, it is an error of the model, which a finding names, or noise with memory.
+    """
+    found = next((finding for finding in fit.findings if finding.name == "coverage"), None)
+    if plain is None or found is None:
+        return fit
+    at = replace(fit.calibration, covariance=plain)
+    heading = compute_coverage(at, fit.coverage.cells, fit.coverage.inclination_deg).heading_sd_deg
+    if heading >= HEADING_DOUBTFUL_DEG:
+        return fit
+    others = tuple(finding for finding in fit.findings if finding is not found)
+    if found.severity == "check" and verdict_of(others) != "good":
+        return replace(fit, findings=others)
+    memory = Finding(
+        "noise with memory",
+        found.severity,
+        "errors of the readings last, some as long as the log: they leave the heading uncertain "
+        f"by {figure(fit.coverage.heading_sd_deg)}°",
+        "let the sensor warm up, keep iron and currents as they are, and record longer",
+    )
+    return replace(fit, findings=others).with_findings(memory)

@@ -11,7 +11,7 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.ellipsoid.calibration import Scale, make_calibration
-from agonic.ellipsoid.evidence import assess, rows_of, wanted_magnitude
+from agonic.ellipsoid.evidence import assess, name_uncertainty, rows_of, wanted_magnitude
 from agonic.ellipsoid.settings import CITATIONS, Fixed, Gauge, Method, Model, Settings
 from agonic.ellipsoid.solve import (
     Found,
@@ -98,9 +98,10 @@ def fit_ellipsoid(
     )
     found, affine, usable, tests = _solve(samples, reference, settings)
     errors = _find_model_errors(found, affine, samples, reference, usable, settings)
-    wider = widen(affine, errors)
+    wider = widen(affine, errors, found.plain)
     fit = assess(found, wider, samples, reference, usable, tests, inclination_deg)
-    return fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
+    fit = fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
+    return name_uncertainty(fit, found.plain)
 
 
 def fit_ellipsoid_alone(
@@ -150,7 +151,11 @@ def _solve(
         ),
     )
     assert affine.noise is not None
-    return found._replace(noise=affine.noise), affine, usable, tests
+    plain = found.plain
+    if plain is not None:
+        alone = found._replace(covariance=plain)
+        plain = make_calibration(alone, scale, samples.unit, settings.gauge).covariance
+    return found._replace(noise=affine.noise, plain=plain), affine, usable, tests
 
 
 def _find_model_errors(

@@ -15,6 +15,7 @@ from agonic.health import FEWEST
 from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.covariance import compute_covariance
 from agonic.maths.equation.maximum_likelihood import estimate
 
 SIGNIFICANT = 0.01
@@ -27,7 +28,11 @@ SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
 
 
 class Found(NamedTuple):
-    """One model's fit to points that are centred and scaled to about one, magnitude one."""
+    """One model's fit to points that are centred and scaled to about one, magnitude one.
+
+    `plain` is the covariance for equal noise with one correlation length, where residuals tell
+    more.
+    """
 
     model: Fixed
     bias: Array
@@ -40,6 +45,7 @@ class Found(NamedTuple):
     condition: float = 1.0
     iterations: int = 1
     converged: bool = True
+    plain: Array | None = None
 
 
 def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) -> Found:
@@ -51,7 +57,7 @@ def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) ->
         model,
         bias,
         matrix,
-        gauge.expand_model_covariance(model, solution.covariance),
+        gauge.expand_model_covariance(model, compute_covariance(problem, found)),
         noise.sd,
         noise.correlation,
         found.residuals["magnitude"],
@@ -59,6 +65,7 @@ def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) ->
         solution.condition,
         solution.iterations,
         solution.converged,
+        gauge.expand_model_covariance(model, solution.covariance),
     )
 
 
@@ -149,7 +156,9 @@ def choose_model(
         for fixed, test in zip(SMALLER, tests, strict=True):
             if test.p_value > SIGNIFICANT:
                 found = attempt(fixed)
-                return (found if discerned else found._replace(covariance=full.covariance)), tests
+                if not discerned:
+                    found = found._replace(covariance=full.covariance, plain=full.plain)
+                return found, tests
     return full, tests
 
 

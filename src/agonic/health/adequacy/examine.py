@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.health.adequacy.fitted import Fitted, ModelError, prepare
 from agonic.health.adequacy.moving_bias import find_moving_bias
@@ -76,13 +79,25 @@ def examine_model(fitted: Fitted) -> tuple[ModelError, ...]:
     return (*found, *find_structure(work, found), *find_prior(work))
 
 
-def widen(calibration: Affine, errors: Sequence[ModelError]) -> Affine:
-    """The calibration with a covariance that covers what the model does not have."""
-    if not errors or calibration.covariance is None:
+def widen(calibration: Affine, errors: Sequence[ModelError], plain: Array | None = None) -> Affine:
+    """The calibration with a covariance that covers what the model does not have.
+
+    `plain` is its covariance without what noise with memory adds, where that is in it: an error of
+    the model that comes and goes is such noise, and counts once.
+    """
+    own = calibration.covariance
+    if not errors or own is None:
         return calibration
-    return replace(
-        calibration, covariance=calibration.covariance + sum(error.growth for error in errors)
-    )
+    grown = (own if plain is None else plain) + sum(error.growth for error in errors)
+    return replace(calibration, covariance=grown if plain is None else _cover(own, grown))
+
+
+def _cover(one: Array, other: Array) -> Array:
+    """A covariance that is as large as either in every direction: a + (b − a)₊."""
+    size = np.sqrt(np.maximum(np.diag(one) + np.diag(other), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh((other - one) / np.outer(size, size))
+    beyond = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray(one + beyond * np.outer(size, size))
 
 
 def describe_model_errors(
