@@ -12,6 +12,7 @@ from benchmarks.faults import (
     MAGNITUDE,
     Fault,
     coloured,
+    poses,
     quantised,
     random_walk,
     record,
@@ -71,6 +72,20 @@ def test_the_stated_error_covers_the_true_one(faults: tuple[Fault, ...], motion,
     assert 0.35 < np.sqrt(np.mean(draws.bias**2)) < 1.35
     assert np.mean(np.abs(draws.bias) < 1.96) > 0.88
     assert draws.heading.max() < 3.0
+
+
+def test_noise_is_no_less_than_rounding_where_nothing_else_scatters() -> None:
+    # at rest on one level, nine of twelve poses can fit exactly: an error of 0.0002 nT was stated
+    draws = draw(quantised(1000.0), motion=poses(12, 100), k=20, n=1200, noise=10.0)
+    assert 0.5 < np.sqrt(np.mean(draws.bias**2)) < 1.5
+    assert np.mean(np.abs(draws.bias) < 1.96) > 0.85
+
+
+@pytest.mark.parametrize(("step", "verdict"), [(5000.0, "check"), (40_000.0, "refused")])
+@pytest.mark.parametrize("noise", [10.0, 150.0])
+def test_few_levels_an_axis_are_never_good(step: float, verdict: str, noise: float) -> None:
+    draws = draw(quantised(step), k=3, n=1000, noise=noise)
+    assert set(draws.verdicts) == {verdict}
 
 
 @pytest.mark.parametrize("n", [60, 100, 200])

@@ -15,6 +15,7 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest, gather_evidence
 from agonic.health import (
     Finding,
+    check_resolution,
     check_scale,
     examine,
     figure,
@@ -153,7 +154,10 @@ def assess(
     known = _known_radius(affine, reference)
     evidence = gather_evidence(fit, affine, samples, samples.field, normals, usable, known)
     fit = fit.with_findings(*examine(evidence, attitude_aided=attitude_aided))
-    return fit if fit.verdict == "refused" else fit.with_findings(find_wrong_scale(affine))
+    if fit.verdict == "refused":
+        return fit
+    coarse = check_resolution(samples.field, evidence.radius, samples.unit)
+    return fit.with_findings(find_wrong_scale(affine), coarse)
 
 
 def find_wrong_scale(affine: Affine) -> Finding | None:
@@ -168,7 +172,7 @@ def name_uncertainty(fit: Fit, plain: Array | None) -> Fit:
     memory, it is an error of the model, which a finding names, or noise with memory.
     """
     found = next((finding for finding in fit.findings if finding.name == "coverage"), None)
-    if plain is None or found is None:
+    if plain is None or found is None or any(one.name == "prior" for one in fit.findings):
         return fit
     at = replace(fit.calibration, covariance=plain)
     heading = compute_coverage(at, fit.coverage.cells, fit.coverage.inclination_deg).heading_sd_deg

@@ -27,6 +27,7 @@ from agonic.health import (
     Fitted,
     describe_model_errors,
     examine_model,
+    find_steps,
     find_usable_rows,
     inspect,
     widen,
@@ -125,11 +126,12 @@ def _solve(
     usable = find_usable_rows(samples.field)
     scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
+    rounding = float(np.sqrt(np.mean(find_steps(samples.field) ** 2) / 12)) / scale.size
 
     def attempt(model: Fixed) -> Found:
         if method != "likelihood":
             return solve_algebraic(moments.accumulate(points, np.zeros(3), 1.0), model, method)
-        problem = Problem(points, magnitude, model, settings.soft_iron_sd)
+        problem = Problem(points, magnitude, model, settings.soft_iron_sd, rounding=rounding)
         enough = len(points) >= 2 * FEWEST  # to tell an outlier from the rest
         return solve_likelihood(problem, model, settings.robust and enough, settings.seed)
 

@@ -19,10 +19,10 @@ from agonic.health.readings import (
     FEWEST,
     check_rejected,
     describe,
-    find_quantisation,
     find_usable_rows,
     inspect,
 )
+from agonic.health.resolution import check_resolution, find_quantisation, find_steps
 from agonic.health.scale import check_scale
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "check_mounting",
     "check_outliers",
     "check_rejected",
+    "check_resolution",
     "check_scale",
     "describe",
     "describe_model_errors",
@@ -47,6 +48,7 @@ __all__ = [
     "examine_model",
     "figure",
     "find_quantisation",
+    "find_steps",
     "find_usable_rows",
     "inspect",
     "sentences",

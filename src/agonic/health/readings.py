@@ -8,6 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.health.finding import Finding
+from agonic.health.resolution import find_quantisation
 from agonic.samples import Samples
 
 _UNREAD = ("times left out", "acc left out", "gyro left out")
@@ -63,24 +64,6 @@ def describe(samples: Samples) -> tuple[Finding, ...]:
         what = f"the log holds readings corrected by {samples.logged.source}; raw ones recovered"
         more.append(Finding("already corrected", "note", what))
     return (*inspect(samples), *more)
-
-
-def find_quantisation(field: Array) -> float | None:
-    """The step of quantised readings, in their unit; None where they are finer than noise.
-
-    >>> find_quantisation(np.round(np.random.default_rng(0).normal(size=(500, 3)) * 10) * 100.0)
-    100.0
-    """
-    sizes = []
-    for column in field.T:
-        levels = np.unique(column)
-        if len(levels) < 2 or len(levels) > 0.8 * len(column):
-            continue
-        size = float(np.diff(levels).min())
-        multiples = (levels - levels[0]) / size
-        if size > 1e-9 * np.abs(levels).max() and np.abs(multiples - multiples.round()).max() < 0.1:
-            sizes.append(size)
-    return max(sizes) if sizes else None
 
 
 def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:

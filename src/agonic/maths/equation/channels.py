@@ -54,7 +54,8 @@ class Problem(NamedTuple):
     `across` (n, 3), horizontal and square to the field, where they are known. `soft_iron_sd`: prior
     on the symmetric part of the matrix over its mean gain; `turn_sd`: prior on the rotation in a
     free matrix, rad. `shared`: errors that all rows have in common, where down comes from an
-    inertial unit; `relative`: what its gyro knows of the azimuth, instead of `across`.
+    inertial unit; `relative`: what its gyro knows of the azimuth, instead of `across`. `rounding`:
+    what rounding to steps scatters a reading on an axis.
     """
 
     points: Array
@@ -68,6 +69,7 @@ class Problem(NamedTuple):
     across: Array | None = None
     shared: Shared | None = None
     relative: Relative | None = None
+    rounding: float = 0.0
 
     def subset(self, rows: Index | slice) -> Problem:
         """The same problem on some of the readings."""

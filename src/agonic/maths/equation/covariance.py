@@ -36,13 +36,15 @@ def compute_covariance(problem: Problem, estimate: Estimate) -> Array:
     """
     noise, solution = estimate.noise["magnitude"], estimate.solution
     n, m = len(problem.points), len(solution.params)
-    if n < 2 * m or solution.condition > _WORST_CONDITION:
-        return solution.covariance
     prior = problem.prior(problem.soft_iron_sd)
     known = np.zeros((m, m))
     if prior is not None:
         jacobian = prior(solution.params)[1]
         known = jacobian.T @ jacobian
+    if noise.sd <= problem.rounding:  # residuals smaller than that are luck
+        return inverse(solution.information + known)
+    if n < 2 * m or solution.condition > _WORST_CONDITION:
+        return solution.covariance
     length = noise.correlation
     sums = _add_up(problem, estimate)
     bread = inverse(sums.information * (sums.curvature / length) + known)

@@ -92,8 +92,11 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
     rows = find_spread_rows(problem.points)
     typical = None if len(rows) == len(problem.points) else rows
+    least = max(problem.rounding, 1e-9)
     unknowns = {channel: count + problem.eliminated.get(channel, 0) for channel in channels}
-    noise = {c: estimate_noise(r, robust, unknowns[c], typical) for c, r in residuals.items()}
+    noise = {
+        c: estimate_noise(r, robust, unknowns[c], typical, least) for c, r in residuals.items()
+    }
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
@@ -111,7 +114,7 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         left = dict(zip(channels, np.split(solution.residuals, len(channels)), strict=True))
         if typical is not None:
             typical = np.flatnonzero(np.isin(np.flatnonzero(counted), rows))
-        noise = {c: estimate_noise(r, robust, unknowns[c], typical) for c, r in left.items()}
+        noise = {c: estimate_noise(r, robust, unknowns[c], typical, least) for c, r in left.items()}
         if problem.shared is not None:  # what an inertial unit feels is wrong for seconds
             noise = _correlate(part, noise, params)
         residuals = left

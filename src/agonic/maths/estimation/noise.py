@@ -24,19 +24,25 @@ class Noise(NamedTuple):
 
 
 def estimate_noise(
-    residuals: Array, robust: bool, parameters: int, typical: Index | None = None
+    residuals: Array,
+    robust: bool,
+    parameters: int,
+    typical: Index | None = None,
+    least: float = 1e-9,
 ) -> Noise:
     """The noise of residuals in time order; its size is that of the `typical` rows, if given.
+
+    It is no less than `least`, what rounding alone makes of readings.
 
     Least squares unless a reading stands out: the largest of n Gaussian readings is expected below
     √(2 ln 2n) standard deviations; one beyond that brings in Tukey's loss.
     """
     some = residuals if typical is None else residuals[typical]
-    scale = max(leastsq.robust_scale(some, parameters), 1e-9)
+    scale = max(leastsq.robust_scale(some, parameters), least)
     largest = float(np.abs(residuals).max())
     stands_out = largest > scale * (np.sqrt(2 * np.log(2 * len(residuals))) + 1)
     loss = leastsq.tukey() if robust and stands_out else leastsq.squares()
-    sd = max(leastsq.noise_scale(some, loss, scale, parameters), 1e-9)
+    sd = max(leastsq.noise_scale(some, loss, scale, parameters), least)
     weights = loss.weight((residuals / sd) ** 2)
     return Noise(loss, sd, leastsq.correlation_length(residuals, weights))
 

@@ -138,6 +138,8 @@ def _hotelling(scores: Array) -> float:
     length = np.sqrt((scores**2).sum(axis=0))
     left, values, _ = np.linalg.svd(scores / np.where(length > 0, length, 1.0), full_matrices=False)
     rank = int(np.count_nonzero(values > 1e-7 * values[0]))
+    if rank in (0, batches):  # nothing is left to tell chance from
+        return 1.0
     statistic = min(float(((left[:, :rank].sum(axis=0)) ** 2).sum()), batches * (1 - 1e-12))
     ratio = (statistic / rank) / ((batches - statistic) / (batches - rank))
     return float(fdtrc(rank, batches - rank, ratio))
