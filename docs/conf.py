@@ -10,7 +10,7 @@ os.environ["COLUMNS"] = "88"  # help texts are as wide on every terminal
 from agonic import verification
 from agonic.attitude import evidence as attitude
 from agonic.ellipsoid import solve
-from agonic.health import evidence, mounting, outliers, readings
+from agonic.health import evidence, mounting, outliers, readings, resolution
 from agonic.recording import calibrated, held_out
 from agonic.version import __version__
 
@@ -41,6 +41,7 @@ myst_substitutions = {  # limits are quoted from the source
         evidence,
         outliers,
         readings,
+        resolution,
         mounting,
         verification,
         calibrated,

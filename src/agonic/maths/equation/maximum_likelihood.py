@@ -22,6 +22,7 @@ from agonic.maths.estimation.robust_spread import weighted_median
 
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
+_ALONE = 0.5  # leverage by which a reading decides more than all others together
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 _FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
 _TOLD = 1e-6  # of the information along the best known direction
@@ -180,7 +181,8 @@ def find_corroborated(
     if outlier.mean() < _CROWD:  # more are no outliers but another population
         cells[leverage > unusual] = 80
     readings, outliers = np.bincount(cells, minlength=81), np.bincount(cells[outlier], minlength=81)
-    return np.asarray((2 * outliers < readings)[cells] & (leverage < max(1 / 3, unusual)))
+    alone = min(max(1 / 3, unusual), _ALONE)
+    return np.asarray((2 * outliers < readings)[cells] & (leverage < alone))
 
 
 def _weigh(residuals: dict[str, Array], noise: dict[str, Noise]) -> Array:
