@@ -217,18 +217,24 @@ def _chosen(sums: Array, count: NDArray[np.int_], model: Model, part: Fits) -> N
     rows = np.flatnonzero(part.fitted & (count >= FEWEST))
     _attempt(sums, rows, "full", part)
     rows = rows[part.fitted[rows]]
-    matrix, covariance = part.matrix[rows], part.covariance[rows]
+    bias, matrix, covariance = part.bias[rows], part.matrix[rows], part.covariance[rows]
     worst = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)[:, 3:].max(axis=1))
     discerned = worst < DISCERNIBLE * gauges.mean_gain(matrix)
     tests = gauges.compare_soft_iron_models(matrix, covariance)
     p_values = np.stack([p for *_, p in tests], axis=1)
     part.discerned[rows], part.p_values[rows] = discerned, p_values
     open_ = np.ones(len(rows), dtype=bool)
-    for fixed, p in zip(SMALLER, p_values.T, strict=True):
+    for fixed, (_, _, statistic, p) in zip(SMALLER, tests, strict=True):
         taken = open_ & (p > SIGNIFICANT)
-        _attempt(sums, rows[taken], fixed, part)
-        unsure = taken & ~discerned
-        part.covariance[rows[unsure]] = covariance[unsure]
+        at = rows[taken]
+        _attempt(sums, at, fixed, part)
+        part.covariance[at] = gauges.keep_doubt(
+            (part.bias[at], part.matrix[at]),
+            (bias[taken], matrix[taken]),
+            covariance[taken],
+            statistic[taken],
+            UNKNOWNS["full"] - UNKNOWNS[fixed],
+        )
         open_ &= ~taken
 
 

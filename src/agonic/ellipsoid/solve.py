@@ -128,11 +128,8 @@ def too_few(n: int, model: Model) -> CoverageError:
 def choose_model(
     attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
 ) -> tuple[Found, tuple[ModelTest, ...]]:
-    """The fit of the model asked for, or of the smallest that nested tests do not reject.
-
-    Where soft iron could not have been seen, its absence is no result: the smaller model is the
-    better guess, but the uncertainty of the full one stays.
-    """
+    """The fit of the model asked for, or of the smallest that nested tests do not reject, with the
+    uncertainty of the full one (`gauge.keep_doubt`)."""
     if n < UNKNOWNS.get(model, 4):
         raise too_few(n, model)
     if model != "auto":
@@ -155,11 +152,20 @@ def choose_model(
     if method != "li-griffiths":
         for fixed, test in zip(SMALLER, tests, strict=True):
             if test.p_value > SIGNIFICANT:
-                found = attempt(fixed)
-                if not discerned:
-                    found = found._replace(covariance=full.covariance, plain=full.plain)
-                return found, tests
+                return _doubt(attempt(fixed), full, test.statistic), tests
     return full, tests
+
+
+def _doubt(small: Found, full: Found, statistic: float) -> Found:
+    """A smaller model's fit with the uncertainty of the full one."""
+    one, other = (small.bias, small.matrix), (full.bias, full.matrix)
+    conditions = UNKNOWNS["full"] - UNKNOWNS[small.model]
+
+    def widen(covariance: Array) -> Array:
+        return gauge.keep_doubt(one, other, covariance, statistic, conditions)
+
+    plain = None if full.plain is None else widen(full.plain)
+    return small._replace(covariance=widen(full.covariance), plain=plain)
 
 
 def describe_test(smaller: str, p: float, discerned: bool) -> str:
