@@ -24,7 +24,7 @@ from benchmarks.torture import heading_error_deg
 
 import agonic as ag
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.covariance import compute_covariance
+from agonic.maths.equation.covariance import add_up, compute_covariance
 from agonic.maths.equation.maximum_likelihood import estimate
 
 KNOWN = ag.Reference.constant(MAGNITUDE)
@@ -102,5 +102,5 @@ def test_white_noise_keeps_its_standard_errors(motion) -> None:
         points = (samples.field - samples.field.mean(axis=0)) / MAGNITUDE
         problem = Problem(points, np.ones(1), "full", None)
         found = estimate(problem)
-        own = np.diag(compute_covariance(problem, found))
+        own = np.diag(compute_covariance(problem, found, add_up(problem, found)))
         assert np.sqrt(own / np.diag(found.solution.covariance)) == pytest.approx(1.0, abs=0.02)

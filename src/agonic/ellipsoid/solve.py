@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from agonic.health import FEWEST
 from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.covariance import compute_covariance
+from agonic.maths.equation.covariance import add_up, compute_covariance, predict_unseen
 from agonic.maths.equation.maximum_likelihood import estimate
 
 SIGNIFICANT = 0.01
@@ -24,6 +25,14 @@ SIGNIFICANT = 0.01
 DISCERNIBLE = 0.01
 """Soft iron (over the mean gain) that must be known this well before its absence counts."""
 
+UNSEEN_CHANCE = 2.5
+"""Standard errors by which a smaller model has to predict unseen readings worse to be rejected."""
+
+UNSEEN_TRIFLE = 0.05
+"""And the share of the mean square of their residuals."""
+
+_PRESENT = {"sphere": "soft iron or unequal gains are", "diagonal": "cross-axis terms are"}
+
 SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
 
 
@@ -31,7 +40,7 @@ class Found(NamedTuple):
     """One model's fit to points that are centred and scaled to about one, magnitude one.
 
     `plain` is the covariance for equal noise with one correlation length, where residuals tell
-    more.
+    more; `unseen` the mean square of residuals of each block of time by the fit without it.
     """
 
     model: Fixed
@@ -46,6 +55,7 @@ class Found(NamedTuple):
     iterations: int = 1
     converged: bool = True
     plain: Array | None = None
+    unseen: Array | None = None
 
 
 def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) -> Found:
@@ -53,11 +63,12 @@ def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) ->
     found = estimate(problem, robust=robust, seed=seed)
     solution, noise = found.solution, found.noise["magnitude"]
     bias, matrix = split(model_basis(model) @ solution.params)
+    sums = add_up(problem, found)
     return Found(
         model,
         bias,
         matrix,
-        gauge.expand_model_covariance(model, compute_covariance(problem, found)),
+        gauge.expand_model_covariance(model, compute_covariance(problem, found, sums)),
         noise.sd,
         noise.correlation,
         found.residuals["magnitude"],
@@ -66,6 +77,7 @@ def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) ->
         solution.iterations,
         solution.converged,
         gauge.expand_model_covariance(model, solution.covariance),
+        predict_unseen(problem, found, sums),
     )
 
 
@@ -128,8 +140,8 @@ def too_few(n: int, model: Model) -> CoverageError:
 def choose_model(
     attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
 ) -> tuple[Found, tuple[ModelTest, ...]]:
-    """The fit of the model asked for, or of the smallest that nested tests do not reject, with the
-    uncertainty of the full one (`gauge.keep_doubt`)."""
+    """The fit of the model asked for, or of the smallest that nested tests do not reject and that
+    predicts unseen readings as well, with the uncertainty of the full one (`gauge.keep_doubt`)."""
     if n < UNKNOWNS.get(model, 4):
         raise too_few(n, model)
     if model != "auto":
@@ -150,10 +162,26 @@ def choose_model(
         for small, large, x, p in gauge.compare_soft_iron_models(full.matrix, full.covariance)
     )
     if method != "li-griffiths":
-        for fixed, test in zip(SMALLER, tests, strict=True):
-            if test.p_value > SIGNIFICANT:
-                return _doubt(attempt(fixed), full, test.statistic), tests
+        for k, (fixed, test) in enumerate(zip(SMALLER, tests, strict=True)):
+            if test.p_value <= SIGNIFICANT:
+                continue
+            small = attempt(fixed)
+            if not _predicts_worse(small, full):
+                return _doubt(small, full, test.statistic), tests
+            seen = replace(test, sentence=_describe_unseen(fixed))
+            tests = (*tests[:k], seen, *tests[k + 1 :])
     return full, tests
+
+
+def _predicts_worse(small: Found, full: Found) -> bool:
+    """Whether a smaller model predicts unseen blocks of time worse than the full one, by more than
+    the blocks' own scatter and by more than a trifle."""
+    if small.unseen is None or full.unseen is None:
+        return False
+    more = small.unseen - full.unseen
+    chance = float(more.std(ddof=1)) / np.sqrt(len(more))
+    worse = float(np.mean(small.unseen)) > (1 + UNSEEN_TRIFLE) * float(np.mean(full.unseen))
+    return bool(worse and more.mean() > UNSEEN_CHANCE * chance)
 
 
 def _doubt(small: Found, full: Found, statistic: float) -> Found:
@@ -168,13 +196,19 @@ def _doubt(small: Found, full: Found, statistic: float) -> Found:
     return small._replace(covariance=widen(full.covariance), plain=plain)
 
 
+def _describe_unseen(smaller: str) -> str:
+    """What unseen readings say where a test says nothing."""
+    what = _PRESENT[smaller]
+    return f"{what} present (unseen parts of the log fit better with them)"
+
+
 def describe_test(smaller: str, p: float, discerned: bool) -> str:
     """What a test says, in a sentence."""
     chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     present = p <= SIGNIFICANT
-    if smaller == "sphere":
-        what = "soft iron or unequal gains are present" if present else "no sign of soft iron"
+    if present:
+        what = f"{_PRESENT[smaller]} present"
     else:
-        what = "cross-axis terms are present" if present else "no sign of cross-axis terms"
+        what = f"no sign of {'soft iron' if smaller == 'sphere' else 'cross-axis terms'}"
     doubt = "" if present or discerned else ", but too few directions to rule it out"
     return f"{what} ({chance}){doubt}"

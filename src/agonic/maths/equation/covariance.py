@@ -1,4 +1,5 @@
-"""The covariance of a fit by magnitude from its own residuals: unequal noise, noise with memory."""
+"""What residuals say of a fit by magnitude: its covariance, also where noise is unequal or has
+memory, and how well it predicts readings that it has not seen."""
 
 from __future__ import annotations
 
@@ -17,6 +18,9 @@ from agonic.maths.estimation.student import compute_widening
 GEOMETRIES = slice(0, 3), slice(3, 4)
 """Slow errors stand in the axes of the sensor, or change the magnitude of the field."""
 
+BLOCKS = 16
+"""Blocks of time that are predicted one by one from the others."""
+
 _BLOCK = 4096
 _CHANCE = 1.5  # by so much more than chance does residuals' own scatter differ from an equal one
 _WORST_CONDITION = 1e9
@@ -24,7 +28,7 @@ _LEAST_FREEDOM = 3.0
 _LEAST_CURVATURE = 0.1  # as in `leastsq`
 
 
-def compute_covariance(problem: Problem, estimate: Estimate) -> Array:
+def compute_covariance(problem: Problem, estimate: Estimate, sums: Scatters) -> Array:
     """A⁻¹ B A⁻¹ of a fit by magnitude, B from how its gradient really scatters.
 
     The solver takes residuals for equally noisy and, but for one correlation length, independent.
@@ -36,20 +40,16 @@ def compute_covariance(problem: Problem, estimate: Estimate) -> Array:
     """
     noise, solution = estimate.noise["magnitude"], estimate.solution
     n, m = len(problem.points), len(solution.params)
-    prior = problem.prior(problem.soft_iron_sd)
-    known = np.zeros((m, m))
-    if prior is not None:
-        jacobian = prior(solution.params)[1]
-        known = jacobian.T @ jacobian
+    known = _prior_information(problem, solution.params)
     if noise.sd <= problem.rounding:  # residuals smaller than that are luck
         return inverse(solution.information + known)
     if n < 2 * m or solution.condition > _WORST_CONDITION:
         return solution.covariance
     length = noise.correlation
-    sums = _add_up(problem, estimate)
-    bread = inverse(sums.information * (sums.curvature / length) + known)
+    information = sums.information.sum(axis=0)
+    bread = inverse(information * (sums.curvature / length) + known)
     equal, own, chance = sums.equal, sums.own, sums.chance * length
-    root = np.linalg.cholesky(inverse(sums.information))
+    root = np.linalg.cholesky(inverse(information))
     apart = float(np.sum((root.T @ (own - equal) @ root) ** 2))
     alike = min(_CHANCE * chance / max(apart, 1e-300), 1.0)
     scatter = own + alike * (equal - own)
@@ -60,26 +60,56 @@ def compute_covariance(problem: Problem, estimate: Estimate) -> Array:
     return np.asarray(bread @ (scatter + known) @ bread)
 
 
-class _Scatters(NamedTuple):
+def predict_unseen(problem: Problem, estimate: Estimate, sums: Scatters) -> Array:
+    """The mean square of the residuals of each block of time by the fit without it, (16,).
+
+    By one Newton step from the fit to all: without block b, with information A_b and gradient g_b,
+    the parameters move by (A − A_b)⁻¹ g_b.
+    """
+    known = _prior_information(problem, estimate.solution.params)
+    noise = estimate.noise["magnitude"]
+    without = sums.information.sum(axis=0) - sums.information + noise.correlation * known
+    moved = np.einsum("bij,bj->bi", inverse(without), sums.gradient)
+    square = sums.square + 2 * np.einsum("bi,bi->b", sums.gradient, moved)
+    square += np.einsum("bi,bij,bj->b", moved, sums.information, moved)
+    return np.asarray(square / np.maximum(sums.weight, 1.0) * noise.sd**2)
+
+
+def _prior_information(problem: Problem, params: Array) -> Array:
+    prior = problem.prior(problem.soft_iron_sd)
+    if prior is None:
+        return np.zeros((len(params), len(params)))
+    jacobian = prior(params)[1]
+    return np.asarray(jacobian.T @ jacobian)
+
+
+class Scatters(NamedTuple):
     """How the gradient scatters by equal and by own residuals, and by how much the two differ by
-    chance; Σ w J Jᵀ and Σρ''/Σw of the loss; the stretches; how many rows count."""
+    chance; Σρ''/Σw of the loss; the stretches; how many rows count; and of each block of time
+    Σ w J Jᵀ, Σ w z J, Σ w z² and Σ w.
+    """
 
     equal: Array
     own: Array
-    information: Array
-    curvature: float
     chance: float
+    curvature: float
     stretches: Stretches
     rows: int
+    information: Array
+    gradient: Array
+    square: Array
+    weight: Array
 
 
-def _add_up(problem: Problem, estimate: Estimate) -> _Scatters:
-    """One pass over the readings."""
+def add_up(problem: Problem, estimate: Estimate) -> Scatters:
+    """One pass over the readings, in units of the noise."""
     noise, solution = estimate.noise["magnitude"], estimate.solution
     n, m = len(problem.points), len(solution.params)
     root = np.linalg.cholesky(inverse(solution.information * noise.correlation))
-    own, information, parts = np.zeros((m, m)), np.zeros((m, m)), []
-    weight, square, fourth, lever, curvature = 0.0, 0.0, 0.0, 0.0, 0.0
+    own, parts = np.zeros((m, m)), []
+    information, gradient = np.zeros((BLOCKS, m, m)), np.zeros((BLOCKS, m))
+    square, weight = np.zeros(BLOCKS), np.zeros(BLOCKS)
+    total, fourth, lever, curvature = 0.0, 0.0, 0.0, 0.0
     each = -(-n // STRETCHES)
     for start, residuals, jacobian in _blocks(problem, estimate, each * max(_BLOCK // each, 1)):
         weights = estimate.weights[start : start + len(residuals)]
@@ -87,10 +117,14 @@ def _add_up(problem: Problem, estimate: Estimate) -> _Scatters:
         power = (weights * residuals) ** 2
         kept = np.maximum(1 - weights * length, 0.1)
         own += (jacobian.T * (power / kept)) @ jacobian
-        information += (jacobian.T * weights) @ jacobian
-        weight += float(weights.sum())
+        for block, rows in _split(start, start + len(residuals), n):
+            j, weighted = jacobian[rows], weights[rows] * residuals[rows]
+            information[block] += (j.T * weights[rows]) @ j
+            gradient[block] += weighted @ j
+            square[block] += weighted @ residuals[rows]
+            weight[block] += weights[rows].sum()
         curvature += float(noise.loss.curvature(residuals**2) @ (weights > 0))
-        square += float(power.sum())
+        total += float(power.sum())
         fourth += float(power @ power)
         lever += float(length @ length)
         size = np.sqrt(np.sum(jacobian[:, :3] ** 2, axis=1, keepdims=True))
@@ -98,11 +132,20 @@ def _add_up(problem: Problem, estimate: Estimate) -> _Scatters:
         stretch = np.arange(len(residuals)) // each
         parts.append(Stretches.of(residuals, jacobian, weights, directions, stretch))
     count = int(np.count_nonzero(estimate.weights))
-    equal = information * (square / weight * count / max(count - m, 1))
-    spread = fourth / n - (square / n) ** 2
+    whole = float(weight.sum())
+    equal = information.sum(axis=0) * (total / whole * count / max(count - m, 1))
+    spread = fourth / n - (total / n) ** 2
     stretches = Stretches(*(np.concatenate(of) for of in zip(*parts, strict=True)))
-    bent = max(curvature / weight, _LEAST_CURVATURE)
-    return _Scatters(equal, own, information, bent, spread * lever, stretches, count)
+    bent = max(curvature / whole, _LEAST_CURVATURE)
+    blocks = information, gradient, square, weight
+    return Scatters(equal, own, spread * lever, bent, stretches, count, *blocks)
+
+
+def _split(start: int, stop: int, n: int) -> Iterator[tuple[int, slice]]:
+    """The blocks of time that rows from `start` to `stop` of n lie in, and their part of them."""
+    for block in range(start * BLOCKS // n, (stop - 1) * BLOCKS // n + 1):
+        first, last = -(-block * n // BLOCKS), -(-(block + 1) * n // BLOCKS)
+        yield block, slice(max(first - start, 0), min(last, stop) - start)
 
 
 def _blocks(problem: Problem, estimate: Estimate, rows: int) -> Iterator[tuple[int, Array, Array]]:

@@ -131,7 +131,7 @@ def keep_doubt(
     Parameters: bias and matrix of each, the covariance C of the full one, and the statistic χ² of
     the k conditions.
 
-    Source: K. Burnham & D. Anderson (2002); Buckland, Burnham & Augustin (1997), Biometrics 53, 603.
+    Source: Buckland, Burnham & Augustin (1997), Biometrics 53, 603.
     """
     apart = np.concatenate(
         [full[0] - small[0], pack_symmetric(full[1]) - pack_symmetric(small[1])], axis=-1
