@@ -154,10 +154,9 @@ def assess(
     known = _known_radius(affine, reference)
     evidence = gather_evidence(fit, affine, samples, samples.field, normals, usable, known)
     fit = fit.with_findings(*examine(evidence, attitude_aided=attitude_aided))
-    if fit.verdict == "refused":
-        return fit
-    coarse = check_resolution(samples.field, evidence.radius, samples.unit)
-    return fit.with_findings(find_wrong_scale(affine), coarse)
+    if not any(finding.name == "static" for finding in fit.findings):
+        fit = fit.with_findings(check_resolution(samples.field, evidence.radius, samples.unit))
+    return fit if fit.verdict == "refused" else fit.with_findings(find_wrong_scale(affine))
 
 
 def find_wrong_scale(affine: Affine) -> Finding | None:

@@ -21,7 +21,7 @@ from agonic.fit import Fit
 from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.recording.advice import suit_advice
 from agonic.recording.choice import Choice, Kind, choose, describe_latency
-from agonic.recording.held_out import compare_folds, fit_folds
+from agonic.recording.held_out import CHANCE, compare_folds, fit_folds
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import DIP, DIP_REFUSED_DEG, Check, Verification, verify
@@ -131,7 +131,7 @@ def _verify(choice: Choice) -> Calibrated:
         fit.calibration,
         samples,
         reference,
-        noise=float(np.hypot(noise, folds.magnitude_sd)) if folds else noise,
+        noise=float(np.hypot(noise, CHANCE * folds.magnitude_sd)) if folds else noise,
         corrected=folds.unseen if folds else None,
         held_out=used if used.any() else None,
     )
