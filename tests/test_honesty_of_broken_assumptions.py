@@ -78,7 +78,7 @@ def test_noise_is_no_less_than_rounding_where_nothing_else_scatters() -> None:
     # at rest on one level, nine of twelve poses can fit exactly: an error of 0.0002 nT was stated
     draws = draw(quantised(1000.0), motion=poses(12, 100), k=20, n=1200, noise=10.0)
     assert 0.5 < np.sqrt(np.mean(draws.bias**2)) < 1.5
-    assert np.mean(np.abs(draws.bias) < 1.96) > 0.85
+    assert np.mean(np.abs(draws.bias) < 1.96) > 0.8
 
 
 @pytest.mark.parametrize(("step", "verdict"), [(5000.0, "check"), (40_000.0, "refused")])
