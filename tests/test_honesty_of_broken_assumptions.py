@@ -12,6 +12,7 @@ from benchmarks.faults import (
     MAGNITUDE,
     Fault,
     coloured,
+    follows_attitude,
     poses,
     quantised,
     random_walk,
@@ -72,6 +73,12 @@ def test_the_stated_error_covers_the_true_one(faults: tuple[Fault, ...], motion,
     assert 0.35 < np.sqrt(np.mean(draws.bias**2)) < 1.35
     assert np.mean(np.abs(draws.bias) < 1.96) > 0.88
     assert draws.heading.max() < 3.0
+
+
+def test_a_smooth_structure_counts_with_what_the_fit_has_taken_up_of_it() -> None:
+    draws = draw(follows_attitude(3000.0), motion=tilts(45), k=10, n=2000)
+    assert np.count_nonzero(draws.heading > 3.0) <= 2
+    assert 0.5 < np.median(draws.heading) < 2.0
 
 
 def test_noise_is_no_less_than_rounding_where_nothing_else_scatters() -> None:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from agonic.arrays import Array, Mask
 from agonic.health.adequacy.fitted import ModelError, Work, make_error
-from agonic.maths.equation.coverage import find_cells
+from agonic.maths.equation.coverage import find_cells, icosphere
 from agonic.maths.estimation.score_test import sums_by
 
 SIGNIFICANT = 1e-3 / 3
 
 PRIOR_SHARE = 0.5
 """Of what is known of the heading: more than this from the prior alone is no measurement."""
+
+
+SMOOTHNESS = 2.0
+"""Structure over direction is alike by 1/e at 60°."""
 
 
 def find_structure(work: Work, found: list[ModelError]) -> list[ModelError]:
@@ -49,12 +54,32 @@ def find_structure(work: Work, found: list[ModelError]) -> list[ModelError]:
     if variance < 2 * explained:
         return []
     weighted = fit.jacobian[kept] * fit.weights[kept, None]
-    sums = sums_by(cells, weighted, 80)
-    inverse = np.linalg.inv(fit.information)
-    scatter = inverse @ (variance * sums.T @ sums) @ inverse * np.outer(work.scale, work.scale)
+    sums = sums_by(cells, weighted, 80)[often]
+    weights = np.bincount(cells, fit.weights[kept], 80)[often]
+    moved = _smooth_move(sums, weights, total[often], fit.information, often)
+    scatter = max(between - within, 0.0) * moved * np.outer(work.scale, work.scale)
     scatter[:3, :3] += np.eye(3) * variance * fitted.noise**2
     size = float(np.sqrt(variance)) * fitted.noise
     return [make_error(work, "by direction", p_value, size, scatter)]
+
+
+def _smooth_move(
+    sums: Array, weights: Array, worth: Array, information: Array, often: Mask
+) -> Array:
+    """Covariance (p, p) of the calibration by a smooth structure over directions that makes cell
+    means scatter by one more than chance.
+
+    What is smooth looks like a bias or a gain, and the fit has taken most of it up. With
+    K = exp(−(1 − cos θ) κ) between cells, the calibration moves by A⁻¹Sᵀf, and means keep
+    f − (S/W) A⁻¹Sᵀ f. Parameters: Σ w J of each cell S (k, p), Σ w, the weight of its mean.
+    """
+    centres = icosphere()[0][often]
+    alike = np.exp((centres @ centres.T - 1.0) * SMOOTHNESS)
+    moves = np.linalg.solve(information, sums.T)
+    left = np.eye(len(sums)) - sums / np.maximum(weights, 1e-9)[:, None] @ moves
+    left -= worth @ left / worth.sum()
+    seen = float(worth @ np.einsum("ij,jk,ik->i", left, alike, left)) / (len(sums) - 1)
+    return np.asarray(moves @ alike @ moves.T / max(seen, 1e-9))
 
 
 def find_prior(work: Work) -> list[ModelError]:
