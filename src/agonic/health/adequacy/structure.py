@@ -38,7 +38,7 @@ def find_structure(work: Work, found: list[ModelError]) -> list[ModelError]:
     worth = np.maximum(length / max(fitted.correlation, 1.0), 1.0)
     often = np.bincount(cell, minlength=80) >= 2
     inside = often[cell]
-    total = np.bincount(cell, worth, 80)
+    total = sums_by(cell, worth[:, None], 80)[:, 0]
     mean = np.bincount(cell, worth * means, 80) / np.maximum(total, 1e-9)
     k, visits = int(often.sum()), int(inside.sum())
     if k < 15 or visits - k < 15:
@@ -55,7 +55,7 @@ def find_structure(work: Work, found: list[ModelError]) -> list[ModelError]:
         return []
     weighted = fit.jacobian[kept] * fit.weights[kept, None]
     sums = sums_by(cells, weighted, 80)[often]
-    weights = np.bincount(cells, fit.weights[kept], 80)[often]
+    weights = sums_by(cells, fit.weights[kept, None], 80)[often, 0]
     moved = _smooth_move(sums, weights, total[often], fit.information, often)
     scatter = max(between - within, 0.0) * moved * np.outer(work.scale, work.scale)
     scatter[:3, :3] += np.eye(3) * variance * fitted.noise**2
