@@ -50,6 +50,15 @@ Magnitude = Annotated[
     float | None,
     typer.Option("--field", metavar="NT", help="Magnitude of the field, nT, where it is known."),
 ]
+KnownField = Annotated[
+    str | None,
+    typer.Option(
+        "--reference",
+        metavar="X,Y,Z|FILE",
+        help="The known field at each reading in the sensor's axes: columns of the log, or another "
+        "log, a coil's or a reference magnetometer's, matched by time.",
+    ),
+]
 Between = Annotated[
     str | None,
     typer.Option(

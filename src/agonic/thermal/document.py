@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,6 +85,21 @@ def describe_campaign(
         ],
         values=values.list_campaign_values(result),
         sensors=[_describe_sensor(one, written.get(one.name, ())) for one in result.sensors],
+        styles=STYLES,
+    )
+
+
+def describe_known_field(
+    fit: ThermalFit, name: str, *, title: str = "", files: Sequence[str] = ()
+) -> Document:
+    """What is said and shown of a fit to a field that is known at every reading."""
+    made = _describe_sensor(CalibratedSensor(name=name, fit=fit), files)
+    return replace(
+        made,
+        schema="agonic/fit-thermal@1",
+        kind="Known field: calibration over temperature",
+        name=title or name,
+        method=f"known field, {count(fit.n, 'reading')}",
         styles=STYLES,
     )
 

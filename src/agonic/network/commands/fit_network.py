@@ -12,6 +12,7 @@ from agonic.console.options import (
     Between,
     Date,
     Json,
+    KnownField,
     LogPath,
     Magnitude,
     Out,
@@ -34,14 +35,7 @@ def add_to(kinds: typer.Typer) -> None:
 
 def network(
     log: LogPath,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TABLE",
-            help="The known field in the sensor's axes, as a log: a coil's, or a reference "
-            "magnetometer's; matched by time. Default: the world model (--at, --date, the track).",
-        ),
-    ] = None,
+    reference: KnownField = None,
     out: Out = None,
     hidden: Annotated[int, typer.Option(help="Nodes of the hidden layer.")] = 3,
     inputs: Annotated[
@@ -90,7 +84,7 @@ def network(
     from agonic.network.report.document import describe_network
 
     samples = open_sensor(log, sensor, unit, between)
-    samples, known = _known(samples, reference, unit, (at, date, field))
+    samples, known = _known(samples, log, reference, unit, (at, date, field))
     settings: dict[str, Any] = {
         "inputs": parse_names(inputs),
         "base": _base(base),
@@ -114,48 +108,26 @@ def network(
 
 
 def _known(
-    samples: Samples, table: Path | None, unit: str | None, place: tuple[Any, Any, Any]
+    samples: Samples,
+    log: Path,
+    given: str | None,
+    unit: str | None,
+    place: tuple[Any, Any, Any],
 ) -> tuple[Samples, Reference]:
     """The rows whose field is known, and that field."""
+    from agonic.console.known_field import match_known_field
     from agonic.console.place import find_reference
     from agonic.errors import AgonicError
 
-    if table is not None:
-        return _matched(samples, table, unit)
+    if given is not None:
+        return match_known_field(samples, given, log, unit)
     found, _ = find_reference(samples, *place)
     if found is None:
         raise AgonicError(
-            "the field that the sensor was in is not known: give it with --reference TABLE, the "
+            "the field that the sensor was in is not known: give it with --reference, the "
             "place with --at LAT,LON and --date, or its magnitude with --field"
         )
     return samples, found
-
-
-def _matched(samples: Samples, table: Path, unit: str | None) -> tuple[Samples, Reference]:
-    """The known field of a table at the times of the samples, or row by row without times."""
-    import numpy as np
-
-    from agonic.errors import AgonicError
-    from agonic.logs.read import read
-    from agonic.reference import Reference
-
-    known = read(table, unit=unit)
-    if samples.time is not None and known.time is not None:
-        rows = (samples.time >= known.time[0]) & (samples.time <= known.time[-1])
-        if not rows.any():
-            raise AgonicError(f"{table} and the log were never recorded at the same time")
-        samples = samples.select(rows)
-        axes = [np.interp(samples.time, known.time, axis) for axis in known.field.T]  # type: ignore[arg-type]
-        values = np.stack(axes, axis=1)
-    elif len(known) == len(samples):
-        values = known.field
-    else:
-        raise AgonicError(
-            f"{table} has {len(known)} rows and the log {len(samples)}; give both times, or as "
-            "many rows"
-        )
-    frame = known.frame if known.frame in ("m", "b") else "m"
-    return samples, Reference.vector(values, frame=frame, source=table.name)
 
 
 def _base(text: str) -> Any:

@@ -12,6 +12,7 @@ from agonic.console.options import (
     At,
     Date,
     Json,
+    KnownField,
     LogPath,
     Magnitude,
     Out,
@@ -53,14 +54,7 @@ def retrain(
         Path | None, typer.Option(metavar="CAL", help="Calibration to start from.")
     ] = None,
     out: Out = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TABLE",
-            help="The known field in the sensor's axes, as a log, matched by time. Default: the "
-            "world model (--at, --date, the track).",
-        ),
-    ] = None,
+    reference: KnownField = None,
     hidden: Annotated[
         int | None, typer.Option(help="Nodes of a network where there is none yet; default: 3.")
     ] = None,
@@ -109,10 +103,10 @@ def retrain(
         _require_nothing(given, state)
         retrainer = Retrainer.resume(state)
         samples = open_sensor(log, sensor, unit, preferred=retrainer.state.sensor)
-        samples, known = _known(samples, reference, unit, (at, date, field))
+        samples, known = _known(samples, log, reference, unit, (at, date, field))
     else:
         samples = open_sensor(log, sensor, unit)
-        samples, known = _known(samples, reference, unit, (at, date, field))
+        samples, known = _known(samples, log, reference, unit, (at, date, field))
         retrainer = _started(samples, known, given, spans)
     new, seen = _new(retrainer, samples), None
     if new.any():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import Json
+from agonic.console.options import Json, KnownField, Unit
 from agonic.console.parse import parse_count
 
 if TYPE_CHECKING:
@@ -39,6 +39,11 @@ def fit_chamber(
     stations: Annotated[
         str, typer.Option(help="Turns of the stations: auto, known or unknown.")
     ] = "auto",
+    known_turns: Annotated[
+        bool, typer.Option("--known-turns", help="The same as --stations known.")
+    ] = False,
+    reference: KnownField = None,
+    unit: Unit = None,
     degree: Annotated[
         str, typer.Option(help="Of the polynomials in temperature: 0 to 9, or auto.")
     ] = "3",
@@ -58,8 +63,9 @@ def fit_chamber(
 ) -> int:
     """Bias and matrix of every sensor over temperature, from turned stations.
 
-    Exit status 1 where the programme was not followed, a sensor was refused, or something is to be
-    looked at.
+    With --reference, from one recording in a field whose components are known, as in a coil: no
+    stations are needed. Exit status 1 where the programme was not followed, a sensor was refused,
+    or something is to be looked at.
     """
     from agonic.atomic import make_folder, write_atomically
     from agonic.console.finish import finish
@@ -69,6 +75,9 @@ def fit_chamber(
     from agonic.thermal.files.read import read_campaign
 
     chosen: Any = parse_count("--degree", degree, "a degree", 9)
+    if reference is not None:
+        return _fit_known_field(campaign, reference, sensor, unit, chosen, out, as_json)
+    stations = "known" if known_turns else stations
     with counting(100) as bar:
         read = read_campaign(campaign, progress=lambda _, share: bar("Reading", round(100 * share)))
     result = calibrate_campaign(
@@ -89,6 +98,36 @@ def fit_chamber(
     if out is not None:
         reports.append(write_atomically(out / "report.html", document.to_html()))
     return finish(document, files=reports, as_json=as_json)
+
+
+def _fit_known_field(
+    log: Path,
+    reference: str,
+    sensor: list[str] | None,
+    unit: str | None,
+    degree: Any,
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """One sensor in a field that is known at every reading."""
+    from agonic.atomic import make_folder, write_atomically
+    from agonic.console.finish import finish
+    from agonic.console.known_field import open_beside_known_field
+    from agonic.files.calibration import save
+    from agonic.files.names import file_stem
+    from agonic.thermal.document import describe_known_field
+    from agonic.thermal.fit.fit import fit_thermal
+
+    samples, known = open_beside_known_field(log, sensor[0] if sensor else None, reference, unit)
+    fit = fit_thermal(samples, known, degree=degree)
+    files = []
+    if out is not None and fit.verdict != "refused":
+        home = make_folder(out)
+        files.append(str(save(fit.calibration, home / f"{file_stem(samples.name)}.json")))
+    document = describe_known_field(fit, samples.name, title=log.name, files=files)
+    if out is not None:
+        files.append(str(write_atomically(make_folder(out) / "report.html", document.to_html())))
+    return finish(document, files=files, as_json=as_json)
 
 
 def _count_workers(rows: int) -> int:
