@@ -38,8 +38,8 @@ class Result(ctypes.Structure):
 @pytest.fixture(scope="module")
 def controller(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fit")
-    for file in ("fit.h", "fit.c"):
-        text = fill_template(f"{file}.in", {"name": "mag", "GUARD": "MAG"})
+    for file, template in (("fit.h", "fit/header.h.in"), ("fit.c", "fit/source.c.in")):
+        text = fill_template(template, {"name": "mag", "GUARD": "MAG"})
         (folder / f"mag_{file}").write_text(text)
     loaded = library(folder, "mag_fit.c")
     loaded.mag_fit_add.argtypes = [POINTER(Fit), ctypes.c_void_p]

@@ -86,6 +86,10 @@ def export(
             metavar="ROWS", help="c: a network that is trained on board, over so many readings."
         ),
     ] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option("--as", metavar="arduino", help="c: a library for Arduino and PlatformIO."),
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Write a calibration in another program's own form, with what that form cannot hold.
@@ -95,27 +99,24 @@ def export(
     calibration that changes with temperature keeps doing so where the target
     can hold that; for the others say with --temperature where to hold it.
     """
-    from agonic.calibration.chain import require_calibration
     from agonic.exports.firmware import write_firmware
-    from agonic.exports.targets import write as write_target
-    from agonic.files.calibration import load
     from agonic.files.setup import load_setup
     from agonic.logs.contents import read_bytes
 
+    library = _choose_library(layout, to, out or cal.with_suffix(""))
+    out = out if library is None else library / "src"
     content = read_bytes(cal).lstrip()
-    if content.startswith(b'{"schema":"agonic/track-state@'):
-        _report(_export_track(cal, to, out, name), as_json)
-        return 0
     is_setup = not content.startswith(b"{")
     if (is_setup or whole) and to != "c":
         raise AgonicError(
             f"{to} takes one calibration and not a setup; export the calibration files that the "
             "setup names, one by one"
         )
-    if window is not None:
-        _report(_export_training(cal, to, out, name, window), as_json)
-        return 0
-    if is_setup or whole:
+    if content.startswith(b'{"schema":"agonic/track-state@'):
+        written = _export_track(cal, to, out, name)
+    elif window is not None:
+        written = _export_training(cal, to, out, name, window)
+    elif is_setup or whole:
         if temperature is not None:
             raise AgonicError(
                 "firmware is given the temperature at each reading; --temperature is for targets "
@@ -123,23 +124,50 @@ def export(
             )
         setup, source = _placed(load_setup(cal), declination, at, box, tolerance, date)
         prefix = "compass" if name is None else name
-        written: Export = write_firmware(
-            setup, out or cal.with_suffix(""), name=prefix, declination=source
-        )
+        written = write_firmware(setup, out or cal.with_suffix(""), name=prefix, declination=source)
     else:
-        path = out or cal.with_suffix(TARGETS[to].suffix if to in TARGETS else "")
-        calibration = require_calibration(load(cal))
-        written = write_target(
-            to,
-            calibration,
-            path,
-            number=number,
-            device_id=device_id,
-            temperature_C=temperature,
-            name=name,
-        )
-    _report(written, as_json)
+        options = {"number": number, "device_id": device_id, "temperature_C": temperature}
+        written = _export_calibration(cal, to, out, name, library is not None, options)
+    files: tuple[Path, ...] = getattr(written, "files", (written.path,))
+    if library is not None:
+        from agonic.exports.firmware.arduino import write_library
+
+        files = write_library(library, files)
+    _report(written, files, as_json)
     return 0
+
+
+def _choose_library(layout: str | None, to: str, folder: Path) -> Path | None:
+    """The folder of the library, where one is asked for."""
+    if layout is None:
+        return None
+    if layout != "arduino" or to != "c":
+        raise AgonicError(
+            f"--as {layout} with --to {to}: the only layout is --as arduino, and it is for c"
+        )
+    return folder
+
+
+def _export_calibration(
+    cal: Path,
+    to: str,
+    out: Path | None,
+    name: str | None,
+    in_library: bool,
+    options: dict[str, Any],
+) -> Export:
+    """A calibration file in the form of the target."""
+    from agonic.calibration.chain import require_calibration
+    from agonic.exports.firmware.ctext import make_c_name
+    from agonic.exports.targets import write as write_target
+    from agonic.files.calibration import load
+
+    calibration = require_calibration(load(cal))
+    path = out or cal.with_suffix(TARGETS[to].suffix if to in TARGETS else "")
+    if in_library:
+        path /= f"{make_c_name(calibration.sensor) if name is None else name}.h"
+        path.parent.mkdir(parents=True, exist_ok=True)
+    return write_target(to, calibration, path, name=name, **options)
 
 
 def _export_track(state: Path, to: str, out: Path | None, name: str | None) -> Export:
@@ -201,7 +229,7 @@ def _placed(
     return setup, float(here.declination_deg)
 
 
-def _report(written: Export, as_json: bool) -> None:
+def _report(written: Export, paths: tuple[Path, ...], as_json: bool) -> None:
     """Say what was written and how large it is."""
     from dataclasses import asdict
 
@@ -209,7 +237,7 @@ def _report(written: Export, as_json: bool) -> None:
     from agonic.exports.firmware import Firmware
 
     firmware = written if isinstance(written, Firmware) else None
-    files = [str(file) for file in (firmware.files if firmware else (written.path,))]
+    files = [str(file) for file in paths]
     sizes = firmware.sizes if firmware else {}
     if as_json:
         values: dict[str, Any] = {

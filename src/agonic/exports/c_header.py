@@ -79,7 +79,7 @@ def write_c(
     raw, expected, tolerance = _example(one, bias, matrix)
     formula, warnings = "field = A (raw - b), float32", (*lost, *list_left_out(one))
     text = fill_template(
-        "affine.h.in",
+        "headers/affine.h.in",
         {
             "name": name,
             "GUARD": name.upper(),

@@ -35,7 +35,7 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
     network, shape = parts.network, parts.network.shape
     beside = len(parts.beside)
     text = fill_template(
-        "network.h.in",
+        "headers/network.h.in",
         {
             "name": name,
             "GUARD": name.upper(),

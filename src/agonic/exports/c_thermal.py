@@ -44,7 +44,7 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
     )
     warnings = list_left_out(middle)
     text = fill_template(
-        "thermal.h.in",
+        "headers/thermal.h.in",
         {
             "name": name,
             "GUARD": name.upper(),

@@ -90,7 +90,7 @@ def _require_network(calibration: Calibration) -> Network:
     """The network that can be trained on board, or an error that says what it lacks."""
     if not isinstance(calibration, Network):
         raise AgonicError(
-            f"a {type(calibration).__name__} has no weights to train on the controller; fit a "
+            f"this {type(calibration).__name__} has no weights to train on the controller; fit a "
             "network (agonic fit network), or leave the window away"
         )
     base = calibration.base

@@ -87,8 +87,8 @@ def write_firmware(
         f"{name}.h": write_header(plan, name),
         f"{name}.c": write_source(plan, name),
         f"{name}_selftest.c": write_selftest(plan, name),
-        f"{name}_fit.h": fill_template("fit.h.in", values),
-        f"{name}_fit.c": fill_template("fit.c.in", values),
+        f"{name}_fit.h": fill_template("fit/header.h.in", values),
+        f"{name}_fit.c": fill_template("fit/source.c.in", values),
         **write_ellipsoid(name),
     }
     place = make_folder(folder)

@@ -1,0 +1,121 @@
+"""C files as a library for Arduino and PlatformIO, with a sketch that uses them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from agonic.atomic import write_atomically
+from agonic.errors import AgonicError
+from agonic.exports.firmware.ctext import fill_template
+from agonic.version import __version__
+
+URL = "https://github.com/agonic/agonic"
+SKETCHES = (
+    ("_training.h", "training", "Train"),
+    ("_tracker.h", "tracker", "Follow"),
+    (".h", "field", "Field"),
+)
+"""What the name of the first header ends with, the template of its sketch, and its name."""
+
+
+def write_library(folder: Path, files: Sequence[Path]) -> tuple[Path, ...]:
+    """Beside C files in `folder/src`, what makes them a library; all its files.
+
+    Parameters: `folder` of the library; `files`, those that an export wrote in its `src`. Written
+    are `library.properties` (Arduino), `library.json` (PlatformIO) and a sketch in `examples`.
+    """
+    name, template, sketch = _choose_sketch(files)
+    headers = [file.name for file in files if file.suffix == ".h"]
+    texts = {
+        "library.properties": _write_properties(name, headers),
+        "library.json": _write_manifest(name, headers),
+        f"examples/{sketch}/{sketch}.ino": _write_sketch(template, name, files),
+    }
+    added = []
+    for file, text in texts.items():
+        place = folder / file
+        place.parent.mkdir(parents=True, exist_ok=True)
+        added.append(write_atomically(place, text))
+    return (*files, *added)
+
+
+def _choose_sketch(files: Sequence[Path]) -> tuple[str, str, str]:
+    """With what the C names begin, and the template and the name of the sketch."""
+    first = files[0].name
+    if len(files) > 3:  # a setup: header, source, self-test, fits
+        return first.removesuffix(".h"), "heading", "Heading"
+    for ending, template, sketch in SKETCHES:
+        if first.endswith(ending):
+            return first.removesuffix(ending), template, sketch
+    raise AgonicError(f"{first} is no header to make a library of")
+
+
+def _write_properties(name: str, headers: Sequence[str]) -> str:
+    """The manifest of an Arduino library, format 1.5."""
+    values = {
+        "name": name,
+        "version": _version(),
+        "author": "agonic",
+        "maintainer": "agonic",
+        "sentence": "The calibration of a magnetometer, exported by agonic.",
+        "paragraph": "Single precision, no allocation, tables in flash.",
+        "category": "Sensors",
+        "url": URL,
+        "architectures": "*",
+        "includes": ",".join(headers),
+    }
+    return "".join(f"{key}={value}\n" for key, value in values.items())
+
+
+def _write_manifest(name: str, headers: Sequence[str]) -> str:
+    """The manifest of PlatformIO."""
+    values = {
+        "name": name,
+        "version": _version(),
+        "description": "The calibration of a magnetometer, exported by agonic",
+        "keywords": "magnetometer, compass, calibration",
+        "headers": list(headers),
+        "frameworks": "*",
+        "platforms": "*",
+        "examples": ["examples/*/*.ino"],
+    }
+    return json.dumps(values, indent=2) + "\n"
+
+
+def _version() -> str:
+    """Three numbers, which is all that both take."""
+    found = re.match(r"\d+\.\d+\.\d+", __version__)
+    return found[0] if found else "0.0.0"
+
+
+def _write_sketch(template: str, name: str, files: Sequence[Path]) -> str:
+    values = {"name": name, "GUARD": name.upper(), "about": "Written by agonic; see src."}
+    if template == "field":
+        header = next(file for file in files if file.name == f"{name}.h").read_text()
+        values |= _read_arguments(name, header)
+    return fill_template(f"arduino/{template}.ino.in", values)
+
+
+def _read_arguments(name: str, header: str) -> dict[str, str]:
+    """What `_correct` takes between the reading and the field, and how the sketch declares it.
+
+    >>> text = "int mag_correct(const float raw[3], float temperature_C, float field[3])"
+    >>> _read_arguments("mag", text)["arguments"]
+    'temperature_C, '
+    """
+    found = re.search(
+        rf"\b{name}_correct\(const float raw\[3\],(.*?)float field\[3\]\)", header, re.DOTALL
+    )
+    between = [part.strip() for part in found[1].split(",") if part.strip()] if found else []
+    declared, names = [], []
+    for part in between:
+        kind, _, given = part.rpartition(" ")
+        word, bracket, size = given.partition("[")
+        names.append(word)
+        value = "{0.0f}" if bracket else "0.0f"
+        plain = f"{kind.removeprefix('const ')} {word}{bracket}{size}"
+        declared.append(f"    const {plain} = {value}; /* put it here, see {name}.h */\n")
+    return {"beside": "".join(declared), "arguments": "".join(f"{word}, " for word in names)}
