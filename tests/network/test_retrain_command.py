@@ -137,3 +137,24 @@ def test_page_header_and_report_of_what_was_retrained(capsys) -> None:
         assert run(["report", "now.json", "flight.csv", "-o", "log.html"]) in (0, 1)
     assert "outside what the network" in capsys.readouterr().err
     assert "On the log" in Path("log.html").read_text()
+
+
+def test_an_orbit_with_its_ground_calibration_needs_no_further_word(capsys) -> None:
+    """Thermal, in the sensor's axes; the attitude is the body's: the magnitude teaches, and after a
+    jump of the bias the ground calibration is brought up to date and keeps its shape over
+    temperature."""
+    asked = ("-n", "9000", "--jump", "1500", "--seed", "5", "--external", "0")
+    assert run(["simulate", "orbit", "-o", "orbit.csv", *asked]) == 0
+    capsys.readouterr()
+    spans = ("--window", "50min", "--every", "50min")
+    words = ("retrain", "orbit.csv", "--ground", "orbit.ground.json", *spans)
+    assert run([*words, "--state", "s.json", "-o", "now.json", "--json"]) in (0, 1)
+    said = json.loads(capsys.readouterr().out)
+    assert said["target"] == "magnitude"
+    jumped = [one for one in said["retrainings"] if one["why"] == "change" and one["accepted"]]
+    assert jumped[0]["onset_s"] == pytest.approx(4500.0, abs=60.0)
+    assert jumped[0]["candidate_rms_nT"] < 0.3 * jumped[0]["running_rms_nT"]
+    ground, now = ag.load("orbit.ground.json"), ag.load("now.json")
+    assert now.kind == "thermal"
+    np.testing.assert_allclose(now.bias[1:], ground.bias[1:])
+    assert np.linalg.norm(now.bias[0] - ground.bias[0]) > 300.0

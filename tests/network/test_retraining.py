@@ -5,6 +5,7 @@ import pytest
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.retraining import RetrainerParams, Window
+from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.maths.estimation import cusum
 from agonic.network.fit import fit_network
@@ -278,3 +279,26 @@ class TestSchedule:
 def test_params_that_make_no_sense_are_refused(settings: dict) -> None:
     with pytest.raises(AgonicError):
         RetrainerParams(**settings)
+
+
+def test_a_thermal_base_that_is_moved_keeps_its_shape_and_grows_its_errors() -> None:
+    rng = np.random.default_rng(4)
+    base = Thermal(
+        bias=[[100.0, -50.0, 20.0], [40.0, 10.0, -5.0]],
+        matrix=[np.eye(3), 0.01 * np.diag([1.0, -1.0, 0.5])],
+        centre_C=20.0,
+        half_range_C=30.0,
+        covariance=np.eye(18) * 1e-6,
+    )
+    warmth = rng.uniform(0.0, 40.0, 600)
+    raw = rng.normal(0.0, 25_000.0, (600, 3))
+    jump = np.array([300.0, -200.0, 150.0])
+    wanted = base.correct(raw - jump, temperature=warmth)
+    length = np.linalg.norm(wanted, axis=1, keepdims=True) + rng.normal(0.0, 5.0, (600, 1))
+    for known, most in ((wanted, 3.0), (length, 6.0)):
+        rows = Window(time=np.arange(600.0), raw=raw, wanted=known, columns={"temperature": warmth})
+        moved = move(base, rows, bias_sd=0.1, matrix_sd=0.05)
+        assert np.abs(moved.bias[0] - base.bias[0] - jump).max() < most
+        np.testing.assert_allclose(moved.bias[1], base.bias[1])
+        assert moved.gauge == "free"
+        assert (np.diag(moved.covariance)[:6:2] > 1e-6).all()

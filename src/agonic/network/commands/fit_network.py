@@ -142,9 +142,15 @@ def _base(text: str) -> Any:
     return load(text)
 
 
-def _target(samples: Samples, reference: Reference) -> str:
-    """The vector where its components are known in the sensor's or the body's axes."""
+def _target(samples: Samples, reference: Reference, calibration: Any = None) -> str:
+    """The vector where its components are known in the axes of the sensor or of the calibration.
+
+    A field known through the attitude is in the body's axes; a calibration that ends in the
+    sensor's own says nothing of how the sensor is mounted: then the magnitude alone teaches.
+    """
     attitude = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
     turned = reference.frame == "n" and not samples.heading_estimated
     known = reference.frame in ("m", "b") or (turned and all(a is not None for a in attitude))
-    return "vector" if reference.kind == "vector" and known else "magnitude"
+    frame = "b" if turned else reference.frame
+    meets = calibration is None or calibration.frame_out == frame
+    return "vector" if reference.kind == "vector" and known and meets else "magnitude"

@@ -154,7 +154,8 @@ def _started(
     from agonic.network.commands.fit_network import _target
     from agonic.network.retraining import Retrainer
 
-    settings: dict[str, Any] = {"target": given["target"] or _target(samples, known)}
+    calibration = None if given["ground"] is None else cast(Any, load(given["ground"]))
+    settings: dict[str, Any] = {"target": given["target"] or _target(samples, known, calibration)}
     for name, (unit, length) in spans.items():
         settings[f"{name}_{unit}"] = length if unit == "s" else int(length)
     if "window_s" in settings:
@@ -164,7 +165,6 @@ def _started(
     for name in ("hidden", "alarm"):
         if given[name] is not None:
             settings[name] = given[name]
-    calibration = None if given["ground"] is None else cast(Any, load(given["ground"]))
     return Retrainer(calibration, RetrainerParams(**settings))
 
 

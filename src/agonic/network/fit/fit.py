@@ -77,7 +77,7 @@ def fit_network(
     settings = Settings(
         hidden=hidden,
         inputs=inputs,
-        base=base,
+        base=base if start is None else start.base,
         target=target,
         stopping=stopping,
         robust=robust,

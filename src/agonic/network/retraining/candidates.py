@@ -80,7 +80,7 @@ def train_candidates(
         first = [] if fit.base is None else [Candidate(fit.base, "an affine calibration")]
         return [*first, Candidate(fit.calibration, "a network", fit.iterations)]
     found = []
-    if can_move(running) and isinstance(running, Affine | Network):
+    if can_move(running):
         sds = {"bias_sd": params.bias_sd, "matrix_sd": params.matrix_sd}
         running = move(running, seen, **sds)
         found.append(Candidate(running, "an affine step"))
