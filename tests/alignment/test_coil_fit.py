@@ -180,7 +180,7 @@ def test_a_field_that_has_not_settled_is_refused_and_named() -> None:
     assert abs(fit.constant / 40_000 - 1) > 0.1
     assert fit.verdict == "refused"
     assert "settle_s" in fit.status
-    assert "not settled" not in {f.name for f in fit_coil(made.session).findings}
+    assert "coil not settled" not in {f.name for f in fit_coil(made.session).findings}
 
 
 def test_the_currents_own_scale_is_in_the_constant() -> None:

@@ -123,7 +123,7 @@ def judge_settling(fit: CoilFit, late: CoilEstimate | None) -> list[Finding]:
         return []
     return [
         Finding(
-            "not settled",
+            "coil not settled",
             "refuse" if share > UNSETTLED else "check",
             "the field still changes after each change of the current: the second halves of the "
             f"stretches alone give a constant that differs by {figure(100 * share)} %",
