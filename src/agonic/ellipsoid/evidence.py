@@ -182,7 +182,7 @@ def name_uncertainty(fit: Fit, plain: Array | None) -> Fit:
         return replace(fit, findings=others)
     memory = Finding(
         "noise with memory",
-        found.severity,
+        "check" if found.severity == "check" else "refuse",
         "errors of the readings last, some as long as the log: they leave the heading uncertain "
         f"by {figure(fit.coverage.heading_sd_deg)}°",
         "let the sensor warm up, keep iron and currents as they are, and record longer",
