@@ -47,6 +47,17 @@ _FEW = 0.01
 """Share of the readings that a column may still cost after its short holes are filled."""
 
 
+def find_finite_rows(values: Array) -> Mask:
+    """The rows (n,) of an array (n, k) without a NaN or infinity in them; fast where that is all.
+
+    >>> find_finite_rows(np.array([[1.0, 2.0], [np.nan, 3.0]])).tolist()
+    [True, False]
+    """
+    if len(values) and np.isfinite(max(-values.min(), values.max())):
+        return np.ones(len(values), dtype=bool)
+    return np.asarray(np.isfinite(values).all(axis=1))
+
+
 def find_reach(column: str) -> float:
     """How far, s, recorded neighbours may be from a row that is filled from them."""
     return _REACH_S.get(column, SHORT_REACH_S)

@@ -24,7 +24,7 @@ from agonic.logs.column_names import rename_headers
 from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
-from agonic.logs.text.encoding import normalise
+from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LONGEST_LINE,
     SAMPLE,
@@ -58,18 +58,18 @@ _QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
-    data, notes = normalise(path.read_bytes(), _count_understood)
+    data, notes = load(path, _count_understood)
     head = _split_head(data)
     sample = sample_lines(head)
     rows = [head[i] for i in sample]
     if _most(rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
-        return read_sentences(data, path, source, notes)
+        return read_sentences(data[:], path, source, notes)
     if tags := _find_tags(head):
         from agonic.logs.text.tagged import read_tagged
 
-        return read_tagged(data, tags, path, source, unit, notes)
+        return read_tagged(data[:], tags, path, source, unit, notes)
     table, facts = _read_lines(data, head, sample)
     return build_log(
         table, path=path, source=source, unit=unit, **{**facts, "notes": (*notes, *facts["notes"])}
@@ -78,17 +78,17 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
-    data, notes = normalise(path.read_bytes(), _count_understood)
+    data, notes = load(path, _count_understood)
     head = _split_head(data)
     table, facts = _read_lines(data, head, sample_lines(head))
     return table, {**facts, "notes": (*notes, *facts["notes"])}
 
 
-def _split_head(data: bytes, start: int = 0) -> list[str]:
+def _split_head(data: Text, start: int = 0) -> list[str]:
     """The first lines from a byte on, whole."""
     for size in (_HEAD, 2 * LONGEST_LINE):
         stop = len(data) if len(data) - start <= size else data.rfind(b"\n", start, start + size)
-        if stop > start and (stop == len(data) or data.count(b"\n", start, stop) >= SAMPLE):
+        if stop > start and (stop == len(data) or data[start:stop].count(b"\n") >= SAMPLE):
             break
     if stop < start:
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
@@ -125,7 +125,7 @@ def _find_tags(head: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _read_lines(
-    data: bytes, head: Sequence[str], sample: Sequence[int]
+    data: Text, head: Sequence[str], sample: Sequence[int]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns of lines of one kind, and what to tell of them."""
     rows = [head[i] for i in sample]
@@ -134,15 +134,15 @@ def _read_lines(
     if max(map(len, rows)) > LONGEST_LINE:
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
-        return _read_motioncal(data), {"format": "MotionCal text", "notes": ()}
+        return _read_motioncal(data[:]), {"format": "MotionCal text", "notes": ()}
     if _most(rows[1:] or rows, lambda line: len(_LABELLED.findall(_QUOTED.sub("", line))) >= 3):
-        return _read_labelled(data), {"format": "labelled text", "notes": ()}
+        return _read_labelled(data[:]), {"format": "labelled text", "notes": ()}
     layout = find_layout(head, sample)
     table, others = _read_body(data, _skip_lines(data, layout.start), layout)
     return table, {"format": "text table", "others": others, "notes": layout.notes}
 
 
-def _skip_lines(data: bytes, count: int) -> int:
+def _skip_lines(data: Text, count: int) -> int:
     """The byte at which what comes after so many lines begins."""
     at = 0
     for _ in range(count):
@@ -150,9 +150,7 @@ def _skip_lines(data: bytes, count: int) -> int:
     return at
 
 
-def _read_body(
-    data: bytes, start: int, layout: Layout
-) -> tuple[dict[str, NDArray[Any]], list[str]]:
+def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The columns that are understood, by header, and the headers of the others."""
     begun = _split_head(data, start)
     if layout.comma:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import warnings
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,9 +50,12 @@ def open_log(
     if unit is not None:
         find_unit(unit)
     try:
-        kind, source = _identify(file)
-        with names_for(file, columns) as names:
-            return _read(kind, file, source, unit or (names.unit if names else None))
+        kind = _identify(file)
+        with names_for(file, columns) as names, ThreadPoolExecutor(1) as beside:
+            hashed = beside.submit(_hash, file)  # a tenth of the time, on another core
+            source = Input(name=file.name, sha256="", count=0)
+            log = _read(kind, file, source, unit or (names.unit if names else None))
+            return _sign(log, hashed.result())
     except LogError as error:
         if error.path is not None:
             raise
@@ -104,13 +108,26 @@ def read(
     return log.sensor(0 if sensor is None else sensor)
 
 
-def _identify(file: Path) -> tuple[Format, Input]:
-    """The kind of a recording and the input that it is; a folder may be a ROS 2 bag."""
-    if not (file / METADATA).is_file():
-        return format_of(_head(file)), Input(name=file.name, sha256=hash_file(file), count=0)
+def _identify(file: Path) -> Format:
+    """The kind of a recording; a folder may be a ROS 2 bag."""
+    return ROS if (file / METADATA).is_file() else format_of(_head(file))
+
+
+def _hash(file: Path) -> str:
+    """The SHA-256 of a recording; of a folder, that of those of its files."""
+    if file.is_file():
+        return hash_file(file)
     parts = sorted(part for part in file.iterdir() if part.is_file())
-    whole = "".join(map(hash_file, parts)).encode()
-    return ROS, Input(name=file.name, sha256=hashlib.sha256(whole).hexdigest(), count=0)
+    return hashlib.sha256("".join(map(hash_file, parts)).encode()).hexdigest()
+
+
+def _sign(log: Log, sha256: str) -> Log:
+    """The log with the hash of its file wherever that is named."""
+    sensors = tuple(
+        samples.with_source(replace(samples.source or log.source, sha256=sha256))
+        for samples in log.sensors
+    )
+    return replace(log, source=replace(log.source, sha256=sha256), sensors=sensors)
 
 
 def _head(file: Path) -> bytes:

@@ -11,7 +11,7 @@ import numpy as np
 
 from agonic.arrays import Index
 from agonic.errors import LogError
-from agonic.logs.auxiliary import Table, set_angle_unit
+from agonic.logs.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.column_names import suggest_names
 from agonic.logs.columns import Identified, identify_column, identify_columns
 from agonic.logs.conventions import apply_conventions
@@ -94,7 +94,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     field = part.values(axes)
     unit, unit_notes = find_field_unit(axes, part.unit, field)
     time, epoch, time_notes = find_time(part.clocks[number], part.rows, field)
-    readings = np.asarray(np.isfinite(field).all(axis=1))
+    readings = find_finite_rows(field)
     columns, estimated, remarks = read_columns(part, number, time, readings)
     if len(foreign := find_foreign_rows(part, field)):
         keep = np.setdiff1d(np.arange(len(field)), foreign)

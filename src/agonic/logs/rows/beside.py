@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.logs.auxiliary import Table, convert_column, fill_holes, to_numbers
+from agonic.logs.auxiliary import Table, convert_column, fill_holes, find_finite_rows, to_numbers
 from agonic.logs.clock import Clock
 from agonic.logs.columns import Column, Identified
 from agonic.logs.rows.times import pick
@@ -40,7 +40,9 @@ class Part:
 
 def find_foreign_rows(part: Part, field: Array) -> Index:
     """Rows without a reading that hold what the readings' rows lack: another sensor's."""
-    empty = np.asarray(np.isnan(field).all(axis=1))
+    empty = ~find_finite_rows(field)
+    if empty.any():
+        empty = np.asarray(np.isnan(field).all(axis=1))
     if not empty.any() or empty.all():
         return np.empty(0, np.int64)
     for name, groups in part.found.items():

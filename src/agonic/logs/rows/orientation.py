@@ -36,8 +36,8 @@ def compute_attitude_deg(
 
     >>> lying = np.array([[1.0, 0.0, 0.0, 0.0]])
     >>> angles, _ = compute_attitude_deg(lying, np.array([[0.0, 0.0, 9.8]]), ENU)
-    >>> {name: values.round(9).tolist() for name, values in angles.items()}
-    {'roll_deg': [180.0], 'pitch_deg': [-0.0], 'heading_deg': [90.0]}
+    >>> {name: np.abs(values.round(9)).tolist() for name, values in angles.items()}
+    {'roll_deg': [180.0], 'pitch_deg': [0.0], 'heading_deg': [90.0]}
     """
     known = np.isfinite(quat_wxyz).all(axis=1) & (np.linalg.norm(quat_wxyz, axis=1) > 0.5)
     if not known.any():

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.logs.auxiliary import Table, to_numbers
+from agonic.logs.auxiliary import Table, find_finite_rows, to_numbers
 from agonic.logs.clock import UNIX, Clock, read_clock, spread_ties
 from agonic.logs.columns import FRACTION, Column, Identified
 from agonic.logs.resample import find_misplaced
@@ -97,7 +97,7 @@ def find_time(
     if whole is None:
         return None, None, notes
     time = whole[rows]
-    read = np.isfinite(field).all(axis=1)
+    read = find_finite_rows(field)
     time[find_misplaced(time)] = np.nan
     known = time[np.isfinite(time) & read]
     if len(known) < _CLOCK_SHARE * read.sum() or (len(known) > 1 and np.ptp(known) == 0):

@@ -3,13 +3,35 @@
 from __future__ import annotations
 
 import codecs
+import mmap
 import re
 from collections.abc import Callable
+from pathlib import Path
+
+Text = bytes | mmap.mmap
+"""A text as it lies in memory, or in a file that is mapped."""
 
 _HEAD = 262_144
+_LONG = 1_000_000
 _ENCODINGS = {"latin-1": "Latin-1", "cp1251": "Windows-1251", "gb18030": "GB 18030"}
 _STRAY = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
 _CONTROL = bytes({*range(32), 127} - set(b"\t\n"))
+
+
+def load(path: Path, understood: Callable[[str], int]) -> tuple[Text, tuple[str, ...]]:
+    """The text of a file as `normalise` makes it; a long plain one is mapped and not copied."""
+    if path.stat().st_size > _LONG:
+        with path.open("rb") as stream:
+            mapped = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+        pieces = range(0, len(mapped), _LONG)
+        if all(_is_plain(mapped[at : at + _LONG]) for at in pieces):
+            return mapped, ()
+    return normalise(path.read_bytes(), understood)
+
+
+def _is_plain(piece: bytes) -> bool:
+    """Whether there is nothing to normalise in some bytes."""
+    return piece.isascii() and b"\r" not in piece and b"\0" not in piece
 
 
 def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:

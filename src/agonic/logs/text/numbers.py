@@ -15,6 +15,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.logs.contents import to_number
+from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import Layout, holds_values, split_cells
 
 _BLOCK = 2_000_000
@@ -23,7 +24,7 @@ _LONG = 3_000_000
 """Bytes from which importing pyarrow pays."""
 
 
-def read_numbers(data: bytes, start: int, layout: Layout, columns: Sequence[int]) -> Array:
+def read_numbers(data: Text, start: int, layout: Layout, columns: Sequence[int]) -> Array:
     """The numbers in the given columns, (k, n); NaN where there is none, surplus cells ignored.
 
     The rows begin at the byte `start` of the text.
@@ -43,7 +44,7 @@ def read_numbers(data: bytes, start: int, layout: Layout, columns: Sequence[int]
     return np.concatenate(blocks, axis=1)
 
 
-def split_rows(data: bytes, start: int = 0) -> list[str]:
+def split_rows(data: Text, start: int = 0) -> list[str]:
     """The lines from a byte on that hold values."""
     return list(_rows(data[start:]))
 
@@ -52,7 +53,7 @@ def _rows(body: bytes) -> Iterator[str]:
     return filter(holds_values, body.decode().split("\n"))
 
 
-def _blocks(data: bytes, start: int) -> Iterator[bytes]:
+def _blocks(data: Text, start: int) -> Iterator[bytes]:
     """Pieces of whole lines."""
     while start < len(data):
         stop = data.find(b"\n", start + _BLOCK) + 1 or len(data)
