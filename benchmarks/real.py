@@ -25,22 +25,23 @@ from benchmarks.peers import ESTIMATORS
 
 Array = NDArray[np.float64]
 Estimate = Callable[[ag.Samples, ag.Samples], tuple[Array, float | None]]
+"""The field of the second samples by a fit to the first, and the error that it states."""
 
 BLOCKS = 8
 MOST_ROWS = 6000
+SCIPY = "SciPy least squares"
 RIVALS = {
-    "SciPy least squares": "magnitude residual",
     "magyc": "magyc ellipsoid",
     "magcal": "magcal",
 }
-TITLE = "# Real recordings"
-INTRODUCTION = f"""Each recording is cut into {BLOCKS} blocks of time. The even blocks are judged by a
-fit to the odd ones and the reverse, so every figure is of readings that the fit has not seen. Where
-an optical system knows the heading, the figure is the error of a heading made level with its roll
-and pitch, rms in degrees, after one constant turn; agonic is not shown that heading. Elsewhere it is
-the scatter of the magnitude, standard deviation over mean. `as flown` is what the device or vehicle
-had made of the readings; `stated` is what the fit said such an error should be. Recordings in which
-the field itself was disturbed are marked: there the best verdict is one that says so."""
+INTRODUCTION = f"""Each recording is cut into {BLOCKS} blocks of time. The even blocks are judged
+by a fit to the odd ones and the reverse, so every figure is of readings that the fit has not seen.
+Where an optical system knows the heading, the figure is the error of a heading made level with its
+roll and pitch, rms in degrees, after one constant turn; agonic is not shown that heading. Elsewhere
+it is the scatter of the magnitude over what it should have been, in percent. `as flown` is what the
+device or vehicle had made of the readings; `stated` is what the fit said such an error should be; a
+figure in brackets is of a calibration that agonic refuses to give. Where the field itself was
+disturbed, or the sensor hardly turned, the best verdict is one that says so."""
 NO_FOLDER = "the recordings were not found: set AGONIC_RECORDINGS"
 
 
@@ -89,23 +90,23 @@ RECORDINGS = (
 
 
 class Figure(NamedTuple):
-    """An error on readings that were not seen, and the one that was stated."""
+    """An error on readings that were not seen, the one that was stated, and if it was refused."""
 
     found: float
     stated: float | None = None
+    refused: bool = False
 
 
 def main() -> None:
-    """Print the table, and keep it."""
+    """Print the table."""
     asked = tables.arguments("real recordings", draws=1)
     folder = Path(os.environ.get("AGONIC_RECORDINGS", "../shared/recordings"))
     if not folder.is_dir():
         raise SystemExit(NO_FOLDER)
     chosen = RECORDINGS[:2] if asked.quick else RECORDINGS
     rows = [row for recording in chosen if (row := _judge(folder, recording)) is not None]
-    header = ["recording", "known", "agonic says", "as flown", *RIVALS, "agonic", "stated"]
-    parts = [TITLE, INTRODUCTION, tables.markdown(header, rows)]
-    tables.publish("real", parts, keep=not asked.quick)
+    header = ["recording", "known", "agonic says", "as flown", SCIPY, *RIVALS, "agonic", "stated"]
+    print("\n\n".join([INTRODUCTION, tables.markdown(header, rows)]))
 
 
 def _judge(folder: Path, recording: Recording) -> list[str] | None:
@@ -117,18 +118,18 @@ def _judge(folder: Path, recording: Recording) -> list[str] | None:
     samples = _thin(_read(path, recording))
     estimates: dict[str, Estimate] = {
         "as flown": _as_flown,
+        SCIPY: _fit_by_scipy,
         **{name: _make_rival(name) for name in RIVALS},
         "agonic": _estimate,
     }
     figures = {name: _measure(samples, estimate) for name, estimate in estimates.items()}
     sign = "°" if _knows_heading(samples) else "%"
-    own = figures["agonic"]
-    stated = own.stated if isinstance(own, Figure) else None
+    says, own = _say(samples), figures["agonic"]
+    if isinstance(own, Figure):
+        figures["agonic"] = own = own._replace(refused=says.startswith("refused"))
     shown = [_show(figures[name], sign) for name in estimates]
-    return [
-        recording.name, recording.known, _say(samples), *shown,
-        "–" if stated is None else _show(Figure(stated), sign),
-    ]  # fmt: skip
+    stated = _show(Figure(own.stated), sign) if isinstance(own, Figure) and own.stated else "–"
+    return [recording.name, recording.known, says, *shown, stated]
 
 
 def _read(path: Path, recording: Recording) -> ag.Samples:
@@ -191,12 +192,22 @@ def _measure(samples: ag.Samples, estimate: Estimate) -> Figure | str:
 def _find_errors(field: Array, samples: ag.Samples) -> Array:
     """Heading minus truth, degrees, about its mean; else the magnitude about its mean, percent."""
     if not _knows_heading(samples):
-        size = np.linalg.norm(field, axis=1)
+        size = np.linalg.norm(field, axis=1) / _find_magnitude(samples)
         return np.asarray(100.0 * (size / size.mean() - 1.0))
     level = _level(field, samples)
     error = np.degrees(np.arctan2(-level[:, 1], level[:, 0])) - samples.heading_deg
     middle = np.degrees(np.angle(np.mean(np.exp(1j * np.radians(error)))))
     return np.asarray((error - middle + 180.0) % 360.0 - 180.0)
+
+
+def _find_magnitude(samples: ag.Samples) -> Array:
+    """What the magnitude should have been (n,), by the place of each row; else the same in all."""
+    reference, _ = choose_reference(samples.with_columns(heading_deg=None))
+    if reference is None or samples.unit == "raw":
+        return np.ones(len(samples))
+    values = np.asarray(reference.values, dtype=np.float64)
+    size = values if values.ndim < 2 else np.linalg.norm(values, axis=1)
+    return np.broadcast_to(size, len(samples))
 
 
 def _level(field: Array, samples: ag.Samples) -> Array:
@@ -232,6 +243,29 @@ def _make_rival(name: str) -> Estimate:
     return fit
 
 
+def _fit_by_scipy(train: ag.Samples, test: ag.Samples) -> tuple[Array, float | None]:
+    """Least squares of |W (raw − bias)| − F with SciPy's defaults, W symmetric, from a sphere."""
+    from scipy.optimize import least_squares
+
+    known = _find_magnitude(train)
+    magnitude = known / known.mean()
+    centre = train.field.mean(axis=0)
+    size = float(np.linalg.norm(train.field - centre, axis=1).mean())
+    points = (train.field - centre) / size
+
+    def unpack(params: Array) -> tuple[Array, Array]:
+        xx, yy, zz, xy, xz, yz = params[3:]
+        return params[:3], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def residuals(params: Array) -> Array:
+        bias, matrix = unpack(params)
+        return np.asarray(np.linalg.norm((points - bias) @ matrix, axis=1) - magnitude)
+
+    found = least_squares(residuals, [0, 0, 0, 1, 1, 1, 0, 0, 0], max_nfev=200)
+    bias, matrix = unpack(found.x)
+    return ((test.field - centre) / size - bias) @ matrix, None
+
+
 def _estimate(train: ag.Samples, test: ag.Samples) -> tuple[Array, float | None]:
     """Ours, by the method that the log allows, and the error that it states."""
     blind = train.with_columns(heading_deg=None)
@@ -249,9 +283,11 @@ def _estimate(train: ag.Samples, test: ag.Samples) -> tuple[Array, float | None]
 
 
 def _show(figure: Figure | str, sign: str) -> str:
+    """A figure; one of a fit that was refused in brackets."""
     if isinstance(figure, str):
         return figure
-    return f"{figure.found:.3g} {sign}" if sign == "%" else f"{figure.found:.2g}{sign}"
+    text = f"{figure.found:.3g} {sign}" if sign == "%" else f"{figure.found:.2g}{sign}"
+    return f"({text})" if figure.refused else text
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ ALONE = (
     "dataflash",
     "field",
     "heading",
+    "real",
     "thermal",
     "tracking",
     "inflight",

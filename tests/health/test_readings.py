@@ -141,3 +141,15 @@ def test_describe_adds_what_is_worth_knowing() -> None:
     assert said["coarse steps"] == "readings come in steps of 150 nT"
     assert "corrected by COMPASS_OFS" in said["already corrected"]
     assert all(finding.severity == "note" for finding in describe(samples))
+
+
+def test_readings_divided_by_their_own_length_are_refused():
+    """Unit vectors, as some drivers publish them, tell nothing of bias; noise of 10⁻⁵ is none."""
+    rng = np.random.default_rng(6)
+    field = rng.normal((0.3, 0.0, 0.0), 1.0, (300, 3))
+    unit = field / np.linalg.norm(field, axis=1, keepdims=True)
+    for kind in (np.float64, np.float32):
+        found = {f.name: f.severity for f in inspect(ag.Samples(field=unit.astype(kind)))}
+        assert found["normalised"] == "refuse"
+    noisy = unit * 50_000 + rng.normal(0, 0.5, (300, 3))
+    assert "normalised" not in {f.name for f in inspect(ag.Samples(field=noisy))}

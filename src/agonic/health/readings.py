@@ -11,6 +11,8 @@ from agonic.health.finding import Finding
 from agonic.health.resolution import find_quantisation
 from agonic.samples import Samples
 
+_STEADIEST = 3e-7
+"""Relative scatter of the magnitude below which it was made, not measured; float32 has 6e-8."""
 _UNREAD = ("times left out", "acc left out", "gyro left out")
 """How the notes of a reader begin on what it found and could not read."""
 
@@ -35,6 +37,7 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
         _gaps(samples),
         _corrected(samples),
         _unread(samples),
+        _normalised(samples.field),
     ]
     return tuple(finding for finding in found if finding is not None)
 
@@ -82,6 +85,27 @@ def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
         for why, count in rejected.items()
         if count
     ]
+
+
+def _normalised(field: Array) -> Finding | None:
+    """Readings that a driver has divided by their own length: no magnitude is left to fit.
+
+    No sensor is so steady: even in one place its noise is some parts in 10⁵.
+    """
+    if len(field) < FEWEST:
+        return None
+    size = np.linalg.norm(field, axis=1)
+    middle = float(size.mean())
+    turned = np.ptp(field, axis=0).max() > 0.1 * middle
+    if not (0 < middle < np.inf) or not turned or float(size.std()) > _STEADIEST * middle:
+        return None
+    return Finding(
+        "normalised",
+        "refuse",
+        "all readings have exactly the same length: each was divided by its own, and what tells of "
+        "bias and soft iron is gone",
+        "have the driver record the readings as measured",
+    )
 
 
 def _unread(samples: Samples) -> Finding | None:
