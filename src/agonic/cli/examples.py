@@ -168,6 +168,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic simulate vehicle -o flight.csv -n 6000",
         "agonic simulate vehicle -o flight.csv --bank 27 --latency 40",
     ),
+    "agonic simulate rover": (
+        "agonic simulate rover -o rover.csv",
+        "agonic simulate rover -o rover.csv --tilt 3 --vibration 1",
+    ),
     "agonic simulate orbit": (
         "agonic simulate orbit -o day.csv",
         "agonic simulate orbit -o day.csv -n 20000 --moved 1500 --jump 3000",

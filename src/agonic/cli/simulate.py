@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from agonic.alignment.commands import simulate_alignment, simulate_north
-from agonic.cli import simulate_motion, simulate_vehicle
+from agonic.cli import simulate_motion, simulate_rover, simulate_vehicle
 from agonic.console.kinds import add_kinds
 from agonic.fleet.commands import simulate_fleet
 from agonic.inflight.commands import simulate_orbit
@@ -17,7 +17,12 @@ def add_to(app: typer.Typer) -> None:
     """Register the command and its kinds."""
     kinds = {
         "One sensor in motion": (simulate_motion,),
-        "Vehicles and missions": (simulate_vehicle, simulate_orbit, simulate_network),
+        "Vehicles and missions": (
+            simulate_vehicle,
+            simulate_rover,
+            simulate_orbit,
+            simulate_network,
+        ),
         "Laboratory": (simulate_campaign, simulate_alignment, simulate_north),
         "Fleet": (simulate_fleet,),
     }
