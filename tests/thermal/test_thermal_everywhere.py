@@ -207,7 +207,9 @@ def test_a_calibration_is_reported_without_a_log(cal, capsys) -> None:
     assert (status, said["method"], said["degree"]) == (0, "thermal", 3)
     assert said["range_C"] == [-10.0, 50.0]
     page = Path(said["files"][0]).read_text()
-    assert page.count('class="plot small"') == 9
+    assert (
+        page.count('class="plot small"') == 15
+    )  # nine coefficients, three scale factors, three angles
     assert "−10.0 to 50.0 °C" in page
 
 

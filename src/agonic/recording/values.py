@@ -8,6 +8,7 @@ from typing import Any
 
 from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
+from agonic.calibration.decomposition import decompose
 from agonic.recording.calibrated import Calibrated
 
 _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
@@ -25,6 +26,12 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "bias_sd": lambda result: result.fit.sd[:3],
     "matrix": lambda result: result.fit.calibration.matrix,
     "matrix_sd": lambda result: result.fit.sd[3 : _count_affine(result.fit.calibration)],
+    "scale_factors": lambda result: decompose(result.fit.calibration).scale_factors,
+    "scale_factors_sd": lambda result: decompose(result.fit.calibration).scale_factors_sd,
+    "nonorthogonality_deg": lambda result: decompose(result.fit.calibration).nonorthogonality_deg,
+    "nonorthogonality_sd_deg": lambda result: (
+        decompose(result.fit.calibration).nonorthogonality_sd_deg
+    ),
     "gauge": lambda result: result.fit.calibration.gauge,
     "sources": lambda result: getattr(result.fit.calibration, "sources", None),
     "coefficients": lambda result: getattr(result.fit.calibration, "coefficients", None),
@@ -51,7 +58,8 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
 
 `bias_nT` and the like are null where the readings are in raw units; `bias`, `bias_sd`, `noise` and
 `unit` are always there. `matrix_sd` are the standard errors of xx, yy, zz, xy, xz, yz, in the gauge
-free of yx, zx, zy as well. `coefficients` (3, k) are what a unit of each signal of the `sources`
+free of yx, zx, zy as well. `scale_factors` are raw units per nT, `nonorthogonality_deg` of xy, xz,
+yz. `coefficients` (3, k) are what a unit of each signal of the `sources`
 adds to the readings; null without any. `latency_s` is null where none was found.
 """
 

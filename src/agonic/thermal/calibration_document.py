@@ -43,12 +43,14 @@ def describe_calibration(
     >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
     ...                centre_C=20.0, half_range_C=30.0)
     >>> describe_calibration(warm, warm).to_html().count('class="plot small"')
-    9
+    15
     """
     sections = [
         Section("Validity", [describe_validity(thermal)]),
         Section("Coefficients over temperature", [lambda: figures.draw_coefficients(thermal)]),
+        Section("Scale factors and angles", [lambda: figures.draw_decomposition(thermal)]),
         Section("Numbers", [tables.list_numbers(thermal)]),
+        Section("In powers of the temperature, °C", [tables.list_powers(thermal)]),
     ]
     if samples is not None and verification is not None:
         sections.insert(0, _show_log(calibration, thermal, samples, verification))

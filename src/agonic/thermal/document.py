@@ -13,7 +13,7 @@ from agonic.report.document import Block, Document, Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import element
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
-from agonic.thermal import figures, tables, values
+from agonic.thermal import curves, figures, tables, values
 from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.fit.result import ThermalFit
@@ -192,7 +192,9 @@ def _show_evidence(
             "Coefficients over temperature",
             [lambda: figures.draw_coefficients(calibration, fit.bins)],
         ),
+        Section("Scale factors and angles", [lambda: figures.draw_decomposition(calibration)]),
         Section("Numbers", [tables.list_numbers(calibration)]),
+        Section("In powers of the temperature, °C", [tables.list_powers(calibration)]),
         Section("Before and after at every station", _show_stations(result, fit)),
         Section("Order of the polynomials", [lambda: figures.draw_orders(fit)]),
         Section("Cooling and heating", _compare_passes(fit)),
@@ -242,8 +244,22 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
         rows = zip("xyz", calibration.bias_at(level), calibration.sd_at(level)[:3], strict=True)
         numbers = "   ".join(f"{axis} {with_sd(float(b), float(s))}" for axis, b, s in rows)
         entries[write_minus(f"Bias at {level:.1f} °C")] = f"{numbers} {calibration.unit_in}"
+    middle = float(np.mean(calibration.range_C))
+    for group in _split_in_two(curves.evaluate_decomposition(calibration, np.array([middle]))):
+        numbers = "   ".join(
+            f"{curve.name.split()[-1]} "
+            + with_sd(float(curve.value[0]), None if curve.sd is None else float(curve.sd[0]))
+            for curve in group
+        )
+        label = group[0].name.rsplit(" ", 1)[0].capitalize()
+        entries[write_minus(f"{label} at {middle:.1f} °C")] = f"{numbers} {group[0].unit}".strip()
     if fit.spread is not None:
         ratios = zip(figures.COMPONENTS, fit.spread.improvement, strict=True)
         entries["Spread before / after"] = "   ".join(f"{name} {r:.2f}" for name, r in ratios)
     entries["File"] = ", ".join(files)
     return entries
+
+
+def _split_in_two(found: list[curves.Curve]) -> list[list[curves.Curve]]:
+    """The three scale factors, and the three angles."""
+    return [part for part in (found[:3], found[3:]) if part]

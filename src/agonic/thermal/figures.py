@@ -9,9 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.thermal import Thermal
-from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
     Axis,
@@ -26,30 +24,13 @@ from agonic.report.strips import (
 from agonic.report.time_axis import along_time
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
+from agonic.thermal.curves import Curve, evaluate_coefficients, evaluate_decomposition
 from agonic.thermal.fit.result import Bins, Spread, ThermalFit
 
 COMPONENTS = ("x", "y", "z", "|B|")
-LEVELS = 61
-"""Temperatures at which a curve is drawn."""
 MOST_DOTS = 240
-_ENTRIES = {"x": 0, "y": 1, "z": 2}
 _LEAST_VARIANCE = 1e-3
 _OUTLIER = 8.0  # median distances from the curve
-
-
-class Curve(NamedTuple):
-    """One coefficient over temperature: its `name` and unit, values and standard errors (t,)."""
-
-    name: str
-    unit: str
-    temperature: Array
-    value: Array
-    sd: Array | None
-
-    @property
-    def label(self) -> str:
-        """Name and unit as they stand at an axis."""
-        return f"{self.name}, {self.unit}" if self.unit else self.name
 
 
 class Dots(NamedTuple):
@@ -60,27 +41,13 @@ class Dots(NamedTuple):
     kind: str
 
 
-def evaluate_coefficients(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
-    """Every coefficient over the range that was seen, bias first.
-
-    >>> flat = Thermal(bias=[[1, 2, 3]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
-    >>> curves = evaluate_coefficients(flat)
-    >>> [curve.name for curve in curves][:4], float(curves[1].value[0])
-    (['bias x', 'bias y', 'bias z', 'matrix xx'], 2.0)
-    """
-    at = np.linspace(*calibration.range_C, LEVELS) if temperature is None else temperature
-    names = FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS
-    bias, matrix = calibration.bias_at(at), calibration.matrix_at(at)
-    sd = None if calibration.covariance is None else calibration.sd_at(at)
-    unit_in, unit_out = unit_label(calibration.unit_in), unit_label(calibration.unit_out)
-    ratio = "" if unit_in == unit_out else f"{unit_out} per {unit_in.rstrip('s')}"
-    made = []
-    for k, name in enumerate(names):
-        what, _, axes = name.partition("_")
-        value = bias[:, k] if what == "bias" else matrix[:, _ENTRIES[axes[0]], _ENTRIES[axes[1]]]
-        unit = unit_in if what == "bias" else ratio
-        made.append(Curve(f"{what} {axes}", unit, at, value, None if sd is None else sd[:, k]))
-    return made
+def draw_decomposition(calibration: Thermal) -> Markup:
+    """Scale factors and angles against temperature, as Nikolaev et al. (2023) show them."""
+    drawn = [draw_coefficient(curve, ()) for curve in evaluate_decomposition(calibration)]
+    keys = {"curve": "polynomial"}
+    if calibration.covariance is not None:
+        keys["band"] = "± 2 standard errors"
+    return caption("Scale factors and non-orthogonality over temperature", _arrange(drawn), keys)
 
 
 def select_dots(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[Dots, ...]:

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.affine import PARAMETERS
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
+from agonic.calibration.decomposition import expand_in_temperature
 from agonic.calibration.thermal import Thermal
 from agonic.report.digits import count, group_digits, quantity, show_sign, with_sd, write_minus
 from agonic.report.document import Block, Table
@@ -15,7 +16,7 @@ from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS
-from agonic.thermal import figures
+from agonic.thermal import curves, figures
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
 from agonic.thermal.fit.evidence import find_worst_sd
@@ -115,7 +116,7 @@ def list_shares(found: ChamberField) -> Table:
 
 
 def list_numbers(calibration: Thermal) -> Table:
-    """Bias and matrix at both ends and in the middle of the range, with standard errors."""
+    """Bias, matrix, scale factors and angles at both ends and in the middle of the range."""
     levels = np.linspace(*calibration.range_C, 3)
     head = ["Number", *(write_minus(f"at {level:.1f} °C") for level in levels)]
     rows = [
@@ -126,9 +127,34 @@ def list_numbers(calibration: Thermal) -> Table:
                 for k, value in enumerate(curve.value)
             ),
         ]
-        for curve in figures.evaluate_coefficients(calibration, levels)
+        for curve in (
+            *curves.evaluate_coefficients(calibration, levels),
+            *curves.evaluate_decomposition(calibration, levels),
+        )
     ]
     return Table(head, rows)
+
+
+def list_powers(calibration: Thermal) -> Table:
+    """k0, k1, … of bias and matrix in powers of the temperature in °C, as they are published."""
+    values, sd = expand_in_temperature(calibration)
+    head = ["Number", *(f"k{k}" for k in range(calibration.degree + 1))]
+    rows = [
+        [
+            name.replace("_", " "),
+            *(
+                with_sd(float(value), None if sd is None else float(sd[row, k]))
+                for k, value in enumerate(values[row])
+            ),
+        ]
+        for row, name in enumerate(name_nine(calibration))
+    ]
+    return Table(head, rows)
+
+
+def name_nine(calibration: Thermal) -> tuple[str, ...]:
+    """The names of bias and matrix, nine of them or twelve."""
+    return FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS
 
 
 def list_stations(spread: Spread, held_out: HeldOut | None, unit: str) -> Table:

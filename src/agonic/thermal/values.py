@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from agonic.calibration.decomposition import decompose_at, expand_in_temperature
+from agonic.calibration.thermal import Thermal
+from agonic.thermal import tables
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
@@ -46,6 +49,12 @@ def list_sensor_values(sensor: CalibratedSensor, files: Sequence[str]) -> dict[s
     return {**said, **_list_fit_values(sensor.fit), "held_out": tested}
 
 
+def _list_powers(calibration: Thermal) -> list[dict[str, Any]]:
+    """k0, k1, … of each number, and their standard errors."""
+    values, sd = expand_in_temperature(calibration)
+    return [{"k": row, "sd": sd if sd is None else sd[at]} for at, row in enumerate(values)]
+
+
 def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
     calibration, hysteresis = fit.calibration, fit.hysteresis
     levels = np.linspace(*calibration.range_C, 7)
@@ -61,8 +70,12 @@ def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
             "bias_nT": calibration.bias_at(levels),
             "bias_sd_nT": sd[:, :3],
             "matrix": calibration.matrix_at(levels),
-            "matrix_sd": sd[:, 3:9],
+            "matrix_sd": sd[:, 3:],
+            **decompose_at(calibration, levels)._asdict(),
         },
+        "powers_of_temperature_C": dict(
+            zip(tables.name_nine(calibration), _list_powers(calibration), strict=True)
+        ),
         "rate_nT_per_C_s": calibration.rate,
         "noise_nT": fit.noise,
         "excess_nT": fit.excess,
