@@ -22,6 +22,11 @@ STRICT = (
     "-Wundef",
     "-Wcast-qual",
 )
+SANITIZED = (
+    "-O1",
+    "-fsanitize=undefined,float-cast-overflow,float-divide-by-zero",
+    "-fno-sanitize-recover=all",
+)
 OUTPUTS = (
     "magnitude",
     "inclination_deg",
@@ -42,6 +47,39 @@ def compiled(folder: Path, *sources: str, flags: tuple[str, ...] = ("-O2",)) -> 
     files = [folder / source for source in sources]
     subprocess.run(["cc", *STRICT, *flags, *files, "-o", target, "-lm"], check=True)
     return target
+
+
+TRIES = """
+#include <math.h>
+INCLUDE
+int main(void)
+{
+    static const float values[] = {0.0f, 1.0f, -1.0f, 1e-30f, 1e-44f, 30000.0f, -45000.0f, 1e9f,
+                                   9e14f, 3.4e38f, -3.4e38f, INFINITY, -INFINITY, NAN};
+    unsigned int seed = 1;
+    float x[8];
+    int n, k;
+    BEGIN
+    for (n = 0; n < 40000; n++) {
+        for (k = 0; k < 8; k++) {
+            seed = seed * 1664525u + 1013904223u;
+            x[k] = values[(seed >> 16) % (n % 3 ? 14u : 9u)];
+        }
+        CALL
+    }
+    return 0;
+}
+"""
+
+
+def try_extremes(folder: Path, source: str, begin: str, call: str) -> None:
+    """Run a call on numbers of all kinds, x[8], under sanitizers: nothing is undefined."""
+    header = f'#include "{source.removesuffix(".c")}.h"'
+    text = TRIES.replace("INCLUDE", header).replace("BEGIN", begin).replace("CALL", call)
+    (folder / "tries.c").write_text(text)
+    program = compiled(folder, source, "tries.c", flags=SANITIZED)
+    done = subprocess.run([program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def library(folder: Path, *sources: str, flags: tuple[str, ...] = ()) -> ctypes.CDLL:

@@ -15,7 +15,7 @@ from agonic.cli import run
 from agonic.errors import AgonicError
 from agonic.exports.firmware.tracker import write_tracker
 from agonic.inflight.tracking import Tracker
-from tests.exports.controller import compiled, library
+from tests.exports.controller import compiled, library, try_extremes
 from tests.exports.processors import PROCESSORS
 from tests.inflight.test_tracking import orbiting, space_station
 
@@ -209,6 +209,18 @@ def test_readings_that_are_none_change_nothing(settled, tmp_path):
     zero = np.float32(board.bias)  # no field at all
     assert board.run.mag_tracker_update(board.state, 1.0, zero.ctypes.data, 4e4) & (REFUSED | NONE)
     assert np.isfinite(board.bias).all()
+
+
+def test_no_input_is_undefined(settled, tmp_path):
+    write_tracker(settled[0].params, settled[0].state, tmp_path, name="mag")
+    try_extremes(
+        tmp_path,
+        "mag_tracker.c",
+        "static mag_tracker t;\n    mag_tracker_begin(&t);",
+        "mag_tracker_update(&t, n % 5 ? 1.0f : x[0], x + 1, n % 7 ? x[4] : 40000.0f);\n"
+        "        mag_tracker_correct(&t, x + 1, x + 5);\n        mag_tracker_bias_sd(&t, x);\n"
+        "        if (n % 5000 == 0) {\n            mag_tracker_begin(&t);\n        }",
+    )
 
 
 def test_what_cannot_be_exported_says_what_to_do(tmp_path):

@@ -16,7 +16,7 @@ from agonic.exports.firmware.training import BLOCKS, write_training
 from agonic.maths.equation.network import forward, split
 from agonic.network.maths.levenberg_marquardt import Problem, train
 from agonic.network.simulate import SimulatedField, simulate_nonaffine, simulate_paper
-from tests.exports.controller import library
+from tests.exports.controller import library, try_extremes
 from tests.exports.processors import PROCESSORS
 
 IDLE, BUSY, ACCEPTED, REJECTED, TOO_FAR, FEW = range(6)
@@ -176,6 +176,18 @@ def test_few_readings_none_and_those_during_a_training(paper, tmp_path):
     board.add(raw[:900], wanted[:900])
     assert board.call("start")[0] == BUSY
     assert board.call("add", raw[0], wanted[0])[0] == 0
+
+
+def test_no_input_is_undefined(paper, tmp_path):
+    write_training(paper[0], tmp_path, window=100, name="net")
+    try_extremes(
+        tmp_path,
+        "net_training.c",
+        "static net_training t;\n    net_training_begin(&t);",
+        "net_training_add(&t, x, x + 3);\n        if (n % 100 == 0) {\n"
+        "            net_training_start(&t);\n        }\n        net_training_run(&t);\n"
+        "        net_training_correct(&t, x, x + 3);",
+    )
 
 
 def test_other_networks_say_what_they_lack(paper, tmp_path):

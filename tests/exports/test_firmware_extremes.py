@@ -12,14 +12,9 @@ from agonic.calibration.setup import Compass, Setup
 from agonic.cli import run
 from agonic.exports.firmware import declination_grid, write_firmware
 from agonic.exports.firmware.grid import DeclinationGrid
-from tests.exports.controller import Controller, compiled
+from tests.exports.controller import SANITIZED, Controller, compiled
 from tests.exports.test_firmware import COUNTS, HARD, WARM
 
-SANITIZED = (
-    "-O1",
-    "-fsanitize=undefined,float-cast-overflow,float-divide-by-zero",
-    "-fno-sanitize-recover=all",
-)
 GRID = declination_grid((45.0, 55.0), (0.0, 20.0), "2026-05-01", tolerance_deg=0.5)
 OUTSIDE = 8
 TRIES = """
