@@ -145,9 +145,14 @@ def check_coverage(c: Coverage) -> Finding | None:
         "coverage",
         "refuse" if refused else "check",
         f"the directions visited ({100 * c.filled:.0f} % of the sphere) leave the heading "
-        f"uncertain by {figure(c.heading_sd_deg)}°",
+        f"{_describe_doubt(c.heading_sd_deg)}",
         c.turns or f"{RECORD_LONGER}, turning slowly about all three axes",
     )
+
+
+def _describe_doubt(sd_deg: float) -> str:
+    """How uncertain a heading is; beyond a quarter of the circle a number says nothing."""
+    return f"uncertain by {figure(sd_deg)}°" if sd_deg < 90.0 else "entirely open"
 
 
 def _noisy(e: Evidence) -> Finding | None:
