@@ -41,7 +41,8 @@ roll and pitch, rms in degrees, after one constant turn; agonic is not shown tha
 it is the scatter of the magnitude over what it should have been, in percent. `as flown` is what the
 device or vehicle had made of the readings; `stated` is what the fit said such an error should be; a
 figure in brackets is of a calibration that agonic refuses to give. Where the field itself was
-disturbed, or the sensor hardly turned, the best verdict is one that says so."""
+disturbed, or the sensor hardly turned, the best verdict is one that says so: a steady magnitude
+tells nothing of directions that were never visited."""
 NO_FOLDER = "the recordings were not found: set AGONIC_RECORDINGS"
 
 

@@ -445,3 +445,9 @@ def test_what_could_not_be_read_is_said_before_a_verdict(tmp_path):
     assert fit_ellipsoid(samples).status.startswith("Not all of the log could be read: times left")
     good = read(write(tmp_path / "good.csv", "t_s," + axes("mag_{}_uT"), [TIME, FIELD]))
     assert not [found for found in inspect(good) if found.name == "not read"]
+
+
+def test_columns_that_are_something_else_are_not_suggested(tmp_path):
+    path = write(tmp_path / "log.csv", "t_s," + axes("acc_{}_g"), [TIME, ACC / G])
+    with pytest.raises(LogError, match="--columns time=t_s,x=…,y=…,z=… --unit uT"):
+        read(path)

@@ -27,6 +27,7 @@ from agonic.logs.columns import identify_column
 
 _BESIDE = ".toml"
 _AXES = "xyz"
+_CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +140,9 @@ def suggest_names(headers: Iterable[str]) -> str:
     '--columns time=clock,x=Sens0,y=Sens1,z=Sens2 --unit uT'
     """
     known = list(headers)
-    time = next((h for h in known if re.search(r"time|clock|stamp|^t$|sec|ms$", h, re.I)), None)
-    x, y, z = next(filter(None, (_find_triple(h, known) for h in known)), ("…",) * 3)
+    free = [header for header in known if identify_column(header) is None]
+    time = next((h for h in known if _quantity(h) == "time" or _CLOCK.search(h)), None)
+    x, y, z = next(filter(None, (_find_triple(h, free) for h in free)), ("…",) * 3)
     parts = [f"time={time}"] * (time is not None) + [f"x={x}", f"y={y}", f"z={z}"]
     columns = ",".join(parts)
     return f"--columns {repr(columns) if ' ' in columns else columns} --unit uT"
