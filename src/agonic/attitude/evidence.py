@@ -250,9 +250,15 @@ def _findings(
             Finding(
                 "heading",
                 "refuse" if turned > HEADING_REFUSED_DEG else "check",
-                f"the field's azimuth scatters by {figure(turned)}° about that of the known "
-                "heading: it is wrong, late, or in radians",
-                "check the heading, its unit and its zero, or fit without it (levelled)",
+                f"the field's azimuth scatters by {figure(turned)}° about "
+                + (
+                    "that of the known heading: it is wrong, late, or in radians"
+                    if problem.relative is None
+                    else "what the gyro tells: its unit, axes, sign or clock are wrong"
+                ),
+                "check the heading, its unit and its zero, or fit without it (levelled)"
+                if problem.relative is None
+                else "check unit, axes and times of the gyro",
             )
         )
     return tuple(found)

@@ -19,6 +19,7 @@ from agonic.fit import Fit
 from agonic.health import FEWEST
 from agonic.inertial.attitude import SETTLING_S, Inertial, feel_attitude
 from agonic.inertial.covariance import add_inertial_noise
+from agonic.inertial.known_mistakes import check_turning
 from agonic.inertial.problem import pose, standard_deviations, with_tilt, without_errors
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
@@ -136,6 +137,7 @@ def fit_inertial(
     q = len(solved.sds)
     errors = solved.found.solution.params[-q:] * solved.sds
     variances = np.diag(solved.found.solution.covariance)[-q:]
+    fit = fit.with_findings(check_turning(samples))
     return InertialFit(
         **{f.name: getattr(fit, f.name) for f in fields(Fit)},
         samples=solved.samples,

@@ -1,0 +1,79 @@
+"""Whether magnetometer and gyro turn together, and what would make them.
+
+A field that stands still turns in the sensor by dv/dt = (v − b) × ω, whatever the calibration does
+to its length. With the axes of the gyro renamed, or its unit another one, the same holds for s T ω;
+so every renaming T and unit s is tried, the bias b free in each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.health import Finding
+from agonic.inertial.maths.low_pass import low_pass
+from agonic.maths.rotations.mounting import describe_renaming, right_angles
+from agonic.maths.rotations.vectors import skew
+from agonic.samples import Samples
+
+FAR_BETTER = 0.25
+"""Of the square that is left: another naming of axes or unit is believed where it leaves less."""
+EXPLAINED = 0.5
+"""Of the square of the change: what a right naming leaves at most."""
+_SMOOTHED_S = 0.3
+_MOST = 4000
+_UNITS = ((1.0, ""), (np.pi / 180, "degrees"), (180 / np.pi, "radians"))
+
+
+def check_turning(samples: Samples) -> Finding | None:
+    """The finding that the gyro turns otherwise than the magnetometer, with what it looks like."""
+    time, rate = samples.time, samples.rotation_rate
+    if time is None or rate is None or len(time) < 50:
+        return None
+    turns = np.concatenate([right_angles(), -right_angles()])
+    tried = [(misfit, turn, unit) for unit in _UNITS for misfit, turn in _try(samples, turns, unit)]
+    own = tried[0][0]
+    best, turn, unit = min(tried, key=lambda one: one[0])
+    if best > EXPLAINED or best > FAR_BETTER * own:
+        return None
+    looks = []
+    if unit[1]:
+        looks.append(f"in {unit[1]} a second")
+    if np.array_equal(turn, -np.eye(3)):
+        looks.append("of the opposite sign")
+    elif not np.array_equal(turn, np.eye(3)):
+        looks.append(f"of other axes ({describe_renaming(turn.T)})")
+    return Finding(
+        "inertial unit",
+        "refuse",
+        "the gyro does not turn as the magnetometer does; it would if the gyro were "
+        + " and ".join(looks),
+        "name units and axes of gyro and magnetometer alike, and look which of the two is wrong",
+    )
+
+
+def _try(samples: Samples, turns: Array, unit: tuple[float, str]) -> list[tuple[float, Array]]:
+    """What is left of the change of the field for each renaming, as a share, with the renaming."""
+    time, rate = samples.time, samples.rotation_rate
+    assert time is not None
+    assert rate is not None
+    step = float(np.median(np.diff(time)))
+    every = max(1, len(time) // _MOST)
+    field, rate = (low_pass(v, step, _SMOOTHED_S) for v in (samples.field, rate))
+    # no rate is larger than noise where nothing turns; a gap's change is not that of a row
+    change = np.gradient(field, time, axis=0)[::every]
+    size = np.sqrt((change**2).sum(axis=1))
+    usual = size < 10 * np.median(size) + 1e-12
+    field, rate, change = field[::every][usual], rate[::every][usual], change[usual]
+    field = field - field.mean(axis=0)
+    total = max(float((change**2).sum()), 1e-300)
+    found = []
+    for turn in turns:
+        turned = unit[0] * rate @ turn.T
+        by_bias = skew(turned).reshape(-1, 3)  # ω × b = −b × ω
+        wanted = (change - np.cross(field, turned)).ravel()
+        gram = by_bias.T @ by_bias
+        bias = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ (by_bias.T @ wanted)
+        left = wanted - by_bias @ bias
+        found.append((float(left @ left) / total, turn))
+    return found

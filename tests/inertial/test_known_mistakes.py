@@ -1,0 +1,41 @@
+"""Units, signs and axes that do not go together: named, and never a good verdict on a wrong fit."""
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.inertial.known_mistakes import check_turning
+from tests.inertial.drives import drive, heading_error_deg
+
+QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+MISTAKES = {
+    "in degrees a second": lambda s: {"rotation_rate": np.degrees(s.rotation_rate)},
+    "in radians a second": lambda s: {"rotation_rate": np.radians(s.rotation_rate)},
+    "of the opposite sign": lambda s: {"rotation_rate": -s.rotation_rate},
+    "lies along y, −x, z": lambda s: {"rotation_rate": s.rotation_rate @ QUARTER.T},
+    "lies along −y, x, z": lambda s: {"field": s.field @ QUARTER.T},
+    "x and z are reversed": lambda s: {"field": s.field * [1, -1, 1]},
+}
+
+
+@pytest.mark.parametrize("looks", list(MISTAKES))
+def test_a_gyro_that_turns_otherwise_is_named(looks: str) -> None:
+    _, logged, _ = drive(tilt_deg=10.0, n=2000)
+    found = check_turning(logged.with_columns(**MISTAKES[looks](logged)))
+    assert found is not None
+    assert looks in found.what
+
+
+@pytest.mark.parametrize("kind", ["circle", "hand", "car", "boat", "flight", "tumble"])
+def test_a_gyro_as_it_should_be_is_not(kind: str) -> None:
+    for seed in range(2):
+        assert check_turning(drive(kind, seed, n=2000)[1]) is None
+
+
+def test_calibrate_goes_back_to_the_magnitude_and_says_why() -> None:
+    made, logged, place = drive(tilt_deg=10.0)
+    result = ag.calibrate(logged.with_columns(rotation_rate=-logged.rotation_rate), place)
+    assert result.method == "ellipsoid"
+    assert result.verdict == "check"
+    assert "of the opposite sign" in result.status
+    assert heading_error_deg(result.fit.calibration, made, 10.0) < 2.0
