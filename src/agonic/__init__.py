@@ -1,4 +1,4 @@
-"""agonic: magnetometer readings into a direction one can trust.
+"""agonic: turn magnetometer readings into headings you can trust.
 
     import agonic as ag
 

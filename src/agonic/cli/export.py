@@ -1,4 +1,4 @@
-"""`agonic export CAL --to TARGET`: a calibration, or a whole setup, for where it flies."""
+"""`agonic export CAL --to TARGET`: a calibration, or a setup, for an autopilot or firmware."""
 
 from __future__ import annotations
 
