@@ -65,11 +65,11 @@ def _either(words: Iterable[str]) -> str:
 _NAME = _either(_NAMES).replace("|magn|", "|magn(?!t[xyz]?$)|")
 """magnT is mag in nT, as mag_nT[0], not magn in T."""
 _BEFORE = "raw|imu|sensor|sensors|field|data|msg|message|header|vehicle|uncal|uncomp|cell"
-_WITHIN = "raw|adc|smooth|uncal|uncomp|buffer|data|values|readings"
+_WITHIN = "vector|raw|adc|smooth|uncal|uncomp|buffer|data|values|readings"
 _PATTERN = re.compile(
     rf"(?:imu(?P<imu>\d+)|{_BEFORE})*?"
     rf"(?P<before>[xyz])?(?P<name>{_NAME})(?:{_WITHIN})*(?P<number>\d*)(?P<axis>[xyz])?(?:axis)?"
-    rf"(?P<after>\d*)(?:in)?(?P<unit>{_either(_UNITS)})?(?P<last>[xyz])?",
+    rf"(?P<after>\d*)(?:in(?!t[xyz]?$))?(?P<unit>{_either(_UNITS)})?(?P<last>[xyz])?",
     re.IGNORECASE,
 )
 _SCALAR_PART = re.compile(
@@ -80,6 +80,7 @@ _BARE = re.compile(
     rf"(?:raw)?(?P<axis>[xyz])(?:axis)?(?P<after>\d*)(?P<unit>{_either(FIELD_UNITS)})?",
     re.IGNORECASE,
 )
+_TIME_OR_TEMPERATURE = re.compile(r"T|[tT]\d+")
 _TEMPERATURE = re.compile(r"t(?P<after>\d*)(?P<unit>c|degc|celsius|k|degf|f)", re.IGNORECASE)
 """A letter that stands for time, temperature and tesla: the unit says which."""
 _BRACKET = re.compile(r"(?P<name>[^(\[{]*[^\s(\[{])\s*[(\[{](?P<unit>[^)\]}]*)[)\]}]\s*")
@@ -122,7 +123,7 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     >>> column.quantity.column, column.sensor
     ('field', 'mmc')
     """
-    if len(header) > _LONGEST or header.strip() == "T":  # "T" is as often temperature as time
+    if len(header) > _LONGEST or _TIME_OR_TEMPERATURE.fullmatch(header.strip()):
         return None
     text = _UNCORRECTED.sub(r"un\1", spell_out(header.strip()))
     text = _INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)

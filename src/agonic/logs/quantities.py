@@ -91,7 +91,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity(
         column="field", name="mag", axes="x y z",
         aliases="m b magn magneto magnetometer magnetic magneticfield magfield magneticflux "
-        "magneticfluxdensity magneticinduction field bfield compass",
+        "magneticfluxdensity magneticinduction geomagnetic field bfield compass",
     ),
     Quantity(
         column="temperature", name="temperature", unit="C", units=_TEMPERATURE,

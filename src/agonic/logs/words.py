@@ -25,7 +25,8 @@ _NAMES = {
     "date": "дата datum fecha 日期",
     "temperature": "температура темп temperatur température temperatura 温度",
     "magnetometer": "магнитометр магн маг magnétomètre magnetómetro 磁力计 磁力計 磁强计 磁感应计",
-    "magneticfield": "магнитноеполе полемагнитное магнитнаяиндукция magnetfeld champmagnétique "
+    "magneticfield": "магнитноеполе полемагнитное feld магнитнаяиндукция magnetfeld "
+    "champmagnétique "
     "campomagnético campomagnetico 磁场 磁場 地磁 地磁場 磁感应强度",
     "accelerometer": "акселерометр beschleunigungssensor accéléromètre acelerómetro 加速度计",
     "acceleration": "ускорение beschleunigung accélération aceleración 加速度",
