@@ -129,8 +129,7 @@ def add_up(problem: Problem, estimate: Estimate) -> Scatters:
         lever += float(length @ length)
         size = np.sqrt(np.sum(jacobian[:, :3] ** 2, axis=1, keepdims=True))
         directions = np.hstack([jacobian[:, :3] / size, np.ones_like(size)])
-        stretch = np.arange(len(residuals)) // each
-        parts.append(Stretches.of(residuals, jacobian, weights, directions, stretch))
+        parts.append(Stretches.of(residuals, jacobian, weights, directions, each))
     count = int(np.count_nonzero(estimate.weights))
     whole = float(weight.sum())
     equal = information.sum(axis=0) * (total / whole * count / max(count - m, 1))

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.maths.estimation.student import compute_widening
 
 STRETCHES = 256
@@ -55,21 +55,22 @@ class Stretches(NamedTuple):
 
     @classmethod
     def of(
-        cls, residuals: Array, jacobian: Array, weights: Array, directions: Array, stretch: Index
+        cls, residuals: Array, jacobian: Array, weights: Array, directions: Array, each: int
     ) -> Stretches:
         """Parameters: residuals over their noise (n,), Jacobian (n, m), weights (n,), directions
-        (n, g), and the number of the stretch of each row (n,), from zero and growing."""
-        starts = np.flatnonzero(np.diff(stretch, prepend=-1))
+        (n, g), in order of time, and how many rows make a stretch; the last may have fewer."""
+        columns = np.hstack([residuals[:, None], directions, jacobian])
         weighted = directions * weights[:, None]
-
-        def add(values: Array) -> Array:
-            return np.asarray(np.add.reduceat(values, starts, axis=0))
-
-        return cls(
-            add(weighted * residuals[:, None]),
-            add(weighted[:, :, None] * directions[:, None, :]),
-            add(weighted[:, :, None] * jacobian[:, None, :]),
-        )
+        whole = len(columns) // each * each
+        parts = [
+            weighted[rows].reshape(-1, long, weighted.shape[1]).transpose(0, 2, 1)
+            @ columns[rows].reshape(-1, long, columns.shape[1])
+            for rows, long in ((slice(whole), each), (slice(whole, None), len(columns) - whole))
+            if long and len(columns[rows])
+        ]
+        sums = np.concatenate(parts)
+        g = directions.shape[1]
+        return cls(sums[:, :, 0], sums[:, :, 1 : 1 + g], sums[:, :, 1 + g :])
 
 
 class Memory(NamedTuple):
@@ -86,15 +87,15 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
     alike.
 
     >>> rng = np.random.default_rng(0)
-    >>> one, rows, mean = np.ones((400, 1)), np.arange(400), np.full((1, 1), 1 / 400)
+    >>> one, mean = np.ones((400, 1)), np.full((1, 1), 1 / 400)
     >>> slow = np.repeat(rng.normal(size=40), 10)
     >>> slow -= slow.mean()
-    >>> found = find_memory(Stretches.of(slow, one, one[:, 0], one, rows), mean, (slice(0, 1),))
+    >>> found = find_memory(Stretches.of(slow, one, one[:, 0], one, 1), mean, (slice(0, 1),))
     >>> bool(2000 < found.scatter[0, 0] < 8000)
     True
     >>> noise = rng.normal(size=400)
     >>> noise -= noise.mean()
-    >>> find_memory(Stretches.of(noise, one, one[:, 0], one, rows), mean, (slice(0, 1),)) is None
+    >>> find_memory(Stretches.of(noise, one, one[:, 0], one, 1), mean, (slice(0, 1),)) is None
     True
     """
     k = len(sums.seen)
