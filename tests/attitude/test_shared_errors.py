@@ -152,3 +152,26 @@ def test_a_current_that_switches_unseen_is_in_the_standard_errors() -> None:
     samples = made.samples.with_columns(field=made.samples.field + on[:, None] * [3000.0, 0, 0])
     fit = fit_levelled(samples, PLACE)
     assert level_error_deg(fit.calibration, made.truth) < 3 * fit.coverage.heading_sd_deg
+
+
+def test_a_disturbance_that_follows_the_pitch_is_in_the_standard_errors() -> None:
+    """3 µT at 20° nose up, none level; no column tells of it."""
+    for seed in range(3):
+        made = flown(seed, n=4000, noise=100.0)
+        way = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
+        added = 3000.0 * (made.samples.pitch_deg / 20.0)[:, None] * way
+        fit = fit_levelled(made.samples.with_columns(field=made.samples.field + added), PLACE)
+        error = level_error_deg(fit.calibration, made.truth)
+        assert error < 3 * fit.coverage.heading_sd_deg or fit.verdict != "good"
+
+
+@pytest.mark.parametrize("bend", [0.003, 0.01, 0.02])
+def test_a_fit_with_a_current_is_examined_as_well(bend: float) -> None:
+    """The current is known, and beside it the sensor is not linear."""
+    made = simulate("flight", n=4000, rate_Hz=25.0, noise=100.0, seed=6)
+    field = made.samples.field * (1 + bend * (made.samples.field / 50_000.0) ** 2)
+    samples = made.samples.with_columns(field=field)
+    fit = fit_levelled(samples, PLACE, sources=("current_A",))
+    assert "non-linear" in {finding.name for finding in fit.findings}
+    error = level_error_deg(fit.calibration.at(np.zeros(1)), made.truth)
+    assert error < 3 * fit.coverage.heading_sd_deg

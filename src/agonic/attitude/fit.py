@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.calibration import make_calibration
+from agonic.attitude.calibration import make_calibration, make_mean_calibration
 from agonic.attitude.evidence import assess
 from agonic.attitude.model_errors import find_model_errors, grow
 from agonic.attitude.problem import Scale, normalise
@@ -13,7 +13,8 @@ from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import add_shared_errors, find_turn_move
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, describe_model_errors, figure, find_usable_rows, widen
+from agonic.health import FEWEST, describe_model_errors, figure, find_usable_rows
+from agonic.health.adequacy import ModelError
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
@@ -88,14 +89,14 @@ def make_fit(
         tests = (_turn_test(problem, found),)
     turn = None if part.shared is not None else find_turn_move(found, part)
     found = add_shared_errors(found, part, scale, turn)
-    affine = make_calibration(found, problem, scale, samples, settings, name)
-    turned = turn is not None
-    if settings.sources or settings.model != "full":
-        return assess(affine, found, problem, scale, samples, usable, tests, turned, settings)
-    errors = find_model_errors(affine, found, samples, usable, part.magnitude * scale.magnitude)
+    errors: tuple[ModelError, ...] = ()
+    if settings.model == "full":
+        plain = make_mean_calibration(found, problem, scale, samples)
+        errors = find_model_errors(plain, found, samples, usable, part, scale)
     grown = grow(found, errors, scale)
-    wider = widen(affine, errors)
-    fit = assess(wider, grown, problem, scale, samples, usable, tests, turned, settings)
+    affine = make_calibration(grown, problem, scale, samples, settings, name)
+    turned = turn is not None
+    fit = assess(affine, grown, problem, scale, samples, usable, tests, turned, settings)
     return fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
 
 

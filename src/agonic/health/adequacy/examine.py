@@ -52,6 +52,14 @@ CAUSES: dict[str, tuple[str, str]] = {
         "a disturbance along one direction comes and goes (a current, something that moves)",
         "switch currents off or record them beside the field, and fasten what moves",
     ),
+    "follows bank": (
+        "a disturbance goes with the bank of the vehicle (a current, something that swings)",
+        "fasten what swings, record the currents beside the field, and calibrate with them",
+    ),
+    "follows pitch": (
+        "a disturbance goes with the pitch of the vehicle (a current, something that swings)",
+        "fasten what swings, record the currents beside the field, and calibrate with them",
+    ),
     "two populations": (
         "readings sit about two values along one direction: two sensors or a current that switches",
         "separate the sensors, or record the current beside the field",

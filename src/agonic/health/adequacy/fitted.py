@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,8 @@ class Fitted:
 
     `readings` (n, 3), `time` (n,) or None, `weights` (n,), `calibration` with its covariance,
     `wanted` the magnitude (1,) or (n,), `noise` of a reading on one axis, `correlation` of the
-    noise in rows, `prior` (9, 9) the prior's information.
+    noise in rows, `prior` (9, 9) the prior's information. `signals` are those (n, k) that a bias
+    may go with, by the cause that it would be; a level vehicle at rest has none of them.
     """
 
     calibration: Affine
@@ -37,6 +39,7 @@ class Fitted:
     correlation: float
     prior: Array
     inclination_deg: float = 60.0
+    signals: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def magnitude(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,14 @@ def _causes(work: Work) -> Iterator[_Cause]:
     yield _cause(work, "bias drift", lambda x: unmodelled.drift(t), moved=False)
     yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
     yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)
+    for name, signals in work.fitted.signals.items():
+        values = unmodelled.proportional(signals[rows])
+        yield _cause(work, name, partial(_same, values), moved=False, at_rest=False)
+
+
+def _same(values: Array, _: Array) -> Array:
+    """Terms that do not depend on the readings."""
+    return values
 
 
 def _cause(

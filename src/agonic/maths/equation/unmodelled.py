@@ -51,10 +51,7 @@ def memory(x: Array) -> Array:
 
 def drift(t: Array) -> Array:
     """A bias that moves: the first cosines over the recording's time, t (n,) from 0 to 1."""
-    waves = np.cos(np.pi * np.outer(t, np.arange(1, DRIFT_COSINES + 1)))
-    return np.asarray(
-        (waves[:, None, None, :] * np.eye(3)[:, :, None]).reshape(len(t), 3, 3 * DRIFT_COSINES)
-    )
+    return proportional(np.cos(np.pi * np.outer(t, np.arange(1, DRIFT_COSINES + 1))))
 
 
 def gain_drift(x: Array, t: Array) -> Array:
@@ -65,6 +62,17 @@ def gain_drift(x: Array, t: Array) -> Array:
 def alternation(rows: Index) -> Array:
     """Even and odd rows (their numbers, (n,)) differ in bias: two sensors that take turns."""
     return _by_axis(np.where(rows % 2, 1.0, -1.0)[:, None] * np.ones(3))
+
+
+def proportional(signals: Array) -> Array:
+    """A bias along any direction that goes with each of signals (n, k), (n, 3, 3k)."""
+    n, k = signals.shape
+    return np.asarray((signals[:, None, None, :] * np.eye(3)[:, :, None]).reshape(n, 3, 3 * k))
+
+
+def tilt_signals(sine: Array) -> Array:
+    """What may go with a bank or a pitch, by its sine (n,): the same and its square, (n, 2)."""
+    return np.stack([sine, sine**2], axis=1)
 
 
 def _by_axis(values: Array) -> Array:
