@@ -366,6 +366,13 @@ def test_anomalies_are_counted_where_they_are() -> None:
     )
 
 
+def test_a_noisy_thermometer_is_named() -> None:
+    samples, made = faulty(temperature_noise_C=0.5)
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), bin_width_C=3.0, rate=False)
+    assert "noisy thermometer" in names(fit)
+    assert fit.verdict == "check"
+
+
 def test_a_small_range_is_named() -> None:
     made = campaign(9, n=1200)
     rows = np.abs(made.samples.temperature - 20.0) < 3.0

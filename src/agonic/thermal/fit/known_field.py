@@ -19,7 +19,12 @@ from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.thermal.fit.calibration import make_calibration
-from agonic.thermal.fit.readings import collect_facts, convert_to_celsius, require_temperature
+from agonic.thermal.fit.readings import (
+    collect_facts,
+    convert_to_celsius,
+    judge_thermometer,
+    require_temperature,
+)
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.fit.scale import NO_LAG, Scale, find_narrow_range, require_range
 from agonic.thermal.fit.settings import LARGEST_AUTO, Settings
@@ -47,7 +52,8 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     problem, estimate, tests, curve = _choose_model(readings, settings, samples.unit)
     calibration = _restore(estimate, problem, readings, samples, reference, settings)
     outlier = estimate.weights == 0
-    found = [*findings, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
+    noisy = judge_thermometer([level]) if samples.time is not None else ()
+    found = [*findings, *noisy, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
     unseen = rms * _compare_to_seen(estimate)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -9,12 +10,14 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import CoverageError, LogError
-from agonic.health import Finding
+from agonic.health import Finding, figure
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.thermal.maths.binned_sums import Binned
 
 KELVIN = 273.15
+NOISY_C = 0.2
+"""Scatter of a thermometer that is told of."""
 _HOTTEST_C = 150.0
 """No magnetometer works where it is hotter: such numbers are kelvin."""
 
@@ -60,6 +63,32 @@ def convert_to_celsius(temperature: Array) -> tuple[Array, tuple[Finding, ...]]:
     )
 
 
+def judge_thermometer(parts: Iterable[Array]) -> tuple[Finding, ...]:
+    """Whether temperatures, recording after recording, scatter from reading to reading.
+
+    A box has no such changes: second differences are those of the thermometer.
+
+    >>> t = np.linspace(50.0, -10.0, 900)
+    >>> noisy = t + 0.5 * np.random.default_rng(0).normal(size=900)
+    >>> judge_thermometer([t]), [finding.name for finding in judge_thermometer([noisy])]
+    ((), ['noisy thermometer'])
+    """
+    squares = np.concatenate([np.zeros(1), *(np.diff(part, 2) ** 2 for part in parts)])
+    noise = float(np.sqrt(squares.sum() / max(len(squares) - 1, 1) / 6))
+    if noise < NOISY_C:
+        return ()
+    return (
+        Finding(
+            "noisy thermometer",
+            "check",
+            f"the thermometer scatters by {figure(noise)} °C from reading to reading, so readings "
+            "are taken for those of another temperature; standard errors are too small by up to "
+            "three times, most of all at the ends of the range",
+            "log the mean of the thermometer over a minute, or that of a better one nearby",
+        ),
+    )
+
+
 def require_temperature(samples: Samples) -> Array:
     """The temperatures, or a clear error."""
     if samples.temperature is None:
@@ -90,4 +119,5 @@ def sum_readings(samples: Samples, width_C: float) -> tuple[Binned, tuple[Findin
         )
     if not sums.stations:
         raise CoverageError("there are no readings at all", turns="record the twelve stations")
-    return sums, findings
+    parts = (level[start:stop] for start, stop in pairwise(edges))
+    return sums, (*findings, *judge_thermometer(parts))

@@ -1,0 +1,217 @@
+"""Recordings that break assumptions, through the tracker, the retrainer, the chamber and the coil.
+
+python -m benchmarks.torture_wings [--draws 4] [--kind TEXT]
+
+A run is *confidently wrong* where nothing is objected to and the error is above three stated
+standard errors (rms over the numbers of a run); of a retrainer, where a steady sensor is said to
+have changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+import agonic as ag
+from agonic.alignment.coil.fit import fit_coil
+from agonic.alignment.simulation.coil import simulate_coil
+from agonic.calibration.retraining import RetrainerParams
+from agonic.network.fit import fit_network
+from agonic.network.retraining import Retrainer
+from agonic.network.simulate import simulate_paper
+from agonic.thermal.simulation.campaign import simulate_campaign
+from benchmarks import tables
+
+Array = NDArray[np.float64]
+WRONG = 3.0
+NOISE = 100.0
+LEVELS = np.linspace(-5.0, 45.0, 6)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was said of a run, its error over the stated one, and the findings."""
+
+    verdict: str
+    over_stated: float
+    causes: tuple[str, ...]
+
+    @property
+    def wrong(self) -> bool:
+        """Confidently wrong."""
+        return self.verdict == "good" and self.over_stated > WRONG
+
+
+def correlated(rng: np.random.Generator, shape: tuple[int, ...], kept: float, sd: float) -> Array:
+    """AR(1) noise of a standard deviation, settled from the first row on."""
+    warm = int(10 / (1 - kept))
+    white = sd * np.sqrt(1 - kept**2) * rng.standard_normal((shape[0] + warm, *shape[1:]))
+    return np.asarray(lfilter([1.0], [1.0, -kept], white, axis=0)[warm:])
+
+
+def track(spoil: Callable[[np.random.Generator, int], tuple[Array | float, Array | float]]):
+    """A tumbling sensor at 1 Hz, 3000 rows, in a field that changes; errors added to readings and
+    to the reference, neither stated."""
+
+    def run(seed: int) -> Outcome:
+        rng, n = np.random.default_rng(seed), 3000
+        time = np.arange(1.0, n + 1)
+        size = 40_000 + 8_000 * np.sin(time / 875)
+        turns = Rotation.from_rotvec(np.outer(time, rng.standard_normal(3)) * 0.02)
+        turns = turns * Rotation.from_rotvec(np.outer(time, rng.standard_normal(3)) * 0.009)
+        bias, matrix = 3000.0 * rng.standard_normal(3), np.eye(3) + 0.02 * rng.uniform(-1, 1, 3)
+        field = size[:, None] * turns.apply([0.6, 0.0, 0.8])
+        raw = field @ np.linalg.inv((matrix + matrix.T) / 2).T + bias
+        raw = raw + NOISE * rng.standard_normal((n, 3))
+        beside, wrong = spoil(rng, n)
+        tracker = ag.Tracker()
+        tracker.update(
+            ag.Samples(time=time, field=raw + beside), ag.Reference.magnitude(size + wrong)
+        )
+        z = (tracker.bias - bias) / tracker.bias_sd
+        return _judge(tracker, z)
+
+    return run
+
+
+def retrain(kept: float) -> Callable[[int], Outcome]:
+    """A steady sensor whose noise lasts, after a network was trained on its first 30 s."""
+
+    def run(seed: int) -> Outcome:
+        made = simulate_paper(14.9, rate_Hz=600.0, directions="space", noise=1e-6, seed=seed)
+        noise = correlated(np.random.default_rng(seed), made.field.shape, kept, 2.0)
+        samples = made.samples.with_columns(field=made.samples.field + noise)
+        rows = np.arange(len(samples))
+        known = [ag.Reference.vector(made.field[part], frame="m") for part in (rows[:3000], rows)]
+        fit = fit_network(samples.select(rows[:3000]), known[0], compared=False)
+        retrainer = Retrainer(fit.calibration, RetrainerParams(window_n=1500))
+        for part in np.split(rows[3000:], range(250, len(rows) - 3000, 250)):
+            reference = ag.Reference.vector(made.field[part], frame="m")
+            retrainer.update(samples.select(part), reference)
+        changes = sum(one.why == "change" for one in retrainer.retrainings)
+        return Outcome("good", WRONG + changes if changes else 0.0, ())
+
+    return run
+
+
+def chamber(spoil: Callable[[np.random.Generator, ag.Samples], Array], **settings):
+    """Twelve stations with known turns; what is added to the readings of one sensor."""
+
+    def run(seed: int) -> Outcome:
+        quiet = {"field_sd": 0.0, "hysteresis": 0.0, "anomalies": 0.0, "rate_Hz": 0.1} | settings
+        made = simulate_campaign("MMC5883MA", seed=seed, **quiet)
+        samples = made.campaign.samples(made.campaign.sensors[0])
+        added = spoil(np.random.default_rng(seed), samples)
+        fit = ag.fit_thermal(
+            samples.with_columns(field=samples.field + added),
+            ag.Reference.constant(48_000.0),
+            stations=made.description.rotations,
+            bin_width_C=2.0,
+            rate=False,
+        )
+        (truth,) = made.truth.values()
+        away = fit.calibration.bias_at(LEVELS) - truth.bias_at(LEVELS)
+        return _judge(fit, away / fit.calibration.sd_at(LEVELS)[:, :3])
+
+    return run
+
+
+def coil(settling_s: float) -> Callable[[int], Outcome]:
+    """A coil whose field follows its current, five readings, one a second, on each side."""
+
+    def run(seed: int) -> Outcome:
+        made = simulate_coil(readings=5, seed=seed)
+        samples = made.session.magnetometer
+        current, flowing = samples.current_A, np.array(samples.current_A)
+        kept = np.exp(-1.0 / settling_s) if settling_s else 0.0
+        for row in range(1, len(flowing)):
+            last = current[row - 1] if settling_s else current[row]
+            flowing[row] = last + (flowing[row - 1] - last) * kept
+        late = samples.field + (flowing - current)[:, None] * made.vector
+        fit = fit_coil(replace(made.session, magnetometer=samples.with_columns(field=late)))
+        return _judge(fit, np.array([(fit.constant - 40_000.0) / fit.constant_sd]))
+
+    return run
+
+
+def _judge(result, z: Array) -> Outcome:
+    causes = tuple(finding.name for finding in result.findings)
+    return Outcome(result.verdict, float(np.sqrt(np.mean(z**2))), causes)
+
+
+def _station_offsets(rng: np.random.Generator, samples: ag.Samples) -> Array:
+    return (50.0 * rng.standard_normal((13, 3)))[samples.station.astype(int)]
+
+
+def _ageing(rng: np.random.Generator, samples: ag.Samples) -> Array:
+    return np.outer((samples.time - samples.time[0]) / 86_400.0, 20.0 * rng.choice([-1, 1], 3))
+
+
+KINDS: dict[str, Callable[[int], Outcome]] = {
+    "tracker *": track(lambda rng, n: (0.0, 0.0)),
+    **{
+        f"tracker, sensor noise AR {kept}": track(
+            lambda rng, n, kept=kept: (correlated(rng, (n, 3), kept, NOISE), 0.0)
+        )
+        for kept in (0.9, 0.97, 0.99, 0.995, 0.999)
+    },
+    **{
+        f"tracker, reference off by {sd} nT over {time_s} s": track(
+            lambda rng, n, sd=sd, time_s=time_s: (
+                0.0,
+                correlated(rng, (n,), float(np.exp(-1 / time_s)), sd),
+            )
+        )
+        for sd, time_s in ((60, 600), (150, 600), (100, 5000))
+    },
+    **{f"retrainer, noise AR {kept}": retrain(kept) for kept in (0.0, 0.9, 0.97)},
+    "chamber *": chamber(lambda rng, s: np.zeros((len(s), 3))),
+    "chamber, 50 nT by station": chamber(_station_offsets),
+    "chamber, ageing by 20 nT a day": chamber(_ageing),
+    "chamber, thermometer noise 0.5 °C": chamber(
+        lambda rng, s: np.zeros((len(s), 3)), temperature_noise_C=0.5
+    ),
+    **{f"coil, settles with {s} s": coil(s) for s in (0.0, 0.3, 1.0, 3.0)},
+}
+
+
+def main() -> int:
+    """Print the table; status 1 where a run was confidently wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--draws", type=int, default=4)
+    parser.add_argument("--kind", default="", help="only kinds whose name holds this text")
+    asked = parser.parse_args()
+    rows, wrong = [], 0
+    for name, run in KINDS.items():
+        if asked.kind not in name:
+            continue
+        runs = [run(seed) for seed in range(asked.draws)]
+        verdicts = Counter(one.verdict for one in runs)
+        causes = Counter(cause for one in runs for cause in one.causes)
+        wrong += sum(one.wrong for one in runs)
+        rows.append(
+            [
+                name,
+                " ".join(f"{verdicts[word]}" for word in ("good", "check", "refused")),
+                f"{np.median([one.over_stated for one in runs]):.1f}",
+                f"{max(one.over_stated for one in runs):.1f}",
+                f"{sum(one.wrong for one in runs) or ''}",
+                ", ".join(f"{cause} {count}" for cause, count in causes.most_common(3)),
+            ]
+        )
+    head = ["kind", "good check refused", "error over stated, median", "largest", "wrong", "causes"]
+    print("# Torture of the wings\n\n" + tables.markdown(head, rows))
+    print(f"\nConfidently wrong: {wrong} of {asked.draws * len(rows)} runs.")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
