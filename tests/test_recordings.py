@@ -115,7 +115,7 @@ def test_a_magnet_that_is_passed_is_named_with_its_times(calibrated) -> None:
 def test_logs_that_hardly_turn_are_refused_for_that(calibrated, name: str, finding: str) -> None:
     for result in calibrated[name]:
         whole = result.samples.name.startswith("vehicle_")  # 319 readings beside 6 raw ones
-        assert names([result])["coverage" if whole else finding] == "refuse"
+        assert names([result])["static" if whole else finding] == "refuse"
 
 
 def test_a_motor_field_is_named_in_the_compass_beside_it(calibrated) -> None:
