@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
-from agonic.errors import UnitError
+from agonic.errors import AgonicError, UnitError
 from agonic.units import nanotesla_per
 
 _LARGEST_NT = 1e15
@@ -31,6 +31,42 @@ class Reference:
     sd: float = 0.0
     source: str = "given"
     frame: str | None = None
+
+    @classmethod
+    def of(cls, given: Reference | ArrayLike | None) -> Reference | None:
+        """The reference that was meant: a number is a constant magnitude, nT, (n,) one per sample.
+
+        Raises `AgonicError` for anything else.
+
+        >>> Reference.of(50_000).values
+        array([50000.])
+        """
+        if given is None or isinstance(given, Reference):
+            return given
+        needed = "a Reference, a magnitude in nT, or magnitudes (n,)"
+        try:
+            array = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise AgonicError(
+                f"the reference was given as {type(given).__name__}; needed is {needed}"
+            ) from None
+        if array.ndim > 1:
+            raise AgonicError(
+                f"the reference was given with shape {array.shape}; needed is {needed}; a vector "
+                "is Reference.vector(values, frame='n')"
+            )
+        return cls.constant(float(array)) if array.ndim == 0 else cls.magnitude(array)
+
+    @classmethod
+    def required(cls, given: Reference | ArrayLike | None) -> Reference:
+        """As `of`, for a fit that cannot do without one."""
+        found = cls.of(given)
+        if found is None:
+            raise AgonicError(
+                "this fit needs the field of the place: Reference.horizontal_vertical, or "
+                "ag.wmm().along(samples)"
+            )
+        return found
 
     @classmethod
     def constant(

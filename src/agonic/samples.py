@@ -15,11 +15,15 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.errors import FrameError, LogError, UnitError
+from agonic.maths.earth.moments_of_time import count_seconds, has_moments
 from agonic.provenance import Input
-from agonic.units import RAW, find_unit, nanotesla_per
+from agonic.units import NANOTESLA_PER, RAW, find_unit, nanotesla_per
 
 LARGEST_FIELD = 1e15
 """Readings (nT, or raw) beyond it are garbage; a million tesla, or 50 bits of raw counts."""
+
+EARTH_NT = (15_000.0, 95_000.0)
+"""What a sensor reads of the Earth's field at its surface, its own bias included, nT."""
 
 VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
@@ -66,8 +70,9 @@ class Samples:
     Parameters
     ----------
     field : (n, 3) readings, in `unit`; kept in nT, or as they are when the unit is "raw".
-    unit : "nT", "uT", "mT", "T", "G", "mG" or "raw".
-    time : (n,) seconds since `epoch`, strictly increasing.
+    unit : "nT", "uT", "mT", "T", "G", "mG" or "raw"; nT where it is not said, unless the readings
+        have the size of the Earth's field in another unit: then it must be.
+    time : (n,) seconds since `epoch`, strictly increasing; or moments (datetimes of any kind).
     epoch : UTC moment of time zero, if known.
     temperature : (n,) °C, the magnetometer's own.
     roll_deg, pitch_deg, heading_deg : (n,) aerospace attitude (yaw-pitch-roll) of the body;
@@ -97,7 +102,7 @@ class Samples:
     """
 
     field: Array
-    unit: str = "nT"
+    unit: str = ""
     time: Array | None = None
     epoch: datetime | None = None
     temperature: Array | None = None
@@ -127,10 +132,17 @@ class Samples:
     rejected: Mapping[str, int] = dataclass_field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if has_moments(self.time):
+            seconds, epoch = count_seconds(self.time, self.epoch)
+            self._put("time", seconds)
+            self._put("epoch", epoch)
         columns = {name: _column(name, getattr(self, name)) for name in COLUMNS}
         lengths = {name: len(c) for name, c in columns.items() if c is not None}
         if len(set(lengths.values())) > 1:
             raise LogError(f"columns differ in length: {lengths}; give one value a row in each")
+        if not self.unit:
+            _refuse_other_unit(columns["field"])
+            self._put("unit", "nT")
         factor = nanotesla_per(self.unit)
         keep, rejected = _usable(columns, factor)
         for name, values in columns.items():
@@ -258,6 +270,23 @@ def _column(name: str, values: ArrayLike | None) -> Array | None:
     if not fits:
         raise LogError(f"{name} has shape {array.shape}; it needs {wanted}, a row a sample")
     return array
+
+
+def _refuse_other_unit(field: Array | None) -> None:
+    """Raise `UnitError` where readings without a unit have the Earth's size in another than nT."""
+    if field is None or not len(field):
+        return
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = (
+            float(np.nanmedian(np.sqrt((field**2).sum(axis=1)))) if np.isfinite(field).any() else 0
+        )
+    low, high = EARTH_NT
+    for name in ("uT", "mG", "G", "T"):
+        if low <= size * NANOTESLA_PER[name] <= high:
+            raise UnitError(
+                f"no unit was given, and readings of about {size:.2g} look like {name}: give "
+                f"unit={name!r}, or 'nT' or 'raw' if they are that"
+            )
 
 
 def _usable(columns: Mapping[str, Array | None], factor: float) -> tuple[Mask, dict[str, int]]:

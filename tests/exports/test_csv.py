@@ -52,7 +52,7 @@ def test_round_trip(tmp_path, changed):
 @given(st.lists(st.floats(-1e15, 1e15), min_size=3, max_size=3))  # beyond: left out at the door
 def test_any_number_survives(tmp_path_factory, reading):
     path = tmp_path_factory.mktemp("any") / "samples.csv"
-    write_csv(Samples(field=[reading]), path)
+    write_csv(Samples(field=[reading], unit="nT"), path)
     np.testing.assert_array_equal(read(path).field, [reading])
 
 

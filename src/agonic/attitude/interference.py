@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from numpy.typing import ArrayLike
+
 from agonic.attitude.fit import fit_channels
 from agonic.attitude.second_sensor import find_placement
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit
+from agonic.logs.natural import Given, as_samples
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 
 def fit_interference(
-    samples: Samples,
-    reference: Reference,
+    samples: Given,
+    reference: Reference | ArrayLike | None,
     sources: Sequence[str] = ("current_A",),
     *,
     model: Model = "full",
@@ -58,6 +61,7 @@ def fit_interference(
     """
     if not sources:
         raise AgonicError("sources is empty; name what disturbs: current_A, throttle or second")
+    samples, reference = as_samples(samples), Reference.required(reference)
     chosen = Settings(
         model=model,
         gauge=gauge,

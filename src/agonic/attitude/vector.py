@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from numpy.typing import ArrayLike
+
 from agonic.attitude.fit import fit_channels
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.fit import Fit
+from agonic.logs.natural import Given, as_samples
 from agonic.reference import Reference
-from agonic.samples import Samples
 
 
 def fit_vector(
-    samples: Samples,
-    reference: Reference,
+    samples: Given,
+    reference: Reference | ArrayLike | None,
     *,
     model: Model = "full",
     gauge: Gauge = "auto",
@@ -51,6 +53,7 @@ def fit_vector(
     >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
     True
     """
+    samples, reference = as_samples(samples), Reference.required(reference)
     chosen = Settings(
         model=model,
         gauge=gauge,

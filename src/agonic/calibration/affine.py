@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
-from agonic.calibration.base import Validity, read_only, require_covariance
+from agonic.calibration.base import (
+    Validity,
+    as_readings,
+    check_size,
+    read_only,
+    require_covariance,
+)
 from agonic.maths.equation import affine as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
@@ -104,7 +110,9 @@ class Affine:
 
         Parameters: raw (…, 3) in `unit_in`; columns (…), not used.
         """
-        return kernel.correct(np.asarray(raw, dtype=np.float64), self.bias, self.matrix)
+        readings = as_readings(raw)
+        check_size(readings, self, self.validity)
+        return kernel.correct(readings, self.bias, self.matrix)
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
         """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.

@@ -14,6 +14,9 @@ from agonic.maths.estimation.series import compute_rates
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 
+_UNIT_OFF = 300.0
+"""Readings so many times off are in another unit; a shield or a magnet does not do that."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Validity:
@@ -62,6 +65,41 @@ class Calibration(Protocol):
     def equation(self) -> str: ...
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array: ...
+
+
+def as_readings(raw: ArrayLike) -> Array:
+    """Readings (…, 3) as numbers, or an error that says what is needed."""
+    kind = type(raw).__name__
+    if isinstance(raw, Samples):
+        raise AgonicError("correct takes readings (n, 3); for samples there is agonic.apply")
+    try:
+        array = np.asarray(raw, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise AgonicError(f"readings were given as {kind}; needed are numbers (…, 3)") from None
+    if array.shape[-1:] != (3,):
+        raise AgonicError(f"readings of shape {array.shape} were given; needed are (…, 3)")
+    return array
+
+
+def check_size(raw: Array, calibration: Calibration, validity: Validity) -> None:
+    """Raise `UnitError` where readings (…, 3) are all hundreds of times off those it was made from.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> made = Affine(bias=[0, 0, 0], matrix=np.eye(3), validity=Validity(largest_reading=5e4))
+    >>> made.correct([[20.0, 0.0, 43.0]])
+    Traceback (most recent call last):
+    agonic.errors.UnitError: readings up to 43 were given where the calibration is of readings in \
+nT, up to 50000: they are in another unit; convert them, or read them with it
+    """
+    known, finite = validity.largest_reading, raw[np.isfinite(raw)]
+    size = float(np.abs(finite).max()) if finite.size else 0.0
+    if not known or not size or known / _UNIT_OFF < size < known * _UNIT_OFF:
+        return
+    raise UnitError(
+        f"readings up to {size:.3g} were given where the calibration is of readings in "
+        f"{calibration.unit_in}, up to {known:.5g}: they are in another unit; convert them, or "
+        "read them with it"
+    )
 
 
 def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -115,6 +153,13 @@ def apply(calibration: Calibration, samples: Samples) -> Samples:
     >>> apply(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]])).field
     array([[2., 0., 4.]])
     """
+    if not isinstance(samples, Samples) or not hasattr(calibration, "correct"):
+        given = f"{type(calibration).__name__}, {type(samples).__name__}"
+        raise AgonicError(
+            f"apply takes a calibration and samples, and was given {given}; samples are "
+            "ag.read(path) or ag.Samples(field=array, unit=...), for an array there is "
+            "calibration.correct(array)"
+        )
     if samples.unit != calibration.unit_in:
         raise UnitError(
             f"the calibration corrects readings in {calibration.unit_in} and these are in "

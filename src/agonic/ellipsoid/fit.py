@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
@@ -33,6 +34,7 @@ from agonic.health import (
     widen,
 )
 from agonic.health.adequacy import ModelError
+from agonic.logs.natural import Given, as_samples
 from agonic.maths.equation import moments
 from agonic.maths.equation.channels import Problem
 from agonic.provenance import Provenance
@@ -41,9 +43,10 @@ from agonic.samples import Samples
 
 
 def fit_ellipsoid(
-    samples: Samples,
-    reference: Reference | None = None,
+    samples: Given,
+    reference: Reference | ArrayLike | None = None,
     *,
+    unit: str | None = None,
     model: Model = "auto",
     method: Method = "likelihood",
     robust: bool = True,
@@ -59,9 +62,11 @@ def fit_ellipsoid(
 
     Parameters
     ----------
-    samples : readings of one sensor; times are used to find correlation and changes.
-    reference : magnitude F, constant or per sample, nT. Without one the mean gain is set to 1 and
-        the result keeps the unit of the readings; `fit.remarks` says so.
+    samples : readings of one sensor, also as an array (n, 3), a table or the path of a recording
+        (`as_samples`); times are used to find correlation and changes.
+    reference : magnitude F, constant or per sample, nT, also as a number. Without one the mean gain
+        is set to 1 and the result keeps the unit of the readings; `fit.remarks` says so.
+    unit : of readings that are an array or do not say.
     model : "sphere" (bias, one gain), "diagonal" (three gains), "full" (symmetric matrix), or
         "auto": the smallest that nested tests do not reject.
     method : "likelihood", "adjusted" (one pass, consistent), and the published "li-griffiths" and
@@ -88,6 +93,7 @@ def fit_ellipsoid(
     >>> bool(np.all(np.abs(fit.calibration.bias - [3000, -500, 100]) < 4 * fit.sd[:3]))
     True
     """
+    samples, reference = as_samples(samples, unit), Reference.of(reference)
     settings = Settings(
         model=model,
         method=method,

@@ -176,7 +176,7 @@ class LiveFit:
         return self._examined[1]
 
     def _find_objections(self) -> tuple[Finding, ...]:
-        settings = {"inclination_deg": self.params.inclination_deg}
+        settings: dict[str, Any] = {"inclination_deg": self.params.inclination_deg}
         try:
             made = calibrate(self.samples, self.params.reference, kind="ellipsoid", **settings)
         except AgonicError as error:

@@ -94,7 +94,7 @@ def simulate_paper(
     changed = CHANGED_BIAS + field @ CHANGED_RESPONSE.T
     raw = np.where(late, changed, ground) + noise * noise_rng.standard_normal((n, 3))
     return SimulatedField(
-        samples=Samples(time=time, field=raw, name="paper", notes=("simulated",)),
+        samples=Samples(time=time, field=raw, unit="nT", name="paper", notes=("simulated",)),
         field=field,
         facts=MappingProxyType(
             {

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.attitude.latency import LatencyFit
@@ -19,6 +20,7 @@ from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recor
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, figure, sentences, verdict_of
+from agonic.logs.natural import Given, as_samples
 from agonic.recording.advice import suit_advice
 from agonic.recording.choice import Choice, Kind, choose, describe_latency
 from agonic.recording.held_out import CHANCE, compare_folds, fit_folds
@@ -58,9 +60,10 @@ class Calibrated:
 
 
 def calibrate(
-    samples: Samples,
-    reference: Reference | None = None,
+    samples: Given,
+    reference: Reference | ArrayLike | None = None,
     *,
+    unit: str | None = None,
     kind: Kind = "auto",
     **settings: Any,
 ) -> Calibrated:
@@ -86,7 +89,8 @@ def calibrate(
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    return _verify(_keep_latency(choose(samples, reference, kind, settings)))
+    meant = as_samples(samples, unit)
+    return _verify(_keep_latency(choose(meant, Reference.of(reference), kind, settings)))
 
 
 def calibrate_recording(

@@ -227,6 +227,7 @@ def _common(
     force_n = rate_of_change(flown.velocity_n, time) - np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
     return Samples(
         field=np.zeros((len(time), 3)),
+        unit="nT",
         time=time,
         epoch=epoch,
         acceleration=attitude.apply(force_n, inverse=True),

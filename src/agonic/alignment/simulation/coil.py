@@ -92,6 +92,7 @@ def simulate_coil(
             name="simulated",
             magnetometer=Samples(
                 field=true + np.asarray(bias) + noise * rng.standard_normal(true.shape),
+                unit="nT",
                 time=time,
                 epoch=begins,
                 current_A=flowing,
@@ -99,6 +100,7 @@ def simulate_coil(
             ),
             reference=Samples(
                 field=beside + reference_noise * rng.standard_normal(beside.shape),
+                unit="nT",
                 time=time,
                 epoch=begins,
                 name="reference",

@@ -68,6 +68,7 @@ def simulate_gravity(
     samples = Samples(
         time=time,
         field=field_b @ rot_bm + np.asarray(bias) + noise * rng.standard_normal(field_b.shape),
+        unit="nT",
         acceleration=force + force_noise * rng.standard_normal(force.shape),
     )
     return SimulatedGravity(samples=samples, rot_bm=rot_bm)

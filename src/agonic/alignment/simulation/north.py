@@ -220,6 +220,7 @@ def _platform(
     )
     magnetometer = Samples(
         field=true_b @ rot_mb.T + noise * rng.standard_normal(true_b.shape),
+        unit="nT",
         time=seconds,
         epoch=begins,
         station=(number + 1).astype(np.float64),
@@ -227,6 +228,7 @@ def _platform(
     )
     reference = Samples(
         field=beside + reference_noise * rng.standard_normal(beside.shape),
+        unit="nT",
         time=clock,
         epoch=begins,
         name="reference",

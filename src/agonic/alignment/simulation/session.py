@@ -119,6 +119,7 @@ def simulate_session(
         ),
         magnetometer=Samples(
             field=raw + noise * rng.standard_normal(raw.shape),
+            unit="nT",
             time=seconds,
             epoch=begins,
             station=(number + 1).astype(np.float64),
@@ -126,6 +127,7 @@ def simulate_session(
         ),
         reference=Samples(
             field=beside + reference_noise * rng.standard_normal(beside.shape),
+            unit="nT",
             time=np.arange(len(beside), dtype=np.float64),
             epoch=begins,
             name="reference",

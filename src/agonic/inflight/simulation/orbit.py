@@ -168,6 +168,7 @@ def simulate_orbit(
     scalar = np.linalg.norm(field_n, axis=1) + (scalar_sd or 0) * rngs.scalar.standard_normal(n)
     samples = Samples(
         field=np.round(raw / step) * step if step else raw,
+        unit="nT",
         time=time,
         epoch=epoch,
         temperature=temperature,

@@ -135,6 +135,7 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
     gps = tables.get("GPS")
     return Samples(
         field=found.field,
+        unit="nT",
         time=mag.time_s,
         epoch=None if gps is None else _utc_of_boot(gps),
         **columns,

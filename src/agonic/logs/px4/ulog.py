@@ -156,6 +156,7 @@ def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Inp
     attitude = () if columns["heading_deg"] is None else (ESTIMATED_ATTITUDE,)
     return Samples(
         field=found.field,
+        unit="nT",
         time=time,
         epoch=find_utc_of_boot(topics),
         temperature=read_temperature(topic, time),

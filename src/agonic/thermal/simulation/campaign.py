@@ -111,6 +111,7 @@ class SimulatedCampaign:
         return Samples(
             time=time[kept],
             field=raw[kept],
+            unit="nT",
             temperature=np.round(shown[kept], 3),
             station=np.full(len(time[kept]), float(number)),
             name=sensor.name,

@@ -1,0 +1,89 @@
+"""Readings in any form that people have them in: samples, an array, a table of columns, a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from agonic.errors import AgonicError, LogError
+from agonic.logs.read import read
+from agonic.logs.table import build_log
+from agonic.provenance import Input
+from agonic.samples import Samples
+
+Given = Samples | ArrayLike | Mapping[str, ArrayLike] | Path | str
+"""What a fit takes for its readings."""
+
+
+def as_samples(given: Given, unit: str | None = None) -> Samples:
+    """The samples that were meant.
+
+    Parameters
+    ----------
+    given : `Samples`; readings (n, 3) as an array or lists; a pandas DataFrame, an xarray Dataset
+        or a mapping whose columns are named as in a text table; or the path of a recording.
+    unit : of the readings, where they do not say.
+
+    Raises `AgonicError` for anything else.
+
+    >>> as_samples([[20.0, 0.0, 43.0]], "uT").field.tolist()
+    [[20000.0, 0.0, 43000.0]]
+    """
+    if isinstance(given, Samples):
+        if unit is not None:
+            raise AgonicError(
+                f"unit={unit!r} was given with samples, which have theirs; leave it out"
+            )
+        return given
+    if isinstance(given, str | Path):
+        return read(given, unit=unit)
+    table: Any = given
+    if hasattr(table, "data_vars"):
+        table = table.to_dataframe().reset_index()
+    if isinstance(table, Mapping) or (hasattr(table, "columns") and hasattr(table, "index")):
+        return _read_table(table, unit)
+    return _read_array(table, unit)
+
+
+def _read_table(table: Any, unit: str | None) -> Samples:
+    """The magnetometer of a table in memory; an index of moments is its time."""
+    columns = {str(name): np.asarray(table[name]) for name in table}
+    if len({len(column) for column in columns.values()}) != 1:
+        raise LogError("the columns of a table have one length, and it has one column at least")
+    index = getattr(table, "index", None)
+    if index is not None and np.asarray(index).dtype.kind == "M" and "time" not in columns:
+        columns = {"time": np.asarray(index), **columns}
+    try:
+        log = build_log(
+            columns,
+            path=Path("table"),
+            source=Input.of_array("table", np.arange(0.0)),
+            format="table in memory",
+            unit=unit,
+        )
+    except LogError as error:
+        if len(columns) == 3 and all(column.dtype.kind in "iuf" for column in columns.values()):
+            return _read_array(np.stack(list(columns.values()), axis=1), unit)
+        raise LogError(f"a table in memory: {error}") from None
+    if len(log.sensors) > 1:
+        names = ", ".join(sensor.name for sensor in log.sensors)
+        raise AgonicError(f"the table holds {names}; give the columns of one")
+    return log.sensors[0].with_columns(source=None)
+
+
+def _read_array(given: Any, unit: str | None) -> Samples:
+    kind = type(given).__name__
+    needed = "Samples, readings (n, 3), a table with named columns, or the path of a recording"
+    try:
+        array = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise AgonicError(f"readings were given as {kind}; needed are {needed}") from None
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise AgonicError(
+            f"readings were given as {kind} of shape {array.shape}; needed are {needed}"
+        )
+    return Samples(field=array, unit=unit or "")
