@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from agonic.errors import AgonicError, LogError
 from agonic.logs.read import read
 from agonic.logs.table import build_log
+from agonic.maths.earth.moments_of_time import count_seconds, has_moments
 from agonic.provenance import Input
 from agonic.samples import Samples
 
@@ -55,8 +56,11 @@ def _read_table(table: Any, unit: str | None) -> Samples:
     if len({len(column) for column in columns.values()}) != 1:
         raise LogError("the columns of a table have one length, and it has one column at least")
     index = getattr(table, "index", None)
-    if index is not None and np.asarray(index).dtype.kind == "M" and "time" not in columns:
-        columns = {"time": np.asarray(index), **columns}
+    if index is not None and "time" not in columns and has_moments(index):
+        seconds, epoch = count_seconds(index, None)
+        spans = (1e9 * seconds).round().astype("timedelta64[ns]")
+        begun = None if epoch is None else np.datetime64(epoch.replace(tzinfo=None), "ns")
+        columns |= {"time_s": seconds} if begun is None else {"time": begun + spans}
     try:
         log = build_log(
             columns,
