@@ -14,6 +14,7 @@ ALONE = (
     "dataflash",
     "field",
     "heading",
+    "inertial",
     "real",
     "thermal",
     "tracking",
