@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +10,9 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.headings.acceleration import AT_REST
 from agonic.headings.gyro import filter_down
-from agonic.inertial import fit as inertial
 from agonic.maths.rotations import tilt as kernel
-from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.simulation import simulate, with_inertial_unit
 from agonic.simulation.sensor import Simulated
 from benchmarks import tables
@@ -30,9 +25,6 @@ densities 0.02 m/s²/√Hz and 8.7e-4 rad/s/√Hz; {draws} draws. rms error of h
 and tilts up to that of the row, in the sensor's own axes, degrees; how many were not refused; error
 of the bias over its standard error, rms. The rivals: the magnitude alone, and the levelled fit with
 the tilt of VQF."""
-BROAD = """Hand-held trials with optical truth, cut to the rows within a tilt (the attitude is felt
-over the whole log): rms of the heading about its mean on these rows, and on all within 60°,
-degrees. What the fit states is for its own axes. The room's own floor is some 2.8°."""
 
 
 class Tried(NamedTuple):
@@ -124,70 +116,11 @@ def simulated(draws: int, quick: bool) -> str:
     return tables.markdown(["vehicle", *columns], rows)
 
 
-def spread_deg(fit: ag.Fit, samples: ag.Samples, rows: np.ndarray) -> float:
-    """rms of the heading about its mean, by the optical attitude."""
-    turned = rot_nb(samples.roll_deg, samples.pitch_deg, samples.heading_deg)[rows]
-    north, east, _ = np.einsum("nij,nj->in", turned, fit.calibration.correct(samples.field[rows]))
-    error = np.arctan2(east, north)
-    off = np.angle(np.exp(1j * (error - np.angle(np.exp(1j * error).mean()))))
-    return float(np.degrees(np.sqrt(np.mean(off**2))))
-
-
-def fit_within(samples: ag.Samples, place: ag.Reference, rows: np.ndarray) -> ag.Fit:
-    """The fit of some rows, beside the attitude that is felt over all."""
-    whole = inertial.feel_attitude
-
-    def feel(some: ag.Samples) -> inertial.Inertial:
-        felt = whole(some)
-        if len(some) == len(rows):
-            felt.down[~rows] = np.nan
-        return felt
-
-    inertial.feel_attitude = feel
-    try:
-        return ag.fit_inertial(samples, place)
-    finally:
-        inertial.feel_attitude = whole
-
-
-def recorded(folder: Path) -> str:
-    """The table of trials 02 and 07."""
-    rows = []
-    for number in ("02", "07"):
-        (path,) = (folder / "vehicle" / "broad").glob(f"{number}_*.mat")
-        samples = ag.undelayed(ag.read(path), 0.0125)
-        down = down_b(samples.roll_deg, samples.pitch_deg)
-        magnitude = ag.Reference.constant(49_700.0)
-        whole = ag.fit_ellipsoid(samples, magnitude).calibration.correct(samples.field)
-        sine = np.median((whole * down).sum(axis=1) / np.linalg.norm(whole, axis=1))
-        place = ag.Reference.horizontal_vertical(49_700 * np.sqrt(1 - sine**2), 49_700 * sine)
-        bare = samples.with_columns(roll_deg=None, pitch_deg=None, heading_deg=None)
-        for limit in (60.0, 30.0, 10.0):
-            tables.progress(f"BROAD {number}, {limit:g}°")
-            within, level = (-down[:, 2] > np.cos(np.radians(a)) for a in (limit, 60.0))
-            fit = fit_within(bare, place, within)
-            alone = ag.fit_ellipsoid(bare.select(within), magnitude)
-            own = compute_mounted_heading(fit.calibration, fit.coverage).own_sd_deg
-            spreads = [spread_deg(f, samples, r) for f in (alone, fit) for r in (within, level)]
-            rows.append(
-                [f"{number}, tilt < {limit:g}°"]
-                + [f"{s:.2f}" for s in spreads]
-                + [alone.verdict, fit.verdict, f"{own:.1f}"]
-            )
-    columns = ["ellipsoid", "within 60°", "inertial", "within 60°"]
-    columns += ["ellipsoid is", "inertial is", "it states"]
-    return tables.markdown(["trial", *columns], rows)
-
-
 def main() -> None:
-    """Simulated vehicles, and recordings where they are."""
+    """The table of simulated vehicles."""
     asked = tables.arguments("calibrations beside accelerometer and gyro", draws=4)
     draws = min(asked.draws, 2) if asked.quick else asked.draws
     print(INTRODUCTION.format(draws=draws) + "\n\n" + simulated(draws, asked.quick))
-    here = Path(__file__).parents[1] / ".." / "shared" / "recordings"
-    folder = Path(os.environ.get("AGONIC_RECORDINGS", here))
-    if folder.is_dir() and not asked.quick:
-        print("\n" + BROAD + "\n\n" + recorded(folder))
 
 
 if __name__ == "__main__":
