@@ -36,7 +36,8 @@ class Reference:
     def of(cls, given: Reference | ArrayLike | None) -> Reference | None:
         """The reference that was meant: a number is a constant magnitude, nT, (n,) one per sample.
 
-        Raises `AgonicError` for anything else.
+        Parameters: given, a `Reference`, a number, (n,) numbers, or None. Raises `AgonicError` for
+        anything else.
 
         >>> Reference.of(50_000).values
         array([50000.])
@@ -59,7 +60,10 @@ class Reference:
 
     @classmethod
     def required(cls, given: Reference | ArrayLike | None) -> Reference:
-        """As `of`, for a fit that cannot do without one."""
+        """As `of`, for a fit that cannot do without one.
+
+        Parameters: given, a `Reference`, a number or (n,) numbers.
+        """
         found = cls.of(given)
         if found is None:
             raise AgonicError(

@@ -82,7 +82,10 @@ def test_a_date_for_all_and_a_model_by_name(capsys) -> None:
         (["--points", "points.csv", "--at", "1,2"], "not both"),
         (["--at", "1,2", "-o", "x.csv"], "-o writes the table of --points"),
         (["--points", "points.csv", "--model", "wmm"], "points.csv, row 3: WMM2025 holds from"),
-        (["--points", "points.csv", "--model", "emm"], "--model 'emm' is not known"),
+        (
+            ["--points", "points.csv", "--model", "emm"],
+            "model 'emm' is not known; use one of igrf, wmm, wmmhr",
+        ),
         (["--points", "nowhere.csv"], "nowhere.csv"),
         (["--points", "old.csv"], "old.csv, row 2: IGRF-14 holds from 1900"),
         (["--points", "undated.csv"], "no column date"),

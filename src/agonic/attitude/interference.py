@@ -40,7 +40,8 @@ def fit_interference(
     Parameters
     ----------
     samples : with the columns named in `sources`, which must vary.
-    reference : as for `fit_vector`, `fit_levelled` or `fit_ellipsoid`; with the attitude in the
+    reference : per sample (n, 3), (n, 2) or (n,) as for `fit_vector`, `fit_levelled` or
+        `fit_ellipsoid`, or constant; with the attitude in the
         samples it decides which residuals are used.
     sources : "current_A", "throttle", "second".
 

@@ -39,8 +39,8 @@ def fit_levelled(
     Parameters
     ----------
     samples : with `roll_deg` and `pitch_deg`.
-    reference : horizontal and vertical intensity: `Reference.horizontal_vertical`, or a vector in
-        the frame n as `ag.wmm().along(samples)` gives it.
+    reference : (n, 2) or constant, `Reference.horizontal_vertical`: the horizontal and vertical
+        intensity; or a vector (n, 3) in the frame n as `ag.wmm().along(samples)` gives it.
     model : "full" (default), "diagonal" or "sphere".
     gauge : "symmetric" (nine numbers), "free" (twelve: a small turn between the sensor and the
         axes of roll and pitch as well), or "auto": free.

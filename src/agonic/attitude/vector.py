@@ -36,7 +36,7 @@ def fit_vector(
     ----------
     samples : with `roll_deg`, `pitch_deg` and `heading_deg`; the heading must not come from the
         magnetometer itself.
-    reference : `Reference.vector` in the frame n.
+    reference : (n, 3) or constant, `Reference.vector` in the frame n.
 
     model, gauge, sources, robust, soft_iron_sd, turn_sd_deg, inclination_deg, seed : as in
         `fit_levelled`; the matrix is free by default.

@@ -64,8 +64,8 @@ def fit_ellipsoid(
     ----------
     samples : readings of one sensor, also as an array (n, 3), a table or the path of a recording
         (`as_samples`); times are used to find correlation and changes.
-    reference : magnitude F, constant or per sample, nT, also as a number. Without one the mean gain
-        is set to 1 and the result keeps the unit of the readings; `fit.remarks` says so.
+    reference : magnitude F, constant or per sample (n,), nT, also as a number. Without one the mean
+        gain is set to 1 and the result keeps the unit of the readings; `fit.remarks` says so.
     unit : of readings that are an array or do not say.
     model : "sphere" (bias, one gain), "diagonal" (three gains), "full" (symmetric matrix), or
         "auto": the smallest that nested tests do not reject.

@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from os.path import isfile
 from pathlib import Path
 
 from agonic.errors import LogError
@@ -109,7 +110,7 @@ def names_for(path: Path, columns: str | Mapping[str, str] | None) -> Iterator[C
 def _read_beside(path: Path) -> ColumnNames | None:
     """The names in the file beside a log, if there is one with a table of columns."""
     beside = path.with_name(path.name + _BESIDE)
-    if not beside.is_file():
+    if not isfile(beside):  # False too where the name is longer than names may be
         return None
     try:
         told = tomllib.loads(beside.read_text("utf-8"))

@@ -75,7 +75,8 @@ def calibrate(
 
     Parameters
     ----------
-    samples, reference : as in `fit_ellipsoid`, `fit_levelled` and `fit_vector`.
+    samples : as in `fit_ellipsoid`. reference : as there, (n,) or constant, or as in `fit_levelled`
+        and `fit_vector`. unit : of samples that are given as plain numbers.
     kind : "ellipsoid", "levelled", "inertial", "vector", "interference", or "auto": vector where an
         independent heading is known, levelled where roll and pitch are, inertial where an
         accelerometer is, each with the field of the place; ellipsoid otherwise, or where it is sure

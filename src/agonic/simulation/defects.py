@@ -27,7 +27,7 @@ _ROUNDING_S = 1e-6  # differences of times below this are rounding
 def quantised(step: float) -> Defect:
     """Readings rounded to multiples of `step`, as a coarse converter gives them.
 
-    >>> quantised(10.0)(Samples(field=[[14.0, 16.0, -4.0]])).field.tolist()
+    >>> quantised(10.0)(Samples(field=[[14.0, 16.0, -4.0]], unit="nT")).field.tolist()
     [[10.0, 20.0, -0.0]]
     """
     return lambda samples: samples.with_columns(field=np.round(samples.field / step) * step)
@@ -36,7 +36,7 @@ def quantised(step: float) -> Defect:
 def clipped(limit: float) -> Defect:
     """Readings held within ±`limit`, the sensor's range.
 
-    >>> clipped(50.0)(Samples(field=[[14.0, 60.0, -70.0]])).field.tolist()
+    >>> clipped(50.0)(Samples(field=[[14.0, 60.0, -70.0]], unit="nT")).field.tolist()
     [[14.0, 50.0, -50.0]]
     """
     return lambda samples: samples.with_columns(field=np.clip(samples.field, -limit, limit))

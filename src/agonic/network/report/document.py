@@ -45,7 +45,7 @@ def describe_network(
     >>> made = simulate_nonaffine(n=1000, hysteresis=0.0)
     >>> found = describe_network(fit_network(made.samples, made.reference), made.samples)
     >>> found.to_text().splitlines()[0]
-    '✓ bent: good (network of 3 nodes by the vector, 1000 readings)'
+    '✓ bent: good (network of 3 nodes by the vector, 1\\u202f000 readings)'
     """
     network, comparison = fit.calibration, fit.comparison
     won = fit.chosen is network
