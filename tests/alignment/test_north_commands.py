@@ -33,7 +33,8 @@ def test_from_a_simulated_gyro_to_a_calibration(capsys) -> None:
     assert page.count('class="bars"') == 2
 
 
-def test_north_for_people(capsys) -> None:
+def test_north_for_people(capsys, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")  # as wide as a file
     assert run(["simulate", "north", "-o", "pier"]) == 0
     capsys.readouterr()
     assert run(["fit", "north", "pier/north.toml", "--report", "pier.txt"]) == 0

@@ -75,7 +75,7 @@ def view(opened: Any, page: str) -> Any:
 
 
 def ready(view: Any) -> Any:
-    view.wait_for_function("document.documentElement.dataset.ready")
+    view.wait_for_selector("html[data-ready]", state="attached")
     return view
 
 
