@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Any, TypeVar
@@ -125,17 +125,21 @@ _OWN = {
 def _start_cluster(distributed: Any, workers: int) -> Iterator[Any]:
     import dask
 
-    with (
-        dask.config.set(_OWN),
-        distributed.LocalCluster(
+    with dask.config.set(_OWN):
+        cluster = distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             host="127.0.0.1",  # nobody else is to give it work
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
-        ) as cluster,
-    ):
-        yield cluster
+        )
+        try:
+            yield cluster
+        finally:
+            # one that is closed while it starts a lost worker anew stumbles over that worker: the
+            # work is done by then
+            with suppress(AssertionError):
+                cluster.close()
 
 
 def _make_batches(tasks: Iterator[T], size: int) -> Iterator[list[T]]:
