@@ -157,7 +157,7 @@ def test_a_driver_that_fails_is_told_and_opened_again(begin):
     session = begin(Wire(slice(0, 600), OverflowError("cannot convert"), slice(600, None)))
     wait_for(lambda: "stopped: OverflowError: cannot convert; trying" in session.status.heard)
     assert not session.status.ended
-    wait_for(lambda: session.status.sensors[0].n == 1200)
+    wait_for(lambda: [one.n for one in session.status.sensors] == [1200])
 
 
 def test_a_parameter_without_a_number_is_none():
