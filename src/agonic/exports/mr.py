@@ -8,8 +8,6 @@ firmware has this form.
 
 from __future__ import annotations
 
-import csv
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +18,9 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.composed_covariance import compute_composed_covariance
 from agonic.exports.convert import Export, list_left_out, reduce, write_banner
 from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.table import format_rows
 
 NAMES = tuple(f"MR{i}{j}" for i in (1, 2, 3) for j in (0, 1, 2, 3))
-COLUMNS = ("parameter", "value", "standard_error", "unit")
 
 
 def write_mr(
@@ -51,13 +49,10 @@ def write_mr(
     numbers = np.concatenate([-(matrix @ bias)[:, None], matrix], axis=1).ravel() + 0.0
     errors = _find_errors(one, bias, matrix)
     units = (one.unit_out, *(f"{one.unit_out}/{one.unit_in}",) * 3) * 3
-    stream = StringIO()
     formula = "field_i = MR_i0 + MR_i1 raw_x + MR_i2 raw_y + MR_i3 raw_z"
-    stream.writelines(f"# {line}\n" for line in write_banner(calibration, formula, warnings))
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow(COLUMNS)
-    table.writerows(zip(NAMES, numbers.tolist(), errors, units, strict=True))
-    return Export(path=write_atomically(path, stream.getvalue()), target="mr", warnings=warnings)
+    rows = zip(NAMES, numbers.tolist(), errors, units, strict=True)
+    text = format_rows(write_banner(calibration, formula, warnings), rows)
+    return Export(path=write_atomically(path, text), target="mr", warnings=warnings)
 
 
 def _find_errors(calibration: Calibration, bias: Array, matrix: Array) -> list[float | None]:

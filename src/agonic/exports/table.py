@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable
 from io import StringIO
 from pathlib import Path
 
@@ -50,12 +51,18 @@ def write_table(
     else:
         one, lost = hold_temperature(calibration, temperature_C)
         rows, warnings = _plain(one), (*lost, *list_left_out(one))
+    text = format_rows(write_banner(calibration, formula, warnings), rows)
+    return Export(path=write_atomically(path, text), target="table", warnings=warnings)
+
+
+def format_rows(banner: Iterable[str], rows: Iterable[Row]) -> str:
+    """Numbers with their standard errors and units as CSV, below lines of # comments."""
     stream = StringIO()
-    stream.writelines(f"# {line}\n" for line in write_banner(calibration, formula, warnings))
+    stream.writelines(f"# {line}\n" for line in banner)
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     table.writerows(rows)
-    return Export(path=write_atomically(path, stream.getvalue()), target="table", warnings=warnings)
+    return stream.getvalue()
 
 
 def _plain(calibration: Calibration) -> list[Row]:

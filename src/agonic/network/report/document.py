@@ -51,6 +51,7 @@ def describe_network(
     won = fit.chosen is network
     chosen = "the network" if won else f"the base ({fit.chosen.kind})"
     base = None if comparison is None else comparison.base
+    fields = _evaluate(fit, samples)
     return Document(
         schema="agonic/fit-network@1",
         kind=KIND,
@@ -68,7 +69,7 @@ def describe_network(
             *_compare(fit, samples),
             *([_choice(choice)] if choice else []),
             Section("Training", [lambda: _training(fit)]),
-            Section("Regression", [lambda: _regress(fit, samples)], style="pair"),
+            Section("Regression", [lambda: _regress(*fields)], style="pair"),
             *caution(network),
             Section("Where it holds", _guard(network, network, samples)),
             *_numbers(network),
@@ -85,7 +86,7 @@ def describe_network(
             "epochs": fit.iterations,
             "mean_square": fit.mean_square,
             "regression": fit.regression,
-            "regression_of_axes": _correlate_axes(fit, samples),
+            "regression_of_axes": _correlate_axes(*fields),
             "noise_nT": fit.noise,
             "residual_rms_nT": fit.rms,
             "residual_max_nT": fit.maximum,
@@ -204,19 +205,18 @@ def _evaluate(fit: NetworkFit, samples: Samples) -> tuple[Array, Array]:
     return field[used], (field - fit.residuals)[used]
 
 
-def _correlate_axes(fit: NetworkFit, samples: Samples) -> list[float]:
-    """R of each axis, between the network's field and the known one."""
-    found, known = _evaluate(fit, samples)
+def _correlate_axes(found: Array, known: Array) -> list[float]:
+    """R of each axis, between the network's field and the known one, (n, o)."""
     return [correlate(a, b) for a, b in zip(found.T, known.T, strict=True)]
 
 
-def _regress(fit: NetworkFit, samples: Samples) -> list[Markup]:
+def _regress(found: Array, known: Array) -> list[Markup]:
     """The network's field over the known one, a figure an axis, as the paper draws it."""
-    found, known = _evaluate(fit, samples)
     names = ("x", "y", "z") if known.shape[1] == 3 else ("the field",)
+    together = zip(names, found.T, known.T, _correlate_axes(found, known), strict=True)
     return [
-        caption(f"Along {name}: R = {correlate(a, b):.5f}", figures.draw_regression(b, a, name))
-        for name, a, b in zip(names, found.T, known.T, strict=True)
+        caption(f"Along {name}: R = {r:.5f}", figures.draw_regression(b, a, name))
+        for name, a, b, r in together
     ]
 
 
