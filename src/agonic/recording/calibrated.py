@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,8 @@ from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.logs.natural import Given, as_samples
 from agonic.recording.advice import suit_advice
 from agonic.recording.choice import Choice, Kind, choose, describe_latency
-from agonic.recording.held_out import CHANCE, compare_folds, fit_folds
+from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
+from agonic.recording.ladder import Rung, climb
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import DIP, DIP_REFUSED_DEG, Check, Verification, verify
@@ -35,7 +36,8 @@ class Calibrated:
 
     `method` is the word of the fit ("ellipsoid", "levelled", "inertial" or "vector"); `reason` says
     in a sentence why it was chosen; `latency` how late the readings were, where that was found and
-    undone; `verdict` is "good", "check" or "refused" and `status` the sentence that goes with it.
+    undone; `reference` is that of the samples; `folds` the fits to parts of the log, where any
+    were made; `verdict` is "good", "check" or "refused" and `status` the sentence to it.
     """
 
     samples: Samples
@@ -46,6 +48,26 @@ class Calibrated:
     verdict: str
     status: str
     latency: LatencyFit | None = None
+    reference: Reference | None = None
+    folds: Folds | None = None
+
+    @cached_property
+    def ladder(self) -> tuple[Rung, ...]:
+        """The fits from the simplest to the chosen one; none where it was made before, or refused.
+
+        They are fitted when this is first asked for.
+        """
+        if self.folds is None or self.verdict == "refused":
+            return ()
+        return climb(
+            self.samples,
+            self.reference,
+            self.fit,
+            self.verification,
+            method=self.method,
+            reason=self.reason,
+            single=self.folds.single,
+        )
 
     @property
     def cleaned(self) -> Array:
@@ -143,7 +165,7 @@ def _verify(choice: Choice) -> Calibrated:
     checks = (*verification.checks, compare_folds(folds))
     if fit.verdict != "refused":
         choice = replace(choice, fit=fit.with_findings(check_unseen_dip(checks)))
-    return _conclude(choice, replace(verification, checks=checks))
+    return replace(_conclude(choice, replace(verification, checks=checks)), folds=folds)
 
 
 def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
@@ -227,6 +249,7 @@ def _conclude(choice: Choice, verification: Verification) -> Calibrated:
         verdict=verdict,
         status=" ".join(said),
         latency=choice.latency,
+        reference=choice.reference,
     )
 
 

@@ -12,6 +12,7 @@ from agonic.recording import figures, sphere
 from agonic.recording.calibrated import Calibrated, list_failed
 from agonic.recording.choice import describe_latency
 from agonic.recording.entries import describe_heading, list_details, list_entries
+from agonic.recording.ladder_section import describe_ladder
 from agonic.recording.quantities import mixes_sensors
 from agonic.recording.residuals import compute_residuals, find_held_out
 from agonic.recording.tables import describe_method, list_numbers
@@ -122,7 +123,7 @@ def _summarise(number: int, result: Calibrated) -> list[str]:
 def _describe_failure(sensor: str, why: str) -> Document:
     """What is said of a sensor that could not be fitted at all: refused, every figure null."""
     known = {"sensor": sensor, "verdict": "refused", "status": why}
-    lists = dict.fromkeys(("findings", "checks", "files", "warnings"), ())
+    lists = dict.fromkeys(("findings", "ladder", "checks", "files", "warnings"), ())
     return Document(
         name=sensor,
         verdict="refused",
@@ -164,6 +165,7 @@ def describe_sensor(
         refused_numbers=True,
         sections=[
             Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
+            *describe_ladder(result, printed=alone),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
             Section(
                 "Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]

@@ -57,22 +57,27 @@ def fit_folds(
     single block instead. Blocks hold as much of what rows say each, so that a sensor that lay still
     for most of the log is not held out at rest only.
     """
-    weights = weigh_crowded(find_places(samples.field))
-    told = np.cumsum(weights)
-    block = np.minimum((told * (BLOCKS / told[-1])).astype(int), BLOCKS - 1)
-    half = _predict(samples, reference, again, block % 2, weights)
+    block, weights = cut_blocks(samples)
+    half = predict(samples, reference, again, block % 2, weights)
     field = apply(calibration, samples).field
     reach = 0.03 * float(np.median(np.linalg.norm(field, axis=1)))
     several = all(count_orientations(field[block % 2 == k], reach, 12) == 12 for k in (0, 1))
     if half is not None and several and half.turn_deg < AGREEMENT_LIMIT_DEG / 2:
         return half
-    single = _predict(samples, reference, again, block, weights)
+    single = predict(samples, reference, again, block, weights)
     if single is None:
         return half
     return replace(single, seen=field, single=True)
 
 
-def _predict(
+def cut_blocks(samples: Samples) -> tuple[Index, Array]:
+    """The block of time of each row (n,), and what each row counts (n,)."""
+    weights = weigh_crowded(find_places(samples.field))
+    told = np.cumsum(weights)
+    return np.minimum((told * (BLOCKS / told[-1])).astype(int), BLOCKS - 1), weights
+
+
+def predict(
     samples: Samples,
     reference: Reference | None,
     again: Callable[..., Calibration],

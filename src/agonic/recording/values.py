@@ -10,6 +10,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.decomposition import decompose
 from agonic.recording.calibrated import Calibrated
+from agonic.recording.ladder_section import list_rungs
 
 _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "sensor": lambda result: result.samples.name,
@@ -52,6 +53,7 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "inclination_deg": lambda result: result.fit.coverage.inclination_deg,
     "coverage": lambda result: result.fit.coverage.filled,
     "findings": lambda result: [asdict(finding) for finding in result.fit.findings],
+    "ladder": lambda result: list_rungs(result),
     "checks": lambda result: [asdict(check) for check in result.verification.checks],
 }
 """What is said of a sensor, by its key.
@@ -61,6 +63,7 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
 free of yx, zx, zy as well. `scale_factors` are raw units per nT, `nonorthogonality_deg` of xy, xz,
 yz. `coefficients` (3, k) are what a unit of each signal of the `sources`
 adds to the readings; null without any. `latency_s` is null where none was found.
+`ladder` holds each `Rung`, from the simplest to the chosen fit; empty where a fit was refused.
 """
 
 FIELDS = (*_VALUES, "files", "warnings")

@@ -91,20 +91,30 @@ def heading_sd_deg(
 ) -> Any:
     """Standard error of the heading of a level vehicle, rms over all headings, degrees, (…).
 
-    σ_ψ = √(eᵀ C e)/(F cos I), e horizontal and across the field. An error of bias and matrix
-    enters as e·δ(W d) = −(Wᵀe)·δb + eᵀ δW d with d = F W⁻¹ m along the field's direction m.
-    Broadcasts over magnitude (…), matrix (…, 3, 3) and covariance (…, 9, 9).
+    σ_ψ² = ∂ψ C ∂ψᵀ with the derivatives of `heading_jacobian_deg`. Broadcasts over magnitude (…),
+    matrix (…, 3, 3) and covariance (…, 9, 9).
+    """
+    local = heading_jacobian_deg(inclination_deg, magnitude, matrix, gauge)
+    variance = ((local @ covariance) * local).sum(axis=-1).mean(axis=-1)
+    return np.sqrt(np.maximum(variance, 0.0))[()]  # rounding, where nothing is determined
+
+
+def heading_jacobian_deg(
+    inclination_deg: float, magnitude: Array | float, matrix: Array, gauge: str
+) -> Array:
+    """Derivatives of a level vehicle's heading, degrees, (…, 36, m): a row a heading.
+
+    e·δ(W d)/(F cos I), e horizontal and across the field. An error of bias and matrix enters as
+    e·δ(W d) = −(Wᵀe)·δb + eᵀ δW d with d = F W⁻¹ m along the field's direction m.
     """
     directions, across = level_directions(inclination_deg)
-    size = np.asarray(magnitude, dtype=np.float64)
-    d = size[..., None, None] * directions @ np.swapaxes(np.linalg.inv(matrix), -1, -2)
+    size = np.asarray(magnitude, dtype=np.float64)[..., None, None]
+    d = size * directions @ np.swapaxes(np.linalg.inv(matrix), -1, -2)
     by_matrix = across[:, :, None] * d[..., :, None, :]
     local = np.concatenate(
         [-across @ matrix, by_matrix.reshape(*by_matrix.shape[:-2], 9)], axis=-1
     ) @ model_basis("full", gauge)
-    variance = ((local @ covariance) * local).sum(axis=-1).mean(axis=-1)
-    variance = np.maximum(variance, 0.0)  # rounding, where nothing is determined
-    return np.degrees(np.sqrt(variance) / (size * np.cos(np.radians(inclination_deg))))[()]
+    return np.asarray(np.degrees(local / (size * np.cos(np.radians(inclination_deg)))))
 
 
 def measure_thickness(points: Array) -> tuple[float, Array]:

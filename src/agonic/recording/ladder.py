@@ -1,0 +1,250 @@
+"""`climb`: the fits from the simplest to the chosen one, side by side on unseen parts of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.attitude.interference import fit_interference
+from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.vector import fit_vector
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import select_columns
+from agonic.calibration.inputs import stack_inputs
+from agonic.calibration.interference import Interference
+from agonic.ellipsoid import fit_ellipsoid_alone
+from agonic.errors import AgonicError
+from agonic.fit import Fit
+from agonic.maths.equation.affine import FREE
+from agonic.maths.equation.coverage import heading_jacobian_deg, level_directions
+from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.mounting import right_angles
+from agonic.recording.held_out import cut_blocks, predict
+from agonic.reference import Reference
+from agonic.samples import Samples
+from agonic.verification import Verification, verify
+
+FITTED_ROWS, JUDGED_ROWS = 10_000, 1000
+"""Rows, evenly spaced, that the rungs are fitted to, and by whose unseen parts they are judged."""
+
+NAMES = {"sphere": "bias only", "diagonal": "diagonal", "full": "full"}
+AIDS = {
+    "levelled": "roll and pitch",
+    "inertial": "accelerometer and gyro",
+    "vector": "roll, pitch, heading",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rung:
+    """One fit of a ladder.
+
+    `parameters` that it estimates; `spread` of the magnitude of unseen readings over its mean, and
+    `held_out_rms` the same in the unit of the field, NaN where parts of the log could not be
+    fitted; `heading_error_deg` of a level vehicle, rms over all headings, with its standard error;
+    `why` it was chosen, or not.
+    """
+
+    name: str
+    parameters: int
+    spread: float
+    held_out_rms: float
+    heading_error_deg: float
+    heading_error_sd_deg: float
+    chosen: bool = False
+    why: str = ""
+
+
+def climb(
+    samples: Samples,
+    reference: Reference | None,
+    fit: Fit,
+    verification: Verification,
+    *,
+    method: str,
+    reason: str,
+    single: bool,
+) -> tuple[Rung, ...]:
+    """The ladder of fits to samples, up to the one that was chosen.
+
+    Each is judged on blocks of time that it has not seen, as the chosen one was: `single` where
+    each block was left out in its turn. Its heading is compared with that of the chosen fit, whose
+    own uncertainty counts in (`predict_heading_error`).
+    """
+    chosen = fit.calibration
+    most = _thin(samples, reference, FITTED_ROWS)
+    rows = find_even_rows(len(samples), JUDGED_ROWS)
+    some, known = _thin(samples, reference, JUDGED_ROWS)
+    used = np.ones(len(some), dtype=bool) if fit.weights is None else fit.weights[rows] > 0
+    block, weights = cut_blocks(some)
+    fold = block if single else block % 2
+    compare = partial(predict_heading_error, fit=fit, samples=some)
+    heading = compare(_identity(chosen))
+    before = verification.spread_before
+    rungs = [_rung("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
+    for name, again, why in _list_others(samples, reference, fit, method):
+        try:
+            found = again(*most)
+        except AgonicError:
+            continue
+        folds = predict(some, known, again, fold, weights)
+        if folds is None:
+            held_out = (np.nan, np.nan)
+        else:
+            judged = verify(found, some, known, corrected=folds.unseen, held_out=used)
+            held_out = (judged.spread_after, judged.residual_rms)
+        rungs.append(_rung(name, _count(found), held_out, compare(found), why))
+    held_out = (verification.spread_after, verification.residual_rms)
+    own = _rung(_name(chosen, method), _count(chosen), held_out, compare(chosen))
+    rungs.append(replace(own, chosen=True, why=_explain(fit, method, reason)))
+    return tuple(sorted(rungs, key=lambda rung: rung.parameters))
+
+
+def _thin(
+    samples: Samples, reference: Reference | None, most: int
+) -> tuple[Samples, Reference | None]:
+    """No more than so many rows, evenly spaced, and their reference."""
+    if len(samples) <= most:
+        return samples, reference
+    rows = find_even_rows(len(samples), most)
+    return samples.select(rows), reference.select(rows) if reference else None
+
+
+def find_even_rows(n: int, most: int) -> Index:
+    """No more than `most` of n rows, evenly spaced, (k,)."""
+    return np.unique(np.linspace(0, n - 1, most).astype(int))
+
+
+def _rung(
+    name: str,
+    parameters: int,
+    held_out: tuple[float, float],
+    heading: tuple[float, float],
+    why: str = "",
+) -> Rung:
+    return Rung(
+        name=name,
+        parameters=parameters,
+        spread=held_out[0],
+        held_out_rms=held_out[1],
+        heading_error_deg=heading[0],
+        heading_error_sd_deg=heading[1],
+        why=why,
+    )
+
+
+def _list_others(
+    samples: Samples, reference: Reference | None, fit: Fit, method: str
+) -> Iterator[tuple[str, Callable[..., Affine], str]]:
+    """Name of each fit beside the chosen one, what makes it, and why it was not chosen."""
+    chosen = fit.calibration
+    alone = method == "ellipsoid"
+    said = {test.smaller: test.sentence for test in fit.tests if alone}
+    for model, name in NAMES.items():
+        if not alone or chosen.model != model:
+            yield name, partial(fit_ellipsoid_alone, model=model), said.get(model, "")
+    if alone and reference is not None and _varies(samples.current_A):
+        yield "full + current_A", _join_current, ""
+    if chosen.needs and method in _WITHOUT:
+        name = f"{NAMES[chosen.model]} + {AIDS[method]}"
+        yield name, lambda *given: _WITHOUT[method](*given).calibration, "the current is missing"
+
+
+_WITHOUT: Mapping[str, Callable[..., Fit]] = {"levelled": fit_levelled, "vector": fit_vector}
+
+
+def _varies(current: Array | None) -> bool:
+    return current is not None and float(np.ptp(current)) > 0.0
+
+
+def _join_current(samples: Samples, reference: Reference) -> Affine:
+    """By the magnitude, with what each ampere adds."""
+    alone = samples.with_columns(roll_deg=None, pitch_deg=None)
+    return fit_interference(alone, reference, ("current_A",)).calibration
+
+
+def _identity(chosen: Affine) -> Affine:
+    """The readings as they are, in the size of the field."""
+    gain = float(np.trace(chosen.matrix)) / 3
+    return Affine(bias=np.zeros(3), matrix=gain * np.eye(3))
+
+
+def _name(chosen: Affine, method: str) -> str:
+    parts = [NAMES[chosen.model]]
+    parts += [AIDS[method]] if method in AIDS else []
+    parts += chosen.needs
+    return " + ".join(parts)
+
+
+def _count(calibration: Affine) -> int:
+    """Unknowns of a calibration: its model's, and three for each signal of a source."""
+    matrix = {"sphere": 1, "diagonal": 3}.get(calibration.model, 0)
+    return 3 + matrix if matrix else len(calibration.parameters)
+
+
+def _explain(fit: Fit, method: str, reason: str) -> str:
+    """Why a fit was chosen."""
+    if method != "ellipsoid" or not fit.tests:
+        return reason
+    return "; ".join(dict.fromkeys(test.sentence for test in fit.tests))
+
+
+def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[float, float]:
+    """The rms error of a level heading by one calibration as another fit sees it, and its sd.
+
+    With truth at the fit's calibration plus an error δ of covariance C, the error at heading k is
+    e_k + J_k δ, e the difference of the two headings. Then m = mean (e + J δ)² has
+
+        E m = mean e² + tr Q,   var m = 2 tr Q² + 4 eᵀ J C Jᵀ e / n²,   Q = J C Jᵀ / n,
+
+    and the error is √E m with standard deviation √var m / (2 √E m). A mounting by right angles is
+    not counted as an error of a calibration that cannot know it.
+
+    Parameters: samples give what the sources on board do. Returns degrees; NaN where two
+    magnetometers are mixed or nothing is determined.
+    """
+    chosen, coverage = fit.calibration, fit.coverage
+    if chosen.magnitude is None or "second" in (*chosen.needs, *rung.needs):
+        return np.nan, np.nan
+    directions, _ = level_directions(coverage.inclination_deg)
+    jacobian = heading_jacobian_deg(
+        coverage.inclination_deg, chosen.magnitude, chosen.matrix, chosen.gauge
+    )
+    m = jacobian.shape[-1]
+    assert chosen.covariance is not None
+    n = len(jacobian)
+    by_heading = jacobian @ chosen.covariance[:m, :m] @ jacobian.T
+    raw = chosen.magnitude * directions @ np.linalg.inv(chosen.matrix).T + chosen.bias
+    added = _added(chosen, samples) - _added(rung, samples)  # (k, 3), at several moments
+    field = (raw + added[:, None] - rung.bias) @ rung.matrix.T
+    if chosen.gauge == FREE and rung.gauge != FREE:
+        field = field @ _mount(chosen.matrix @ np.linalg.inv(rung.matrix)).T
+    turned = np.degrees(np.arctan2(-field[..., 1], field[..., 0]))
+    true = np.degrees(np.arctan2(-directions[:, 1], directions[:, 0]))
+    error = wrap_deg(turned - true)
+    mean = float(np.mean(error**2) + np.trace(by_heading) / n)
+    steady = error.mean(axis=0)
+    variance = 2 * np.sum(by_heading**2) / n**2 + 4 * steady @ by_heading @ steady / n**2
+    size = float(np.sqrt(mean))
+    return size, float(np.sqrt(variance) / (2 * size)) if size else 0.0
+
+
+def _added(calibration: Affine, samples: Samples, moments: int = 25) -> Array:
+    """What sources on board add to the readings, (k, 3), at moments spread over the samples."""
+    if not isinstance(calibration, Interference):
+        return np.zeros((1, 3))
+    few = samples.select(find_even_rows(len(samples), moments))
+    columns: dict[str, Any] = select_columns(calibration, few)
+    x = stack_inputs(calibration.sources, None, columns)
+    return np.asarray(x @ calibration.coefficients.T)
+
+
+def _mount(turn: Array) -> Array:
+    """The turn by right angles that is nearest to a matrix (3, 3)."""
+    turns = right_angles()
+    return np.asarray(turns[int(np.argmax(np.einsum("kij,ij->k", turns, turn)))])

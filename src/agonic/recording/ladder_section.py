@@ -1,0 +1,100 @@
+"""The ladder of fits as a section: a table, why the chosen one was chosen, what a network could."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.ladder import Rung
+from agonic.report import tables
+from agonic.report.digits import group_digits, percent, quantity, with_sd
+from agonic.report.document import Section, Table
+from agonic.report.labels import unit_label
+from agonic.report.markup import Markup, element
+
+TITLE = "Ladder of fits"
+HEAD = ("Fit", "Unknowns", "Spread", "Residual, unseen", "Heading error, predicted")
+LEFT = 1.5
+"""Held-out residual over noise beyond which something is left for a network."""
+
+
+def describe_ladder(result: Calibrated, *, printed: bool) -> list[Section]:
+    """The section; none without a ladder. It is part of the plain text where `printed`."""
+    rungs = result.ladder
+    if not rungs:
+        return []
+    rows = [_list_cells(result, rung) for rung in rungs]
+    return [
+        Section(
+            TITLE,
+            [
+                Table(HEAD, rows, style="numbers ladder", scrolls=True),
+                _say_why(rungs),
+                element("p", _say_of_network(result)),
+                _explain(),
+            ],
+            printed=printed,
+        )
+    ]
+
+
+def list_rungs(result: Calibrated) -> list[dict[str, Any]]:
+    """The ladder for programs: what could not be had is null."""
+    return [
+        {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in one.items()}
+        for one in map(asdict, result.ladder)
+    ]
+
+
+def _list_cells(result: Calibrated, rung: Rung) -> list[str]:
+    unit = unit_label(result.fit.calibration.unit_out)
+    known = np.isfinite(rung.held_out_rms)
+    return [
+        ("✓ " if rung.chosen else "") + rung.name,
+        group_digits(rung.parameters),
+        percent(rung.spread) if known else tables.NOTHING,
+        quantity(rung.held_out_rms, unit, 2) if known else tables.NOTHING,
+        _write_heading(rung),
+    ]
+
+
+def _write_heading(rung: Rung) -> str:
+    """The heading's error with its standard error, where that is more than the last digit."""
+    error, sd = rung.heading_error_deg, rung.heading_error_sd_deg
+    if not error < 180.0:
+        return tables.NOTHING
+    return f"{with_sd(error, sd)}°" if sd > 0.01 * error else quantity(error, "°", 3)
+
+
+def _say_why(rungs: tuple[Rung, ...]) -> str:
+    chosen = next(rung for rung in rungs if rung.chosen)
+    return f"✓ {chosen.name}: {chosen.why}."
+
+
+def _say_of_network(result: Calibrated) -> str:
+    fit = result.fit
+    gain = float(np.trace(fit.calibration.matrix) / 3)
+    ratio = result.verification.residual_rms / max(fit.noise * gain, 1e-12)
+    if ratio < LEFT:
+        return (
+            f"Nothing is left for a network: unseen residuals are {ratio:.1f} times the noise of "
+            "the readings."
+        )
+    return (
+        f"Unseen residuals are {ratio:.1f} times the noise: with a known field, "
+        "agonic fit network tells whether a network finds more."
+    )
+
+
+def _explain() -> Markup:
+    return element(
+        "p",
+        "Spread and residual are those of the magnitude in blocks of time that the fit had not "
+        "seen. The heading error is that of a level vehicle, rms over all headings, as the chosen "
+        "fit sees it, with its standard error; the chosen fit’s own is its standard error of a "
+        "heading. A mounting by right angles is not counted.",
+        class_="aside",
+    )
