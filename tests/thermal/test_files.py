@@ -258,19 +258,6 @@ def test_folders_that_hold_no_campaign(tmp_path) -> None:
         read_campaign(tmp_path)
 
 
-def test_two_boards_with_the_same_names_are_told(tmp_path) -> None:
-    """Neither is put over the other, and what is left out is named."""
-    head = "time_s,station,temperature_C,mag_x_uT,mag_y_uT,mag_z_uT\n"
-    for board, x in (("left", 1), ("right", 7)):
-        rows = (f"{t},{1 + t // 5},{20 + t},{x},2,{3 + t % 2}\n" for t in range(10))
-        (tmp_path / f"{board}.csv").write_text(head + "".join(rows))
-    campaign = read_campaign(tmp_path)
-    said = next(f for f in campaign.findings if f.name == "sensor twice")
-    assert said.severity == "check"
-    (sensor,) = campaign.sensors
-    assert {float(s.field[0, 0]) for s in campaign.recordings[sensor].values()} == {1000.0}
-
-
 def test_every_file_of_a_sensor_is_known(made, folder) -> None:
     campaign = read_campaign(folder)
     files = campaign.files("MPU-9255")

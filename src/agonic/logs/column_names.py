@@ -28,16 +28,22 @@ from agonic.logs.columns import identify_column
 
 _BESIDE = ".toml"
 _AXES = "xyz"
+_UNIT_BEHIND = re.compile(r"[,;(\[{]\s*([^,;(\[{}\])]+)[)\]}]?\s*$")
 _CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnNames:
-    """The headers of a file by the canonical names of what they hold, and the unit of the field."""
+    """The headers of a file by the canonical names of what they hold, and the unit of the field.
+
+    With `several` files the columns of a numbered sensor may be in others: they are left out of a
+    file that has none of them.
+    """
 
     headers: Mapping[str, str]
     unit: str | None = None
     where: str = "--columns"
+    several: bool = False
 
     def rename(self, headers: Sequence[str]) -> list[str]:
         """The headers as they should be read: others for the same quantity become empty.
@@ -47,22 +53,49 @@ class ColumnNames:
         >>> parse_names("time_s=t,x=a,y=b,z=c").rename(["t", "a", "b", "c", "mx"])
         ['time_s', 'mag_x', 'mag_y', 'mag_z', '']
         """
-        ours = {theirs: _canonical(name, self.unit) for name, theirs in self.headers.items()}
+        ours = {
+            theirs: _canonical(name, self.unit, theirs) for name, theirs in self.headers.items()
+        }
+        if self.several:
+            here = {_sensor(name) for theirs, name in ours.items() if theirs in headers}
+            ours = {h: name for h, name in ours.items() if _sensor(name) in {"", *here}}
         missing = [theirs for theirs in ours if theirs not in headers]
         if missing:
             there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
             raise LogError(f"{self.where} names {missing[0]!r}; the columns are {there}")
-        named = {_quantity(name) for name in ours.values()}
-        return [ours.get(h, "" if _quantity(h) in named else h) for h in headers]
+        replaced = _of_sensor if self.several else _quantity
+        named = {replaced(name) for name in ours.values()}
+        return [ours.get(h, "" if replaced(h) in named else h) for h in headers]
 
 
 _given: ContextVar[ColumnNames | None] = ContextVar("given", default=None)
 _in_force: ContextVar[ColumnNames | None] = ContextVar("in_force", default=None)
 
 
-def _canonical(name: str, unit: str | None) -> str:
-    """The header that stands for a name on the left."""
-    return "_".join(filter(None, ("mag", name, unit))) if name in _AXES else name
+def _canonical(name: str, unit: str | None, theirs: str = "") -> str:
+    """The header that stands for a name on the left, with the unit that theirs has.
+
+    >>> _canonical("x", None, "Channel 1 [mG]"), _canonical("temperature", None, "T2, K")
+    ('mag_x_mG', 'temperature_k')
+    """
+    ours = f"mag_{name}" if name in _AXES else name
+    column = identify_column(ours)
+    if column is None or column.unit is not None:
+        return ours
+    tail = _UNIT_BEHIND.search(theirs)
+    written = None if tail is None else identify_column(f"{ours} [{tail[1].strip()}]")
+    if written is not None and written.unit is not None:
+        return f"{ours}_{written.unit}"
+    return f"{ours}_{unit}" if column.quantity.column == "field" and unit else ours
+
+
+def _sensor(header: str) -> str:
+    column = identify_column(header)
+    return "" if column is None else column.sensor
+
+
+def _of_sensor(header: str) -> tuple[str, str]:
+    return _quantity(header), _sensor(header)
 
 
 def _quantity(header: str) -> str:
@@ -97,9 +130,14 @@ def give_names(text: str | None) -> None:
 
 
 @contextmanager
-def names_for(path: Path, columns: str | Mapping[str, str] | None) -> Iterator[ColumnNames | None]:
+def names_for(
+    path: Path, columns: str | Mapping[str, str] | ColumnNames | None
+) -> Iterator[ColumnNames | None]:
     """The names in force while a file is read: these, else the given ones, else those beside it."""
-    found = parse_names(columns, "columns") if columns else _given.get() or _read_beside(path)
+    if isinstance(columns, ColumnNames):
+        found: ColumnNames | None = columns
+    else:
+        found = parse_names(columns, "columns") if columns else _given.get() or _read_beside(path)
     token = _in_force.set(found)
     try:
         yield found

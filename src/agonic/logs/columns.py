@@ -34,6 +34,7 @@ __all__ = [
     "PREFERRED",
     "Column",
     "find_columns",
+    "find_quantities",
     "identify_column",
     "identify_columns",
     "refuse_many",
@@ -60,6 +61,18 @@ def find_columns(headers: Sequence[str]) -> dict[int, str]:
         if times > 1:
             raise LogError(f"the column {header!r} is there {times} times; rename or remove one")
     return found
+
+
+def find_quantities(headers: Iterable[str]) -> dict[str, str]:
+    """The quantity that each header names, "" where none; beside headers that name sensors.
+
+    >>> find_quantities(["mmc_x_uT", "mmc_temperature_C", "note"])
+    {'mmc_x_uT': 'field', 'mmc_temperature_C': 'temperature', 'note': ''}
+    """
+    headers = list(headers)
+    sensors = _name_sensors(headers)
+    found = {header: identify_column(header, sensors) for header in headers}
+    return {header: "" if c is None else c.quantity.column for header, c in found.items()}
 
 
 def _name_sensors(headers: Iterable[str]) -> frozenset[str]:

@@ -25,7 +25,7 @@ _NAMES = {
     "date": "дата datum fecha 日期",
     "temperature": "температура темп temperatur température temperatura 温度",
     "magnetometer": "магнитометр магн маг magnétomètre magnetómetro 磁力计 磁力計 磁强计 磁感应计",
-    "magneticfield": "магнитноеполе полемагнитное feld магнитнаяиндукция magnetfeld "
+    "magneticfield": "магнполе магнитноеполе полемагнитное feld магнитнаяиндукция magnetfeld "
     "champmagnétique "
     "campomagnético campomagnetico 磁场 磁場 地磁 地磁場 磁感应强度",
     "accelerometer": "акселерометр beschleunigungssensor accéléromètre acelerómetro 加速度计",
@@ -47,6 +47,7 @@ _NAMES = {
     "norm": "модуль 模",
     "error": "ошибка погрешность 误差",
     "sensor": "датчик сенсор 传感器",
+    "station": "станция положение позиция",
 }
 _ENGLISH = {
     **_UNITS,
@@ -55,11 +56,11 @@ _ENGLISH = {
 _IDEOGRAMS = {word: ours for word, ours in _ENGLISH.items() if ord(word[0]) > 0x2E80}
 _IDEOGRAM = re.compile("|".join(sorted(_IDEOGRAMS, key=len, reverse=True)))
 _PAIRS = {
-    ("магнитное", "поле"), ("магнитная", "индукция"), ("угловая", "скорость"),
+    ("магн", "поле"), ("магнитное", "поле"), ("магнитная", "индукция"), ("угловая", "скорость"),
     ("champ", "magnétique"), ("campo", "magnético"), ("campo", "magnetico"),
     ("vitesse", "angulaire"), ("velocidad", "angular"),
 }  # fmt: skip
-_PAIR = re.compile("|".join(rf"\b{a}\s+{b}\b" for a, b in sorted(_PAIRS)), re.IGNORECASE)
+_PAIR = re.compile("|".join(rf"\b{a}\.?\s+{b}\b" for a, b in sorted(_PAIRS)), re.IGNORECASE)
 _WORD = re.compile(r"[^\W\d_]+")
 _LOOK_ALIKE = dict(zip("АВЕКМНОРСТУХавекмнорстух", "ABEKMHOPCTYXabekmhopctyx", strict=True))
 """Cyrillic letters that a keyboard puts where Latin ones are meant: Вх, °С."""
@@ -81,7 +82,7 @@ def spell_out(text: str) -> str:
 
 def _translate(text: str) -> str:
     """The words of a text, single and in pairs, in English."""
-    joined = _PAIR.sub(lambda pair: re.sub(r"\s+", "", pair[0]), text)
+    joined = _PAIR.sub(lambda pair: re.sub(r"[\s.]+", "", pair[0]), text)
     return _WORD.sub(lambda word: _translate_word(word[0]), joined)
 
 

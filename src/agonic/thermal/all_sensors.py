@@ -22,6 +22,7 @@ from agonic.thermal.fit.fit import fit_binned
 from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
 from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths.binned_sums import Binned
+from agonic.thermal.names import name_stations
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
 OrientationChoice = Literal["auto", "known", "unknown"]
@@ -126,14 +127,23 @@ def _choose_orientations(
     if rotations is None:
         if turns == "known":
             raise AgonicError(
-                "the turns of the stations are not described: give roll_deg, pitch_deg and "
+                f"{_name_undescribed(campaign)} not described: give roll_deg, pitch_deg and "
                 "heading_deg of every [[station]] in campaign.toml"
             )
-        return "unknown", "the turns of the stations are not described"
+        return "unknown", f"{_name_undescribed(campaign)} not described"
     against = [finding.name for finding in findings if finding.name in CONTRADICTED]
     if against and turns == "auto":
         return "unknown", "the readings contradict the described turns of the stations"
     return rotations, "the turns of the stations are described"
+
+
+def _name_undescribed(campaign: Campaign) -> str:
+    """Whose turns are unknown: all, or some of the stations."""
+    stations = campaign.description.stations
+    unknown = [station.number for station in stations if station.rot_nb is None]
+    if len(unknown) in (0, len(stations)):
+        return "the turns of the stations are"
+    return f"how {name_stations(unknown)} stood is"
 
 
 def _open_pool(workers: int) -> AbstractContextManager[ProcessPoolExecutor | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from scipy.spatial.transform import Rotation
@@ -40,6 +40,8 @@ class Description:
     profile : the programme of the chamber; `None` where it is not known.
     magnitude : of the chamber's field, nT; inclination_deg : its dip, where known.
     rate_Hz : readings a second. name : of the campaign. notes : what to say of it.
+    unit : of the field, where neither files nor sensors say. columns : the headers of columns that
+        all sensors share, by what they hold (time, temperature).
     """
 
     sensors: tuple[Sensor, ...] = ()
@@ -52,6 +54,8 @@ class Description:
     name: str = ""
     fixture_sd_deg: float = 1.0
     notes: tuple[str, ...] = field(default_factory=tuple)
+    unit: str | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for what, given in (

@@ -24,13 +24,15 @@ class Campaign:
     """What was recorded in the chamber.
 
     `recordings` holds the samples by sensor and by number of the station, as recorded;
-    `description` what they are about; `findings` what the reader came across.
+    `description` what they are about; `findings` what the reader came across; `restarts` by sensor
+    and station the seconds after the first reading at which its clock began anew.
     """
 
     recordings: Mapping[str, Mapping[int, Samples]]
     description: Description = field(default_factory=Description)
     inputs: tuple[Input, ...] = ()
     findings: tuple[Finding, ...] = ()
+    restarts: Mapping[str, Mapping[int, tuple[float, ...]]] = field(default_factory=dict)
 
     @property
     def sensors(self) -> tuple[str, ...]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import hypot, sqrt
 
 from agonic.errors import AgonicError
@@ -44,7 +45,8 @@ class Sensor:
     `name` is what it is called; `column` what the files call it ("" for the name itself); `model`
     what it is; `unit` that of its readings where the files do not say; `noise` the standard
     deviation of a reading, nT, where it is known; `board` where it sits; `temperature_of` the
-    sensor whose temperature is taken in place of its own.
+    sensor whose temperature is taken in place of its own; `columns` the headers of its columns by
+    what they hold (x, y, z, temperature, time), where they do not say it.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Sensor:
     noise: float | None = None
     board: str = ""
     temperature_of: str = ""
+    columns: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def reading_sd(self) -> float | None:

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from agonic.arrays import Array
-from agonic.health import Finding, figure
+from agonic.health import Finding
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.checks import missing_data
+from agonic.thermal.checks.boards import judge_boards
 from agonic.thermal.checks.field import check_field
-from agonic.thermal.checks.thermometers import MINUTE_S, Course, find_courses
+from agonic.thermal.checks.thermometers import Course, find_courses
 from agonic.thermal.names import name_stations
 
 END_C = 1.5
@@ -21,7 +21,6 @@ HELD_SHARE = 0.8
 """Share of a planned hold that the chamber must have kept."""
 _RATE_MIN = 5
 """Minutes over which a rate is measured: a chamber's control swings faster."""
-_GAP_S = 5.0
 _CUT_SHARE = 0.97
 
 
@@ -56,7 +55,7 @@ calibration holds only where it was measured: record again, or expect less range
     findings += _judge_holds(whole, profile)
     findings += _judge_cooling(whole, profile)
     findings += _judge_steps(whole, profile) if programme else []
-    findings += _judge_gaps(campaign)
+    findings += judge_boards(campaign)
     usable = campaign.without({name: set(by) for name, by in still.items()})
     usable = usable.without(missing_data.find_without_temperature(usable))
     findings += check_field(usable)
@@ -223,34 +222,3 @@ def _count_plateaus(course: Course, profile: Profile) -> int:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
     spans = edges[1::2] - edges[::2]
     return int(np.sum(spans >= max(1.0, 0.4 * profile.step_hold_min)))
-
-
-def _judge_gaps(campaign: Campaign) -> list[Finding]:
-    """Holes in the recordings, the same hole of several sensors once."""
-    worst: dict[int, float] = {}
-    total = 0
-    for by in campaign.recordings.values():
-        for number, samples in by.items():
-            gaps = _find_gaps(samples.time)
-            if len(gaps):
-                worst[number] = max(worst.get(number, 0.0), float(gaps.max()))
-                total += len(gaps)
-    if not worst:
-        return []
-    longest = max(worst, key=lambda number: worst[number])
-    return [
-        Finding(
-            "recording gaps",
-            "check" if worst[longest] > 10 * MINUTE_S else "note",
-            f"{total} gap{'s' if total > 1 else ''} in the recordings of {name_stations(worst)}, "
-            f"the longest {figure(worst[longest], 3)} s at station {longest}",
-            "look at the logger" if worst[longest] > 10 * MINUTE_S else "",
-        )
-    ]
-
-
-def _find_gaps(time: Array | None) -> Array:
-    if time is None or len(time) < 3:
-        return np.zeros(0)
-    steps = np.diff(time)
-    return np.asarray(steps[steps > max(20 * float(np.median(steps)), _GAP_S)])

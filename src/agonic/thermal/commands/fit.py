@@ -79,7 +79,11 @@ def fit_chamber(
         return _fit_known_field(campaign, reference, sensor, unit, chosen, out, as_json)
     stations = "known" if known_turns else stations
     with counting(100) as bar:
-        read = read_campaign(campaign, progress=lambda _, share: bar("Reading", round(100 * share)))
+        read = read_campaign(
+            campaign,
+            unit=unit,
+            progress=lambda _, share: bar("Reading", round(100 * share)),
+        )
     result = calibrate_campaign(
         read,
         turns=stations,  # type: ignore[arg-type]

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs import csv_text, parquet
-from agonic.logs.columns import find_columns
+from agonic.logs.column_names import ColumnNames, names_for, rename_headers
+from agonic.logs.columns import find_columns, find_quantities
 from agonic.logs.formats import PARQUET, TEXT
 from agonic.logs.read import open_log
 from agonic.provenance import Input, hash_file
-from agonic.thermal.files.split_table import Part, Table, find_quantity, split_table
+from agonic.thermal.files.split_table import Part, Table, split_table
 
 WANTED = ("time", "date", "epoch", "field", "temperature", "station", "sensor")
 """The quantities that a campaign is about."""
@@ -44,12 +45,20 @@ class RecordedFile:
     notes: tuple[str, ...] = field(default_factory=tuple)
 
 
-def read_recording(path: Path, unit: str | None = None) -> RecordedFile:
+def read_recording(
+    path: Path, unit: str | None = None, names: ColumnNames | None = None
+) -> RecordedFile:
     """The readings in a file of a campaign, by station and sensor.
 
-    `unit` is that of the field where no header names one. Raises `LogError` where nothing in the
-    file can be used.
+    `unit` is that of the field where no header names one, `names` what its columns are where
+    headers do not say. Raises `LogError` where nothing in the file can be used.
     """
+    with names_for(path, names) as given:
+        return _read_named(path, unit or (None if given is None else given.unit))
+
+
+def _read_named(path: Path, unit: str | None) -> RecordedFile:
+    """The readings in a file whose columns have their names."""
     with path.open("rb") as stream:
         head = stream.read(_HEAD_BYTES)
     is_parquet = PARQUET.accepts(head)
@@ -78,7 +87,8 @@ def _read_table(path: Path, head: bytes, columnar: bool) -> tuple[Table, tuple[s
         if quick is not None:
             return quick
         table, facts = csv_text.read_table(path)
-    wanted = {header: values for header, values in table.items() if find_quantity(header) in WANTED}
+    quantity = find_quantities(table)
+    wanted = {header: values for header, values in table.items() if quantity[header] in WANTED}
     return wanted, facts.get("notes", ())
 
 
@@ -95,13 +105,16 @@ def _read_clean_table(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] 
     except UnicodeDecodeError:
         return None
     first, end, _ = lines.partition("\n")
-    header = [cell.strip() for cell in next(csv.reader([first.rstrip("\r")]), [])]
-    if not end or len(header) < 2 or first.startswith(("#", "%")):
+    cells = [cell.strip() for cell in next(csv.reader([first.rstrip("\r")]), [])]
+    if not end or len(cells) < 2 or first.startswith(("#", "%")):
         return None
-    wanted = {
-        at: name for at, name in find_columns(header).items() if find_quantity(name) in WANTED
-    }
-    if not any(find_quantity(name) == "field" for name in wanted.values()):
+    try:
+        header = rename_headers(cells)
+    except LogError:  # perhaps the cells are separated by something else
+        return None
+    quantity = find_quantities(header)
+    wanted = {at: name for at, name in find_columns(header).items() if quantity[name] in WANTED}
+    if not any(quantity[name] == "field" for name in wanted.values()):
         return None
     try:
         return _read_by_pyarrow(path, header, wanted)
@@ -121,10 +134,9 @@ def _read_by_pyarrow(
         next(short)
         return "skip"
 
-    numeric = {
-        n: pa.float64() for n in wanted.values() if find_quantity(n) not in (*_LABELS, *_TIMES)
-    }
-    labels = {n: pa.string() for n in wanted.values() if find_quantity(n) in _LABELS}
+    quantity = find_quantities(header)
+    numeric = {n: pa.float64() for n in wanted.values() if quantity[n] not in (*_LABELS, *_TIMES)}
+    labels = {n: pa.string() for n in wanted.values() if quantity[n] in _LABELS}
     names = [wanted.get(at, f"{at}") for at in range(len(header))]
     try:
         read = arrow.read_csv(
@@ -160,8 +172,9 @@ def _decode_labels(column: Any) -> NDArray[Any]:
 
 def _read_by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...]] | None:
     """The same without pyarrow, some rows at a time."""
+    quantity = find_quantities(wanted.values())
     kinds = [
-        (f"{at}", f"S{_LABEL}" if find_quantity(n) in _LABELS else "f8") for at, n in wanted.items()
+        (f"{at}", f"S{_LABEL}" if quantity[n] in _LABELS else "f8") for at, n in wanted.items()
     ]
     pieces: dict[str, list[NDArray[Any]]] = {name: [] for name in wanted.values()}
     known: dict[bytes, str] = {}

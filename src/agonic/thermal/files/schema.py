@@ -1,10 +1,11 @@
 """campaign.toml: what the recordings of a climatic chamber are about.
 
 name = "Five magnetometers, -10 to +50 °C"
-files = "station-{station:02d}.csv"   # or one file or a pattern, with a column "station" in it
+files = "station-{station:02d}.csv"   # or "{board}_pos{station:02d}.csv", or one file or a pattern
 unit = "uT"                           # of the field, where the files do not say
 rate_Hz = 10
 fixture_sd_deg = 1.0                  # how well the turns of the fixture are known
+columns = { time = "t" }              # what headers do not say, as with --columns
 
 [[sensor]]
 name = "MMC5883MA-1"
@@ -13,11 +14,12 @@ model = "MMC5883MA"
 noise_nT = 100
 board = "computer"
 temperature_of = "MPU-9255-1"         # where its own thermometer failed
+columns = { x = "A1", y = "A2", z = "A3", temperature = "T1_C" }   # any headers
 
 [[station]]                           # without any: the standard twelve
 number = 1
 file = "first.csv"                    # where it does not follow `files`
-pose = "top up, front to the north"
+pose = "top up, front to the north"   # of its own without angles: the turn is unknown
 roll_deg = 0                          # from the axes of the box to those of the chamber
 pitch_deg = 0
 heading_deg = 0
@@ -36,7 +38,7 @@ inclination_deg = 65
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -46,6 +48,7 @@ from msgspec import Struct
 
 from agonic.errors import LogError
 from agonic.files.toml_sections import read_section, read_toml, try_to_make
+from agonic.logs.column_names import parse_names
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.thermal.campaign.description import Description, Station, find_repeated
 from agonic.thermal.campaign.profile import Profile
@@ -64,6 +67,7 @@ class CampaignSection(Struct):
     unit: str | None = None
     rate_Hz: float | None = None
     fixture_sd_deg: float = 1.0
+    columns: dict[str, str] = {}
 
 
 class SensorSection(Struct):
@@ -76,6 +80,7 @@ class SensorSection(Struct):
     noise_nT: float | None = None
     board: str = ""
     temperature_of: str = ""
+    columns: dict[str, str] = {}
 
 
 class StationSection(Struct):
@@ -118,8 +123,8 @@ def read_description(path: Path | str) -> Description:
     ...         read_description(file)
     ...     except LogError as error:
     ...         print(str(error).partition("toml: ")[2])
-    the file has no key `rate` (its keys: name, files, unit, rate_Hz, fixture_sd_deg, [sensor], \
-[station], [profile], [field]); [profile] `lowest_C` expected `float`, got `str`
+    the file has no key `rate` (its keys: name, files, unit, rate_Hz, fixture_sd_deg, columns, \
+[sensor], [station], [profile], [field]); [profile] `lowest_C` expected `float`, got `str`
     """
     file = Path(path)
     table = read_toml(file)
@@ -141,6 +146,7 @@ def _make_description(
     sensors = _read_sections(table.get("sensor", []), SensorSection, "sensor", mistakes)
     stations = _read_sections(table.get("station", []), StationSection, "station", mistakes)
     _check_names(sensors, stations, mistakes)
+    _check_columns(head, sensors, mistakes)
     _check_values(head, field, sensors, mistakes)
     _check_files(head, stations, folder, mistakes)
     made = try_to_make(
@@ -160,6 +166,8 @@ def _make_description(
         profile=made,
         magnitude=field.magnitude_nT,
         inclination_deg=field.inclination_deg,
+        unit=head.unit,
+        columns=head.columns,
     )
 
 
@@ -183,7 +191,7 @@ def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -
     names = [sensor.name for sensor in sensors]
     for what, given in (
         ("sensor", names),
-        ("column", [sensor.column for sensor in sensors if sensor.column]),
+        ("column", [_of_board(sensor.column, sensor.board) for sensor in sensors if sensor.column]),
         ("station", [station.number for station in stations]),
         ("file", [station.file for station in stations if station.file]),
     ):
@@ -199,6 +207,22 @@ def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -
             mistakes.append(
                 f"[[station]] {station.number}: roll_deg, pitch_deg and heading_deg go together"
             )
+
+
+def _of_board(column: str, board: str) -> str:
+    """A column with the board that it is on: two boards may call theirs alike."""
+    return f"{column} of {board}" if board else column
+
+
+def _check_columns(head: Any, sensors: list[Any], mistakes: list[str]) -> None:
+    """Columns are named for quantities that exist, and a magnetometer has three."""
+    named = [("the file", head.columns if head else {})]
+    named += [(f"[[sensor]] {sensor.name}", sensor.columns) for sensor in sensors]
+    for where, columns in named:
+        try_to_make(lambda columns=columns: parse_names(columns, "columns"), where, mistakes)  # type: ignore[misc]
+        axes = [axis for axis in "xyz" if axis in columns]
+        if 0 < len(axes) < 3:
+            mistakes.append(f"{where}: columns names {', '.join(axes)} only of x, y and z")
 
 
 def _check_values(head: Any, field: Any, sensors: list[Any], mistakes: list[str]) -> None:
@@ -225,11 +249,14 @@ def _check_files(head: Any, stations: list[Any], folder: Path, mistakes: list[st
         return
     try:
         named = {name for _, name, _, _ in Formatter().parse(head.files) if name is not None}
-        head.files.format(station=1)
+        head.files.format(station=1, board="a")
     except (ValueError, KeyError, IndexError):
         named = set()
-    if named != {"station"}:
-        mistakes.append(f"files = {head.files!r} is no pattern; write station-{{station:02d}}.csv")
+    if not named or named - {"station", "board"}:
+        mistakes.append(
+            f"files = {head.files!r} is no pattern; write station-{{station:02d}}.csv, or "
+            "{board}_{station:02d}.csv with the board of every [[sensor]]"
+        )
 
 
 def _make_sensor(section: SensorSection, unit: str | None) -> Sensor:
@@ -239,15 +266,15 @@ def _make_sensor(section: SensorSection, unit: str | None) -> Sensor:
 
 
 def _make_station(section: StationSection) -> Station:
-    """A station; one of the standard twelve where only its number is given."""
-    standard = {one.number: one for one in list_standard_stations()}.get(section.number)
+    """A station; one of the standard twelve where only its number is given.
+
+    A pose of its own without angles says that it stands otherwise, and not how.
+    """
+    plain = Station(number=section.number, pose=section.pose, file=section.file)
     if section.roll_deg is None:
-        given = standard or Station(number=section.number)
-        return Station(
-            number=section.number,
-            pose=section.pose or given.pose,
-            rot_nb=given.rot_nb,
-            file=section.file,
-        )
+        standard = {one.number: one for one in list_standard_stations()}.get(section.number)
+        if standard is None or section.pose not in ("", standard.pose):
+            return plain
+        return replace(plain, pose=standard.pose, rot_nb=standard.rot_nb)
     turned = yaw_pitch_roll(section.heading_deg or 0.0, section.pitch_deg or 0.0, section.roll_deg)
-    return Station(number=section.number, pose=section.pose, rot_nb=turned, file=section.file)
+    return replace(plain, rot_nb=turned)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Index
 from agonic.errors import LogError
-from agonic.logs.columns import identify_column, identify_columns
+from agonic.logs.columns import find_quantities, identify_column, identify_columns
 from agonic.logs.table import build_log
 from agonic.provenance import Input
 from agonic.samples import Samples
+from agonic.thermal.files.clock_restarts import join_restarts
 from agonic.thermal.fit.readings import KELVIN
 
 Table = dict[str, NDArray[Any]]
@@ -36,29 +37,33 @@ class Part:
     """The readings of one station in one file: samples by the name of the sensor in the file.
 
     `station` is `None` where the file does not say; `kelvin` names sensors whose temperatures were
-    in kelvin without saying so; `failures` say what could not be read.
+    in kelvin without saying so; `failures` say what could not be read; `restarts` are the seconds
+    after the first reading at which the clock of a sensor began anew.
     """
 
     station: int | None
     sensors: Mapping[str, Samples]
     kelvin: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
+    restarts: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 def split_table(table: Table, path: Path, source: Input, unit: str | None) -> Iterator[Part]:
     """The readings by station."""
-    found = identify_columns(table)
+    found, quantity = identify_columns(table), find_quantities(table)
     hot = _convert_to_celsius(table)
     stations = next(iter(found.get("station", {"": {}}).values())).get("")
     labels = next(iter(found.get("sensor", {"": {}}).values())).get("")
     failures: list[str] = []
     for number, rows in _split_by_station(table, None if stations is None else stations.header):
         sensors: dict[str, Samples] = {}
+        restarts: dict[str, tuple[float, ...]] = {}
         failures = []
         for label, own in _split_by_sensor(rows, None if labels is None else labels.header):
-            plain = {h: v for h, v in own.items() if find_quantity(h) not in ("station", "sensor")}
+            plain = {h: v for h, v in own.items() if quantity[h] not in ("station", "sensor")}
+            joined, begun = _join_restarts(plain, quantity)
             try:
-                log = build_log(plain, path=path, source=source, format="table", unit=unit)
+                log = build_log(joined, path=path, source=source, format="table", unit=unit)
             except LogError as error:
                 failures.append(f"{label}: {error}" if label else str(error))
                 continue
@@ -68,9 +73,16 @@ def split_table(table: Table, path: Path, source: Input, unit: str | None) -> It
                 if label:
                     name = label if len(log.sensors) == 1 else f"{label} {samples.name}"
                 sensors[name] = replace(samples, name=name)
+                restarts |= {name: begun} if begun else {}
         kelvin = tuple(sensors) if hot else ()
         if sensors or failures:
-            yield Part(station=number, sensors=sensors, kelvin=kelvin, failures=tuple(failures))
+            yield Part(
+                station=number,
+                sensors=sensors,
+                kelvin=kelvin,
+                failures=tuple(failures),
+                restarts=restarts,
+            )
 
 
 def _convert_to_celsius(table: Table) -> bool:
@@ -125,7 +137,16 @@ def _select_rows(table: Table, at: Index) -> Table:
     return {header: values[chosen] for header, values in table.items()}
 
 
-def find_quantity(header: str) -> str:
-    """The quantity that a header names, or ""."""
-    column = identify_column(header)
-    return "" if column is None else column.quantity.column
+def _join_restarts(table: Table, quantity: Mapping[str, str]) -> tuple[Table, tuple[float, ...]]:
+    """The table with clocks that begin anew going on instead, and the seconds at which they did."""
+    begun: tuple[float, ...] = ()
+    for header, values in table.items():
+        if quantity[header] != "time" or values.dtype.kind not in "iuf":
+            continue
+        column = identify_column(header)
+        factor = column.quantity.units[column.unit][0] if column and column.unit else 1.0
+        joined, rows = join_restarts(values.astype(np.float64, copy=False))
+        if len(rows):
+            begun = tuple(((joined[rows] - joined[0]) * factor).tolist())
+            table = {**table, header: joined}
+    return table, begun

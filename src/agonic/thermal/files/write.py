@@ -126,8 +126,10 @@ def write_description(description: Description, path: Path | str) -> Path:
     lines = _format_pairs(
         name=description.name,
         files=description.files,
+        unit=description.unit,
         rate_Hz=description.rate_Hz,
         fixture_sd_deg=description.fixture_sd_deg,
+        columns=description.columns,
     )
     for sensor in description.sensors:
         given = {"noise_nT" if k == "noise" else k: v for k, v in vars(sensor).items()}
@@ -151,10 +153,17 @@ def write_description(description: Description, path: Path | str) -> Path:
 def _format_pairs(**values: Any) -> list[str]:
     """The keys that have something to say."""
     return [
-        f"{key} = {_quote(value) if isinstance(value, str) else repr(value)}"
+        f"{key} = {_format_value(value)}"
         for key, value in values.items()
-        if value not in (None, "")
+        if value not in (None, "", {})
     ]
+
+
+def _format_value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        pairs = (f"{_quote(key)} = {_quote(text)}" for key, text in value.items())
+        return f"{{ {', '.join(pairs)} }}"
+    return _quote(value) if isinstance(value, str) else repr(value)
 
 
 def _quote(text: str) -> str:
