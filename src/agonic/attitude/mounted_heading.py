@@ -16,7 +16,6 @@ from agonic.coverage import Coverage
 from agonic.health import Finding, figure
 from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.coverage import heading_sd_deg
-from agonic.maths.estimation.leastsq import inverse
 
 _PAIRS = ((6, 9), (7, 10), (8, 11))
 """xy yx, xz zx, yz zy among bias x y z, then matrix xx yy zz xy xz yz yx zx zy."""
@@ -27,9 +26,9 @@ TURN_DOUBTFUL_DEG = 2.0
 
 
 class MountedHeading(NamedTuple):
-    """What is known of a level heading, degrees: `own_sd_deg` for the sensor's own axes,
-    `vehicle_sd_deg` with the sensor's turn in the vehicle, of which `turn_deg` was found;
-    `vertical_sd_deg` is that of the turn about the vertical."""
+    """What is known of a level heading, degrees: `own_sd_deg` whatever the sensor's turn in the
+    vehicle, `vehicle_sd_deg` with that turn, of which `turn_deg` was found; `vertical_sd_deg` is
+    that of the turn about the vertical."""
 
     own_sd_deg: float
     vehicle_sd_deg: float
@@ -38,25 +37,27 @@ class MountedHeading(NamedTuple):
 
 
 def compute_mounted_heading(plain: Affine, coverage: Coverage) -> MountedHeading:
-    """The heading's standard error with the sensor's turn in the vehicle known, and not.
+    """The heading's standard error without the sensor's turn in the vehicle, and with it.
 
-    Given A = ∂turn/∂parameters (3, m), what is left of the covariance is C − C Aᵀ (A C Aᵀ)⁻¹ A C.
+    Without the turn the matrix is symmetric: with A = ∂turn/∂parameters (3, m) and
+    B = ∂parameters/∂turn the covariance is (1 − B A) C (1 − B A)ᵀ. While a vehicle hardly banks, a
+    turn and soft iron look alike; then its heading but for one constant angle is known better.
     """
     covariance, vehicle = plain.covariance, coverage.heading_sd_deg
     assert covariance is not None
     if plain.gauge != FREE or plain.magnitude is None:
         return MountedHeading(vehicle, vehicle)
     gain = float(np.trace(plain.matrix) / 3)
-    along = np.zeros((3, len(covariance)))
-    for row, (above, below) in enumerate(_PAIRS):
-        along[row, above], along[row, below] = 0.5 / gain, -0.5 / gain
-    across = covariance @ along.T
-    turn = along @ across
-    if not turn.any():
-        return MountedHeading(vehicle, vehicle)
-    known = covariance - across @ inverse(turn) @ across.T
-    own = heading_sd_deg(
-        coverage.inclination_deg, plain.magnitude, plain.matrix, known, plain.gauge
+    turn_by, by_turn = np.zeros((3, len(covariance))), np.zeros((len(covariance), 3))
+    for axis, (above, below) in enumerate(_PAIRS):
+        turn_by[axis, above], turn_by[axis, below] = 0.5 / gain, -0.5 / gain
+        by_turn[above, axis], by_turn[below, axis] = gain, -gain
+    turn = turn_by @ covariance @ turn_by.T
+    without = np.eye(len(covariance)) - by_turn @ turn_by
+    at = (coverage.inclination_deg, plain.magnitude, plain.matrix)
+    own = min(
+        heading_sd_deg(*at, without @ covariance @ without.T, plain.gauge),
+        heading_sd_deg(*at, covariance, plain.gauge, but_constant=True),
     )
     found = (plain.matrix - plain.matrix.T)[[0, 0, 1], [1, 2, 2]] / (2 * gain)
     sizes = np.degrees([np.linalg.norm(found), np.sqrt(turn[0, 0])])

@@ -88,13 +88,18 @@ def heading_sd_deg(
     matrix: Array,
     covariance: Array,
     gauge: str,
+    *,
+    but_constant: bool = False,
 ) -> Any:
     """Standard error of the heading of a level vehicle, rms over all headings, degrees, (…).
 
     σ_ψ² = ∂ψ C ∂ψᵀ with the derivatives of `heading_jacobian_deg`. Broadcasts over magnitude (…),
-    matrix (…, 3, 3) and covariance (…, 9, 9).
+    matrix (…, 3, 3) and covariance (…, 9, 9). `but_constant`: of what is left beside one constant
+    angle of all headings.
     """
     local = heading_jacobian_deg(inclination_deg, magnitude, matrix, gauge)
+    if but_constant:
+        local = local - local.mean(axis=-2, keepdims=True)
     variance = ((local @ covariance) * local).sum(axis=-1).mean(axis=-1)
     return np.sqrt(np.maximum(variance, 0.0))[()]  # rounding, where nothing is determined
 

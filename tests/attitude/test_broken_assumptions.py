@@ -1,0 +1,86 @@
+"""Fits with the attitude where noise is not equal, white and Gaussian: the error over the stated.
+
+Fixed seeds, few of them: a rule that states half of the error, or ten times it, does not pass.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from benchmarks.faults import (
+    FIELD_N,
+    Fault,
+    Recording,
+    record,
+    tilts,
+    with_attitude,
+)
+from scipy.linalg import polar
+
+import agonic as ag
+from agonic.attitude.mounted_heading import compute_mounted_heading
+
+PLACE = ag.Reference.vector(FIELD_N, frame="n")
+FITS = {"levelled": ag.fit_levelled, "vector": ag.fit_vector}
+
+
+class Draws(NamedTuple):
+    """Errors over stated ones of fits that were not refused: of the bias by axis (k, 3), of the
+    vehicle's heading and of that in the sensor's own axes (k,); the verdicts."""
+
+    bias: np.ndarray
+    heading: np.ndarray
+    own: np.ndarray
+    verdicts: tuple[str, ...]
+
+
+def draw(
+    kind: str,
+    *faults: Fault,
+    attitude: Fault | None = None,
+    k: int = 10,
+    reference: ag.Reference = PLACE,
+    **settings,
+) -> Draws:
+    """Fits of recordings with these faults."""
+    heading = kind == "vector"
+    bias, whole, own, verdicts = [], [], [], []
+    for seed in range(k):
+        beside = attitude or with_attitude(0.5, heading=heading)
+        recording = record(seed, tilts(30), (*faults, beside), **settings)
+        fit = FITS[kind](recording.samples, reference)
+        verdicts.append(fit.verdict)
+        if fit.verdict == "refused":
+            continue
+        truth = recording.reads(np.zeros((1, 3)))[0]
+        bias.append((fit.calibration.bias - truth) / fit.sd[:3])
+        mounted = compute_mounted_heading(fit.calibration, fit.coverage)
+        error, alone = heading_errors_deg(fit.calibration, recording)
+        whole.append(error / mounted.vehicle_sd_deg)
+        own.append(alone / mounted.own_sd_deg)
+    return Draws(np.array(bias), np.array(whole), np.array(own), tuple(verdicts))
+
+
+def heading_errors_deg(calibration: ag.Affine, recording: Recording) -> tuple[float, float]:
+    """Of a level vehicle, rms over all headings; and whatever the sensor's turn: the least of that
+    without a constant, and of that in the sensor's own axes."""
+    psi = np.radians(np.arange(0, 360, 5))
+    ahead, down = np.linalg.norm(FIELD_N[:2]), FIELD_N[2]
+    level = np.stack([ahead * np.cos(psi), -ahead * np.sin(psi), np.full(len(psi), down)], axis=1)
+    field = calibration.correct(recording.reads(level))
+    turned = field @ polar(calibration.matrix)[0]
+    off, without = (
+        np.degrees(np.angle(np.exp(1j * (np.arctan2(-f[:, 1], f[:, 0]) - psi))))
+        for f in (field, turned)
+    )
+    rms = np.sqrt(np.mean(off**2))
+    return float(rms), float(min(off.std(), np.sqrt(np.mean(without**2))))
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_errors_of_the_attitude_that_last(kind: str) -> None:
+    beside = with_attitude(1.0, memory=0.99, heading=kind == "vector")
+    draws = draw(kind, attitude=beside, n=2000)
+    assert 0.5 < np.sqrt(np.mean(draws.bias**2)) < 1.3
+    assert 0.5 < np.sqrt(np.mean(draws.heading**2)) < 1.5
+    assert 0.5 < np.sqrt(np.mean(draws.own**2)) < 1.3  # 8 where the turn counted as known
