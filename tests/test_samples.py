@@ -129,6 +129,22 @@ def test_columns_are_those_that_are_there_in_writing_order() -> None:
     assert list(ag.Samples(**every_column()).columns()) == list(COLUMNS)
 
 
+def test_a_disturber_is_a_column_under_its_own_name() -> None:
+    heater = np.array([0.0, 2.0, np.nan, 1.0])
+    samples = ag.Samples(field=ROWS, disturbers={"heater_A": heater})
+    assert list(samples.columns()) == ["field", "heater_A"]
+    assert samples.columns()["heater_A"].tolist() == [0.0, 2.0, 1.0]
+    assert samples.rejected == {"NaN or infinite heater_A": 1}
+    assert samples.select([2, 0]).disturbers["heater_A"].tolist() == [1.0, 0.0]
+    doubled = samples.with_columns(heater_A=2 * samples.disturbers["heater_A"])
+    assert doubled.disturbers["heater_A"].tolist() == [0.0, 4.0, 2.0]
+    for name in ("heater current", "field", "2_A"):
+        with pytest.raises(ag.LogError, match="cannot name a disturber"):
+            ag.Samples(field=ROWS, disturbers={name: heater})
+    with pytest.raises(ag.LogError, match="a new disturber is given with disturbers="):
+        samples.with_columns(torquer_x_Am2=heater)
+
+
 @pytest.mark.parametrize("rows", [[3, 1], np.array([False, True, False, True])])
 def test_select_takes_the_rows_of_every_column(rows: list[int] | np.ndarray) -> None:
     columns = every_column()

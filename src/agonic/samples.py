@@ -45,7 +45,7 @@ COLUMNS = (
     "scalar",
     "flagged",
 )
-"""Every per-row column, in the order they are written."""
+"""Every per-row column with a name of its own, in the order they are written."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,6 +84,8 @@ class Samples:
     second : (n, 3) readings of a second magnetometer of the vehicle at the same moments, in the
         unit of `field` (see `with_second`), whose name is `second_sensor`.
     station : (n,) number of the static position.
+    disturbers : columns (n,) of what may disturb the readings beside these, by name with the unit
+        at its end: motor1_duty (0…1), esc2_A, torquer_x_Am2, heater_W.
     scalar : (n,) reading of an absolute scalar magnetometer at the same moments, nT always.
     flagged : (n,) not 0 where a fit should leave the row out, as when torquers are on.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
@@ -120,6 +122,7 @@ class Samples:
     station: Array | None = None
     scalar: Array | None = None
     flagged: Array | None = None
+    disturbers: Mapping[str, Array] = dataclass_field(default_factory=dict)
     name: str = "mag"
     frame: str = "m"
     device_id: int | None = None
@@ -137,6 +140,8 @@ class Samples:
             self._put("time", seconds)
             self._put("epoch", epoch)
         columns = {name: _column(name, getattr(self, name)) for name in COLUMNS}
+        named = {_disturber_name(name): _column(name, c) for name, c in self.disturbers.items()}
+        columns |= named
         lengths = {name: len(c) for name, c in columns.items() if c is not None}
         if len(set(lengths.values())) > 1:
             raise LogError(f"columns differ in length: {lengths}; give one value a row in each")
@@ -145,10 +150,13 @@ class Samples:
             self._put("unit", "nT")
         factor = nanotesla_per(self.unit)
         keep, rejected = _usable(columns, factor)
-        for name, values in columns.items():
-            self._put(
-                name, None if values is None else _frozen(values if keep.all() else values[keep])
-            )
+        kept = {
+            name: None if values is None else _frozen(values if keep.all() else values[keep])
+            for name, values in columns.items()
+        }
+        for name in COLUMNS:
+            self._put(name, kept[name])
+        self._put("disturbers", MappingProxyType({name: kept[name] for name in named}))
         self._put("rejected", MappingProxyType(_added(self.rejected, rejected)))
         if not keep.any():
             reasons = ", ".join(f"{n} rows: {why}" for why, n in self.rejected.items())
@@ -176,13 +184,14 @@ class Samples:
         return self.source or Input.of_array(self.name, self.field)
 
     def columns(self) -> dict[str, Array]:
-        """The columns that are there, by name, in writing order."""
-        return {name: c for name in COLUMNS if (c := getattr(self, name)) is not None}
+        """The columns that are there, by name, in writing order; disturbers last."""
+        own = {name: c for name in COLUMNS if (c := getattr(self, name)) is not None}
+        return own | dict(self.disturbers)
 
     def select(self, rows: ArrayLike) -> Samples:
         """The `rows` that a boolean mask (n,) or indices (k,) name, in their order."""
         chosen = np.asarray(rows)
-        return replace(self, **{name: c[chosen] for name, c in self.columns().items()})
+        return self.with_columns(**{name: c[chosen] for name, c in self.columns().items()})
 
     def seconds_since(self, epoch: datetime | None, *, known: bool = True) -> Array:
         """The times as something counts them that was begun at `epoch`, itself `None` undated.
@@ -251,9 +260,16 @@ class Samples:
         >>> Samples(field=[[1.0, 2.0, 3.0]]).with_columns(name="MAG2").name
         'MAG2'
         """
-        unknown = set(changed) - {f.name for f in fields(self)}
+        own = {f.name for f in fields(self)}
+        others = {name: changed.pop(name) for name in set(changed) & set(self.disturbers)}
+        unknown = set(changed) - own
         if unknown:
-            raise LogError(f"no such column: {', '.join(sorted(unknown))}")
+            raise LogError(
+                f"no such column: {', '.join(sorted(unknown))}; a new disturber is given with "
+                "disturbers={name: values}"
+            )
+        if others:
+            changed["disturbers"] = dict(self.disturbers) | others | changed.get("disturbers", {})
         return replace(self, **changed)
 
 
@@ -270,6 +286,16 @@ def _column(name: str, values: ArrayLike | None) -> Array | None:
     if not fits:
         raise LogError(f"{name} has shape {array.shape}; it needs {wanted}, a row a sample")
     return array
+
+
+def _disturber_name(name: str) -> str:
+    """The name of a disturber's column, or a clear error where it cannot be one."""
+    if not name.isidentifier() or name in {f.name for f in fields(Samples)}:
+        raise LogError(
+            f"{name!r} cannot name a disturber: it needs letters, digits and _ and a name of its "
+            "own, with the unit at the end, as motor1_duty or heater_A"
+        )
+    return name
 
 
 def _refuse_other_unit(field: Array | None) -> None:

@@ -73,8 +73,8 @@ def test_a_missing_source_is_named() -> None:
     samples = ag.Samples(field=[[1.0, 2.0, 3.0]], current_A=[1.0])
     with pytest.raises(LogError, match="second"):
         ag.apply(mixed(), samples)
-    with pytest.raises(AgonicError, match="volts"):
-        Interference(bias=np.zeros(3), matrix=W, sources=("volts",), coefficients=K)
+    with pytest.raises(AgonicError, match="volts a"):
+        Interference(bias=np.zeros(3), matrix=W, sources=("volts a",), coefficients=K)
     with pytest.raises(AgonicError, match="coefficients"):
         Interference(bias=np.zeros(3), matrix=W, sources=("throttle",), coefficients=K)
 

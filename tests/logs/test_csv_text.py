@@ -172,6 +172,23 @@ def test_units_of_the_other_columns(table):
     np.testing.assert_allclose(samples.altitude_m, [30.48])
 
 
+def test_whatever_may_disturb_is_kept_by_name_and_unit(table):
+    named = "heater_mA,torquer_x_Am2,motor1_pwm_us,rw3_duty,panel_W,speed_m,Heater"
+    beside = np.column_stack([1e3 * np.arange(4), np.arange(4) - 2, [1000, 1500, 2000, 1250]])
+    rows = np.column_stack([ROWS, beside, [0.1, 0.2, 0.3, 0.4], [5, 6, 7, 8], np.ones((4, 2))])
+    samples = read(table(text(f"t,mx,my,mz,{named}", rows)))
+    expected = {
+        "heater_A": [0, 1, 2, 3],
+        "torquer_x_Am2": [-2, -1, 0, 1],
+        "motor1_duty": [0, 0.5, 1, 0.25],
+        "rw3_duty": [0.1, 0.2, 0.3, 0.4],
+        "panel_W": [5, 6, 7, 8],
+    }
+    assert {n: v.tolist() for n, v in samples.disturbers.items()} == expected
+    mapped = read(table(text(f"t,mx,my,mz,{named}", rows)), columns="time_s=t,htr_A=Heater")
+    assert set(mapped.disturbers) == {*expected, "htr_A"}
+
+
 def test_a_scalar_instrument_and_rows_to_leave_out(table):
     header = "time_s,mag_x_uT,mag_y_uT,mag_z_uT,scalar_uT,torquers"
     samples = read(table(text(header, [[0, 20, 1, 43, 47.5, 0], [1, 21, 1, 43, 47.6, 1]])))

@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.attitude.settings import Settings
-from agonic.calibration.inputs import stack_inputs
+from agonic.calibration.inputs import SOURCES, list_columns, signals, stack_inputs
 from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.maths.equation.channels import Dip, Problem
 from agonic.maths.rotations.attitude import down_b, rot_nb
@@ -49,10 +49,12 @@ def normalise(
         )
     x = find_terms(samples, settings.sources)
     middle, spread = x.mean(axis=0), x.std(axis=0)
-    if (spread < 1e-9 * (np.abs(middle) + 1e-9)).any():
+    still = spread < 1e-9 * (np.abs(middle) + 1e-9)
+    if still.any():
+        names = [one for one, never in zip(signals(settings.sources), still, strict=True) if never]
         raise CoverageError(
-            f"{', '.join(settings.sources)} never changes, so what it does to the readings cannot "
-            "be told from the bias",
+            f"{', '.join(names)} never changes, so what it does to the readings cannot be told "
+            "from the bias",
             turns="record with the motors at several powers, or fit without it",
         )
     dip = None
@@ -88,17 +90,27 @@ def find_terms(samples: Samples, sources: tuple[str, ...]) -> Array:
     """
     if not sources:
         return np.zeros((len(samples), 0))
-    columns = samples.columns()
-    missing = [name for name in sources if name not in columns]
+    columns, needed = samples.columns(), list_columns(sources)
+    missing = [name for name in needed if name not in columns]
     if missing:
+        held = f"; it holds {', '.join(there)}" if (there := list_disturbers(samples)) else ""
         raise LogError(
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
-            "recorded beside the readings (for second: samples.with_second(other))"
+            f"recorded beside the readings{held} (for second: samples.with_second(other))"
         )
-    known = {name: columns[name] for name in sources}
+    known = {name: columns[name] for name in needed}
     if "second" in known:
         known["second"] = known["second"] - samples.field
     return stack_inputs(sources, None, known)
+
+
+def list_disturbers(samples: Samples) -> tuple[str, ...]:
+    """The columns of samples that may tell of a disturbance.
+
+    >>> list_disturbers(Samples(field=np.ones((2, 3)), disturbers={"heater_A": [0.0, 1.0]}))
+    ('heater_A',)
+    """
+    return tuple(n for n in samples.columns() if n in SOURCES or n in samples.disturbers)
 
 
 def _angles(samples: Samples, channels: tuple[str, ...]) -> tuple[Array, Array, Array]:

@@ -13,7 +13,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.inputs import SOURCES
+from agonic.calibration.inputs import parse_source
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
@@ -219,7 +219,7 @@ def _blocks(step: Affine) -> dict[str, Array]:
     """The coefficients (3, 1) or (3, 3) of each source of a step."""
     if not isinstance(step, Interference):
         return {}
-    ends = np.cumsum([SOURCES[name] for name in step.sources])[:-1]
+    ends = np.cumsum([parse_source(name).width for name in step.sources])[:-1]
     return dict(zip(step.sources, np.split(step.coefficients, ends, axis=1), strict=True))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import read_only, require_covariance
-from agonic.calibration.inputs import SOURCES, stack_inputs
+from agonic.calibration.inputs import list_columns, parse_source, stack_inputs
 from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
 from agonic.maths.equation import affine as kernel
@@ -21,8 +21,9 @@ from agonic.maths.equation import affine as kernel
 class Interference(Affine):
     """The correction field = matrix @ (raw − bias − coefficients @ x).
 
-    x is what was recorded of the sources: a current in amperes, the throttle, or the readings of a
-    second magnetometer. With the second magnetometer this is the 3×6 mix of two sensors,
+    x is what was recorded of the sources: currents in amperes, the duty of motors, the throttle,
+    the dipole of a torquer, or the readings of a second magnetometer. With the latter this is the
+    3×6 mix of two sensors,
 
         field = matrix @ raw − (matrix @ coefficients) @ second − matrix @ bias,
 
@@ -31,7 +32,8 @@ class Interference(Affine):
 
     Parameters
     ----------
-    sources : names of the columns in x: "current_A", "throttle", "second" (three numbers).
+    sources : the columns in x and their form: "current_A", "motor1_duty^1.5", "heater_A>0.5",
+        "second" (three numbers); see `agonic.calibration.inputs`.
     coefficients : (3, k), readings per unit of x.
     second_sensor : the name of the second magnetometer, where the sources have one.
     covariance : (m, m) of `parameters`: those of an `Affine`, then the coefficients row by row.
@@ -53,23 +55,20 @@ class Interference(Affine):
     second_sensor: str | None = None
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.sources if name not in SOURCES]
-        if unknown or not self.sources:
-            given = ", ".join(unknown) or "none"
-            raise AgonicError(f"sources must be some of {', '.join(SOURCES)}; given: {given}")
+        if not self.sources:
+            raise AgonicError("sources is empty; name what disturbs, as current_A or motor1_duty")
+        width = sum(parse_source(name).width for name in self.sources)
         if len(set(self.sources)) < len(self.sources):
             raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
-        shape = (3, sum(SOURCES[name] for name in self.sources))
         object.__setattr__(self, "sources", tuple(self.sources))
-        object.__setattr__(
-            self, "coefficients", read_only("coefficients", self.coefficients, shape)
-        )
+        given = read_only("coefficients", self.coefficients, (3, width))
+        object.__setattr__(self, "coefficients", given)
         super().__post_init__()
 
     @property
     def needs(self) -> tuple[str, ...]:  # type: ignore[override]
         """The columns of the samples that it takes beside the readings."""
-        return self.sources
+        return list_columns(self.sources)
 
     @property
     def parameters(self) -> tuple[str, ...]:

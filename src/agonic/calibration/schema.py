@@ -106,8 +106,11 @@ class InterferenceRecord(AffineRecord, frozen=True, kw_only=True, tag="interfere
     """field = matrix @ (raw − bias − coefficients @ x), x from the sources."""
 
     sources: Annotated[
-        tuple[Literal["current_A", "throttle", "second"], ...],
-        Meta(description="Columns in x; second is another magnetometer, three numbers."),
+        tuple[Annotated[str, Meta(min_length=1, max_length=100)], ...],
+        Meta(
+            description="Columns in x, each as it is, to a power (motor1_duty^1.5) or 1 above a "
+            "value (heater_A>0.5); second is another magnetometer, three numbers."
+        ),
     ]
     coefficients: Annotated[
         tuple[Row, Row, Row], Meta(description="Row by row, unit_in per unit of x.")

@@ -117,5 +117,7 @@ def _write_table(table: _Table, path: Path | str) -> Path:
 
 def _header(column: str, samples: Samples) -> str:
     """The name of a column; a heading that a filter estimated is called its yaw."""
+    if column in samples.disturbers:
+        return column
     estimated = column == "heading_deg" and samples.heading_estimated
     return "yaw_deg" if estimated else canonical_header(column)

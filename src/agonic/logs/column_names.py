@@ -100,7 +100,9 @@ def _of_sensor(header: str) -> tuple[str, str]:
 
 def _quantity(header: str) -> str:
     column = identify_column(header)
-    return header if column is None else column.quantity.column
+    if column is None or column.quantity.column == "disturber":
+        return header
+    return column.quantity.column
 
 
 def parse_names(text: str | Mapping[str, str], where: str = "--columns") -> ColumnNames:
@@ -119,7 +121,7 @@ def parse_names(text: str | Mapping[str, str], where: str = "--columns") -> Colu
         if identify_column(_canonical(name, None)) is None:
             raise LogError(
                 f"{where}: {name!r} is no column; use time, x, y, z, temperature_C, acc_x_m_s2, "
-                "gyro_x_rad_s, roll_deg, pitch_deg, heading_deg, current_A …"
+                "gyro_x_rad_s, roll_deg, pitch_deg, heading_deg, current_A, heater_A …"
             )
     return ColumnNames(headers=headers, where=where)
 

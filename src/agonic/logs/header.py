@@ -11,6 +11,8 @@ from functools import lru_cache
 from agonic.errors import UnitError
 from agonic.logs.quantities import (
     BY_COLUMN,
+    DISTURBER,
+    DISTURBER_UNITS,
     FIELD_UNITS,
     QUANTITIES,
     TIMES,
@@ -104,6 +106,8 @@ _NO_READING = frozenset(
 _IDLE = frozenset(_BEFORE.split("|")) | {"topic", "stamped", "buffer", "values", "log"}
 _TESLA = ("nT", "uT", "mT", "T", "G", "mG")
 _AMBIGUOUS = ("t", "g", "mg", "ga", "mt")
+_DISTURBER = re.compile(rf"(?P<name>[^\W\d]\w*)_(?P<unit>{_either(DISTURBER.units)})", re.ASCII)
+"""The name of something that draws power or is magnetic, its unit behind it: heater_mA."""
 _LONGEST = 120
 
 MOST_COLUMNS = 4096
@@ -133,7 +137,23 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     if unit and not unit.isascii():
         return None
     found = _identify(header, _squash(name), unit)
-    return found or _identify_with_sensor(header, name, unit, sensors)
+    found = found or _identify_with_sensor(header, name, unit, sensors)
+    return found or _identify_disturber(header.strip())
+
+
+def _identify_disturber(header: str) -> Column | None:
+    """What a canonical name with the unit of a current, a power, a dipole or a duty says."""
+    match = _DISTURBER.fullmatch(header)
+    if match is None:
+        return None
+    unit = match["unit"]
+    return Column(
+        header=header,
+        quantity=DISTURBER,
+        sensor=f"{match['name']}_{DISTURBER_UNITS.get(unit, unit)}",
+        unit=unit,
+        rank=CANONICAL if unit not in DISTURBER_UNITS else ALIAS,
+    )
 
 
 def _identify(header: str, name: str, bracket: str, sensor: str = "") -> Column | None:

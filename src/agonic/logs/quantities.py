@@ -158,6 +158,17 @@ QUANTITIES: tuple[Quantity, ...] = (
 )
 # fmt: on
 
+# fmt: off
+DISTURBER = Quantity(
+    column="disturber", name="disturber",
+    units={"A": (1, 0), "mA": (1e-3, 0), "W": (1, 0), "mW": (1e-3, 0), "Am2": (1, 0),
+           "duty": (1, 0), "percent": (0.01, 0), "pwm_us": (1e-3, -1.0)},
+)
+# fmt: on
+"""Whatever may disturb: any name with one of these units behind it, in these letters."""
+DISTURBER_UNITS = {"mA": "A", "mW": "W", "percent": "duty", "pwm_us": "duty"}
+"""The unit in which a disturber is kept that was recorded in another: duty is 0…1, of 1…2 ms."""
+
 BY_COLUMN = {quantity.column: quantity for quantity in QUANTITIES}
 
 

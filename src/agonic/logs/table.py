@@ -17,7 +17,7 @@ from agonic.logs.columns import Identified, identify_column, identify_columns
 from agonic.logs.conventions import apply_conventions
 from agonic.logs.log import Log, Stream
 from agonic.logs.resample import compute_rate_Hz
-from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns
+from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time, pick
 from agonic.logs.rows.units import find_field_unit
 from agonic.provenance import Input
@@ -96,10 +96,12 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     time, epoch, time_notes = find_time(part.clocks[number], part.rows, field)
     readings = find_finite_rows(field)
     columns, estimated, remarks = read_columns(part, number, time, readings)
+    disturbers, told = read_disturbers(part, time, readings)
     if len(foreign := find_foreign_rows(part, field)):
         keep = np.setdiff1d(np.arange(len(field)), foreign)
         field, time = field[keep], None if time is None else time[keep]
         columns = {n: None if c is None else c[keep] for n, c in columns.items()}
+        disturbers = {n: c[keep] for n, c in disturbers.items()}
         remarks = (*remarks, f"{len(foreign)} rows are of other sensors")
     if columns.get("second") is not None:  # `Samples` takes it in the unit of the field
         columns["second"] = columns["second"] / nanotesla_per(unit)
@@ -111,7 +113,8 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         name=name,
         frame=_find_frame(part),
         heading_estimated=estimated,
-        notes=(*part.remarks, *unit_notes, *time_notes, *remarks),
+        disturbers=disturbers,
+        notes=(*part.remarks, *unit_notes, *time_notes, *remarks, *told),
         source=replace(part.source, count=len(field)),
         **columns,
     )

@@ -142,7 +142,11 @@ def _fit_with_attitude(
     if isinstance(fit, InertialFit):
         part = partial(fit_part, fit)
         return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
-    same = {**settings, "gauge": fit.calibration.gauge, "sources": fit.calibration.needs}
+    same = {
+        **settings,
+        "gauge": fit.calibration.gauge,
+        "sources": getattr(fit.calibration, "sources", ()),
+    }
 
     def again(samples: Samples, reference: Reference) -> Calibration:
         return run(samples, reference, **same).calibration

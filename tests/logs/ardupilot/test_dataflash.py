@@ -216,6 +216,44 @@ def test_columns_meet_the_magnetometer_in_time(written: Any) -> None:
     assert {round(x.rate_Hz) for x in log.streams if x.name == "ATT" and x.rate_Hz} == {50}
 
 
+def motors(firmware: str, functions: dict[str, float]) -> list[tuple[str, Columns]]:
+    """Messages of a vehicle with outputs, speed controllers and two batteries."""
+    fine = np.arange(0.0, 60.0, 0.02)
+    us = {"TimeUS": fine * 1e6}
+    return [
+        ("MSG", {"TimeUS": 1e3, "Message": firmware}),
+        parameters(functions),
+        ("RCOU", {**us, "C1": 1000 + 10 * fine, "C2": 1500, "C3": 1900 - 5 * fine}),
+        ("ESC", {**us, "Instance": 0, "Curr": fine}),
+        ("ESC", {**us, "Instance": 1, "Curr": 2 * fine}),
+        ("BAT", {**us, "Instance": 0, "Curr": 3 * fine}),
+        ("BAT", {**us, "Instance": 1, "Curr": 4 * fine}),
+    ]
+
+
+OUTPUTS = {"RCOU": (9, "QHHH", "TimeUS,C1,C2,C3"), "ESC": (10, "QBf", "TimeUS,Instance,Curr")}
+
+
+def test_motors_controllers_and_batteries_are_disturbers(written: Any) -> None:
+    functions = {"SERVO1_FUNCTION": 33, "SERVO2_FUNCTION": 34, "SERVO3_FUNCTION": 19}
+    pulses = {"MOT_PWM_MIN": 1000, "MOT_PWM_MAX": 2000}
+    log = written(
+        compass(sphere()), *motors("ArduCopter V4.5.0", functions | pulses), formats=OUTPUTS
+    )
+    s = log.sensors[0]
+    assert set(s.disturbers) == {"motor1_duty", "esc1_A", "esc2_A", "battery2_A"}  # 19: a servo
+    np.testing.assert_allclose(s.disturbers["motor1_duty"], s.time / 100, atol=1e-3)
+    np.testing.assert_allclose(s.disturbers["esc2_A"], 2 * s.time, atol=1e-5)
+    np.testing.assert_allclose(s.disturbers["battery2_A"], 4 * s.time, atol=1e-5)
+
+
+def test_outputs_without_functions_and_motors_that_turn_both_ways(written: Any) -> None:
+    log = written(compass(sphere()), *motors("ArduSub V4.1.0", {"X": 1}), formats=OUTPUTS)
+    s = log.sensors[0]
+    np.testing.assert_allclose(s.disturbers["output3_duty"], 0.8 - s.time / 100, atol=2e-3)
+    assert "output2_duty" not in s.disturbers  # it never moves
+
+
 @pytest.mark.parametrize(
     ("fmt", "columns", "throttle"),
     [

@@ -283,8 +283,17 @@ def test_temperature_power_and_sample_times(written: Reader) -> None:
             "xyz": np.tile(np.float32([0, 0, -0.6]), (N, 1)),
         },
     }
+    topics["actuator_motors[0]"] = {
+        "timestamp": STAMP,
+        "control": np.stack([ramp / 100, 0 * ramp, np.full(N, np.nan)], axis=1).astype("f4"),
+    }
+    topics["battery_status[2]"] = {"timestamp": STAMP, "current_a": (2 * ramp).astype("f4")}
     first, second = written(topics).sensors
     assert len(first) == N
+    assert set(first.disturbers) == {"motor1_duty", "battery2_A"}
+    np.testing.assert_allclose(
+        first.disturbers["motor1_duty"], np.clip(ramp / 100, 0, 1), atol=0.01
+    )
     np.testing.assert_allclose(first.temperature, ramp, atol=1e-5)
     np.testing.assert_allclose(first.time, SECONDS - 0.004)
     assert second.temperature is None

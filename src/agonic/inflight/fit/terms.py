@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.inputs import signals, stack_inputs
+from agonic.calibration.inputs import list_columns, signals, stack_inputs
 from agonic.errors import CoverageError, LogError
 from agonic.inflight.fit.drift import evaluate_spline, place_knots
 from agonic.maths.equation import polynomial
@@ -124,7 +124,7 @@ def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
     """Standard deviations of what disturbs on board."""
     if not sources:
         return np.zeros(0)
-    missing = [name for name in sources if name not in samples.columns()]
+    missing = [name for name in list_columns(sources) if name not in samples.columns()]
     if missing:
         raise LogError(
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "

@@ -9,26 +9,23 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.ardupilot.beside import DISTURBERS, Tables, resample_columns
 from agonic.logs.ardupilot.dataflash_binary import Content, Table, read_binary
 from agonic.logs.ardupilot.dataflash_text import read_text
 from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
 from agonic.logs.log import Log
-from agonic.logs.resample import ESTIMATED_ATTITUDE, find_misplaced, resample
+from agonic.logs.resample import ESTIMATED_ATTITUDE, find_misplaced
 from agonic.provenance import Input
 from agonic.samples import Samples
-
-Tables = Mapping[str, Table]
 
 MAGNETOMETERS = ("MAG", "MAG2", "MAG3")
 WANTED = (
@@ -43,6 +40,7 @@ WANTED = (
     "BAT",
     "CURR",
     "CTUN",
+    *DISTURBERS,
 )
 
 SCHEMA = ("FMT", "FMTU", "UNIT", "MULT")
@@ -148,86 +146,6 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
         source=replace(source, count=len(mag)),
         rejected={"time out of sequence": int(wrong.sum())} if wrong.any() else {},
     )
-
-
-def resample_columns(mag: Table, tables: Tables) -> dict[str, Any]:
-    """Attitude, motion, power and place at the rows of the magnetometer."""
-    attitude, control = tables.get("ATT"), tables.get("CTUN")
-    imu, battery = _first_instance(tables, "IMU"), _first_instance(tables, "BAT", "CURR")
-    throttle, full = _throttle(control)
-    fixes = _fixes(tables)
-    return {
-        "roll_deg": _resample_onto(mag, attitude, "Roll", period=360.0),
-        "pitch_deg": _resample_onto(mag, attitude, "Pitch", period=360.0),
-        "heading_deg": _resample_onto(mag, attitude, "Yaw", period=360.0),
-        "acceleration": _resample_onto(mag, imu, "AccX", "AccY", "AccZ"),
-        "rotation_rate": _resample_onto(mag, imu, "GyrX", "GyrY", "GyrZ"),
-        "current_A": _resample_onto(mag, battery, "Curr", per_unit=_per_ampere(battery)),
-        "throttle": _resample_onto(mag, control, throttle, per_unit=full),
-        "latitude_deg": _resample_onto(mag, fixes, "Lat"),
-        "longitude_deg": _resample_onto(mag, fixes, "Lng", period=360.0),
-        "altitude_m": _resample_onto(mag, fixes, "Alt"),
-    }
-
-
-def _resample_onto(
-    mag: Table,
-    other: Table | None,
-    *names: str,
-    period: float | None = None,
-    per_unit: float = 1.0,
-) -> Array | None:
-    """Columns of another message at the rows of `mag`; without times, by place in the file."""
-    if other is None or not set(names) <= set(other.columns):
-        return None
-    values = np.stack([other.columns[name] for name in names], axis=1) / per_unit
-    here, there = mag.time_s, other.time_s
-    if here is None or there is None:
-        here, there = mag.position.astype(float), other.position.astype(float)
-    return resample(there, values if len(names) > 1 else values[:, 0], here, period=period)
-
-
-def _first_instance(tables: Tables, *names: str) -> Table | None:
-    """The messages of the first instance, of the first of these names that is there."""
-    table = next((tables[name] for name in names if name in tables), None)
-    instance = None if table is None else table.get("I", "Inst", "Instance")
-    if table is None or instance is None:
-        return table
-    return table.select(instance == instance.min())
-
-
-def _per_ampere(battery: Table | None) -> float:
-    """Old CURR messages hold hundredths of an ampere as a whole number."""
-    return 100.0 if battery is not None and "Curr" in battery.integer else 1.0
-
-
-def _throttle(control: Table | None) -> tuple[str, float]:
-    """The column of the throttle and its full scale.
-
-    Plane and Rover log percent, Copter and Sub 0…1, or 0…1000 as a whole number.
-    """
-    if control is None:
-        return "", 1.0
-    name = "ThO" if "ThO" in control.columns else "ThrOut"
-    if "NavRoll" in control.columns or "Steer" in control.columns:
-        return name, 100.0
-    return name, 1000.0 if name in control.integer else 1.0
-
-
-def _fixes(tables: Tables) -> Table | None:
-    """Where the vehicle was: GPS messages with a three-dimensional fix, else estimates (POS)."""
-    for name in ("GPS", "POS"):
-        table = _first_instance(tables, name)
-        if table is None or not {"Lat", "Lng", "Alt"} <= set(table.columns):
-            continue
-        latitude, longitude = table.columns["Lat"], table.columns["Lng"]
-        real = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180) & (latitude != 0)
-        status = table.get("Status")
-        if status is not None:
-            real &= status >= 3
-        if real.any():
-            return table.select(real)
-    return None
 
 
 def _utc_of_boot(gps: Table) -> datetime | None:

@@ -60,6 +60,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "GLOBAL_POSITION_INT": ("POS", _PLACE),
     "BATTERY_STATUS": ("BAT", {"Instance": ("id", 1.0), "Curr": ("current_battery", 0.01)}),
     "SYS_STATUS": ("CURR", {"Curr": ("current_battery", 0.01)}),
+    "SERVO_OUTPUT_RAW": ("RCOU", {f"C{k}": (f"servo{k}_raw", 1.0) for k in range(1, 9)}),
     "VFR_HUD": ("CTUN", {"ThO": ("throttle", 0.01)}),
     **{name: (name, columns) for name, columns in INERTIAL.items()},
 }

@@ -18,7 +18,8 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
-from agonic.logs.ardupilot.dataflash import find_firmware, resample_columns
+from agonic.logs.ardupilot.beside import resample_columns
+from agonic.logs.ardupilot.dataflash import find_firmware
 from agonic.logs.ardupilot.dataflash_binary import Table, load
 from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, find_packets, load_definitions
 from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, make_tables

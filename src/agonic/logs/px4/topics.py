@@ -25,14 +25,20 @@ GPS = ("vehicle_gps_position[0]", "sensor_gps[0]")
 ESTIMATED_PLACE = "vehicle_global_position[0]"
 BATTERY = "battery_status"
 CONTROLS, THRUST = "actuator_controls_0[0]", "vehicle_thrust_setpoint[0]"
+MOTORS, OUTPUTS = "actuator_motors[0]", "actuator_outputs[0]"
+SPEED_CONTROLLERS = "esc_status[0]"
 BESIDE = tuple(
     name.removesuffix("[0]")
-    for name in (ATTITUDE, MOTION, *GPS, ESTIMATED_PLACE, BATTERY, CONTROLS, THRUST)
+    for name in (
+        *(ATTITUDE, MOTION, *GPS, ESTIMATED_PLACE, BATTERY, CONTROLS, THRUST),
+        *(MOTORS, OUTPUTS, SPEED_CONTROLLERS),
+    )
 )
 """The topics that are read."""
 
 _UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _YEAR_2001_US, _YEAR_2096_US = 1e15, 4e15
+_SHORTEST_PULSE_US = 800.0
 _LONGEST_RUN_US = 1e14  # three years; what lies above is damage
 
 
@@ -54,24 +60,66 @@ def resample_columns(topics: Topics, time: Array, rotation_bm: Rotation | None) 
             columns[name] = resample(
                 read_time_s(motion), rotation_bm.apply(body, inverse=True), time
             )
-    return columns | _read_power(topics, time) | _read_place(topics, time)
+    beside = _read_power(topics, time) | _read_place(topics, time)
+    return columns | beside | {"disturbers": read_disturbers(topics, time)}
 
 
 def _read_power(topics: Topics, time: Array) -> dict[str, Any]:
     """Current of the first battery that measures one (negative: unknown), and throttle 0…1."""
     columns: dict[str, Any] = {}
-    for name in sorted(name for name in topics if name.startswith(BATTERY)):
-        current = _read_scaled(topics[name], 1.0, "current_a")
-        if current is not None and (current > 0).any():
-            known = np.where(current >= 0, current, np.nan)
-            columns["current_A"] = resample(read_time_s(topics[name]), known, time)
-            break
+    for topic in _list_batteries(topics)[:1]:
+        columns["current_A"] = _read_current(topic, time)
     controls, thrust = topics.get(CONTROLS, {}), topics.get(THRUST, {})
     if "control[3]" in controls:
         columns["throttle"] = resample(read_time_s(controls), controls["control[3]"], time)
     elif (xyz := stack_vector(thrust, "xyz[0]", "xyz[1]", "xyz[2]")) is not None:
         columns["throttle"] = resample(read_time_s(thrust), np.linalg.norm(xyz, axis=1), time)
     return columns
+
+
+def read_disturbers(topics: Topics, time: Array) -> dict[str, Array]:
+    """What may disturb a compass, by name; what never changes is left out.
+
+    Motors by their command 0…1 (older logs: by their pulse of 1…2 ms), speed controllers and
+    batteries but the first by their current.
+    """
+    motors, outputs = topics.get(MOTORS, {}), topics.get(OUTPUTS, {})
+    pulses = {k: outputs.get(f"output[{k}]", np.zeros(1)) for k in range(16)}
+    controllers = topics.get(SPEED_CONTROLLERS, {})
+    commanded = [(f"motor{k + 1}_duty", motors, f"control[{k}]", (1.0, 0.0)) for k in range(12)]
+    if not motors:
+        commanded = [
+            (f"output{k + 1}_duty", outputs, f"output[{k}]", (1e-3, -1.0))
+            for k, values in pulses.items()
+            if np.nanmax(values, initial=0.0) > _SHORTEST_PULSE_US
+        ]
+    drawn = [(f"esc{k + 1}_A", controllers, f"esc[{k}].esc_current", (1.0, 0.0)) for k in range(8)]
+    found: dict[str, Array] = {}
+    for name, topic, column, (factor, offset) in (*commanded, *drawn):
+        if column not in topic:
+            continue
+        values = factor * topic[column].astype(np.float64) + offset
+        if name.endswith("_duty"):
+            values = np.clip(values, -1.0 if motors else 0.0, 1.0)
+        at_rows = resample(read_time_s(topic), values, time)
+        if at_rows is not None and np.ptp(at_rows) > 0:
+            found[name] = at_rows
+    for k, battery in enumerate(_list_batteries(topics)[1:], start=2):
+        if (current := _read_current(battery, time)) is not None:
+            found[f"battery{k}_A"] = current
+    return found
+
+
+def _list_batteries(topics: Topics) -> list[Topic]:
+    """The batteries that measure their current; a negative one is unknown."""
+    names = sorted(name for name in topics if name.startswith(BATTERY))
+    found = [topics[name] for name in names if "current_a" in topics[name]]
+    return [battery for battery in found if (battery["current_a"] > 0).any()]
+
+
+def _read_current(battery: Topic, time: Array) -> Array | None:
+    current = battery["current_a"].astype(np.float64)
+    return resample(read_time_s(battery), np.where(current >= 0, current, np.nan), time)
 
 
 def _read_place(topics: Topics, time: Array) -> dict[str, Any]:

@@ -82,6 +82,20 @@ def read_columns(
     return columns, estimated, tuple(notes)
 
 
+def read_disturbers(
+    part: Part, time: Array | None, readings: Mask
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The columns of what may disturb, by name, and notes."""
+    found: dict[str, Array] = {}
+    notes: list[str] = []
+    for name, group in part.found.get("disturber", {}).items():
+        values, remarks = convert_column(group, part.values(group), time, readings)
+        if values is not None:
+            found[name] = values
+        notes += [f"{name}: {remark.removeprefix('disturber ')}" for remark in remarks]
+    return found, tuple(notes)
+
+
 def _read_quaternion(
     part: Part,
     group: Mapping[str, Column],

@@ -1,0 +1,185 @@
+"""What an ArduPilot log holds beside a compass, at its rows: motion, power, place, disturbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.logs.ardupilot.dataflash_binary import Table
+from agonic.logs.ardupilot.parameters import look_up
+from agonic.logs.resample import resample
+
+Tables = Mapping[str, Table]
+
+OUTPUTS, SPEED_CONTROLLERS = "RCOU", "ESC"
+DISTURBERS = (OUTPUTS, SPEED_CONTROLLERS, *(f"{SPEED_CONTROLLERS}{k}" for k in range(1, 9)))
+"""Messages of what may disturb a compass, beside the batteries'."""
+
+MOTORS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}
+"""SERVOn_FUNCTION of the motors of a multicopter: 33…40 and 82…85."""
+THROTTLES = {70: "throttle_duty", 73: "throttle_left_duty", 74: "throttle_right_duty"}
+_PULSES_US = (1000.0, 2000.0)
+_LONGEST_PULSE_US = 3000.0
+_REVERSIBLE = re.compile(rb"(Ardu)?(Sub|Rover|Boat|Blimp) V\d")
+"""Vehicles whose motors stand still at the middle of their pulses."""
+_PULSE_COLUMNS = tuple((k, (f"C{k}", f"Ch{k}", f"Chan{k}")) for k in range(1, 15))
+
+
+def resample_columns(mag: Table, tables: Tables) -> dict[str, Any]:
+    """Attitude, motion, power, place and disturbers at the rows of the magnetometer."""
+    attitude, control = tables.get("ATT"), tables.get("CTUN")
+    imu, battery = _first_instance(tables, "IMU"), _first_instance(tables, "BAT", "CURR")
+    throttle, full = _throttle(control)
+    fixes = _fixes(tables)
+    return {
+        "roll_deg": _resample_onto(mag, attitude, "Roll", period=360.0),
+        "pitch_deg": _resample_onto(mag, attitude, "Pitch", period=360.0),
+        "heading_deg": _resample_onto(mag, attitude, "Yaw", period=360.0),
+        "acceleration": _resample_onto(mag, imu, "AccX", "AccY", "AccZ"),
+        "rotation_rate": _resample_onto(mag, imu, "GyrX", "GyrY", "GyrZ"),
+        "current_A": _resample_onto(mag, battery, "Curr", per_unit=_per_ampere(battery)),
+        "throttle": _resample_onto(mag, control, throttle, per_unit=full),
+        "latitude_deg": _resample_onto(mag, fixes, "Lat"),
+        "longitude_deg": _resample_onto(mag, fixes, "Lng", period=360.0),
+        "altitude_m": _resample_onto(mag, fixes, "Alt"),
+        "disturbers": read_disturbers(mag, tables),
+    }
+
+
+def _resample_onto(
+    mag: Table,
+    other: Table | None,
+    *names: str,
+    period: float | None = None,
+    per_unit: float = 1.0,
+) -> Array | None:
+    """Columns of another message at the rows of `mag`; without times, by place in the file."""
+    if other is None or not set(names) <= set(other.columns):
+        return None
+    values = np.stack([other.columns[name] for name in names], axis=1) / per_unit
+    here, there = mag.time_s, other.time_s
+    if here is None or there is None:
+        here, there = mag.position.astype(float), other.position.astype(float)
+    return resample(there, values if len(names) > 1 else values[:, 0], here, period=period)
+
+
+def _first_instance(tables: Tables, *names: str) -> Table | None:
+    """The messages of the first instance, of the first of these names that is there."""
+    table = next((tables[name] for name in names if name in tables), None)
+    instance = None if table is None else table.get("I", "Inst", "Instance")
+    if table is None or instance is None:
+        return table
+    return table.select(instance == instance.min())
+
+
+def _per_ampere(battery: Table | None) -> float:
+    """Old CURR messages hold hundredths of an ampere as a whole number."""
+    return 100.0 if battery is not None and "Curr" in battery.integer else 1.0
+
+
+def _throttle(control: Table | None) -> tuple[str, float]:
+    """The column of the throttle and its full scale.
+
+    Plane and Rover log percent, Copter and Sub 0…1, or 0…1000 as a whole number.
+    """
+    if control is None:
+        return "", 1.0
+    name = "ThO" if "ThO" in control.columns else "ThrOut"
+    if "NavRoll" in control.columns or "Steer" in control.columns:
+        return name, 100.0
+    return name, 1000.0 if name in control.integer else 1.0
+
+
+def _fixes(tables: Tables) -> Table | None:
+    """Where the vehicle was: GPS messages with a three-dimensional fix, else estimates (POS)."""
+    for name in ("GPS", "POS"):
+        table = _first_instance(tables, name)
+        if table is None or not {"Lat", "Lng", "Alt"} <= set(table.columns):
+            continue
+        latitude, longitude = table.columns["Lat"], table.columns["Lng"]
+        real = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180) & (latitude != 0)
+        status = table.get("Status")
+        if status is not None:
+            real &= status >= 3
+        if real.any():
+            return table.select(real)
+    return None
+
+
+def read_disturbers(mag: Table, tables: Tables) -> dict[str, Array]:
+    """What may disturb a compass, at its rows, by name; what never changes is left out.
+
+    Motors by their duty (0 stopped, 1 the longest pulse), speed controllers and further batteries
+    by their current. Source: ArduPilot, libraries/AP_Logger/LogStructure.h, AP_Motors.
+    """
+    found: dict[str, Array] = {}
+    for name, values in (*_list_duties(tables), *_list_currents(tables)):
+        table, numbers = values
+        there, here = table.time_s, mag.time_s
+        if there is None or here is None:
+            there, here = table.position.astype(float), mag.position.astype(float)
+        at_rows = resample(there, numbers, here)
+        if at_rows is not None and np.ptp(at_rows) > 0:
+            found[name] = at_rows
+    return found
+
+
+def _list_duties(tables: Tables) -> Iterator[tuple[str, tuple[Table, Array]]]:
+    """The outputs that drive motors; where the parameters do not tell which do, all of them."""
+    table, parameters = tables.get(OUTPUTS), tables.get("PARM")
+    if table is None:
+        return
+    low, high, least, told = *_PULSES_US, 0.0, {}
+    if _REVERSIBLE.search(b" ".join(_list_texts(tables))):
+        low, least = float(np.mean(_PULSES_US)), -1.0
+    if parameters is not None and {"Name", "Value"} <= set(parameters.columns):
+        at = table.position[-1:]
+        shortest, longest = (look_up(parameters, f"MOT_PWM_{end}", at)[0] for end in ("MIN", "MAX"))
+        if least == 0.0 and 0 < shortest < longest < _LONGEST_PULSE_US:
+            low, high = shortest, longest
+        functions = {k: int(look_up(parameters, f"SERVO{k}_FUNCTION", at)[0]) for k in range(1, 15)}
+        told = {k: function for k, function in functions.items() if function > 0}
+    for k, columns in _PULSE_COLUMNS:
+        pulses = table.get(*columns)
+        name = _name_output(k, told)
+        if pulses is not None and name is not None:
+            yield name, (table, np.clip((pulses - low) / (high - low), least, 1.0))
+
+
+def _list_texts(tables: Tables) -> list[bytes]:
+    """What the vehicle says of its firmware."""
+    known = (("VER", "FWS"), ("MSG", "Message"))
+    return [
+        text
+        for name, column in known
+        if name in tables and column in tables[name].columns
+        for text in tables[name].columns[column].tolist()
+    ]
+
+
+def _name_output(number: int, functions: Mapping[int, int]) -> str | None:
+    """The name of an output that drives a motor; `None` for a servo."""
+    if not functions:
+        return f"output{number}_duty"
+    function = functions.get(number, 0)
+    motor = MOTORS.get(function)
+    return THROTTLES.get(function) if motor is None else f"motor{motor}_duty"
+
+
+def _list_currents(tables: Tables) -> Iterator[tuple[str, tuple[Table, Array]]]:
+    """The currents of speed controllers, and of all batteries but the first."""
+    for k in range(1, 9):
+        if (own := tables.get(f"{SPEED_CONTROLLERS}{k}")) is not None and "Curr" in own.columns:
+            yield f"esc{k}_A", (own, own.columns["Curr"])
+    for message, name, first in ((SPEED_CONTROLLERS, "esc", 0), ("BAT", "battery", 1)):
+        table = tables.get(message)
+        instance = None if table is None else table.get("I", "Inst", "Instance")
+        if table is None or instance is None or "Curr" not in table.columns:
+            continue
+        for k, which in enumerate(sorted(set(instance.tolist()))[first:], start=first + 1):
+            one = table.select(instance == which)
+            yield f"{name}{k}_A", (one, one.columns["Curr"])
