@@ -73,12 +73,12 @@ def tasks(seed: int, quick: bool) -> tuple[Task, ...]:
 
 def residuals(problem: levenberg_marquardt.Problem, weights: Array) -> Array:
     u, v = network.split(weights, problem.shape)
-    return (network.forward(u, v, problem.x) - problem.target).ravel()
+    return (network.forward((u, v), problem.x) - problem.target).ravel()
 
 
 def rows(problem: levenberg_marquardt.Problem, weights: Array) -> Array:
     u, v = network.split(weights, problem.shape)
-    return network.jacobian(u, v, problem.x).reshape(-1, len(weights))
+    return network.jacobian((u, v), problem.x).reshape(-1, len(weights))
 
 
 def ours(stopping: Any) -> Trainer:

@@ -53,6 +53,23 @@ def test_the_field_is_that_of_the_base_and_the_equation_of_the_network():
     np.testing.assert_allclose(network.correct(RAW, temperature=WARM), wanted, rtol=1e-12)
 
 
+def deep() -> Network:
+    """Three nodes and then two."""
+    shape = kernel.Shape(4, (3, 2), 3)
+    u, w, v = kernel.split(np.random.default_rng(2).normal(size=shape.size), shape)
+    return bent(hidden=u, second=w, output=v, covariance=1e-6 * np.eye(shape.size))
+
+
+def test_a_second_layer_comes_between():
+    network = deep()
+    x = np.column_stack([RAW / 5e4, (WARM - 20.0) / 30.0, np.ones(50)])
+    first = np.column_stack([np.tanh(x @ network.hidden.T), np.ones(50)])
+    nodes = np.column_stack([np.tanh(first @ network.second.T), np.ones(50)])
+    wanted = BASE.correct(RAW) + [1, 2, 3] + 100.0 * nodes @ network.output.T
+    np.testing.assert_allclose(network.correct(RAW, temperature=WARM), wanted, rtol=1e-12)
+    assert "3 and 2 nodes" in network.equation
+
+
 def test_one_reading_is_corrected_as_many_are():
     network = bent()
     many = network.correct(RAW, temperature=WARM)
@@ -90,7 +107,7 @@ def test_along_the_field_no_direction_changes():
 def test_without_a_base_the_network_gives_the_field():
     alone = bent(base=None, bound=None)
     x = alone.scaled(RAW, {"temperature": WARM})
-    wanted = [1, 2, 3] + 100.0 * kernel.forward(alone.hidden, alone.output, x)
+    wanted = [1, 2, 3] + 100.0 * kernel.forward(alone.layers, x)
     np.testing.assert_allclose(alone.correct(RAW, temperature=WARM), wanted, rtol=1e-12)
     assert "without a base" in alone.equation
 
@@ -152,6 +169,7 @@ def test_a_thermal_base_is_held_with_it():
         bent(),
         bent(base=None, bound=None),
         bent().at(12.5),
+        deep(),
         bent(output=np.ones((1, 4)), output_middle=[5.0], covariance=None),
     ],
 )
@@ -214,6 +232,7 @@ def test_inputs_are_stacked_in_their_order():
         ({"bound": None}, AgonicError, "needs a bound"),
         ({"frame_out": "b"}, FrameError, "share their axes"),
         ({"unit_in": "raw"}, UnitError, "share their units"),
+        ({"second": np.ones((3, 3))}, AgonicError, "second must be"),
         ({"output": np.ones((2, 4))}, AgonicError, "2 outputs"),
         ({"hidden": np.full((3, 5), np.nan)}, AgonicError, "finite numbers"),
     ],

@@ -73,6 +73,7 @@ def trained() -> dict[str, Network | Chain]:
     plain = fit(hidden=4)
     return {
         "affine": plain,
+        "two layers": fit(hidden=(4, 3)),
         "thermal": fit(base=hot, inputs=("field", "temperature"), hidden=4),
         "thermal alone": fit(base=hot, hidden=3),
         "aboard": fit(base=aboard, inputs=("field", "current_A"), hidden=3),
@@ -88,6 +89,7 @@ def trained() -> dict[str, Network | Chain]:
 
 KINDS = (
     "affine",
+    "two layers",
     "thermal",
     "thermal alone",
     "aboard",

@@ -109,7 +109,7 @@ def by_python(network: Network, raw: np.ndarray, wanted: np.ndarray) -> np.ndarr
     target = (wanted - base - network.output_middle) / network.output_half
     scaled = Problem(x[trained], target[trained], network.shape.hidden)
     weights = train(scaled, network.weights, stopping="plain").weights
-    added = forward(*split(weights, network.shape), x)
+    added = forward(split(weights, network.shape), x)
     return base + network.output_middle + network.output_half * added
 
 
@@ -199,6 +199,9 @@ def test_other_networks_say_what_they_lack(paper, tmp_path):
     wide = replace(network, hidden=np.zeros((9, 4)), output=np.zeros((3, 10)), covariance=None)
     with pytest.raises(AgonicError, match="more than 60 weights"):
         write_training(wide, tmp_path)
+    deep = replace(network, second=np.zeros((2, 4)), output=np.zeros((3, 3)), covariance=None)
+    with pytest.raises(AgonicError, match="it has two hidden layers"):
+        write_training(deep, tmp_path)
 
 
 def test_the_command_writes_it(paper, tmp_path, capsys):

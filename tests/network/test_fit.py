@@ -234,6 +234,27 @@ def test_on_a_constant_magnitude_noise_is_not_learned():
     assert fit.rms > 0.99 * np.sqrt(np.mean(base**2))
 
 
+# Two hidden layers
+
+
+def test_two_layers_learn_what_one_does():
+    """As good where nothing was trained on, and errors as large as stated."""
+    ratios = []
+    for seed in range(4):
+        made, true = bent(seed, 1500, 0.0, 150.0), bent(seed, 1500, 0.0, 1e-6)
+        raw, field, errors = true.samples.field[::20], true.field[::20], {}
+        for hidden in (8, (6, 5)):
+            found = fit_network(
+                made.samples, made.reference, hidden=hidden, restarts=2, compared=False
+            ).calibration
+            off = found.correct(raw) - field
+            errors[hidden] = np.sqrt(np.mean(off**2))
+        assert errors[6, 5] < 1.5 * errors[8] < 60.0
+        ratios.append(off / np.sqrt(np.einsum("nii->ni", found.uncertainty(raw))))
+    assert abs(np.mean(ratios)) < 0.25
+    assert 0.75 < np.std(ratios) < 1.35
+
+
 # Uncertainty
 
 
@@ -333,6 +354,7 @@ def test_early_stopping_and_no_restraint_fit_as_well():
     ("settings", "kind", "words"),
     [
         ({"hidden": 0}, AgonicError, "1 to 64 nodes"),
+        ({"hidden": (3, 3, 3)}, AgonicError, "one or two hidden layers"),
         ({"inputs": ("field", "moon")}, AgonicError, "inputs must be some of field"),
         ({"inputs": ("field", "current_A")}, LogError, "no current_A"),
         ({"target": "direction"}, AgonicError, "target 'direction' is not known"),

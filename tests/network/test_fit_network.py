@@ -52,6 +52,19 @@ def test_a_network_is_trained_written_and_applied(folder, capsys):
     assert run("verify", "net.json", "bent.csv", "--field", 50_000, capsys=capsys)[0] == 0
 
 
+def test_two_layers_from_the_command_line(folder, capsys):
+    words = ["fit", "network", "bent.csv", "--reference", "bent.reference.csv", "--json"]
+    words += ["--inputs", "field,temperature", "--hidden", "5,4", "-o", "net.json"]
+    status, out, _ = run(*words, "--report", "net.html", capsys=capsys)
+    said = json.loads(out)
+    assert status == 0
+    assert said["hidden"] == [5, 4]
+    assert ag.load("net.json").shape.widths == (4, 5, 4, 3)
+    assert "second node 4" in (folder / "net.html").read_text()
+    assert run("apply", "net.json", "bent.csv", "-o", "field.csv", capsys=capsys)[0] == 0
+    assert run("export", "net.json", "--to", "c", "-o", "net.h", capsys=capsys)[0] == 0
+
+
 def test_on_an_affine_sensor_the_base_is_written(folder, capsys):
     status, out, _ = run(
         "fit",
@@ -113,6 +126,7 @@ def test_a_magnitude_is_enough(folder, capsys):
         (["bent.csv", "--field", "50000", "--inputs", "moon"], "inputs must be some of"),
         (["bent.csv", "--field", "50000", "--target", "vector"], 'target="magnitude"'),
         (["bent.csv", "--reference", "nowhere.csv"], "nowhere.csv"),
+        (["bent.csv", "--field", "50000", "--hidden", "3,x"], "two as 5,3"),
     ],
 )
 def test_what_cannot_be_is_one_line(folder, capsys, words, said):

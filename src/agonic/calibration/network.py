@@ -1,4 +1,4 @@
-"""`Network`: a network of one hidden layer on top of an affine or thermal calibration."""
+"""`Network`: a network of one or two hidden layers on top of an affine or thermal calibration."""
 
 from __future__ import annotations
 
@@ -21,12 +21,14 @@ from agonic.maths.estimation import domain
 from agonic.provenance import Provenance
 
 Along = Literal["vector", "magnitude"]
+MOST_HIDDEN = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
-    """The correction field = base(raw) + g(x) · middle + half · (V [tanh(U [x, 1]), 1]).
+    """The correction field = base(raw) + g(x) · (middle + half · V [tanh(U [x, 1]), 1]).
 
+    With a second hidden layer it is V [tanh(W [tanh(U [x, 1]), 1]), 1].
     x are the inputs, scaled to −1…1 over the readings it was trained on; g is 1 there, falls to 0
     at twice the distance that training rows have from the stored `centres`, and the correction is
     never longer than `bound`: far away the base is all that is left. A network with one output
@@ -41,8 +43,9 @@ class Network:
     input_middle, input_half : (i,) x = (input − middle) / half.
     output_middle, output_half : (o,) and a number, nT; o is 3, or 1 along the field.
     hidden : (h, i+1) U: the weights of each node and, last, its constant.
-    output : (o, h+1) V, likewise.
-    covariance : (m, m) of U row by row, then V row by row; or None where it is not known.
+    second : (k, h+1) W: the nodes of a second hidden layer, likewise; None: there is one layer.
+    output : (o, h+1) V, likewise, or (o, k+1).
+    covariance : (m, m) of U row by row, then W, then V; or None where it is not known.
     centres, reach : (k, i) points among the inputs it was trained on, and the largest distance of
         a training row from them, in x.
     bound : nT, the longest correction; None without a base.
@@ -80,6 +83,7 @@ class Network:
     output: Array
     centres: Array
     reach: float
+    second: Array | None = None
     bound: float | None = None
     misfit: float | None = None
     unmodelled: float = 0.0
@@ -113,14 +117,16 @@ class Network:
             "input_half": (i,),
             "output_middle": (o,),
             "hidden": (h, i + 1),
-            "output": (o, h + 1),
+            "output": (o, (h if self.second is None else len(self.second)) + 1),
             "centres": (len(np.asarray(self.centres)), i),
         }
-        if self.covariance is not None:
-            m = h * (i + 1) + o * (h + 1)
-            shapes["covariance"] = (m, m)
+        if self.second is not None:
+            shapes["second"] = (len(self.second), h + 1)
         for name, shape in shapes.items():
             object.__setattr__(self, name, read_only(name, getattr(self, name), shape))
+        if self.covariance is not None:
+            m = self.shape.size
+            object.__setattr__(self, "covariance", read_only("covariance", self.covariance, (m, m)))
         if not (self.reach > 0 and self.output_half > 0 and (self.input_half > 0).all()):
             raise AgonicError("reach and half ranges of a network must be above zero")
         self._meet_base()
@@ -152,12 +158,19 @@ class Network:
     @property
     def shape(self) -> kernel.Shape:
         """How many inputs, hidden nodes and outputs."""
-        return kernel.shape_of(self.hidden, self.output)
+        return kernel.shape_of(self.layers)
+
+    @property
+    def layers(self) -> kernel.Layers:
+        """U and V, or U, W and V."""
+        if self.second is None:
+            return self.hidden, self.output
+        return self.hidden, self.second, self.output
 
     @property
     def weights(self) -> Array:
         """All weights (m,), in the order of `covariance`; what a later training starts from."""
-        return kernel.join(self.hidden, self.output)
+        return kernel.join(*self.layers)
 
     @property
     def target(self) -> Along:
@@ -212,7 +225,7 @@ class Network:
         rows = np.atleast_2d(np.asarray(raw, dtype=np.float64))
         x = np.broadcast_to(self.scaled(rows, columns), (len(rows), self.shape.inputs))
         g = self._inside(x)[:, None, None]
-        jacobian = self.output_half * kernel.jacobian(self.hidden, self.output, x)
+        jacobian = self.output_half * kernel.jacobian(self.layers, x)
         own = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2)
         own = own + self.unmodelled**2 * np.eye(len(self.output))
         if self.base is None:
@@ -258,7 +271,7 @@ class Network:
     @property
     def equation(self) -> str:
         """The correction in words that hold for this calibration."""
-        kind = f"{self.shape.hidden} tanh nodes of {', '.join(self.inputs)}"
+        kind = f"{self.shape.said} (tanh) of {', '.join(self.inputs)}"
         if self.base is None:
             return f"field [{self.unit_out}] = network(x), {kind}, without a base"
         along = "" if len(self.output) == 3 else " along the field"
@@ -268,7 +281,7 @@ class Network:
         )
 
     def _forward(self, x: Array) -> Array:
-        return kernel.forward(self.hidden, self.output, x)
+        return kernel.forward(self.layers, x)
 
     def _inside(self, x: Array) -> Array:
         return domain.taper(domain.compute_distances(x, self.centres), self.reach)
@@ -293,6 +306,17 @@ class Network:
             f"{int(beyond.sum())} of {beyond.size} readings lie outside what the network of "
             f"{self.sensor} was trained on; {back}"
         )
+
+
+def require_nodes(hidden: kernel.Nodes) -> kernel.Nodes:
+    """The nodes of one hidden layer or of two, or an error."""
+    nodes = (hidden,) if isinstance(hidden, int) else tuple(hidden)
+    if not 1 <= len(nodes) <= 2 or not all(1 <= count <= MOST_HIDDEN for count in nodes):
+        said = ", ".join(map(str, nodes)) or "nothing"
+        raise AgonicError(
+            f"hidden is {said}; a network has one or two hidden layers of 1 to {MOST_HIDDEN} nodes"
+        )
+    return nodes[0] if len(nodes) == 1 else (nodes[0], nodes[1])
 
 
 def _unit(field: Array) -> Array:

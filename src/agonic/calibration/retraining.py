@@ -13,9 +13,10 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
-from agonic.calibration.network import Along, Network
+from agonic.calibration.network import Along, Network, require_nodes
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
+from agonic.maths.equation.network import Nodes
 from agonic.maths.estimation import cusum
 
 Running = Affine | Thermal | Network
@@ -61,7 +62,7 @@ class RetrainerParams:
     every_n: int | None = None
     every_s: float | None = None
     target: Along = "vector"
-    hidden: int = 3
+    hidden: Nodes = 3
     inputs: tuple[str, ...] = ("field",)
     base: Literal["affine"] | None = "affine"
     seed: int = 0
@@ -76,6 +77,7 @@ class RetrainerParams:
     def __post_init__(self) -> None:
         check_choice("target", self.target, get_args(Along))
         object.__setattr__(self, "inputs", tuple(self.inputs))
+        object.__setattr__(self, "hidden", require_nodes(self.hidden))
         unknown = [name for name in self.inputs if name not in WIDTH]
         if unknown or not self.inputs:
             raise AgonicError(f"inputs must be some of {', '.join(WIDTH)}")
@@ -85,7 +87,6 @@ class RetrainerParams:
             "window_s",
             "every_n",
             "every_s",
-            "hidden",
             "bias_sd",
             "matrix_sd",
             "shift_sd",

@@ -156,7 +156,10 @@ class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="th
 
 
 class NetworkRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="network"):
-    """field = base(raw) + g(x) · (output_middle + output_half · V [tanh(U [x, 1]), 1])."""
+    """field = base(raw) + g(x) · (output_middle + output_half · V [tanh(U [x, 1]), 1]).
+
+    With `second` it is V [tanh(W [tanh(U [x, 1]), 1]), 1].
+    """
 
     sensor: Sensor
     unit_in: Unit
@@ -191,6 +194,10 @@ class NetworkRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="ne
         float,
         Meta(gt=0, description="g(x) is 1 so far from the nearest centre, 0 at twice as far."),
     ]
+    second: Annotated[
+        tuple[Row, ...] | None,
+        Meta(description="W: the nodes of a second hidden layer; null: there is one."),
+    ] = None
     bound: Annotated[NotNegative | None, Meta(description="The longest correction, unit_out.")] = (
         None
     )
@@ -204,7 +211,7 @@ class NetworkRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="ne
         NotNegative, Meta(description="Standard errors of the base inside, over its own.")
     ] = 1.0
     covariance: Annotated[
-        tuple[Row, ...] | None, Meta(description="Of U row by row, then V row by row.")
+        tuple[Row, ...] | None, Meta(description="Of U row by row, then W, then V.")
     ] = None
     held: Annotated[
         dict[str, float], Meta(description="Inputs that stay at a value instead of being read.")

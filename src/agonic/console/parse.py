@@ -29,6 +29,20 @@ def parse_numbers(option: str, text: str, form: str) -> tuple[float, ...]:
     return numbers
 
 
+def parse_nodes(text: str) -> int | tuple[int, int]:
+    """The nodes of a network's hidden layer, or of two.
+
+    >>> parse_nodes("3"), parse_nodes("5,3")
+    (3, (5, 3))
+    """
+    counts = [part.strip() for part in text.split(",")]
+    if not 1 <= len(counts) <= 2 or not all(count.isdecimal() for count in counts):
+        raise AgonicError(
+            f"--hidden {text!r} is no number of nodes; give one layer as 3, or two as 5,3"
+        )
+    return int(counts[0]) if len(counts) == 1 else (int(counts[0]), int(counts[1]))
+
+
 def parse_count(option: str, text: str, what: str, highest: int | None = None) -> int | str:
     """A whole number, or "auto".
 

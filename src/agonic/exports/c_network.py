@@ -17,6 +17,7 @@ from agonic.exports.c_network_tables import (
     write_affine_table,
     write_base_table,
     write_guard_table,
+    write_second_table,
 )
 from agonic.exports.convert import format_float32, write_banner
 from agonic.exports.firmware.ctext import (
@@ -47,8 +48,12 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
             "unit_out": calibration.unit_out,
             "inputs": str(shape.inputs),
             "each": str(shape.inputs + 1),
-            "hidden": str(shape.hidden),
-            "width": str(shape.hidden + 1),
+            "hidden": str(shape.widths[1]),
+            "last": str(shape.widths[-2]),
+            "width": str(shape.widths[-2] + 1),
+            "second_table": write_second_table(network, name),
+            "first": f"    float first[{shape.widths[1]}];\n" if network.second is not None else "",
+            "nodes": _nodes(network, name),
             "outputs": str(shape.outputs),
             "input_names": ", ".join(signals(network.inputs)),
             "input_scale": write_array([network.input_middle, network.input_half]),
@@ -91,7 +96,7 @@ def _describe(parts: Parts) -> str:
     """The equation, its size, and what holds beyond the training."""
     base = parts.network.base
     beyond = "" if base is None else "; where nothing was trained g is 0 and the base is left"
-    return f"{_formula(parts)}, float32, {parts.network.shape.hidden} tanhf nodes{beyond}"
+    return f"{_formula(parts)}, float32, {parts.network.shape.said} (tanhf){beyond}"
 
 
 def _returns(parts: Parts) -> str:
@@ -105,7 +110,7 @@ def _sizes(parts: Parts, known: Known) -> tuple[str, ...]:
     unit = parts.network.unit_out
     return (
         f"Size: {parts.constants} float constants, {4 * parts.constants} bytes; "
-        f"{parts.network.shape.hidden} calls of tanhf a reading",
+        f"{parts.network.shape.nodes} calls of tanhf a reading",
         f"Error of float32: up to {known.error:.2g} {unit} on {known.tried} readings like those "
         f"of the training; the self-test allows {format_float32(known.tolerance)} {unit}",
     )
@@ -149,6 +154,33 @@ def _affine_code(name: str, into: str, out: str) -> str:
         "        }\n"
         "    }\n"
     )
+
+
+def _nodes(network: Network, name: str) -> str:
+    """The C from the inputs x through the hidden nodes, each of which adds its part to `added`."""
+    widths = network.shape.widths
+    add = (
+        f"        for (i = 0; i < {widths[-1]}; i++) {{\n"
+        f"            added[i] += AGONIC_READ({name}_V[i][k]) * sum;\n"
+        "        }\n"
+    )
+    if network.second is None:
+        return _layer(f"{name}_U", "x", widths[0], widths[1], add)
+    first = _layer(f"{name}_U", "x", widths[0], widths[1], "        first[k] = sum;\n")
+    return first + _layer(f"{name}_W", "first", widths[1], widths[2], add)
+
+
+def _layer(table: str, into: str, inputs: int, nodes: int, then: str) -> str:
+    """The C of a hidden layer; `then` is what becomes of each node's `sum`."""
+    return f"""\
+    for (k = 0; k < {nodes}; k++) {{
+        float sum = AGONIC_READ({table}[k][{inputs}]);
+        for (i = 0; i < {inputs}; i++) {{
+            sum += AGONIC_READ({table}[k][i]) * {into}[i];
+        }}
+        sum = tanhf(sum);
+{then}    }}
+"""
 
 
 def _read(parts: Parts, name: str) -> str:

@@ -126,7 +126,9 @@ def _single(parts: Parts, known: _Readings) -> Array:
     x = (
         _inputs32(parts, known, reading) - network.input_middle.astype(f)
     ) / network.input_half.astype(f)
-    active = np.tanh(x @ network.hidden[:, :-1].T.astype(f) + network.hidden[:, -1].astype(f))
+    active = x
+    for layer in network.layers[:-1]:
+        active = np.tanh(active @ layer[:, :-1].T.astype(f) + layer[:, -1].astype(f))
     y = active @ network.output[:, :-1].T.astype(f) + network.output[:, -1].astype(f)
     added: Float32 = np.asarray(network.output_middle.astype(f) + f(network.output_half) * y, f)
     if parts.base is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.calibration.affine import Affine
+from agonic.calibration.network import Network
 from agonic.exports.c_network_parts import Parts
 from agonic.exports.firmware.ctext import write_array, write_literal
 
@@ -39,6 +40,17 @@ def write_base_table(parts: Parts, name: str) -> str:
             f"static const float {name}_base_C[4] = {write_array(scale)};\n"
         )
     return text
+
+
+def write_second_table(network: Network, name: str) -> str:
+    """The weights of a second hidden layer; nothing where there is none."""
+    if network.second is None:
+        return ""
+    rows, columns = network.second.shape
+    return (
+        f"static const float {name}_W[{rows}][{columns}] AGONIC_FLASH = "
+        f"{write_array(network.second)};\n"
+    )
 
 
 def write_guard_table(parts: Parts, name: str) -> str:

@@ -23,7 +23,10 @@ def drawn(seed: int, shape: Shape, n: int = 9):
     )
 
 
-shapes = st.builds(Shape, st.integers(1, 5), st.integers(1, 6), st.integers(1, 4))
+nodes = st.integers(1, 6)
+shapes = st.builds(
+    Shape, st.integers(1, 5), st.one_of(nodes, st.tuples(nodes, nodes)), st.integers(1, 4)
+)
 
 
 @given(shapes, st.integers(0, 2**16))
@@ -32,36 +35,40 @@ def test_the_jacobian_is_that_of_finite_differences(shape, seed):
     step = 1e-6
     columns = [
         (
-            network.forward(*network.split(weights + step * way, shape), x)
-            - network.forward(*network.split(weights - step * way, shape), x)
+            network.forward(network.split(weights + step * way, shape), x)
+            - network.forward(network.split(weights - step * way, shape), x)
         )
         / (2 * step)
         for way in np.eye(shape.size)
     ]
-    jacobian = network.jacobian(*network.split(weights, shape), x)
+    jacobian = network.jacobian(network.split(weights, shape), x)
     np.testing.assert_allclose(jacobian, np.stack(columns, axis=-1), atol=1e-7)
 
 
 @given(shapes, st.integers(0, 2**16), st.booleans())
 def test_the_sums_are_those_of_the_rows_of_the_jacobian(shape, seed, weighted):
     weights, x, target, row_weight = drawn(seed, shape)
-    u, v = network.split(weights, shape)
-    rows = network.jacobian(u, v, x).reshape(-1, shape.size)
-    error = (network.forward(u, v, x) - target).ravel()
+    layers = network.split(weights, shape)
+    rows = network.jacobian(layers, x).reshape(-1, shape.size)
+    error = (network.forward(layers, x) - target).ravel()
     w = np.repeat(row_weight, shape.outputs) if weighted else np.ones(len(error))
-    sums = network.sum_normal_equations(u, v, x, target, row_weight if weighted else None)
+    sums = network.sum_normal_equations(layers, x, target, row_weight if weighted else None)
+    assert sums.weight == pytest.approx(row_weight.sum() if weighted else len(x))
+    square = network.square_error(layers, x, target, row_weight if weighted else None)
+    assert square == pytest.approx(sums.square)
     np.testing.assert_allclose(sums.square, error @ (w * error), rtol=1e-12)
     np.testing.assert_allclose(sums.gradient, rows.T @ (w * error), atol=1e-10)
     np.testing.assert_allclose(sums.information, rows.T @ (rows * w[:, None]), atol=1e-10)
 
 
-def test_the_sums_of_many_blocks_are_those_of_one():
-    shape = Shape(3, 4, 3)
+@pytest.mark.parametrize("hidden", [4, (3, 2)])
+def test_the_sums_of_many_blocks_are_those_of_one(hidden):
+    shape = Shape(3, hidden, 3)
     weights, x, target, row_weight = drawn(1, shape, 10_000)
-    u, v = network.split(weights, shape)
-    whole = network.sum_normal_equations(u, v, x, target, row_weight)
+    layers = network.split(weights, shape)
+    whole = network.sum_normal_equations(layers, x, target, row_weight)
     halves = [
-        network.sum_normal_equations(u, v, x[s], target[s], row_weight[s])
+        network.sum_normal_equations(layers, x[s], target[s], row_weight[s])
         for s in (slice(0, 5000), slice(5000, None))
     ]
     np.testing.assert_allclose(
@@ -74,7 +81,7 @@ def test_one_node_is_the_closed_form():
     hidden, output = np.array([[2.0, -1.0]]), np.array([[3.0, 0.5]])
     x = np.linspace(-1, 1, 11)[:, None]
     np.testing.assert_allclose(
-        network.forward(hidden, output, x), 3.0 * np.tanh(2.0 * x - 1.0) + 0.5, rtol=1e-15
+        network.forward((hidden, output), x), 3.0 * np.tanh(2.0 * x - 1.0) + 0.5, rtol=1e-15
     )
 
 
@@ -83,9 +90,18 @@ def test_a_node_turned_about_gives_the_same_outputs():
     shape = Shape(3, 4, 2)
     weights, x, _, _ = drawn(3, shape)
     u, v = (a.copy() for a in network.split(weights, shape))
-    before = network.forward(u, v, x)
+    before = network.forward((u, v), x)
     u[2], v[:, 2] = -u[2], -v[:, 2]
-    np.testing.assert_allclose(network.forward(u, v, x), before, atol=1e-12)
+    np.testing.assert_allclose(network.forward((u, v), x), before, atol=1e-12)
+
+
+def test_two_layers_are_the_closed_form():
+    layers = (np.array([[2.0, -1.0]]), np.array([[0.5, 0.2], [-1.0, 0.0]]), np.array([[3, 1, 0.5]]))
+    x = np.linspace(-1, 1, 11)[:, None]
+    first = np.tanh(2.0 * x - 1.0)
+    wanted = 3.0 * np.tanh(0.5 * first + 0.2) + np.tanh(-first) + 0.5
+    np.testing.assert_allclose(network.forward(layers, x), wanted, rtol=1e-15)
+    assert network.shape_of(layers) == Shape(1, (1, 2), 1)
 
 
 def made(seed=0, *, n=400, noise=0.02, hidden=3):
@@ -94,7 +110,7 @@ def made(seed=0, *, n=400, noise=0.02, hidden=3):
     shape = Shape(3, hidden, 3)
     truth = network.draw_weights(rng, shape)
     x = rng.uniform(-1, 1, (n, 3))
-    target = network.forward(*network.split(truth, shape), x)
+    target = network.forward(network.split(truth, shape), x)
     return levenberg_marquardt.Problem(
         x, target + noise * rng.normal(size=target.shape), hidden
     ), target
@@ -105,9 +121,9 @@ def test_a_step_is_that_of_the_paper():
     problem, _ = made()
     drawn = network.draw_weights(np.random.default_rng(9), problem.shape)
     start = levenberg_marquardt.train(problem, drawn, stopping="plain", most_epochs=6).weights
-    rows = network.jacobian(*network.split(start, problem.shape), problem.x)
+    rows = network.jacobian(network.split(start, problem.shape), problem.x)
     rows = rows.reshape(-1, len(start))
-    error = network.forward(*network.split(start, problem.shape), problem.x) - problem.target
+    error = network.forward(network.split(start, problem.shape), problem.x) - problem.target
     once = levenberg_marquardt.train(problem, start, stopping="plain", most_epochs=1)
     mu = 10 * once.epochs[0].mu
     wanted = -np.linalg.solve(rows.T @ rows + mu * np.eye(len(start)), rows.T @ error.ravel())
@@ -115,29 +131,33 @@ def test_a_step_is_that_of_the_paper():
     assert np.log10(mu) == pytest.approx(round(np.log10(mu)))
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_the_minimum_is_no_worse_than_that_of_scipy(seed):
-    problem, _ = made(seed, noise=0.05)
+@pytest.mark.parametrize(
+    ("seed", "hidden", "room"),
+    [(0, 3, 1.01), (1, 3, 1.01), (2, 3, 1.01), (3, 3, 1.01), (1, (3, 3), 1.03), (4, (3, 3), 1.01)],
+)
+def test_the_minimum_is_no_worse_than_that_of_scipy(seed, hidden, room):
+    """Two layers have flat valleys, in which training ends a little earlier."""
+    problem, _ = made(seed, noise=0.05, hidden=hidden)
     start = network.draw_weights(np.random.default_rng(seed + 10), problem.shape)
 
     def error(weights):
-        u, v = network.split(weights, problem.shape)
-        return (network.forward(u, v, problem.x) - problem.target).ravel()
+        layers = network.split(weights, problem.shape)
+        return (network.forward(layers, problem.x) - problem.target).ravel()
 
     def jacobian(weights):
-        rows = network.jacobian(*network.split(weights, problem.shape), problem.x)
+        rows = network.jacobian(network.split(weights, problem.shape), problem.x)
         return rows.reshape(-1, len(weights))
 
     theirs = least_squares(error, start, jac=jacobian, method="lm", xtol=1e-10, ftol=1e-10)
     ours = levenberg_marquardt.train(problem, start, stopping="plain", most_epochs=2000)
-    assert (error(ours.weights) ** 2).sum() < 1.01 * (error(theirs.x) ** 2).sum()
+    assert (error(ours.weights) ** 2).sum() < room * (error(theirs.x) ** 2).sum()
 
 
 def test_without_noise_the_truth_is_found():
     problem, target = made(2, noise=0.0)
     start = levenberg_marquardt.choose_start(problem, seed=0, restarts=8)
     found = levenberg_marquardt.train(problem, start, stopping="plain", most_epochs=500)
-    outputs = network.forward(*network.split(found.weights, problem.shape), problem.x)
+    outputs = network.forward(network.split(found.weights, problem.shape), problem.x)
     assert np.abs(outputs - target).max() < 1e-4
 
 
@@ -174,7 +194,7 @@ def test_overfitting_is_met(stopping):
             found = levenberg_marquardt.train(
                 problem.subset(~held), start, stopping=name, held_out=problem.subset(held)
             )
-            outputs = network.forward(*network.split(found.weights, problem.shape), grid)
+            outputs = network.forward(network.split(found.weights, problem.shape), grid)
             errors[name] = np.sqrt(np.mean((outputs - truth) ** 2))
         ratios.append(errors[stopping] / errors["plain"])
     assert np.median(ratios) < 0.8, ratios
@@ -189,7 +209,7 @@ def test_early_stopping_returns_the_weights_of_the_least_error_held_out():
         problem.subset(~held), start, stopping="early", held_out=unseen
     )
     assert found.converged
-    outputs = network.forward(*network.split(found.weights, problem.shape), unseen.x)
+    outputs = network.forward(network.split(found.weights, problem.shape), unseen.x)
     least = min(epoch.held_out for epoch in found.epochs)
     assert np.mean((outputs - unseen.target) ** 2) <= least * (1 + 1e-9)
 
@@ -204,7 +224,7 @@ def test_the_evidence_finds_the_noise_and_leaves_no_weight_to_noise_alone():
     idle = levenberg_marquardt.train(
         nothing, levenberg_marquardt.choose_start(nothing, seed=5, restarts=4)
     )
-    outputs = network.forward(*network.split(idle.weights, problem.shape), problem.x)
+    outputs = network.forward(network.split(idle.weights, problem.shape), problem.x)
     assert np.sqrt(np.mean(outputs**2)) < 0.1
     assert idle.effective < 15
 

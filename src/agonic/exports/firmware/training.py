@@ -23,7 +23,6 @@ from agonic.exports.firmware.ctext import (
 )
 from agonic.exports.firmware.size import measure_sizes
 from agonic.exports.firmware.writer import Firmware
-from agonic.maths.equation.network import join
 
 MOST_WEIGHTS = 60
 PER_WEIGHT = 3.0
@@ -96,6 +95,7 @@ def _require_network(calibration: Calibration) -> Network:
     base = calibration.base
     lacking = (
         (len(calibration.output) != 3, "has one output along the field; train it on vectors"),
+        (calibration.second is not None, "has two hidden layers; train one with a single layer"),
         (calibration.inputs != ("field",), "takes more than the readings; leave the others out"),
         (base is not None and type(base) is not Affine, "has a base that takes more than readings"),
         (calibration.weights.size > MOST_WEIGHTS, f"has more than {MOST_WEIGHTS} weights"),
@@ -124,7 +124,7 @@ def _fewest(network: Network, window: int) -> int:
 
 def _values(network: Network, name: str, window: int) -> dict[str, str]:
     shape, furthest = network.shape, RetrainerParams().furthest
-    columns = shape.hidden * 4 + shape.hidden + 1
+    columns = shape.nodes * 4 + shape.nodes + 1
     base = network.base
     formula = "field = base(raw) + network(raw), trained on the controller, float32"
     numbers = {} if base is None else {"bias": base.bias, "matrix": base.matrix}
@@ -142,7 +142,7 @@ def _values(network: Network, name: str, window: int) -> dict[str, str]:
         "block": str(window // BLOCKS),
         "fewest": str(_fewest(network, window)),
         "weights": str(shape.size),
-        "hidden": str(shape.hidden),
+        "hidden": str(shape.nodes),
         "gram": str(columns * (columns + 1) // 2),
         "factor": str(shape.size * (shape.size + 1) // 2),
         "slice": str(SLICE),
@@ -151,7 +151,7 @@ def _values(network: Network, name: str, window: int) -> dict[str, str]:
         "input_scale": write_array([network.input_middle, network.input_half]),
         "output_middle": write_array(network.output_middle),
         "output_half": write_literal(network.output_half),
-        "exported": write_array(join(network.hidden, network.output)),
+        "exported": write_array(network.weights),
         "limits": write_array([network.centres.min(axis=0), network.centres.max(axis=0)]),
         "base": fill_template(f"training/base_{kind}.c.in", {**tables, "flash": ""}),
     }

@@ -1,37 +1,69 @@
-"""A network of one hidden layer, its Jacobian, and the sums of normal equations.
+"""A network of one or two hidden layers, its Jacobian, and the sums of normal equations.
 
-    y = V [tanh(U [x, 1]), 1]
+    y = V [tanh(U [x, 1]), 1],   or   y = V [tanh(W [tanh(U [x, 1]), 1]), 1]
 
-with U (h, i+1) and V (o, h+1): each row holds the weights of a node and, last, its constant. The
-vector of all weights is U row by row, then V row by row. Inputs and targets are scaled to −1…1.
+with U (h, i+1), W (k, h+1) and V (o, h+1) or (o, k+1): each row holds the weights of a node and,
+last, its constant. The layers of a network are these matrices in order; the vector of all weights
+is the first row by row, then the next. Inputs and targets are scaled to −1…1.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
 
+Nodes = int | tuple[int, int]
+"""Nodes of the hidden layer, or of the first and the second."""
+Layers = tuple[Array, ...]
+"""U and V, or U, W and V."""
+
 _ROWS = 4096  # a block whose temporaries stay in the cache
+_FEWER_ROWS = 1024  # the same with the rows of J
 
 
 class Shape(NamedTuple):
     """How many inputs, hidden nodes and outputs."""
 
     inputs: int
-    hidden: int
+    hidden: Nodes
     outputs: int
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Inputs, nodes of each hidden layer, outputs.
+
+        >>> Shape(3, (5, 4), 1).widths
+        (3, 5, 4, 1)
+        """
+        hidden = (self.hidden,) if isinstance(self.hidden, int) else self.hidden
+        return (self.inputs, *hidden, self.outputs)
+
+    @property
+    def nodes(self) -> int:
+        """How many hidden nodes in all."""
+        return sum(self.widths[1:-1])
+
+    @property
+    def said(self) -> str:
+        """The nodes in words.
+
+        >>> Shape(3, 5, 3).said, Shape(3, (5, 4), 3).said
+        ('5 nodes', '5 and 4 nodes')
+        """
+        return f"{' and '.join(str(width) for width in self.widths[1:-1])} nodes"
 
     @property
     def size(self) -> int:
         """How many weights, constants included.
 
-        >>> Shape(3, 3, 3).size
-        24
+        >>> Shape(3, 3, 3).size, Shape(3, (3, 3), 3).size
+        (24, 36)
         """
-        return self.hidden * (self.inputs + 1) + self.outputs * (self.hidden + 1)
+        return sum((before + 1) * after for before, after in pairwise(self.widths))
 
 
 class Sums(NamedTuple):
@@ -43,69 +75,122 @@ class Sums(NamedTuple):
     weight: float
 
 
-def split(weights: Array, shape: Shape) -> tuple[Array, Array]:
-    """U (h, i+1) and V (o, h+1) of the vector of all weights."""
-    cut = shape.hidden * (shape.inputs + 1)
-    return weights[:cut].reshape(shape.hidden, -1), weights[cut:].reshape(shape.outputs, -1)
+def split(weights: Array, shape: Shape) -> Layers:
+    """The layers of the vector of all weights."""
+    layers, at = [], 0
+    for before, after in pairwise(shape.widths):
+        layers.append(weights[at : at + (before + 1) * after].reshape(after, -1))
+        at += (before + 1) * after
+    return tuple(layers)
 
 
-def join(hidden: Array, output: Array) -> Array:
-    """The vector of all weights of U and V.
+def join(*layers: Array) -> Array:
+    """The vector of all weights of layers.
 
     >>> u, v = split(np.arange(7.0), Shape(1, 2, 1))
     >>> join(u, v).tolist() == list(range(7))
     True
     """
-    return np.concatenate([hidden.ravel(), output.ravel()])
+    return np.concatenate([layer.ravel() for layer in layers])
 
 
-def shape_of(hidden: Array, output: Array) -> Shape:
-    """The shape that two matrices of weights have."""
-    return Shape(hidden.shape[1] - 1, hidden.shape[0], output.shape[0])
+def shape_of(layers: Layers) -> Shape:
+    """The shape that matrices of weights have."""
+    hidden = [len(layer) for layer in layers[:-1]]
+    nodes = hidden[0] if len(hidden) == 1 else (hidden[0], hidden[1])
+    return Shape(layers[0].shape[1] - 1, nodes, len(layers[-1]))
 
 
-def forward(hidden: Array, output: Array, x: Array) -> Array:
+def forward(layers: Layers, x: Array) -> Array:
     """The outputs (…, o) of inputs (…, i)."""
-    return np.asarray(activity(hidden, x) @ output[:, :-1].T + output[:, -1])
+    return np.asarray(activity(layers, x) @ layers[-1][:, :-1].T + layers[-1][:, -1])
 
 
-def activity(hidden: Array, x: Array) -> Array:
-    """What the hidden nodes give, tanh(U [x, 1]), (…, h)."""
-    return np.tanh(x @ hidden[:, :-1].T + hidden[:, -1])
+def activity(layers: Layers, x: Array) -> Array:
+    """What the nodes of the last hidden layer give, (…, h)."""
+    for layer in layers[:-1]:
+        x = np.tanh(x @ layer[:, :-1].T + layer[:, -1])
+    return x
 
 
-def jacobian(hidden: Array, output: Array, x: Array) -> Array:
-    """∂y/∂weights (n, o, m) of inputs (n, i).
+def jacobian(layers: Layers, x: Array) -> Array:
+    """∂y/∂weights (n, o, m) of inputs (n, i)."""
+    into, outer = _pass_through(layers, x), len(layers[-1])
+    m, width = shape_of(layers).size, len(into[-1])
+    rows = np.zeros((outer, m, len(x)))
+    for k in range(outer):
+        rows[k, : m - outer * width] = _go_back(layers, into, k)
+        at = m - (outer - k) * width
+        rows[k, at : at + width] = into[-1]
+    return np.moveaxis(rows, 2, 0)
 
-    ∂y_k/∂U_jl = V_kj (1 − a_j²) [x, 1]_l,   ∂y_k/∂V_kj = [a, 1]_j
+
+def _pass_through(layers: Layers, x: Array) -> list[Array]:
+    """What goes into each layer, [a, 1] as (width + 1, n): rows side by side, for long loops."""
+    into = [np.vstack([x.T, np.ones(len(x))])]
+    for layer in layers[:-1]:
+        into.append(np.vstack([np.tanh(layer @ into[-1]), np.ones(len(x))]))
+    return into
+
+
+def _go_back(layers: Layers, into: list[Array], k: int) -> Array:
+    """∂y_k/∂weights of the hidden layers, (m', n), from the last to the first.
+
+    With [a, 1] what goes into a layer L and a' what comes out of it:
+
+        D = ∂y_k/∂(L [a, 1]) = ∂y_k/∂a' ∘ (1 − a'²),   ∂y_k/∂L = D [a, 1]ᵀ,   ∂y_k/∂a = Lᵀ D
     """
-    n, shape = len(x), shape_of(hidden, output)
-    cut = shape.hidden * (shape.inputs + 1)
-    z = _columns(hidden, x).T
-    steep, active = z[:, :cut], z[:, cut:]
-    rows = np.zeros((n, shape.outputs, shape.size))
-    inner = np.repeat(output[:, :-1], shape.inputs + 1, axis=1)
-    rows[:, :, :cut] = steep[:, None, :] * inner
-    width = shape.hidden + 1
-    for k in range(shape.outputs):
-        rows[:, k, cut + k * width : cut + (k + 1) * width] = active
-    return rows
+    back, parts = layers[-1][k, :-1, None], []
+    for layer, given, got in zip(layers[-2::-1], into[-2::-1], into[:0:-1], strict=True):
+        back = back * (1.0 - got[:-1] ** 2)
+        parts.append((back[:, None] * given).reshape(layer.size, -1))
+        back = layer[:, :-1].T @ back
+    return np.concatenate(parts[::-1])
 
 
 def sum_normal_equations(
-    hidden: Array, output: Array, x: Array, target: Array, weight: Array | None = None
+    layers: Layers, x: Array, target: Array, weight: Array | None = None
 ) -> Sums:
-    """Square error, gradient and JᵀJ of e = y − target, without ever forming J.
+    """Square error, gradient and JᵀJ of e = y − target; `weight` (n,) counts rows for less."""
+    if len(layers) == 2:
+        return _sum_without_rows(layers[0], layers[1], x, target, weight)
+    m, width = shape_of(layers).size, layers[-1].shape[1]
+    square, gradient, information, total = 0.0, np.zeros(m), np.zeros((m, m)), 0.0
+    inner = slice(0, m - layers[-1].size)
+    for start in range(0, len(x), _FEWER_ROWS):
+        rows = slice(start, start + _FEWER_ROWS)
+        into = _pass_through(layers, x[rows])
+        error = layers[-1] @ into[-1] - target[rows].T
+        share = np.ones(error.shape[1]) if weight is None else weight[rows]
+        total += float(share.sum())
+        square += float((share * error**2).sum())
+        gram = into[-1] @ (into[-1] * share).T
+        for k in range(len(error)):
+            own = slice(inner.stop + k * width, inner.stop + (k + 1) * width)
+            by = _go_back(layers, into, k)
+            weighted = by * share
+            gradient[inner] += weighted @ error[k]
+            gradient[own] += into[-1] @ (share * error[k])
+            information[inner, inner] += weighted @ by.T
+            information[inner, own] += weighted @ into[-1].T
+            information[own, own] += gram
+    information[inner.stop :, inner] = information[inner, inner.stop :].T
+    return Sums(square, gradient, information, total)
+
+
+def _sum_without_rows(
+    hidden: Array, output: Array, x: Array, target: Array, weight: Array | None
+) -> Sums:
+    """The sums of one hidden layer, without ever forming J.
 
     With Z = [(1 − a_j²) [x, 1]_l, [a, 1]_j] (n, q), one product ZᵀZ holds all of it:
 
         JᵀJ(U, U) = (VᵀV)_jj' ∘ ZᵀZ,   JᵀJ(U, V_k) = V_kj ∘ ZᵀZ,   JᵀJ(V_k, V_k) = ZᵀZ
 
-    which is o times less work than the rows of J. `weight` (n,) counts rows for less.
+    which is o times less work than the rows of J.
     """
-    shape = shape_of(hidden, output)
-    cut = shape.hidden * (shape.inputs + 1)
-    q = cut + shape.hidden + 1
+    cut = hidden.size
+    q = cut + len(hidden) + 1
     gram, square, total = np.zeros((q, q)), 0.0, 0.0
     inner, outer = np.zeros(hidden.shape), np.zeros(output.shape)
     for start in range(0, len(x), _ROWS):
@@ -120,14 +205,12 @@ def sum_normal_equations(
         by = z[:cut].reshape(*hidden.shape, -1)
         inner += np.matmul(by, back[:, :, None])[:, :, 0]
         outer += weighted @ z[cut:].T
-    return Sums(square, join(inner, outer), _information(gram, output[:, :-1], shape), total)
+    return Sums(square, join(inner, outer), _information(gram, hidden, output), total)
 
 
-def square_error(
-    hidden: Array, output: Array, x: Array, target: Array, weight: Array | None = None
-) -> float:
+def square_error(layers: Layers, x: Array, target: Array, weight: Array | None = None) -> float:
     """Σ w e² alone, for a step that may be rejected."""
-    error = forward(hidden, output, x) - target
+    error = forward(layers, x) - target
     return float((error**2 if weight is None else error**2 * weight[:, None]).sum())
 
 
@@ -143,14 +226,13 @@ def _columns(hidden: Array, x: Array) -> Array:
     return z
 
 
-def _information(gram: Array, outer: Array, shape: Shape) -> Array:
-    """JᵀJ (m, m) from the one product, and V without its constants (o, h)."""
-    each, width = shape.inputs + 1, shape.hidden + 1
-    cut = shape.hidden * each
-    whole = np.zeros((shape.size, shape.size))
-    spread = np.repeat(outer, each, axis=1)
+def _information(gram: Array, hidden: Array, output: Array) -> Array:
+    """JᵀJ (m, m) from the one product."""
+    cut, width = hidden.size, output.shape[1]
+    whole = np.zeros((cut + output.size, cut + output.size))
+    spread = np.repeat(output[:, :-1], hidden.shape[1], axis=1)
     whole[:cut, :cut] = gram[:cut, :cut] * (spread.T @ spread)
-    for k in range(shape.outputs):
+    for k in range(len(output)):
         own = slice(cut + k * width, cut + (k + 1) * width)
         whole[own, own] = gram[cut:, cut:]
         whole[:cut, own] = gram[:cut, cut:] * spread[k][:, None]
@@ -161,11 +243,17 @@ def _information(gram: Array, outer: Array, shape: Shape) -> Array:
 def draw_weights(rng: np.random.Generator, shape: Shape, *, output_sd: float = 0.5) -> Array:
     """Weights to start from, after Nguyen and Widrow (1990): each node bends somewhere in −1…1.
 
-    Rows of U have the length 0.7 h^(1/i) in random directions, constants spread evenly.
+    Rows of a hidden layer have the length 0.7 h^(1/i) in random directions, for h nodes and i that
+    go in, constants spread evenly.
     """
-    length = 0.7 * shape.hidden ** (1.0 / shape.inputs)
-    hidden = rng.standard_normal((shape.hidden, shape.inputs + 1))
-    hidden[:, :-1] *= length / np.linalg.norm(hidden[:, :-1], axis=1, keepdims=True)
-    hidden[:, -1] = length * np.linspace(-1.0, 1.0, shape.hidden) if shape.hidden > 1 else 0.0
-    output = output_sd * rng.uniform(-1.0, 1.0, (shape.outputs, shape.hidden + 1))
-    return join(hidden, output)
+    layers = [_draw_nodes(rng, into, nodes) for into, nodes in pairwise(shape.widths[:-1])]
+    last = (shape.outputs, shape.widths[-2] + 1)
+    return join(*layers, output_sd * rng.uniform(-1.0, 1.0, last))
+
+
+def _draw_nodes(rng: np.random.Generator, inputs: int, nodes: int) -> Array:
+    length = 0.7 * nodes ** (1.0 / inputs)
+    drawn = rng.standard_normal((nodes, inputs + 1))
+    drawn[:, :-1] *= length / np.linalg.norm(drawn[:, :-1], axis=1, keepdims=True)
+    drawn[:, -1] = length * np.linspace(-1.0, 1.0, nodes) if nodes > 1 else 0.0
+    return drawn

@@ -20,7 +20,7 @@ from agonic.console.options import (
     Sensor,
     Unit,
 )
-from agonic.console.parse import parse_names
+from agonic.console.parse import parse_names, parse_nodes
 from agonic.console.sensors import open_sensor
 
 if TYPE_CHECKING:
@@ -37,7 +37,9 @@ def network(
     log: LogPath,
     reference: KnownField = None,
     out: Out = None,
-    hidden: Annotated[int, typer.Option(help="Nodes of the hidden layer.")] = 3,
+    hidden: Annotated[
+        str, typer.Option(metavar="NODES", help="Nodes of the hidden layer; 5,3: of two layers.")
+    ] = "3",
     inputs: Annotated[
         str,
         typer.Option(
@@ -98,7 +100,11 @@ def network(
         choice = choose_network(
             samples, known, progress=lambda nodes: progress(nodes, "Training"), **settings
         )
-    fit = choice.fit if choice else fit_network(samples, known, hidden=hidden, **settings)
+    fit = (
+        choice.fit
+        if choice
+        else fit_network(samples, known, hidden=parse_nodes(hidden), **settings)
+    )
     files = []
     if figure:
         drawn = table_chart(choice) if choice else training_chart(fit)

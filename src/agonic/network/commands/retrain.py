@@ -19,7 +19,7 @@ from agonic.console.options import (
     Sensor,
     Unit,
 )
-from agonic.console.parse import parse_names
+from agonic.console.parse import parse_names, parse_nodes
 from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
 
@@ -56,7 +56,12 @@ def retrain(
     out: Out = None,
     reference: KnownField = None,
     hidden: Annotated[
-        int | None, typer.Option(help="Nodes of a network where there is none yet; default: 3.")
+        str | None,
+        typer.Option(
+            metavar="NODES",
+            help="Nodes of a network where there is none yet, as 3, or 5,3 in two layers; "
+            "default: 3.",
+        ),
     ] = None,
     inputs: Annotated[
         str | None, typer.Option(metavar="NAMES", help="Its inputs; default: field.")
@@ -162,9 +167,10 @@ def _started(
         settings["window_n"] = _rows_in(samples, settings["window_s"])
     if given["inputs"] is not None:
         settings["inputs"] = parse_names(given["inputs"])
-    for name in ("hidden", "alarm"):
-        if given[name] is not None:
-            settings[name] = given[name]
+    if given["hidden"] is not None:
+        settings["hidden"] = parse_nodes(given["hidden"])
+    if given["alarm"] is not None:
+        settings["alarm"] = given["alarm"]
     return Retrainer(calibration, RetrainerParams(**settings))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError
+from agonic.maths.equation.network import Nodes
 from agonic.network.fit import evidence
 from agonic.network.fit.cross_validation import cross_validate
 from agonic.network.fit.problem import Problem, pose_problem
@@ -23,7 +24,7 @@ def fit_network(
     samples: Samples,
     reference: Reference,
     *,
-    hidden: int = 3,
+    hidden: Nodes = 3,
     inputs: tuple[str, ...] = ("field",),
     base: Base = "affine",
     target: Target = "vector",
@@ -35,19 +36,19 @@ def fit_network(
     most_epochs: int = 300,
     seed: int = 0,
 ) -> NetworkFit:
-    """A network of one hidden layer that corrects what an affine calibration leaves.
+    """A network of one or two hidden layers that corrects what an affine calibration leaves.
 
         field = base(raw) + g(x) · network(x),   network(x) = V [tanh(U [x, 1]), 1]
 
-    trained by Levenberg–Marquardt backpropagation, and compared with its base on blocks of time
-    that neither has seen.
+    or V [tanh(W [tanh(U [x, 1]), 1]), 1] with two hidden layers; trained by Levenberg–Marquardt
+    backpropagation, and compared with its base on blocks of time that neither has seen.
 
     Parameters
     ----------
     samples : readings, and the columns that `inputs` name.
     reference : for `target="vector"` the field at every reading in axes m or b, or in axes n with
         roll, pitch and heading in the samples; for "magnitude" any reference.
-    hidden : nodes of the hidden layer.
+    hidden : nodes of the hidden layer; two numbers, (5, 3), are two layers.
     inputs : what goes in: "field" (the readings), "temperature", "temperature_rate", "current_A",
         "throttle", "second".
     base : "affine" fits one from the same readings; an `Affine`, `Interference` or `Thermal` is

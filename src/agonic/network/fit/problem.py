@@ -12,6 +12,7 @@ from agonic.calibration.inputs import WIDTH, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError
 from agonic.health import find_usable_rows
+from agonic.maths.equation.network import Shape
 from agonic.maths.estimation.series import compute_rates
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.network.fit.base import BaseFit, Ends, fit_magnitudes, fit_vectors
@@ -169,7 +170,7 @@ def _require_meeting(base: Affine | Thermal, ends: Ends) -> None:
 
 def _require_enough(rows: Mask, inputs: Array, settings: Settings) -> None:
     outputs = 3 if settings.target == "vector" else 1
-    count = settings.hidden * (inputs.shape[1] + 1) + outputs * (settings.hidden + 1)
+    count = Shape(inputs.shape[1], settings.hidden, outputs).size
     needed = max(FEWEST, int(PER_WEIGHT * count))
     if rows.sum() < needed:
         raise CoverageError(

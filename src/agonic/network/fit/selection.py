@@ -10,6 +10,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
+from agonic.maths.equation.network import Nodes
 from agonic.network.fit.fit import fit_network
 from agonic.network.fit.result import NetworkFit
 from agonic.reference import Reference
@@ -25,7 +26,7 @@ TIE = 1.05
 class Row:
     """A line of the table: R, largest and rms error on all readings, and on unseen ones (nT)."""
 
-    hidden: int
+    hidden: Nodes
     regression: float
     maximum: float
     rms: float
@@ -56,15 +57,15 @@ class NetworkChoice:
         """What was chosen, and why."""
         if self.chosen is not self.fit.calibration:
             return "no network is needed"
-        return f"{self.fit.calibration.shape.hidden} hidden nodes are enough"
+        return f"{self.fit.calibration.shape.said} are enough"
 
 
 def choose_network(
     samples: Samples,
     reference: Reference,
     *,
-    hidden: Sequence[int] = NODES,
-    progress: Callable[[Sequence[int]], Iterable[int]] = iter,
+    hidden: Sequence[Nodes] = NODES,
+    progress: Callable[[Sequence[Nodes]], Iterable[Nodes]] = iter,
     **settings: Any,
 ) -> NetworkChoice:
     """The table of hidden nodes on unseen readings, and the network or base that it speaks for.
@@ -98,7 +99,7 @@ def choose_network(
     table = tuple(_row(fit) for fit in fits)
     least = min(row.unseen_rms for row in table)
     good = [fit for fit, row in zip(fits, table, strict=True) if row.unseen_rms <= TIE * least]
-    fit = min(good, key=lambda fit: fit.calibration.shape.hidden)
+    fit = min(good, key=lambda fit: fit.calibration.shape.nodes)
     assert fit.comparison is not None
     base = fit.comparison.base
     return NetworkChoice(

@@ -8,21 +8,21 @@ from typing import Any, Literal, get_args
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import WIDTH
+from agonic.calibration.network import require_nodes
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
+from agonic.maths.equation.network import Nodes
 from agonic.network.maths.levenberg_marquardt import Stopping
 
 Target = Literal["vector", "magnitude"]
 Base = Affine | Thermal | Literal["affine"] | None
-
-MOST_HIDDEN = 64
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """The settings of a training; see `fit_network`."""
 
-    hidden: int = 3
+    hidden: Nodes = 3
     inputs: tuple[str, ...] = ("field",)
     base: Base = "affine"
     target: Target = "vector"
@@ -36,8 +36,7 @@ class Settings:
         check_choice("target", self.target, get_args(Target))
         check_choice("stopping", self.stopping, get_args(Stopping))
         object.__setattr__(self, "inputs", tuple(self.inputs))
-        if not 1 <= self.hidden <= MOST_HIDDEN:
-            raise AgonicError(f"hidden is {self.hidden}; a network has 1 to {MOST_HIDDEN} nodes")
+        object.__setattr__(self, "hidden", require_nodes(self.hidden))
         unknown = [name for name in self.inputs if name not in WIDTH]
         if unknown or not self.inputs or len(set(self.inputs)) < len(self.inputs):
             given = ", ".join(self.inputs) or "none"
@@ -62,7 +61,7 @@ class Settings:
         base = self.base if isinstance(self.base, str | None) else self.base.kind
         return {
             "fit": "network",
-            "hidden": self.hidden,
+            "hidden": self.hidden if isinstance(self.hidden, int) else list(self.hidden),
             "inputs": list(self.inputs),
             "base": base,
             "target": self.target,

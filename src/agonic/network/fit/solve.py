@@ -66,7 +66,7 @@ def train(problem: Problem, rows: Index, start: Network | None = None) -> Traini
     found, noise, scaled = _train_until_settled(
         scaled, problem, noiseless, None if start is None else start.weights
     )
-    outputs = network.forward(*network.split(found.weights, scaled.shape), scaled.x)
+    outputs = network.forward(network.split(found.weights, scaled.shape), scaled.x)
     weights = np.ones(len(rows)) if scaled.weight is None else scaled.weight
     calibration = _network(problem, base, scale, found, noise, scaled, outputs, target, weights)
     unmodelled = _estimate_unmodelled(scaled, outputs, weights > 0, noise, found)
@@ -142,7 +142,7 @@ def _train_until_settled(
             most_epochs=settings.most_epochs,
         )
         epochs += found.epochs
-        left = network.forward(*network.split(found.weights, scaled.shape), x) - scaled.target
+        left = network.forward(network.split(found.weights, scaled.shape), x) - scaled.target
         error = size * left
         noise, weight = _estimate_noise(left, scaled, found.weights, settings.robust)
         before = np.ones(len(weight)) if scaled.weight is None else scaled.weight
@@ -168,8 +168,7 @@ def _estimate_noise(
     noise = estimate_noise(left.T.ravel(), robust, len(weights))
     weight = np.asarray(noise.loss.weight((left / noise.sd) ** 2).min(axis=1))
     if noise.correlation > _LASTING:
-        hidden, _ = network.split(weights, scaled.shape)
-        active = network.activity(hidden, scaled.x)
+        active = network.activity(network.split(weights, scaled.shape), scaled.x)
         active -= active.mean(axis=0)
         lengths = [
             correlation_length(left[:, k] * column, weight)
@@ -226,7 +225,7 @@ def _network(
 ) -> Network:
     """The calibration, with where it holds."""
     kept = weights > 0
-    hidden, output = network.split(found.weights, scaled.shape)
+    layers = network.split(found.weights, scaled.shape)
     centres, reach = domain.cover(scaled.x[kept], CENTRES)
     added = scale.output_middle + scale.output_half * outputs[kept]
     longest = float(np.linalg.norm(added, axis=1).max())
@@ -236,8 +235,9 @@ def _network(
         base=base,
         inputs=problem.settings.inputs,
         **scale._asdict(),
-        hidden=hidden,
-        output=output,
+        hidden=layers[0],
+        second=layers[1] if len(layers) > 2 else None,
+        output=layers[-1],
         centres=centres,
         reach=max(reach, LEAST_REACH),
         bound=None if base is None else ROOM * longest,

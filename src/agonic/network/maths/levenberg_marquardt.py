@@ -23,7 +23,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation import network
-from agonic.maths.equation.network import Shape
+from agonic.maths.equation.network import Nodes, Shape
 from agonic.maths.estimation.leastsq import inverse
 
 Stopping = Literal["bayesian", "early", "plain"]
@@ -46,7 +46,7 @@ class Problem(NamedTuple):
 
     x: Array
     target: Array
-    hidden: int
+    hidden: Nodes
     weight: Array | None = None
     correlation: float = 1.0
 
@@ -194,13 +194,13 @@ def _begin(problem: Problem, start: Array, ridge: float, stopping: Stopping) -> 
 
 
 def _sums(problem: Problem, weights: Array) -> network.Sums:
-    hidden, output = network.split(weights, problem.shape)
-    return network.sum_normal_equations(hidden, output, problem.x, problem.target, problem.weight)
+    layers = network.split(weights, problem.shape)
+    return network.sum_normal_equations(layers, problem.x, problem.target, problem.weight)
 
 
 def _square(problem: Problem, weights: Array) -> float:
-    hidden, output = network.split(weights, problem.shape)
-    return network.square_error(hidden, output, problem.x, problem.target, problem.weight)
+    layers = network.split(weights, problem.shape)
+    return network.square_error(layers, problem.x, problem.target, problem.weight)
 
 
 def _mean_square(problem: Problem, weights: Array) -> float:

@@ -57,7 +57,7 @@ def describe_network(
         kind=KIND,
         name=samples.name,
         title=title,
-        method=f"network of {network.shape.hidden} nodes by the {network.target}, {fit.n} readings",
+        method=f"network of {network.shape.said} by the {network.target}, {fit.n} readings",
         about=f"Chosen: {chosen}.",
         verdict=fit.verdict,
         status=fit.status,

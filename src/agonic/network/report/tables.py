@@ -8,6 +8,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
+from agonic.maths.equation.network import split
 from agonic.network.fit import Comparison, NetworkChoice
 from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
 from agonic.report.document import Block, Table
@@ -69,27 +70,32 @@ def list_nodes(choice: NetworkChoice) -> Table:
 
 def list_weights(network: Network) -> Markup:
     """Every weight with its standard error: from the inputs to the nodes, and on to the outputs."""
-    shape, sd = network.shape, network.sd
-    cut = shape.hidden * (shape.inputs + 1)
-    of_u = None if sd is None else sd[:cut].reshape(shape.hidden, -1)
-    of_v = None if sd is None else sd[cut:].reshape(shape.outputs, -1)
-    names = [f"node {k + 1}" for k in range(shape.hidden)]
-    outputs = ["x", "y", "z"] if shape.outputs == 3 else ["along"]
-
-    def cells(values: Array, sds: Array | None, j: int) -> list[str]:
-        return [
-            with_sd(float(v), None if sds is None else float(sds[j, k]))
-            for k, v in enumerate(values[j])
-        ]
-
-    inner = [[names[j], *cells(network.hidden, of_u, j)] for j in range(shape.hidden)]
-    outer = [
-        [f"output {outputs[j]}", *cells(network.output, of_v, j)] for j in range(shape.outputs)
+    layers, sd = network.layers, network.sd
+    sds = [None] * len(layers) if sd is None else split(sd, network.shape)
+    names = [[f"node {k + 1}" for k in range(width)] for width in network.shape.widths[1:-1]]
+    if len(names) > 1:
+        names[1] = [f"second {name}" for name in names[1]]
+    ends = ["output x", "output y", "output z"] if network.shape.outputs == 3 else ["output along"]
+    into, out = [list(signals(network.inputs)), *names], [*names, ends]
+    tables = [
+        table(
+            [letter, *columns, "constant"],
+            [[name, *_with_sds(values, own, j)] for j, name in enumerate(rows)],
+            class_="weights",
+        )
+        for letter, columns, rows, values, own in zip(
+            "UWV" if len(layers) == 3 else "UV", into, out, layers, sds, strict=True
+        )
     ]
-    return markup(
-        table(["U", *signals(network.inputs), "constant"], inner, class_="weights"),
-        table(["V", *names, "constant"], outer, class_="weights"),
-    )
+    return markup(*tables)
+
+
+def _with_sds(values: Array, sds: Array | None, j: int) -> list[str]:
+    """A row of weights as text."""
+    return [
+        with_sd(float(v), None if sds is None else float(sds[j, k]))
+        for k, v in enumerate(values[j])
+    ]
 
 
 def describe_properties(network: Network) -> dict[str, str | list[str]]:
@@ -108,7 +114,7 @@ def describe_properties(network: Network) -> dict[str, str | list[str]]:
     bound = "none" if network.bound is None else quantity(network.bound, network.unit_out)
     reference = "vector" if network.target == "vector" else "magnitude, along the field only"
     return {
-        "Nodes": f"{network.shape.hidden} (tanh), {network.shape.size} weights",
+        "Network": f"{network.shape.said} (tanh), {network.shape.size} weights",
         "Base": below,
         "Reference": f"the {reference}",
         "Inputs trained on": ranges,
