@@ -10,6 +10,7 @@ from agonic.thermal.campaign.description import Station
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.plan.document import describe_plan
 from agonic.thermal.plan.plan import plan_thermal
 from agonic.thermal.plan.standard_errors import (
     expect_errors_by_magnitude,
@@ -144,3 +145,20 @@ def test_plans_that_cannot_be(given, says) -> None:
 def test_cooling_above_its_limit_is_no_profile() -> None:
     with pytest.raises(ag.AgonicError, match="cool more slowly"):
         Profile(cooling_C_per_min=2.0)
+
+
+def test_condensation_is_warned_of_and_how_dry_the_air_must_be() -> None:
+    """At 20 °C and 50 % tables have a dew point of 9.3 °C; 2.87 hPa of 23.4 are 12 %."""
+    plan = plan_thermal("MPU-9255")
+    assert plan.dew_point_C == pytest.approx(9.3, abs=0.1)
+    assert plan.dry_percent == pytest.approx(12.3, abs=0.1)
+    said = " ".join(describe_plan(plan).to_text().split())
+    assert "water will condense: the programme goes to −10 °C" in said
+    assert "below 12 % relative humidity at 20 °C" in said
+    for safe in (
+        plan_thermal("MPU-9255", humidity_percent=12.0),
+        plan_thermal("MPU-9255", range_C=(15.0, 60.0)),
+    ):
+        assert "condense" not in describe_plan(safe).to_text()
+    with pytest.raises(ag.AgonicError, match="relative humidity"):
+        plan_thermal("MPU-9255", humidity_percent=0.0)

@@ -15,6 +15,7 @@ from agonic.report.digits import MINUS, THIN
 from agonic.thermal import curves, figures
 from agonic.thermal.all_sensors import calibrate_campaign
 from agonic.thermal.calibration_document import describe_calibration
+from agonic.thermal.checks.thermometers import find_courses
 from agonic.thermal.document import campaign_page
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 from agonic.thermal.simulation.campaign import simulate_campaign
@@ -180,8 +181,29 @@ def test_the_page_fits_its_screen(opened, page, width, scheme) -> None:
     assert shown.complaints == []
     assert len(shown.requests) == 1
     columns = shown.evaluate(
-        "getComputedStyle(document.querySelector('.multiples')).gridTemplateColumns"
+        "getComputedStyle(document.querySelector('.multiples:not(.courses)')).gridTemplateColumns"
     )
     assert len(columns.split()) == (1 if width == 360 else 3)
     background = shown.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (background == "rgb(255, 255, 255)") == (scheme == "light")
+
+
+def test_the_page_has_contents_that_lead_somewhere(page) -> None:
+    anchors = re.findall(r'href="#([^"]+)"', page)
+    assert len(anchors) > 20
+    assert set(anchors) <= set(re.findall(r'id="([^"]+)"', page))
+    assert len(set(re.findall(r'id="([^"]+)"', page))) == len(re.findall(r'id="([^"]+)"', page))
+    text = words(page)
+    for title in ("The recordings", "Scale factors and angles", "The chamber’s field"):
+        assert text.count(title) >= 2  # in the contents and over its part
+
+
+def test_the_temperature_at_every_station_is_drawn(result, page) -> None:
+    drawn = re.findall(r'aria-label="Temperature at station (\d+) over time".*?</svg>', page)
+    assert [int(number) for number in drawn] == list(range(1, 13))
+    first = page[page.index("Temperature at station 1 over time") :]
+    (curve,) = re.findall(r'<path d="M([^"]*)" class="common"', first[: first.index("</svg>")])
+    down = np.array([float(pair.split()[1]) for pair in curve.split("L")])
+    level = find_courses(result.campaign)[0][1].level_C
+    assert int(np.argmax(down)) == pytest.approx(int(np.nanargmin(level)), abs=12)
+    assert np.ptp(down) > 800.0  # thousandths of the height

@@ -15,13 +15,23 @@ def header(kicker: str, name: str, *more: str) -> Markup:
     return element("header", element("p", kicker, class_="kicker"), element("h1", name), *more)
 
 
-def part(title: str, *content: str, level: str = "h2") -> Markup:
-    """A section under its heading.
+def part(title: str, *content: str, level: str = "h2", anchor: str = "") -> Markup:
+    """A section under its heading, with an anchor to link to.
 
     >>> part("Numbers", "none")
     '<section><h2>Numbers</h2>none</section>'
     """
-    return element("section", element(level, title), *content)
+    return element("section", element(level, title), *content, id=anchor or None)
+
+
+def contents(entries: Iterable[tuple[str, str]]) -> Markup:
+    """A table of contents: anchors and titles.
+
+    >>> contents([("part-1", "Numbers")]).partition("<li>")[2]
+    '<a href="#part-1">Numbers</a></li></ul></nav>'
+    """
+    links = (element("li", element("a", title, href=f"#{anchor}")) for anchor, title in entries)
+    return element("nav", element("ul", *links), class_="contents", aria_label="Contents")
 
 
 def verdict(word: str, *said: str, move: str = "") -> Markup:

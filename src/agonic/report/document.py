@@ -57,12 +57,14 @@ class Section:
     printed: bool = False
     style: str = ""
 
-    def to_html(self, level: str = "h2") -> Markup:
-        """The section as markup, its heading of a level."""
+    def to_html(self, level: str = "h2", anchor: str = "") -> Markup:
+        """The section as markup, its heading of a level, and an anchor to link to."""
         drawn = [_block(block) for block in self.blocks]
         if self.style:
             drawn = [element("div", *drawn, class_=self.style)]
-        return blocks.part(self.title, *drawn, level=level) if self.title else markup(*drawn)
+        if not self.title:
+            return markup(*drawn)
+        return blocks.part(self.title, *drawn, level=level, anchor=anchor)
 
     def to_text(self, width: int = text.WIDTH) -> list[str]:
         """The section as lines, after an empty one."""
@@ -124,7 +126,8 @@ class Document:
         text, a command to type.
     values : what the JSON says beside verdict, status and findings, which it may override.
     sensors : a document for each sensor, where there are several.
-    calibration, samples : whose provenance is shown.
+    contents : whether the page has a table of contents. calibration, samples : whose provenance is
+        shown.
     styles, scripts : files of `static/`. data : JSON for the scripts, by its id in the page.
     """
 
@@ -148,6 +151,7 @@ class Document:
     next_step: str = ""
     values: Mapping[str, Any] | None = None
     sensors: Sequence[Document] = ()
+    contents: bool = False
     calibration: Calibration | None = None
     samples: Samples | None = None
     styles: Sequence[str] = ()
@@ -176,6 +180,7 @@ class Document:
         under = [element("p", typeset(about), class_="kicker")] if about else []
         inside = [
             *self._opening(),
+            *self._list_contents(),
             *self._middle("h2"),
             *(sensor._article(f"sensor-{k}") for k, sensor in enumerate(self.sensors, start=1)),
             *self._origin("h2"),
@@ -286,12 +291,24 @@ class Document:
         if self.key_figures and self._shows_numbers:
             yield blocks.key_figures(self.key_figures)
 
-    def _middle(self, level: str) -> Iterable[Markup]:
+    def _list_contents(self, within: str = "") -> Iterable[Markup]:
+        """The parts of the page, or of a sensor within it, where contents are wanted."""
+        if not self.contents:
+            return
+        named = enumerate(self.sections, start=1)
+        parts = [(f"{within}part-{k}", one.title) for k, one in named if one.title]
+        parts += [(f"{within}findings", "Findings")] if self.findings is not None else []
+        articles = enumerate(self.sensors, start=1)
+        yield blocks.contents([*parts, *((f"sensor-{k}", one.name) for k, one in articles)])
+
+    def _middle(self, level: str, within: str = "") -> Iterable[Markup]:
         if self.entries and self.entries_title and self._shows_numbers:
             yield Section(self.entries_title, [self.entries]).to_html(level)
-        yield from (section.to_html(level) for section in self.sections)
+        for k, section in enumerate(self.sections, start=1):
+            yield section.to_html(level, f"{within}part-{k}" if self.contents else "")
         if self.findings is not None:
-            yield blocks.part("Findings", tables.findings(self.findings), level=level)
+            found, at = tables.findings(self.findings), f"{within}findings"
+            yield blocks.part("Findings", found, level=level, anchor=at if self.contents else "")
         if self.remarks:
             notes = [element("p", sentence(note)) for note in self.remarks]
             yield blocks.part("Notes", *notes, level=level)
@@ -308,7 +325,8 @@ class Document:
             "article",
             head,
             *self._opening(),
-            *self._middle("h3"),
+            *self._list_contents(f"{anchor}-"),
+            *self._middle("h3", f"{anchor}-"),
             *self._origin("h3"),
             *self._scripts(),
             id=anchor,

@@ -15,6 +15,9 @@ from agonic.report.markup import element
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
 from agonic.thermal import curves, figures, tables, values
 from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures
+from agonic.thermal.campaign.recording import Campaign
+from agonic.thermal.checks.boards import list_boards
+from agonic.thermal.checks.thermometers import find_courses
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.names import join_numbers
@@ -82,7 +85,9 @@ def describe_campaign(
             Section("", [lambda: tables.list_sensors(result)]),
             Section("Before and after", _compare(result, beside or {}, beside_words)),
             Section("The chamber’s field", _show_chamber(result.chamber_field)),
+            Section("The recordings", _show_recordings(result.campaign)),
         ],
+        contents=True,
         values=values.list_campaign_values(result),
         sensors=[_describe_sensor(one, written.get(one.name, ())) for one in result.sensors],
         styles=STYLES,
@@ -165,6 +170,20 @@ def _show_chamber(found: ChamberField | None) -> list[Block]:
     ]
 
 
+def _show_recordings(campaign: Campaign) -> list[Block]:
+    """Whether boards kept working, and the temperature at every station."""
+    courses, _ = find_courses(campaign)
+    shown: list[Block] = [tables.list_boards(list_boards(campaign))]
+    if courses:
+        profile = campaign.description.profile
+        shown.append(lambda: figures.draw_courses(dict(sorted(courses.items())), profile))
+    note = (
+        "A restart is a clock that began anew within a recording; what is missing are the readings "
+        "that gaps cost each sensor."
+    )
+    return [*shown, element("p", note, class_="aside")]
+
+
 def _describe_sensor(result: CalibratedSensor, files: Sequence[str]) -> Document:
     """Everything about one sensor of a campaign."""
     fit = result.fit
@@ -177,6 +196,7 @@ def _describe_sensor(result: CalibratedSensor, files: Sequence[str]) -> Document
         entries=None if fit is None else _list_entries(fit, files),
         entries_title="",
         sections=() if fit is None else _show_evidence(result, fit, files),
+        contents=fit is not None,
         values=values.list_sensor_values(result, files),
         calibration=None if fit is None else fit.calibration,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,6 +22,8 @@ from agonic.report.strips import (
     right,
 )
 from agonic.report.time_axis import along_time
+from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.checks.thermometers import Course
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
 from agonic.thermal.curves import Curve, evaluate_coefficients, evaluate_decomposition
@@ -220,6 +222,46 @@ def draw_stations(before_and_after: Spread, held_out: HeldOut | None, unit: str)
         note = f"{held_out.folds} fits, each without some of the stations, were tried on those."
     name = "Standard deviation of the readings over temperature"
     return caption(name, _arrange(drawn, "two"), keys, note)
+
+
+def draw_courses(courses: Mapping[int, Course], profile: Profile | None) -> Markup:
+    """The temperature at every station over time, a value a minute, and the programme behind it."""
+    longest = max(len(course.level_C) for course in courses.values()) / 60
+    levels = np.concatenate([course.level_C for course in courses.values()])
+    x = Axis("hours", 0.0, longest)
+    low, high = float(np.nanmin(levels)), float(np.nanmax(levels))
+    planned: tuple[Array, Array] | None = None
+    if profile is not None:
+        planned = profile.corners[0] / 3600, profile.corners[1]
+        low, high = min(low, profile.lowest_C), max(high, profile.highest_C)
+    y = Axis("°C", low - 0.06 * (high - low), high + 0.06 * (high - low))
+    drawn = [_draw_course(x, y, number, course, planned) for number, course in courses.items()]
+    keys = {"common": "median of the thermometers"}
+    if planned is not None:
+        keys["chosen"] = "programme"
+    return caption("Temperature at each station", _arrange(drawn, "courses"), keys)
+
+
+def _draw_course(
+    x: Axis, y: Axis, number: int, course: Course, planned: tuple[Array, Array] | None
+) -> Markup:
+    """The temperature of one station, broken where nothing was recorded."""
+    step = max(1, -(-len(course.level_C) // MOST_DOTS))
+    level_ = course.level_C[::step]
+    across = right(x, (np.arange(len(level_)) * step + 0.5) / 60)
+    layers = []
+    if planned is not None:
+        there = planned[0] <= x.high
+        layers.append(
+            path(f"M{points(right(x, planned[0][there]), down(y, planned[1][there]))}", "chosen")
+        )
+    known = np.isfinite(level_)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
+    runs = zip(edges[::2], edges[1::2], strict=True)
+    drawn = "".join(f"M{points(across[a:b], down(y, level_[a:b]))}" for a, b in runs)
+    layers.append(path(drawn, "common"))
+    shown = replace(y, label=f"station {number}, °C")
+    return plot(x, shown, layers, f"Temperature at station {number} over time", kind="small")
 
 
 def draw_orders(fit: ThermalFit) -> Markup:

@@ -17,10 +17,12 @@ from agonic.report.markup import Markup, element, row, table
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS
 from agonic.thermal import curves, figures
+from agonic.thermal.checks.boards import Board
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
 from agonic.thermal.fit.evidence import find_worst_sd
 from agonic.thermal.fit.result import Anomaly, Hysteresis, Spread, ThermalFit
+from agonic.thermal.names import join_numbers
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
 _MOST_TIMES = 5
@@ -113,6 +115,25 @@ def list_shares(found: ChamberField) -> Table:
         for share in found.shares
     ]
     return Table(head, rows, style="parts")
+
+
+def list_boards(boards: Sequence[Board]) -> Table:
+    """How the recordings of each board were kept up."""
+    head = ["Board", "Stations", "Readings", "Left out", "Missing", "Gaps", "Longest", "Restarts"]
+    rows = [
+        [
+            board.name,
+            join_numbers(board.stations),
+            group_digits(board.readings),
+            group_digits(board.rejected),
+            group_digits(board.missing),
+            f"{sum(board.gaps.values())}",
+            quantity(board.longest_s, "s", 3) if board.gaps else NOTHING,
+            f"{sum(board.restarts.values())}",
+        ]
+        for board in boards
+    ]
+    return Table(head, rows, style="parts", scrolls=True)
 
 
 def list_numbers(calibration: Thermal) -> Table:

@@ -10,6 +10,7 @@ import numpy as np
 from agonic.calibration.decomposition import decompose_at, expand_in_temperature
 from agonic.calibration.thermal import Thermal
 from agonic.thermal import tables
+from agonic.thermal.checks.boards import list_boards
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
@@ -22,6 +23,7 @@ def list_campaign_values(result: CalibratedCampaign) -> dict[str, Any]:
         "reason": result.reason,
         "stations": result.campaign.stations,
         "rows": result.campaign.rows,
+        "boards": [board._asdict() for board in list_boards(result.campaign)],
         "chamber_field": chamber
         and {
             "sd_nT": chamber.common_sd,

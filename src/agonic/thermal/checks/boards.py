@@ -55,6 +55,8 @@ def _group_sensors(campaign: Campaign) -> dict[str, list[str]]:
                 break
         else:
             groups.append((board, [name]))
+    if len(groups) == 1 and len(campaign.sensors) > 1:
+        return {groups[0][0] or "all sensors": groups[0][1]}
     return {board or ", ".join(own): own for board, own in groups}
 
 

@@ -46,6 +46,10 @@ def plan_chamber(
     field_sd: Annotated[
         float, typer.Option(metavar="NT", help="Change of the field from station to station.")
     ] = 0.0,
+    room: Annotated[float, typer.Option(metavar="DEG", help="Temperature of the room, °C.")] = 20.0,
+    humidity: Annotated[
+        float, typer.Option(metavar="PERCENT", help="Relative humidity of the room's air.")
+    ] = 50.0,
     name: Annotated[str, typer.Option(help="Of the campaign.")] = "",
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="FILE", help="Plan: .html or .txt.")
@@ -70,6 +74,7 @@ def plan_chamber(
         cooling_C_per_min=cooling,
         heating_C_per_min=heating,
         step_C=step,
+        room_C=room,
     )
     plan = plan_thermal(
         sensors,
@@ -81,6 +86,7 @@ def plan_chamber(
         degree=degree,
         fixture_sd_deg=fixture_sd,
         chamber_sd=field_sd,
+        humidity_percent=humidity,
         name=name,
     )
     saved = [] if folder is None else [_write_template(plan, folder)]

@@ -186,7 +186,8 @@ def _judge_anomalies(fit: ThermalFit, sums: Binned) -> Finding | None:
     return Finding(
         "anomalies",
         "check" if share > ANOMALIES_DOUBTFUL else "note",
-        f"{count} readings ({figure(100 * share)} %) stood out of the running median and were left "
-        f"out, at {name_stations(anomaly.station for anomaly in fit.anomalies)}",
+        f"{count} reading{'s' * (count > 1)} ({figure(100 * share)} %) stood out of the running "
+        f"median and {'were' if count > 1 else 'was'} left out, at "
+        f"{name_stations(anomaly.station for anomaly in fit.anomalies)}",
         "look for disturbances at those times" if share > ANOMALIES_DOUBTFUL else "",
     )

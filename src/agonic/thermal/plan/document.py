@@ -12,6 +12,7 @@ from agonic.report.document import Document, Section, Table
 from agonic.report.markup import Markup, element
 from agonic.report.verdict import sentence
 from agonic.thermal.campaign.description import Station
+from agonic.thermal.campaign.profile import format_signed
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.plan.figures import draw_pose, draw_profile
 from agonic.thermal.plan.plan import ThermalPlan
@@ -105,6 +106,8 @@ def _list_costs(plan: ThermalPlan) -> dict[str, str]:
         "Disk": f"{_format_size(plan.bytes_csv)} as CSV, "
         f"{_format_size(plan.bytes_parquet)} as Parquet",
         "Steepest": f"cool at {plan.profile.cooling_limit_C_per_min:g} °C/min at most",
+        "Dew point": f"{format_signed(round(plan.dew_point_C, 1))} °C, of a room at "
+        f"{plan.profile.room_C:g} °C and {plan.humidity_percent:g} % relative humidity",
     }
 
 
@@ -150,11 +153,25 @@ def _explain_errors(plan: ThermalPlan) -> str:
 def _list_warnings(plan: ThermalPlan) -> Sequence[str]:
     """What speaks against the plan."""
     worst = max(plan.expected[s.name]["magnitude"].bias for s in plan.sensors)
-    if worst < 1000.0:
-        return ()
+    warnings = [] if plan.profile.lowest_C > plan.dew_point_C else [_warn_of_water(plan)]
+    if worst >= 1000.0:
+        warnings.append(
+            "these stations do not determine all nine numbers by the magnitude alone: the "
+            "directions of the field in the box are too alike; use the standard twelve, or known "
+            "turns"
+        )
+    return warnings
+
+
+def _warn_of_water(plan: ThermalPlan) -> str:
+    """What to do against water that condenses on the boards."""
+    room, low = plan.profile.room_C, plan.profile.lowest_C
     return (
-        "these stations do not determine all nine numbers by the magnitude alone: the directions "
-        "of the field in the box are too alike; use the standard twelve, or known turns",
+        f"water will condense: the programme goes to {format_signed(low)} °C, and the air of the "
+        f"room gives off its water at {format_signed(round(plan.dew_point_C, 1))} °C; dry the air "
+        f"in the chamber to below {significant(plan.dry_percent, 2)} % relative humidity at "
+        f"{room:g} °C before it is closed (dry nitrogen, or the box in a bag with desiccant), and "
+        f"open it only while the box is warmer than {format_signed(round(plan.dew_point_C, 1))} °C"
     )
 
 
@@ -217,6 +234,8 @@ def _list_values(plan: ThermalPlan) -> dict[str, Any]:
         "rate_Hz": plan.rate_Hz,
         "station_s": plan.profile.recorded_s,
         "duration_s": plan.duration_s,
+        "dew_point_C": plan.dew_point_C,
+        "dry_below_percent": plan.dry_percent,
         "rows": plan.rows,
         "bytes_csv": plan.bytes_csv,
         "bytes_parquet": plan.bytes_parquet,

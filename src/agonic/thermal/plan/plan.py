@@ -15,6 +15,7 @@ from agonic.thermal.campaign.description import Description, Station
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.maths.humidity import find_dew_point, find_humidity
 from agonic.thermal.maths.stations import describe_turn
 from agonic.thermal.plan.standard_errors import (
     ExpectedErrors,
@@ -37,7 +38,7 @@ class ThermalPlan:
     `rate_Hz` readings a second of each sensor; `magnitude` (nT) and `inclination_deg` of the field
     that standard errors are stated for; `degree` of the polynomials; `bin_width_C`;
     `fixture_sd_deg` how well the turns are known; `chamber_sd` (nT) how far the field of a station
-    may be from that of the others.
+    may be from that of the others; `humidity_percent` of the air in the room.
     """
 
     description: Description
@@ -48,6 +49,17 @@ class ThermalPlan:
     bin_width_C: float
     fixture_sd_deg: float
     chamber_sd: float
+    humidity_percent: float = 50.0
+
+    @property
+    def dew_point_C(self) -> float:
+        """The temperature at which the air of the room gives off its water."""
+        return find_dew_point(self.profile.room_C, self.humidity_percent)
+
+    @property
+    def dry_percent(self) -> float:
+        """The relative humidity, at the temperature of the room, below which nothing condenses."""
+        return find_humidity(self.profile.room_C, self.profile.lowest_C)
 
     @property
     def profile(self) -> Profile:
@@ -160,6 +172,7 @@ def plan_thermal(
     bin_width_C: float = 0.5,
     fixture_sd_deg: float = 1.0,
     chamber_sd: float = 0.0,
+    humidity_percent: float = 50.0,
     name: str = "",
 ) -> ThermalPlan:
     """The campaign that calibrates magnetometers over a range of temperature.
@@ -179,6 +192,8 @@ def plan_thermal(
     degree : of the polynomials in temperature. bin_width_C : of the bins.
     fixture_sd_deg : how well the turns of the fixture are known.
     chamber_sd : how far, nT, the field of a station may be from that of the others.
+    humidity_percent : relative humidity of the air in the room, whose dew point tells whether
+        water condenses in the cold.
     name : of the campaign.
 
     Returns a `ThermalPlan`. Raises `AgonicError` for a plan that cannot be carried out.
@@ -203,6 +218,11 @@ def plan_thermal(
         )
     lowest, highest = range_C
     made = profile or Profile(lowest_C=lowest, highest_C=highest)
+    if not 0.0 < humidity_percent <= 100.0 or not -60.0 <= made.room_C <= 80.0:
+        raise AgonicError(
+            f"a room at {made.room_C:g} °C and {humidity_percent:g} % relative humidity is none; "
+            "give -60 to 80 °C, and above 0 to 100 %"
+        )
     described = Description(
         name=name,
         sensors=chosen,
@@ -223,4 +243,5 @@ def plan_thermal(
         bin_width_C=bin_width_C,
         fixture_sd_deg=fixture_sd_deg,
         chamber_sd=chamber_sd,
+        humidity_percent=humidity_percent,
     )
