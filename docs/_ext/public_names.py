@@ -34,7 +34,7 @@ def _documented(name: str) -> str:
         return f".. autofunction:: agonic.{name}\n"
     if issubclass(thing, Exception):
         return f".. autoexception:: agonic.{name}\n   :show-inheritance:\n"
-    return f".. autoclass:: agonic.{name}\n   :members:\n   :inherited-members: tuple\n"
+    return f".. autoclass:: agonic.{name}\n   :members:\n   :inherited-members: tuple, Readable\n"
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -42,6 +42,7 @@ population, fleet, history    the calibrations of many sensors and logs, as one 
 live                          calibration while the sensor is turned
 simulation                    readings with known truth
 report, console, cli          pages and text; the command line
+display                       what objects show of themselves: summary, page, plot
 """
 
 from __future__ import annotations

@@ -39,7 +39,6 @@ from agonic.attitude.levelled import fit_levelled as fit_levelled
 from agonic.attitude.vector import fit_vector as fit_vector
 from agonic.calibration.affine import Affine as Affine
 from agonic.calibration.alignment import Alignment as Alignment
-from agonic.calibration.base import apply as apply
 from agonic.calibration.chain import Chain as Chain
 from agonic.calibration.deviation import Deviation as Deviation
 from agonic.calibration.interference import Interference as Interference
@@ -75,6 +74,9 @@ from agonic.exports.csv import write_sensors as write_sensors
 from agonic.exports.firmware import DeclinationGrid as DeclinationGrid
 from agonic.exports.firmware import declination_grid as declination_grid
 from agonic.exports.firmware import write_firmware as write_firmware
+from agonic.exports.frames import apply as apply
+from agonic.exports.frames import from_pandas as from_pandas
+from agonic.exports.frames import to_pandas as to_pandas
 from agonic.exports.matlab import write_matlab as write_matlab
 from agonic.exports.motioncal import write_motioncal as write_motioncal
 from agonic.exports.mr import write_mr as write_mr
@@ -137,6 +139,8 @@ from agonic.population import write_population as write_population
 from agonic.provenance import Provenance as Provenance
 from agonic.recording.calibrated import Calibrated as Calibrated
 from agonic.recording.calibrated import calibrate as calibrate
+from agonic.recording.comparison import Comparison as Comparison
+from agonic.recording.comparison import compare as compare
 from agonic.recording.document import render as render
 from agonic.reference import Reference as Reference
 from agonic.samples import Samples as Samples

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.maths.equation import coverage as kernel
+from agonic.readable import Readable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Coverage:
+class Coverage(Readable):
     """Directions visited and standard errors over the sphere.
 
     `cells` (80,) readings per cell of the icosphere; `filled` its share of cells that were

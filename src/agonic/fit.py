@@ -12,6 +12,7 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.health import Evidence, Finding, Judged, figure, sort_findings
+from agonic.readable import Readable
 from agonic.samples import Samples
 
 UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
@@ -30,7 +31,7 @@ class ModelTest:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Channel:
+class Channel(Readable):
     """Residuals (n,) of one kind, their standard deviation and correlation length."""
 
     residuals: Array
@@ -92,6 +93,16 @@ class Fit(Estimated):
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     remarks: tuple[str, ...] = ()
+
+    @property
+    def bias(self) -> Array:
+        """The bias (3,) of the calibration, in the unit of the readings."""
+        return self.calibration.bias
+
+    @property
+    def matrix(self) -> Array:
+        """The matrix (3, 3) of the calibration."""
+        return self.calibration.matrix
 
     def with_findings(self, *more: Finding | None) -> Fit:
         """The fit with further findings, refusals first; a refused fit boasts of no accuracy."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.equation import moments as kernel
+from agonic.readable import Readable
 from agonic.units import RAW
 
 _MAGIC = b"AGM1"
@@ -18,7 +19,7 @@ _LAYOUT = struct.Struct("<4s8s4d35d")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moments:
+class Moments(Readable):
     """Σ x^a y^b z^c, a+b+c ≤ 4, of (readings − centre)/scale.
 
     Sums of chunks, workers or days: `a + b` moves b to a's centre and adds. Constant memory.

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.errors import AgonicError, UnitError
+from agonic.readable import Readable
 from agonic.units import nanotesla_per
 
 _LARGEST_NT = 1e15
@@ -18,7 +19,7 @@ Kind = Literal["constant", "magnitude", "horizontal-vertical", "vector"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reference:
+class Reference(Readable):
     """The field that the sensor was in, nT.
 
     `values` is (1,) for a constant magnitude, (n,) for a magnitude per sample, (1 or n, 2) for
@@ -57,6 +58,15 @@ class Reference:
                 "is Reference.vector(values, frame='n')"
             )
         return cls.constant(float(array)) if array.ndim == 0 else cls.magnitude(array)
+
+    def _say(self) -> list[str]:
+        """Its kind, size and source."""
+        size = self.values if self.values.ndim == 1 else np.linalg.norm(self.values, axis=1)
+        low, high = float(size.min()), float(size.max())
+        span = f"{low:.6g}" if len(size) == 1 or high - low < 0.5 else f"{low:.0f} to {high:.0f}"
+        sd = f" ± {self.sd:.3g}" if self.sd else ""
+        rows = "" if len(size) == 1 else f", {len(size)} rows"
+        return [f"Reference, {self.kind}: {span}{sd} nT{rows} ({self.source})"]
 
     @classmethod
     def required(cls, given: Reference | ArrayLike | None) -> Reference:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
-from agonic.errors import FrameError, LogError, UnitError
+from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.earth.moments_of_time import count_seconds, has_moments
 from agonic.provenance import Input
+from agonic.readable import Readable
 from agonic.units import NANOTESLA_PER, RAW, find_unit, nanotesla_per
 
 LARGEST_FIELD = 1e15
@@ -49,7 +50,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Logged:
+class Logged(Readable):
     """The correction that a log says was already applied: field = matrix @ (raw − bias).
 
     `bias` in the unit of the samples, `matrix` (3, 3); `source` names where it was found.
@@ -61,7 +62,7 @@ class Logged:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
+class Samples(Readable):
     """Readings of one magnetometer and what was recorded beside them, a row a sample.
 
     Rows that hold a NaN or infinity in any column, or whose time does not increase, are left out
@@ -172,6 +173,40 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.field)
+
+    def __getitem__(self, rows: slice | ArrayLike) -> Samples:
+        """The rows that a slice, a mask (n,), numbers (k,) or one number name.
+
+        >>> Samples(field=[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])[1:].field.tolist()
+        [[4.0, 5.0, 6.0]]
+        """
+        chosen = np.arange(len(self))[rows] if isinstance(rows, slice) else np.atleast_1d(rows)
+        if isinstance(rows, str) or chosen.ndim != 1 or chosen.dtype.kind not in "iub":
+            raise AgonicError(
+                f"samples[{rows!r}]: needed are rows, as samples[10:20], a mask or numbers; a "
+                "column is an attribute, as samples.field"
+            )
+        try:
+            return self.select(chosen)
+        except IndexError as error:
+            raise AgonicError(f"the samples have {len(self)} rows: {error}") from None
+
+    __iter__ = None  # a row alone is of no use, and the columns are attributes
+
+    def __array__(self, *_: Any, **__: Any) -> Array:
+        raise AgonicError("samples are a table of columns; their readings (n, 3) are samples.field")
+
+    def _say(self) -> list[str]:
+        """How many, how long, which columns, from where."""
+        head = f"Samples {self.name!r}: {len(self)} readings in {self.unit}"
+        if self.duration_s:
+            rate = (len(self) - 1) / self.duration_s
+            head += f", {self.duration_s:.6g} s at {rate:.3g} Hz"
+        lines = [", ".join(self.columns())]
+        lines += [f"since {self.epoch:%Y-%m-%d %H:%M:%S}"] if self.epoch else []
+        lines += [f"from {self.source.name}"] if self.source else []
+        lines += [f"left out: {n} rows, {why}" for why, n in self.rejected.items()]
+        return [head, *lines, *self.notes]
 
     @property
     def duration_s(self) -> float | None:

@@ -15,6 +15,7 @@ from agonic.maths.estimation.robust_spread import weighted_median
 from agonic.maths.rotations.angles import angle_deg, wrap_deg
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
+from agonic.readable import Readable
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -45,7 +46,7 @@ class Check:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verification:
+class Verification(Readable):
     """The checks, and the magnitudes they were made of.
 
     `spread_before` and `spread_after` are the standard deviation of the field's magnitude over its
@@ -61,6 +62,16 @@ class Verification:
     held_out: Mask | None
     magnitude_before: Array
     magnitude_after: Array
+
+    def _say(self) -> list[str]:
+        """Each check with its value."""
+        words = {True: "passed", False: "failed", None: "for information"}
+        said = (
+            " ".join(f"{check.name}: {check.value:.3g} {check.unit}".split())
+            + f" ({words[check.passed]})"
+            for check in self.checks
+        )
+        return [f"Verification: {'passed' if self.passed else 'failed'}", *said]
 
     @property
     def passed(self) -> bool:

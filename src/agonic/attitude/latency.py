@@ -13,6 +13,7 @@ from agonic.attitude.maths import latency as kernel
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import Finding, figure, sentences
 from agonic.maths.rotations.attitude import angles_deg, rot_nb, yaw_pitch_roll
+from agonic.readable import Readable
 from agonic.samples import Samples
 
 STRETCH_S = {"attitude": 20.0, "gyro": 10.0}
@@ -27,7 +28,7 @@ _READ = ("field", "second")  # two magnetometers on one bus are late together
 
 
 @dataclass(frozen=True, kw_only=True)
-class LatencyFit:
+class LatencyFit(Readable):
     """How late readings are beside the attitude or the gyro of the same log.
 
     A reading of row time t was measured at t − `latency_s`; `sd_s` is its standard error, infinite

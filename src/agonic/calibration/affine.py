@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.base import (
+    Correction,
     Validity,
     as_readings,
     check_size,
@@ -40,7 +41,7 @@ FREE_PARAMETERS = (*PARAMETERS, "matrix_yx", "matrix_zx", "matrix_zy")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Affine:
+class Affine(Correction):
     """The correction field = matrix @ (raw − bias).
 
     Parameters

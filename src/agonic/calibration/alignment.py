@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.calibration.base import Correction
 from agonic.errors import AgonicError
 from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Alignment:
+class Alignment(Correction):
     """The mounting of a sensor, field_out = rotation.apply(field_in).
 
     `covariance` (3, 3) is that of the rotation vector, rad², axes of `frame_out`; frames are

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
+from agonic.calibration.value import Valued
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.estimation.series import compute_rates
 from agonic.provenance import Provenance
@@ -65,6 +66,38 @@ class Calibration(Protocol):
     def equation(self) -> str: ...
 
     def correct(self, raw: ArrayLike, **columns: ArrayLike) -> Array: ...
+
+
+class Correction(Valued):
+    """What every calibration can do beside correcting: be compared, read, and called."""
+
+    def __call__(self, given: Any, **columns: ArrayLike) -> Any:
+        """The field of readings (…, 3), as `correct`; of `Samples`, as `apply`.
+
+        Parameters: given, readings (…, 3) or samples; columns (…) that are named in `needs`.
+        """
+        calibration: Any = self
+        if isinstance(given, Samples):
+            return apply(calibration, given)
+        return calibration.correct(given, **columns)
+
+    def _say(self) -> list[str]:
+        calibration: Any = self
+        lines = [f"{type(self).__name__} of {calibration.sensor!r}: {calibration.equation}"]
+        bias, matrix = (np.asarray(getattr(self, name, 0.0)) for name in ("bias", "matrix"))
+        if bias.ndim == 1 and matrix.ndim == 2:
+            sd = getattr(self, "sd", None)
+            known = "" if sd is None else f" ± {_write_row(sd[:3])}"
+            lines += [f"bias    {_write_row(bias)}{known} {calibration.unit_in}"]
+            lines += [
+                f"{'' if k else 'matrix':<8}{'  '.join(f'{value:9.6f}' for value in row)}"
+                for k, row in enumerate(matrix)
+            ]
+        return lines
+
+
+def _write_row(numbers: Any) -> str:
+    return f"[{', '.join(f'{value:.6g}' for value in np.asarray(numbers))}]"
 
 
 def as_readings(raw: ArrayLike) -> Array:

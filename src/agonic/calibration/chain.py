@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, Correction
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.inputs import parse_source
 from agonic.calibration.interference import Interference
@@ -25,7 +25,7 @@ ENDS = ("unit_in", "unit_out", "frame_in", "frame_out", "sensor")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Chain:
+class Chain(Correction):
     """Steps in the order they are applied; the frame and unit of each meet those of the next.
 
     >>> from scipy.spatial.transform import Rotation

@@ -11,6 +11,7 @@ from scipy.special import stdtrit
 
 from agonic.arrays import Array
 from agonic.calibration.base import read_only
+from agonic.calibration.value import Valued
 from agonic.errors import AgonicError
 from agonic.maths.estimation.student import compute_widening
 from agonic.maths.rotations import deviation as kernel
@@ -67,7 +68,7 @@ def format_east_west(deviation_deg: float, decimals: int = 1) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Deviation:
+class Deviation(Valued):
     """The correction magnetic = compass + deviation(compass), east positive.
 
     Parameters

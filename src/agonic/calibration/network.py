@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Validity, read_only, require_covariance
+from agonic.calibration.base import Correction, Validity, read_only, require_covariance
 from agonic.calibration.inputs import WIDTH, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
@@ -25,7 +25,7 @@ MOST_HIDDEN = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Network:
+class Network(Correction):
     """The correction field = base(raw) + g(x) · (middle + half · V [tanh(U [x, 1]), 1]).
 
     With a second hidden layer it is V [tanh(W [tanh(U [x, 1]), 1]), 1].

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, get_args
 
 from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
+from agonic.calibration.value import Valued
 from agonic.errors import AgonicError, FrameError, check_choice
 from agonic.maths.rotations.tilt import Order
 from agonic.provenance import Provenance
@@ -17,7 +18,7 @@ Tilt = Literal["auto", "log", "accelerometer", "gyro", "level"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Compass:
+class Compass(Valued):
     """One magnetometer as a compass.
 
     Parameters
@@ -55,7 +56,7 @@ class Compass:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Setup:
+class Setup(Valued):
     """The compasses of a vehicle, where its tilt comes from, and the declination.
 
     Parameters

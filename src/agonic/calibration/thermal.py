@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
-from agonic.calibration.base import Validity, read_only, require_covariance
+from agonic.calibration.base import Correction, Validity, read_only, require_covariance
 from agonic.errors import AgonicError, AgonicWarning
 from agonic.maths.equation import polynomial
 from agonic.maths.equation import temperature_model as kernel
@@ -24,7 +24,7 @@ MARGIN_C = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Thermal:
+class Thermal(Correction):
     """The correction field = matrix(T) @ (raw − bias(T)), T the sensor's own temperature.
 
         bias(T) = Σ_k bias[k] xᵏ + rate dT/dt,   matrix(T) = Σ_k matrix[k] xᵏ,

@@ -16,7 +16,7 @@ from agonic.errors import AgonicError
 from agonic.logs.quantities import canonical_header
 from agonic.samples import VECTORS, Samples
 
-_Table: TypeAlias = dict[str, list[float] | list[str]]
+Table: TypeAlias = dict[str, list[float] | list[str]]
 
 
 def write_csv(samples: Samples, path: Path | str) -> Path:
@@ -38,7 +38,7 @@ def write_csv(samples: Samples, path: Path | str) -> Path:
     0.0,1.5,2.0,3.0
     0.1,4.0,5.0,6.0
     """
-    return _write_table(_make_table(samples), path)
+    return _write_table(make_table(samples), path)
 
 
 def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
@@ -67,8 +67,8 @@ def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
             raise AgonicError(
                 f"{first.name} and {other.name} have different times; write a table for each"
             )
-    table: _Table = {}
-    for header, values in _make_table(first.with_columns(name="mag")).items():
+    table: Table = {}
+    for header, values in make_table(first.with_columns(name="mag")).items():
         if header == canonical_header("field", "x", first.unit):
             for number, sensor in enumerate(sensors, start=1):
                 table |= _name_readings(sensor, str(number))
@@ -77,9 +77,9 @@ def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
     return _write_table(table, path)
 
 
-def _make_table(samples: Samples) -> _Table:
+def make_table(samples: Samples) -> Table:
     """The columns of one sensor by header."""
-    table: _Table = {}
+    table: Table = {}
     for column, values in samples.columns().items():
         if column == "field":
             table |= _name_readings(samples)
@@ -98,7 +98,7 @@ def _make_table(samples: Samples) -> _Table:
     return table
 
 
-def _name_readings(samples: Samples, number: str = "") -> _Table:
+def _name_readings(samples: Samples, number: str = "") -> Table:
     """The three columns of the field, numbered where there is more than one sensor."""
     headers = (canonical_header("field", axis, samples.unit) for axis in "xyz")
     return {
@@ -107,7 +107,7 @@ def _name_readings(samples: Samples, number: str = "") -> _Table:
     }
 
 
-def _write_table(table: _Table, path: Path | str) -> Path:
+def _write_table(table: Table, path: Path | str) -> Path:
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(table)

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
+from agonic.readable import Readable
 
 FLAGS: Mapping[str, str] = MappingProxyType(
     {
@@ -26,7 +27,7 @@ FLAGS: Mapping[str, str] = MappingProxyType(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Heading:
+class Heading(Readable):
     """Headings, a row a sample, 0…360° clockwise; NaN where there is none.
 
     Parameters
@@ -67,6 +68,18 @@ class Heading:
 
     def __len__(self) -> int:
         return len(self.true_deg)
+
+    def _say(self) -> list[str]:
+        """How many, how sure, and what the flags mark."""
+        trusted = self.trusted
+        names, east = ", ".join(self.sensors), float(np.median(self.declination_deg))
+        said = [f"Heading: {len(self)} rows of {names}, {int(trusted.sum())} to trust"]
+        said.append(f"tilt: {self.tilt}; declination {east:.2f}°")
+        if trusted.any():
+            sd = float(np.median(self.sd_deg[trusted]))
+            said.append(f"standard error {sd:.2g}° in the middle")
+        counts = {name: int(rows.sum()) for name, rows in self.flags.items()}
+        return [*said, *(f"{n} rows: {name}" for name, n in counts.items() if n), *self.notes]
 
     @property
     def trusted(self) -> Mask:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+
+from agonic.readable import Readable
 
 Severity = Literal["note", "check", "refuse"]
 """A note needs no action, a check asks the user to look, a refusal forbids using the result."""
@@ -76,7 +79,7 @@ NOT_READ = "not read"
 """The finding that is said before all others: what follows does not know what the log holds."""
 
 
-class Judged:
+class Judged(Readable):
     """A result that says what it is worth: its `findings` give the verdict, its `remarks` figures.
 
     >>> class Result(Judged):
@@ -88,6 +91,11 @@ class Judged:
 
     findings: tuple[Finding, ...]
     remarks: tuple[str, ...]
+
+    def _say(self) -> list[str]:
+        said = [f"{type(self).__name__}: {self.verdict}", *textwrap.wrap(self.status, 94)]
+        calibration = getattr(self, "calibration", None)
+        return [*said, *calibration._say()] if isinstance(calibration, Readable) else said
 
     @property
     def verdict(self) -> Verdict:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.provenance import Input
+from agonic.readable import Readable
 from agonic.samples import Logged, Samples
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class Readings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Log:
+class Log(Readable):
     """A file that was read: a `Samples` for each magnetometer, and what else is there.
 
     `format` names the kind of file ("ArduPilot dataflash"); `stack` is where exports go

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from agonic.arrays import Array
 from agonic.errors import AgonicError, check_choice
+from agonic.readable import Readable
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.simulation.draws import draw_directions as random_directions
@@ -32,7 +33,7 @@ CHANGED_RESPONSE = np.array(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedField:
+class SimulatedField(Readable):
     """Readings, and the field (n, 3) that they were taken in, in the axes of the sensor, nT."""
 
     samples: Samples

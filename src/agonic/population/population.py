@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError
 from agonic.population.row import Row
+from agonic.readable import Readable
 
 COLUMNS: Mapping[str, Any] = {field.name: get_type_hints(Row)[field.name] for field in fields(Row)}
 """The columns of a population and the types of `Row` that they hold."""
@@ -22,7 +23,7 @@ PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class Population:
+class Population(Readable):
     """The calibrations of many sensors: one row a sensor and log, kept as columns.
 
     `columns` has every field of `Row`: numbers as float64 with NaN where missing (`rows` as int64),
@@ -57,6 +58,12 @@ class Population:
 
     def __len__(self) -> int:
         return len(self.columns["sensor"])
+
+    def _say(self) -> list[str]:
+        """How many rows, of what verdicts."""
+        words, counts = np.unique(self["verdict"].astype(str), return_counts=True)
+        said = ", ".join(f"{n} {word}" for word, n in zip(words, counts, strict=True))
+        return [f"Population: {len(self)} rows", *([said] if said else [])]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.columns[name]

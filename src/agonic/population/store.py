@@ -19,6 +19,7 @@ from agonic.population import store_schema as schema
 from agonic.population.population import COLUMNS, Population, get_dtype
 from agonic.population.row import Row
 from agonic.provenance import escape_text
+from agonic.readable import Readable
 
 WAIT_S = 60.0
 """How long to wait while another process writes."""
@@ -48,7 +49,7 @@ class SensorSummary:
     verdict: str
 
 
-class History:
+class History(Readable):
     """Calibrations of many sensors over time, in one SQLite file.
 
     `History.open(path)` makes the file where there is none. What `add` was given is there when it
@@ -71,6 +72,10 @@ class History:
     def __init__(self, database: sqlite3.Connection, path: Path) -> None:
         self._database = database
         self.path = path
+
+    def _say(self) -> list[str]:
+        """The file; what it holds is asked for."""
+        return [f"History in {self.path.name}"]
 
     @classmethod
     def open(cls, path: Path | str, *, new: bool = True) -> Self:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -21,6 +22,7 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.logs.natural import Given, as_samples
+from agonic.readable import Readable
 from agonic.recording.advice import suit_advice
 from agonic.recording.choice import Choice, Kind, choose, describe_latency
 from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
@@ -31,7 +33,7 @@ from agonic.verification import DIP, DIP_REFUSED_DEG, Check, Verification, verif
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Calibrated:
+class Calibrated(Readable):
     """One magnetometer of a log: its readings, the fit, and its verification.
 
     `method` is the word of the fit ("ellipsoid", "levelled", "inertial" or "vector"); `reason` says
@@ -50,6 +52,16 @@ class Calibrated:
     latency: LatencyFit | None = None
     reference: Reference | None = None
     folds: Folds | None = None
+
+    @property
+    def calibration(self) -> Affine:
+        """The calibration of the fit."""
+        return self.fit.calibration
+
+    def _say(self) -> list[str]:
+        """Verdict and numbers."""
+        head = f"Calibrated {self.samples.name!r}: {self.verdict}, {self.method}"
+        return [head, *textwrap.wrap(self.status, 94), *self.calibration._say()]
 
     @cached_property
     def ladder(self) -> tuple[Rung, ...]:

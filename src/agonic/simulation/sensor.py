@@ -15,6 +15,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
+from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation import motions, surface
 from agonic.simulation.defects import Defect
@@ -38,7 +39,7 @@ _MOTIONS: Mapping[str, Callable[..., motions.Motion]] = MappingProxyType(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Simulated:
+class Simulated(Readable):
     """Readings and the truth behind them.
 
     `samples` what the sensor recorded, defects included; `truth` the calibration that undoes it;

@@ -19,6 +19,7 @@ from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model
 from agonic.maths.rotations.attitude import angles_deg
+from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation.draws import draw_smooth, random_calibration
 from agonic.simulation.flight import Flown, Vehicle, compute_current_A, compute_position, fly
@@ -32,7 +33,7 @@ MANOEUVRE = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedVehicle:
+class SimulatedVehicle(Readable):
     """The readings of a vehicle's magnetometers and the truth behind them.
 
     `samples` and `truths` one for each sensor, `truths` with the field of the current (their

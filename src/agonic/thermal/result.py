@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from agonic.health import Finding, sentences
+from agonic.readable import Readable
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
@@ -12,7 +13,7 @@ from agonic.thermal.fit.result import ThermalFit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CalibratedSensor:
+class CalibratedSensor(Readable):
     """One sensor: its fit, or in `refused` why there is none.
 
     `held_out` is what fits to other stations make of each station; `None` where that was not asked
@@ -47,7 +48,7 @@ class CalibratedSensor:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CalibratedCampaign:
+class CalibratedCampaign(Readable):
     """All sensors of a campaign.
 
     `campaign` is what could be used of it, `findings` what was not as planned; `turns` "known"
@@ -62,6 +63,11 @@ class CalibratedCampaign:
     reason: str
     sensors: tuple[CalibratedSensor, ...] = field(default_factory=tuple)
     chamber_field: ChamberField | None = None
+
+    def _say(self) -> list[str]:
+        """The verdict of each sensor."""
+        said = [f"{one.name}: {one.verdict}" for one in self.sensors]
+        return [f"CalibratedCampaign: {self.verdict}", *said]
 
     @property
     def verdict(self) -> str:

@@ -8,10 +8,11 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import Readable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FieldDirection:
+class FieldDirection(Readable):
     """The field at each moment, nT, a row a reading that has an attitude.
 
     Parameters

@@ -15,6 +15,7 @@ from agonic.errors import AgonicError, check_choice
 from agonic.maths.earth.starlight import Air
 from agonic.maths.rotations.frames import from_323_deg
 from agonic.provenance import Input
+from agonic.readable import Readable
 from agonic.samples import Samples
 
 Coordinates = Literal["astronomical", "geodetic"]
@@ -106,7 +107,7 @@ class Mounting:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Session:
+class Session(Readable):
     """Readings of a magnetometer and a star sensor on one platform, and of a reference beside it.
 
     Parameters

@@ -17,6 +17,7 @@ from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import Readable
 from agonic.samples import Samples
 
 FIELD_N = (18_870.0, 1_390.0, 45_750.0)
@@ -24,7 +25,7 @@ MOST_VARIATION = 20.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedCoil:
+class SimulatedCoil(Readable):
     """A session and its truth: the coil's vector (3,) by the ampere, nT/A, in the magnetometer's
     axes, its axis in north-east-down, and its angle to the axis as drawn."""
 

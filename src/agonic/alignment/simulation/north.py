@@ -13,6 +13,7 @@ from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import rot_nb
+from agonic.readable import Readable
 from agonic.samples import Samples
 
 FIELD_N = (18_870.0, 1_390.0, 45_750.0)
@@ -20,7 +21,7 @@ TURN_S, READINGS = 40, 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedNorth:
+class SimulatedNorth(Readable):
     """A session and its truth: north on the circle, the mark's azimuth, degrees, and R_mb."""
 
     session: NorthSession

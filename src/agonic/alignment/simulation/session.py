@@ -22,6 +22,7 @@ from agonic.alignment.session import (
 from agonic.alignment.session.observed import compute_apparent_turn
 from agonic.arrays import Array
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
+from agonic.readable import Readable
 from agonic.samples import Samples
 
 NIEMEGK = Site(latitude_deg=52.0725, longitude_deg=12.6750)
@@ -33,7 +34,7 @@ _VARIATION = 30.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedSession:
+class SimulatedSession(Readable):
     """A session and its truth: rotations, the field's offset, bias and matrix of the magnetometer.
 
     `rot_mc` turns star sensor components into the magnetometer's; `reference_turn` (3,) is the

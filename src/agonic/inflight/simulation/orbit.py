@@ -30,6 +30,7 @@ from agonic.inflight.simulation.aboard import (
 )
 from agonic.inflight.simulation.kepler import Orbit
 from agonic.maths.rotations.attitude import angles_deg
+from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation.draws import draw_directions
 from agonic.simulation.thermal import random_drifting
@@ -41,7 +42,7 @@ RANGE_C = (-30.0, 50.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedOrbit:
+class SimulatedOrbit(Readable):
     """The readings of a satellite's magnetometer and the truth behind them.
 
     `samples` what was recorded; `ground` the calibration as it was on the ground, and `truth` as

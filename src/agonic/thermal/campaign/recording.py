@@ -12,6 +12,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.health import Finding
 from agonic.provenance import Input
+from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.thermal.campaign.description import Description
 
@@ -20,7 +21,7 @@ _BETWEEN_S = 60.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Campaign:
+class Campaign(Readable):
     """What was recorded in the chamber.
 
     `recordings` holds the samples by sensor and by number of the station, as recorded;

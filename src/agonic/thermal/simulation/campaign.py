@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
+from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation.thermal import make_readings, random_drifting
 from agonic.thermal.campaign.description import Description
@@ -46,7 +47,7 @@ class Faults:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SimulatedCampaign:
+class SimulatedCampaign(Readable):
     """A campaign and the truth behind it.
 
     `description` what is told of it; `truth` by sensor the calibration that would undo it;

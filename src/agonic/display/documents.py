@@ -1,0 +1,119 @@
+"""The document of each result: what its page, its text and a notebook show."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from html import escape
+
+from agonic.alignment.coil import CoilFit
+from agonic.alignment.coil.document import describe_coil
+from agonic.alignment.direction import FieldDirection
+from agonic.alignment.direction.document import describe_direction
+from agonic.alignment.gravity import GravityFit
+from agonic.alignment.gravity.document import describe_gravity
+from agonic.alignment.north import DiFluxFit, NorthFit
+from agonic.alignment.north.di_flux_document import describe_di_flux
+from agonic.alignment.north.document import describe_north
+from agonic.alignment.star_sensor import AlignmentFit
+from agonic.alignment.star_sensor.document import describe_alignment
+from agonic.headings.deviation import DeviationFit
+from agonic.headings.deviation.document import describe_deviation
+from agonic.health import Judged
+from agonic.history.document import describe_drift
+from agonic.history.fit import Drift
+from agonic.inflight.fit import InflightFit
+from agonic.inflight.report.document import describe_inflight
+from agonic.inflight.report.tracking_document import describe_tracking
+from agonic.inflight.tracking import Tracker
+from agonic.readable import Readable
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.document import describe_recording
+from agonic.report.document import Document
+from agonic.thermal.document import describe_campaign, describe_known_field
+from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.result import CalibratedCampaign
+
+_HEIGHT_PX = 720
+
+
+@singledispatch
+def describe(shown: object) -> Document | None:
+    """The document of a result; None where there is none."""
+    if not isinstance(shown, Judged):
+        return None
+    name = getattr(getattr(shown, "calibration", None), "sensor", type(shown).__name__)
+    return Document(
+        name=name,
+        kind=type(shown).__name__,
+        verdict=shown.verdict,
+        status=shown.status,
+        findings=shown.findings,
+        calibration=getattr(shown, "calibration", None),
+    )
+
+
+@describe.register
+def _(shown: Calibrated) -> Document:
+    return describe_recording([shown], title=shown.samples.name)
+
+
+@describe.register
+def _(shown: CalibratedCampaign) -> Document:
+    return describe_campaign(shown)
+
+
+@describe.register
+def _(shown: ThermalFit) -> Document:
+    return describe_known_field(shown, shown.calibration.sensor)
+
+
+@describe.register
+def _(shown: GravityFit) -> Document:
+    return describe_gravity(shown, shown.calibration.sensor)
+
+
+@describe.register
+def _(shown: Tracker) -> Document:
+    return describe_tracking(shown, None)
+
+
+for _result, _describe in (
+    (AlignmentFit, describe_alignment),
+    (CoilFit, describe_coil),
+    (DeviationFit, describe_deviation),
+    (DiFluxFit, describe_di_flux),
+    (Drift, describe_drift),
+    (FieldDirection, describe_direction),
+    (InflightFit, describe_inflight),
+    (NorthFit, describe_north),
+):
+    describe.register(_result, _describe)
+
+
+def write_summary(shown: Readable) -> str:
+    """All that is to be said of an object, as text.
+
+    >>> from agonic.samples import Samples
+    >>> write_summary(Samples(field=[[1.0, 2.0, 3.0]])).splitlines()[0]
+    "Samples 'mag': 1 readings in nT"
+    """
+    document = describe(shown)
+    return repr(shown) if document is None else document.to_text()
+
+
+def draw_page(shown: Readable) -> str:
+    """The page of a result in a frame of its own, which no style of a notebook reaches.
+
+    >>> from agonic.samples import Samples
+    >>> "&lt;a&gt;" in draw_page(Samples(field=[[1.0, 2.0, 3.0]], name="<a>"))
+    True
+    """
+    document = describe(shown)
+    if document is None:
+        return f"<pre>{escape(repr(shown))}</pre>"
+    page = escape(document.to_html(), quote=True)
+    name = escape(f"{document.kind}: {document.name}", quote=True)
+    return (
+        f'<iframe title="{name}" srcdoc="{page}" loading="lazy" '
+        f'style="width:100%;height:{_HEIGHT_PX}px;border:0"></iframe>'
+    )

@@ -1,0 +1,232 @@
+"""Figures of Matplotlib: what the pages show, for papers and notebooks."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, MissingExtraError
+from agonic.fit import Fit
+from agonic.headings.result import Heading
+from agonic.history.fit import Drift, drift
+from agonic.inflight.tracking import Tracker
+from agonic.maths.equation.coverage import icosphere
+from agonic.population import History
+from agonic.recording.calibrated import Calibrated
+from agonic.recording.residuals import compute_residuals, find_level
+from agonic.recording.sphere import thin
+from agonic.report.labels import unit_label
+from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.result import CalibratedCampaign
+
+POINTS = 3000
+"""Readings that are drawn of a sphere."""
+TEMPERATURES = 200
+AXES = ("x", "y", "z")
+WIDE = 2.0  # standard errors that bands reach to either side
+
+
+def plot(shown: object) -> Any:
+    """What the page of an object shows, as a figure of Matplotlib.
+
+    Save it with `plot().savefig("figure.png")`; a notebook shows it.
+
+    Raises `AgonicError` for an object without a figure, `MissingExtraError` without Matplotlib.
+    """
+    if draw.dispatch(type(shown)) is draw.dispatch(object):
+        raise AgonicError(
+            f"a {type(shown).__name__} has no figure; these have one: a result of ag.calibrate, a "
+            "Fit, Heading, thermal calibration or fit, History, Drift and Tracker"
+        )
+    try:
+        from matplotlib import pyplot  # type: ignore[import-not-found,unused-ignore]
+    except ImportError:
+        raise MissingExtraError("a figure", "plot") from None
+    figure = pyplot.figure(layout="constrained")
+    pyplot.close(figure)  # so that a notebook shows it once, as the value of its cell
+    draw(shown, figure)
+    return figure
+
+
+@singledispatch
+def draw(shown: object, figure: Any) -> None:
+    """Draw an object into a figure."""
+    raise NotImplementedError
+
+
+@draw.register
+def _(shown: Calibrated, figure: Any) -> None:
+    figure.set_size_inches(9, 8)
+    above, below = figure.subfigures(2, 1, height_ratios=(3, 2))
+    calibration, unit = shown.fit.calibration, unit_label(shown.fit.calibration.unit_in)
+    rows = thin(len(shown.samples), POINTS)
+    spheres = (
+        ("readings", shown.samples.field[rows], unit, shown.verification.spread_before),
+        (
+            "calibrated",
+            shown.corrected[rows],
+            unit_label(calibration.unit_out),
+            shown.verification.spread_after,
+        ),
+    )
+    for k, (name, points, of, spread) in enumerate(spheres, start=1):
+        axes = above.add_subplot(1, 2, k, projection="3d")
+        size = np.linalg.norm(points, axis=1)
+        level = find_level(shown) if k == 2 else float(size.mean())
+        axes.scatter(*points.T, c=size - level, s=2, cmap="coolwarm")
+        axes.scatter(0, 0, 0, marker="+", color="black", s=60)
+        axes.set(title=f"{name}, spread {100 * spread:.2g} %", aspect="equal")
+        axes.set(xlabel=f"x, {of}", ylabel="y", zlabel="z")
+        axes.locator_params(nbins=4)
+    left, right = below.subplots(1, 2)
+    residuals = compute_residuals(shown)
+    _draw_residuals(left, shown.samples.time, residuals.values, residuals.noise, unit)
+    _draw_coverage(right, shown.fit)
+
+
+@draw.register
+def _(shown: Fit, figure: Any) -> None:
+    figure.set_size_inches(9, 3.4)
+    left, right = figure.subplots(1, 2)
+    unit = unit_label(shown.calibration.unit_in)
+    if shown.residuals is None:
+        left.set_axis_off()
+    else:
+        _draw_residuals(left, None, shown.residuals, shown.noise, unit)
+    _draw_coverage(right, shown)
+
+
+def _draw_residuals(axes: Any, time: Array | None, values: Array, noise: float, unit: str) -> None:
+    along = np.arange(len(values)) if time is None else time
+    axes.plot(along, values, ".", markersize=1.5)
+    for side in (-1, 1):
+        axes.axhline(side * noise, color="black", linewidth=0.8, linestyle="--")
+    limit = max(5 * noise, float(np.percentile(np.abs(values), 99)))
+    axes.set(ylim=(-limit, limit), ylabel=f"residual, {unit}", title="residuals, ± noise")
+    axes.set(xlabel="reading" if time is None else "time, s")
+
+
+def _draw_coverage(axes: Any, fit: Fit) -> None:
+    """The 80 directions by azimuth and height; those never seen are open."""
+    centres, cells = icosphere()[0], fit.coverage.cells
+    azimuth = np.degrees(np.arctan2(centres[:, 1], centres[:, 0]))
+    height = np.degrees(np.arcsin(np.clip(centres[:, 2], -1, 1)))
+    seen = cells > 0
+    marks = axes.scatter(azimuth[seen], height[seen], c=np.log10(cells[seen]), s=60)
+    axes.scatter(azimuth[~seen], height[~seen], facecolors="none", edgecolors="red", s=60)
+    axes.figure.colorbar(marks, ax=axes, label="log₁₀ of readings")
+    axes.set(xlim=(-180, 180), ylim=(-90, 90), title=f"{seen.sum()} of 80 directions")
+    axes.set(xlabel="azimuth in the sensor, °", ylabel="height towards z, °")
+
+
+@draw.register
+def _(shown: Heading, figure: Any) -> None:
+    figure.set_size_inches(9, 5)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    along = np.arange(len(shown)) if shown.time is None else shown.time
+    trusted = shown.trusted
+    reach = WIDE * shown.sd_deg
+    low, high = shown.true_deg - reach, shown.true_deg + reach
+    above.fill_between(along, low, high, alpha=0.3, label="± 2 sd")
+    above.plot(along[trusted], shown.true_deg[trusted], ".", markersize=2, label="true heading")
+    above.plot(
+        along[~trusted], shown.true_deg[~trusted], "x", color="red", markersize=3, label="flagged"
+    )
+    above.set(ylabel="heading, °", ylim=(0, 360))
+    above.legend(loc="upper right")
+    below.plot(along, shown.sd_deg)
+    below.set(ylabel="sd, °", xlabel="row" if shown.time is None else "time, s")
+
+
+@draw.register
+def _(shown: Thermal, figure: Any) -> None:
+    _draw_temperature(figure, {shown.sensor: shown})
+
+
+@draw.register
+def _(shown: ThermalFit, figure: Any) -> None:
+    _draw_temperature(figure, {shown.calibration.sensor: shown.calibration})
+
+
+@draw.register
+def _(shown: CalibratedCampaign, figure: Any) -> None:
+    found = {one.name: one.fit.calibration for one in shown.sensors if one.fit is not None}
+    if not found:
+        raise AgonicError("no sensor of the campaign could be fitted: there is nothing to draw")
+    _draw_temperature(figure, found)
+
+
+def _draw_temperature(figure: Any, calibrations: dict[str, Thermal]) -> None:
+    """Bias and gains of each sensor over its temperature, with ± 2 standard errors."""
+    figure.set_size_inches(9, 3 * len(calibrations))
+    rows = figure.subplots(len(calibrations), 2, squeeze=False)
+    for (name, one), (left, right) in zip(calibrations.items(), rows, strict=True):
+        warm = np.linspace(*one.range_C, TEMPERATURES)
+        bias, gain = one.bias_at(warm), np.diagonal(one.matrix_at(warm), axis1=1, axis2=2)
+        sd = None if one.covariance is None else one.sd_at(warm)
+        for axes, values, first in ((left, bias, 0), (right, gain, 3)):
+            for k, letter in enumerate(AXES):
+                (line,) = axes.plot(warm, values[:, k], label=letter)
+                if sd is not None:
+                    reach = WIDE * sd[:, first + k]
+                    low, high = values[:, k] - reach, values[:, k] + reach
+                    axes.fill_between(warm, low, high, alpha=0.3, color=line.get_color())
+            axes.set(xlabel="temperature, °C")
+        left.set(ylabel=f"bias, {unit_label(one.unit_in)}", title=name)
+        right.set(ylabel="gain", title="± 2 standard errors")
+        left.legend()
+
+
+@draw.register
+def _(shown: Drift, figure: Any) -> None:
+    trends = [one for one in shown.trends if one.kind == "bias"]
+    if not trends:
+        raise AgonicError(f"{shown.sensor} was calibrated too few times to draw a trend")
+    figure.set_size_inches(9, 2.2 * len(trends))
+    for one, axes in zip(
+        trends, np.atleast_1d(figure.subplots(len(trends), sharex=True)), strict=True
+    ):
+        time = np.linspace(one.time[0], max(shown.at.timestamp(), one.time[-1]), TEMPERATURES)
+        band, dates = one.at(time), _dates(time)
+        reach = WIDE * band.calibration_sd
+        axes.fill_between(dates, band.mean - reach, band.mean + reach, alpha=0.3)
+        axes.plot(dates, band.mean)
+        axes.errorbar(_dates(one.time), one.value, one.sd, fmt=".", color="black")
+        axes.set(ylabel=f"{one.name}, {one.unit}")
+
+
+def _dates(time: Array) -> list[datetime]:
+    return [datetime.fromtimestamp(float(one), UTC) for one in time]
+
+
+@draw.register
+def _(shown: History, figure: Any) -> None:
+    names = [one.sensor for one in shown.sensors()]
+    if len(names) != 1:
+        raise AgonicError(
+            f"the history holds {len(names)} sensors; draw one: ag.drift(history.of(NAME)).plot()"
+        )
+    draw(drift(shown.of(names[0])), figure)
+
+
+@draw.register
+def _(shown: Tracker, figure: Any) -> None:
+    if not len(shown.history):
+        raise AgonicError(
+            f"the tracker has no step of its history yet, of {shown.params.history_s:g} s each; "
+            "update it with a longer log"
+        )
+    figure.set_size_inches(9, 5)
+    time, bias, sd = shown.history[:, 0], shown.history[:, 1:4], shown.history[:, 4:7]
+    unit = unit_label(shown.state.base.unit_in)
+    for k, axes in enumerate(figure.subplots(3, sharex=True)):
+        reach = WIDE * sd[:, k]
+        axes.fill_between(time, bias[:, k] - reach, bias[:, k] + reach, alpha=0.3)
+        axes.plot(time, bias[:, k])
+        axes.set(ylabel=f"bias {AXES[k]}, {unit}")
+    axes.set(xlabel="time, s")

@@ -1,0 +1,202 @@
+"""`compare`: by how much two calibrations differ, in field and heading, and where it matters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from agonic.arrays import Array
+from agonic.calibration.affine import Affine
+from agonic.calibration.thermal import Thermal
+from agonic.errors import AgonicError, FrameError, UnitError
+from agonic.maths.equation.coverage import (
+    field_covariance,
+    heading_jacobian_deg,
+    icosphere,
+    level_directions,
+)
+from agonic.maths.rotations.angles import wrap_deg
+from agonic.readable import Readable
+
+MATTERS_DEG = 0.5
+"""A heading that differs by less is of no matter to a vehicle."""
+SIGNIFICANT = 0.01
+"""How often chance makes headings differ as much, where that is taken for a difference."""
+_TERMS = 5  # of a heading's error: constant, once and twice around
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison(Readable):
+    """By how much the second of two calibrations differs from the first.
+
+    `field` (80, 3) is the difference of the corrected field in each direction of the sphere, in
+    the unit of the field, and `field_sd` (80,) its standard error along its largest axis;
+    `directions` (80, 3) are those. `heading_deg` (36,) is the difference of the heading of a level
+    vehicle at even `headings_deg`, `heading_sd_deg` (36,) its standard error, where both
+    calibrations state one, as if their errors were independent; `p_value` is how often chance alone
+    makes headings differ as much. `inclination_deg` is the dip.
+    """
+
+    directions: Array
+    field: Array
+    field_sd: Array | None
+    headings_deg: Array
+    heading_deg: Array
+    heading_sd_deg: Array | None
+    inclination_deg: float
+    unit: str
+    p_value: float = 0.0
+
+    @property
+    def heading_rms_deg(self) -> float:
+        """The difference of the headings, rms over all."""
+        return float(np.sqrt(np.mean(self.heading_deg**2)))
+
+    @property
+    def field_rms(self) -> float:
+        """The difference of the field, rms over all directions."""
+        return float(np.sqrt(np.mean(np.sum(self.field**2, axis=1))))
+
+    @property
+    def sure(self) -> bool:
+        """Whether the headings differ by more than chance."""
+        return self.p_value < SIGNIFICANT and bool(np.any(self.heading_deg != 0.0))
+
+    @property
+    def matters(self) -> bool:
+        """Whether a heading differs by more than chance and by more than half a degree."""
+        return self.sure and bool(np.any(np.abs(self.heading_deg) > MATTERS_DEG))
+
+    @property
+    def status(self) -> str:
+        """What the comparison says, in sentences."""
+        worst = int(np.argmax(np.abs(self.heading_deg)))
+        far = int(np.argmax(np.linalg.norm(self.field, axis=1)))
+        sd = "" if self.heading_sd_deg is None else f" ± {self.heading_sd_deg[worst]:.2g}°"
+        x, y, z = self.directions[far]
+        told = {
+            True: "The difference matters: it is more than chance and more than half a degree.",
+            False: "The difference is of no matter to a heading."
+            if self.sure
+            else "The difference is within what chance explains.",
+        }[self.matters]
+        size = float(np.linalg.norm(self.field[far]))
+        return (
+            f"{told} Headings differ by {self.heading_rms_deg:.2g}° rms, most at "
+            f"{self.headings_deg[worst]:.0f}°: {self.heading_deg[worst]:+.2g}°{sd} (level, dip "
+            f"{self.inclination_deg:.0f}°). The field differs by {self.field_rms:.3g} {self.unit} "
+            f"rms, most towards ({x:.1f}, {y:.1f}, {z:.1f}): {size:.3g} {self.unit}."
+        )
+
+    def _say(self) -> list[str]:
+        return ["Comparison", *self.status.replace(". ", ".\n").split("\n")]
+
+
+def compare(
+    first: Affine | Thermal,
+    second: Affine | Thermal,
+    *,
+    inclination_deg: float = 60.0,
+    magnitude: float | None = None,
+    temperature_C: float | None = None,
+) -> Comparison:
+    """By how much two calibrations of a sensor differ in field and heading, and where.
+
+    The readings that the first turns into a field of the magnitude go through both. Errors of the
+    two are taken to be independent, so that standard errors add in squares.
+
+    Parameters
+    ----------
+    first, second : calibrations, or fits, of readings in one unit and frame.
+    inclination_deg : dip of the field at which headings are compared.
+    magnitude : of the field; default: that of the first, else 50 000.
+    temperature_C : at which temperature calibrations are taken.
+
+    Raises `UnitError` and `FrameError` where the two do not meet.
+
+    >>> one = Affine(bias=[0, 0, 0], matrix=np.eye(3))
+    >>> found = compare(one, Affine(bias=[0, 500.0, 0], matrix=np.eye(3)))
+    >>> found.matters, round(found.heading_rms_deg, 2), round(found.field_rms)
+    (True, 0.81, 500)
+    """
+    a, b = (_as_affine(one, temperature_C) for one in (first, second))
+    if (a.unit_in, a.unit_out) != (b.unit_in, b.unit_out):
+        raise UnitError(
+            f"one is from {a.unit_in} to {a.unit_out} and the other from {b.unit_in} to "
+            f"{b.unit_out}; fit them in the same unit"
+        )
+    if (a.frame_in, a.frame_out) != (b.frame_in, b.frame_out):
+        raise FrameError("the calibrations are in other axes", left=a.frame_out, right=b.frame_out)
+    size = magnitude or a.magnitude or (50_000.0 if a.unit_out == "nT" else 1.0)
+    directions, (level, _) = icosphere()[0], level_directions(inclination_deg)
+    turned = _correct_as(a, b, size * level)
+    heading, before = (np.degrees(np.arctan2(-f[:, 1], f[:, 0])) for f in (turned, level))
+    difference = wrap_deg(heading - before)
+    spread = _heading_covariance(a, b, size, inclination_deg)
+    return Comparison(
+        directions=directions,
+        field=_correct_as(a, b, size * directions) - size * directions,
+        field_sd=_field_sd(a, b, size),
+        headings_deg=before % 360.0,
+        heading_deg=difference,
+        heading_sd_deg=None if spread is None else np.sqrt(np.diag(spread)),
+        inclination_deg=inclination_deg,
+        unit=a.unit_out,
+        p_value=0.0 if spread is None else _find_chance(difference, spread),
+    )
+
+
+def _as_affine(given: object, temperature_C: float | None) -> Affine:
+    """The affine calibration that was meant."""
+    one = getattr(given, "calibration", given)
+    if isinstance(one, Thermal):
+        return one.at(sum(one.range_C) / 2 if temperature_C is None else temperature_C)
+    if isinstance(one, Affine) and not one.needs:
+        return one
+    needs = f" that needs {', '.join(one.needs)}" if isinstance(one, Affine) else ""
+    raise AgonicError(
+        f"compare takes two Affine or Thermal calibrations and was given a {type(one).__name__}"
+        f"{needs}; take it at a state of what it needs (calibration.at), or verify both on one log"
+    )
+
+
+def _correct_as(a: Affine, b: Affine, field: Array) -> Array:
+    """What the second makes of the readings that the first corrects to a field (n, 3)."""
+    raw = field @ np.linalg.inv(a.matrix).T + a.bias
+    return np.asarray((raw - b.bias) @ b.matrix.T)
+
+
+def _field_sd(a: Affine, b: Affine, size: float) -> Array | None:
+    if a.covariance is None or b.covariance is None:
+        return None
+    centres = icosphere()[0]
+    spread = sum(
+        field_covariance(centres, size, one.bias, one.matrix, one.covariance, one.gauge)
+        for one in (a, b)
+        if one.covariance is not None
+    )
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(spread)[:, -1]))
+
+
+def _heading_covariance(a: Affine, b: Affine, size: float, inclination_deg: float) -> Array | None:
+    """Covariance (36, 36) of the difference of the headings, degrees²."""
+    if a.covariance is None or b.covariance is None:
+        return None
+    total = np.zeros((36, 36))
+    for one, covariance in ((a, a.covariance), (b, b.covariance)):
+        jacobian = heading_jacobian_deg(inclination_deg, size, one.matrix, one.gauge)
+        m = jacobian.shape[-1]
+        total += jacobian @ covariance[:m, :m] @ jacobian.T
+    return total
+
+
+def _find_chance(difference: Array, spread: Array) -> float:
+    """How often chance makes a difference (36,) of covariance (36, 36), χ² of its five terms."""
+    values, vectors = np.linalg.eigh(spread)
+    values, along = values[-_TERMS:], vectors[:, -_TERMS:].T @ difference
+    known = values > 1e-12 * values[-1]
+    if not known.any():
+        return 0.0
+    return float(chdtrc(int(known.sum()), float(np.sum(along[known] ** 2 / values[known]))))
