@@ -112,7 +112,7 @@ def test_table_of_nodes_has_the_figures_of_the_choice() -> None:
     for row in choice.table:
         assert f"{row.hidden} {row.regression:.5f} {row.maximum:.2f} {row.rms:.2f}" in text
         assert f"{row.unseen_regression:.5f}" in text
-    assert "0.001, as published" in text
+    assert "0.001 (scaled), as published" in text
     assert "no base to fall back to" in text
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.signal import lfilter
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError, check_choice
 from agonic.readable import Readable
 from agonic.reference import Reference
@@ -45,7 +45,7 @@ class SimulatedField(Readable):
         """The field at every reading, as a known vector."""
         return Reference.vector(self.field, frame=self.samples.frame, source="simulated")
 
-    def select(self, rows: Array | slice) -> SimulatedField:
+    def select(self, rows: Index | Mask | slice) -> SimulatedField:
         """Some of the rows."""
         index = np.arange(len(self.field))[rows]
         return SimulatedField(

@@ -24,14 +24,19 @@ _GAP = 3  # columns without a reading that break a line
 
 @dataclass(frozen=True)
 class Axis:
-    """What is drawn along an edge of a strip: its label with the unit, and its range."""
+    """What is drawn along an edge of a strip: its label with the unit, and its range; equal ratios
+    are equally long where it is logarithmic."""
 
     label: str
     low: float
     high: float
+    logarithmic: bool = False
 
     def share(self, values: Array) -> Array:
         """Where values lie between the ends, 0…1; what lies beyond is drawn at the end."""
+        if self.logarithmic:
+            values = np.log10(np.maximum(values, self.low) / self.low)
+            return np.asarray(np.minimum(values / np.log10(self.high / self.low), 1.0))
         return np.asarray(np.clip((values - self.low) / ((self.high - self.low) or 1.0), 0.0, 1.0))
 
     def ticks(self, most: int = 6) -> Array:
@@ -39,7 +44,11 @@ class Axis:
 
         >>> Axis("time, s", 0.0, 47.0).ticks()
         array([ 0., 10., 20., 30., 40.])
+        >>> Axis("epoch", 1.0, 30.0, logarithmic=True).ticks()
+        array([ 1.,  2.,  5., 10., 20.])
         """
+        if self.logarithmic:
+            return self._decades()
         rough = (self.high - self.low) / most
         if not 1e-300 < rough < 1e300:  # all in one place, or too far apart to be told apart
             return np.array([self.low])
@@ -48,6 +57,13 @@ class Axis:
         first = np.ceil(self.low / step - 1e-9)
         last = np.floor(self.high / step + 1e-9)
         return np.asarray(np.arange(first, last + 1) * step + 0.0)  # the sum turns −0 into 0
+
+    def _decades(self) -> Array:
+        """1, 2 and 5 times powers of ten; of long axes the powers."""
+        powers = 10.0 ** np.arange(np.floor(np.log10(self.low)), np.ceil(np.log10(self.high)) + 1)
+        steps = [1.0] if self.high / self.low > 300.0 else [1.0, 2.0, 5.0]
+        marks = np.outer(powers, steps).ravel()
+        return np.asarray(marks[(marks >= self.low * 0.999) & (marks <= self.high * 1.001)])
 
 
 class Columns:
@@ -257,9 +273,7 @@ def plot(
     return element(
         "div",
         element("p", y.label, class_="axis axis-y"),
-        element(
-            "svg", *_tick_texts("y", left, down(y, left)), class_="ticks-y", aria_hidden="true"
-        ),
+        element("svg", *_tick_texts("y", y, left), class_="ticks-y", aria_hidden="true"),
         element(
             "svg",
             *lines,
@@ -271,20 +285,20 @@ def plot(
             aria_label=label,
         ),
         *beyond,
-        element(
-            "svg", *_tick_texts("x", foot, right(x, foot)), class_="ticks-x", aria_hidden="true"
-        ),
+        element("svg", *_tick_texts("x", x, foot), class_="ticks-x", aria_hidden="true"),
         element("p", x.label, class_="axis axis-x"),
         class_=f"plot {kind}".strip(),
     )
 
 
-def _tick_texts(coordinate: str, ticks: Array, places: Array) -> list[Markup]:
+def _tick_texts(coordinate: str, axis: Axis, ticks: Array) -> list[Markup]:
     step = ticks[1] - ticks[0] if len(ticks) > 1 else max(abs(ticks[0]), 1.0)
-    decimals = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    steps = ticks if axis.logarithmic else np.full(len(ticks), step)
+    decimals = np.maximum(0, -np.floor(np.log10(steps) + 1e-9).astype(int)).tolist()
+    places = (down if coordinate == "y" else right)(axis, ticks)
     return [
-        element("text", group_digits(float(tick), decimals), **{coordinate: f"{place / 10:.1f}%"})
-        for tick, place in zip(ticks, places, strict=True)
+        element("text", group_digits(float(tick), digits), **{coordinate: f"{place / 10:.1f}%"})
+        for tick, digits, place in zip(ticks, decimals, places, strict=True)
     ]
 
 

@@ -56,6 +56,10 @@ def test_the_sums_are_those_of_the_rows_of_the_jacobian(shape, seed, weighted):
     assert sums.weight == pytest.approx(row_weight.sum() if weighted else len(x))
     square = network.square_error(layers, x, target, row_weight if weighted else None)
     assert square == pytest.approx(sums.square)
+    if not weighted:
+        square, gradient = network.sum_gradient(layers, x, target)
+        assert square == pytest.approx(sums.square)
+        np.testing.assert_allclose(gradient, sums.gradient, atol=1e-10)
     np.testing.assert_allclose(sums.square, error @ (w * error), rtol=1e-12)
     np.testing.assert_allclose(sums.gradient, rows.T @ (w * error), atol=1e-10)
     np.testing.assert_allclose(sums.information, rows.T @ (rows * w[:, None]), atol=1e-10)
@@ -155,7 +159,7 @@ def test_the_minimum_is_no_worse_than_that_of_scipy(seed, hidden, room):
 
 def test_without_noise_the_truth_is_found():
     problem, target = made(2, noise=0.0)
-    start = levenberg_marquardt.choose_start(problem, seed=0, restarts=8)
+    start = levenberg_marquardt.choose_start(problem, seed=0, restarts=8).weights
     found = levenberg_marquardt.train(problem, start, stopping="plain", most_epochs=500)
     outputs = network.forward(network.split(found.weights, problem.shape), problem.x)
     assert np.abs(outputs - target).max() < 1e-4
@@ -217,12 +221,12 @@ def test_early_stopping_returns_the_weights_of_the_least_error_held_out():
 def test_the_evidence_finds_the_noise_and_leaves_no_weight_to_noise_alone():
     problem, _ = made(5, n=2000, noise=0.05)
     found = levenberg_marquardt.train(
-        problem, levenberg_marquardt.choose_start(problem, seed=5, restarts=4)
+        problem, levenberg_marquardt.choose_start(problem, seed=5, restarts=4).weights
     )
     assert 1 / np.sqrt(found.precision) == pytest.approx(0.05, rel=0.05)
     nothing = problem._replace(target=np.random.default_rng(1).normal(size=(2000, 3)))
     idle = levenberg_marquardt.train(
-        nothing, levenberg_marquardt.choose_start(nothing, seed=5, restarts=4)
+        nothing, levenberg_marquardt.choose_start(nothing, seed=5, restarts=4).weights
     )
     outputs = network.forward(network.split(idle.weights, problem.shape), problem.x)
     assert np.sqrt(np.mean(outputs**2)) < 0.1
@@ -231,7 +235,7 @@ def test_the_evidence_finds_the_noise_and_leaves_no_weight_to_noise_alone():
 
 def test_correlated_rows_make_weights_less_sure():
     problem, _ = made(6, n=1000)
-    start = levenberg_marquardt.choose_start(problem, seed=6, restarts=2)
+    start = levenberg_marquardt.choose_start(problem, seed=6, restarts=2).weights
     alone = levenberg_marquardt.train(problem, start)
     alike = levenberg_marquardt.train(problem._replace(correlation=4.0), start)
     ratio = np.median(np.sqrt(np.diag(alike.covariance) / np.diag(alone.covariance)))
@@ -241,7 +245,7 @@ def test_correlated_rows_make_weights_less_sure():
 def test_a_warm_start_needs_few_epochs():
     problem, _ = made(7)
     first = levenberg_marquardt.train(
-        problem, levenberg_marquardt.choose_start(problem, seed=7, restarts=4)
+        problem, levenberg_marquardt.choose_start(problem, seed=7, restarts=4).weights
     )
     again = levenberg_marquardt.train(problem, first.weights, ridge=first.ridge)
     assert len(again.epochs) <= len(first.epochs)

@@ -208,6 +208,22 @@ def _sum_without_rows(
     return Sums(square, join(inner, outer), _information(gram, hidden, output), total)
 
 
+def sum_gradient(layers: Layers, x: Array, target: Array) -> tuple[float, Array]:
+    """Σ e² and its half gradient Jᵀ e (m,) of e = y − target, by backpropagation.
+
+    With [a, 1] what goes into a layer L: ∂/∂L = D [a, 1]ᵀ, D = e of the last, and of the one before
+
+        D ← Lᵀ D ∘ (1 − a²)
+    """
+    into = _pass_through(layers, x)
+    back = layers[-1] @ into[-1] - target.T
+    square, parts = float(np.vdot(back, back)), []
+    for layer, given in zip(layers[::-1], into[::-1], strict=True):
+        parts.append(back @ given.T)
+        back = layer[:, :-1].T @ back * (1.0 - given[:-1] ** 2)  # of no use before the first
+    return square, join(*parts[::-1])
+
+
 def square_error(layers: Layers, x: Array, target: Array, weight: Array | None = None) -> float:
     """Σ w e² alone, for a step that may be rejected."""
     error = forward(layers, x) - target

@@ -60,6 +60,9 @@ def network(
     select: Annotated[
         bool, typer.Option("--select", help="Make the table of 7 to 2 hidden nodes, and choose.")
     ] = False,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Train it by gradient descent as well, to compare.")
+    ] = False,
     figure: Annotated[
         Path | None,
         typer.Option(metavar="SVG", help="Chart to write: of the training, or of the table."),
@@ -81,7 +84,7 @@ def network(
     from agonic.atomic import write_atomically
     from agonic.console.finish import finish
     from agonic.console.progress import progress
-    from agonic.network.fit import choose_network, fit_network
+    from agonic.network.fit import choose_network, compare_methods, fit_network
     from agonic.network.report.chart import table_chart, training_chart
     from agonic.network.report.document import describe_network
 
@@ -100,16 +103,14 @@ def network(
         choice = choose_network(
             samples, known, progress=lambda nodes: progress(nodes, "Training"), **settings
         )
-    fit = (
-        choice.fit
-        if choice
-        else fit_network(samples, known, hidden=parse_nodes(hidden), **settings)
-    )
+    nodes = choice.fit.calibration.shape.hidden if choice else parse_nodes(hidden)
+    fit = choice.fit if choice else fit_network(samples, known, hidden=nodes, **settings)
+    methods = compare_methods(samples, known, hidden=nodes, **settings) if compare else ()
     files = []
     if figure:
         drawn = table_chart(choice) if choice else training_chart(fit)
         files.append(write_atomically(figure, drawn.encode()))
-    document = describe_network(fit, samples, choice=choice, title=log.name)
+    document = describe_network(fit, samples, choice=choice, methods=methods, title=log.name)
     return finish(document, out=out, files=files, report=report, as_json=as_json)
 
 

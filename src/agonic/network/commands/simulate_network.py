@@ -1,4 +1,4 @@
-"""`agonic simulate paper|paper-space|nonaffine -o FILE`: a sensor and the field it was in."""
+"""`agonic simulate network|paper|paper-space|nonaffine`: a sensor and the field it was in."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from agonic.console.options import Json
-from agonic.console.simulation_options import Noise, Readings, Seed, Table
+from agonic.console.simulation_options import Folder, Noise, Readings, Seed, Table
 
 if TYPE_CHECKING:
     from agonic.network.simulate import SimulatedField
@@ -16,9 +16,27 @@ if TYPE_CHECKING:
 
 def add_to(kinds: typer.Typer) -> None:
     """Register the kinds."""
+    kinds.command("network")(network)
     kinds.command("paper")(paper)
     kinds.command("paper-space")(paper_space)
     kinds.command("nonaffine")(nonaffine)
+
+
+def network(out: Folder, noise: Noise = 2.0, seed: Seed = 0, as_json: Json = False) -> int:
+    """The same, calibrated by networks as published: figures and numbers on one page."""
+    from agonic.console.finish import finish
+    from agonic.files.calibration import save
+    from agonic.network.paper import reproduce_paper
+    from agonic.network.paper.document import describe_paper
+
+    found = reproduce_paper(noise=noise, seed=seed)
+    out.mkdir(parents=True, exist_ok=True)
+    files = [
+        *_write(found.made, out / "flight.csv"),
+        save(found.ground.calibration, out / "ground.json"),
+        save(found.again.calibration, out / "retrained.json"),
+    ]
+    return finish(describe_paper(found), files=files, report=out / "network.html", as_json=as_json)
 
 
 def paper(
@@ -53,32 +71,28 @@ def nonaffine(
 def _finish(kind: str, made: SimulatedField, out: Path, as_json: bool) -> int:
     """The readings as one table, and the known field as another, FILE.reference.csv."""
     from agonic.console.output import print_json, say
+
+    files = _write(made, out)
+    if as_json:
+        facts = {"kind": kind, "n": len(made.samples), "files": [str(file) for file in files]}
+        print_json("agonic/simulate@1", facts)
+    else:
+        say(f"{len(made.samples)} readings: {out}\nThe known field: {files[1]}")
+    return 0
+
+
+def _write(made: SimulatedField, out: Path) -> list[Path]:
+    """Readings and known field as tables."""
     from agonic.exports.csv import write_csv
 
-    write_csv(made.samples, out)
-    known = out.with_suffix(".reference.csv")
-    write_csv(
-        made.samples.with_columns(
-            field=made.field,
-            temperature=None,
-            roll_deg=None,
-            pitch_deg=None,
-            heading_deg=None,
-            acceleration=None,
-            rotation_rate=None,
-            name="reference",
-        ),
-        known,
+    known = made.samples.with_columns(
+        field=made.field,
+        temperature=None,
+        roll_deg=None,
+        pitch_deg=None,
+        heading_deg=None,
+        acceleration=None,
+        rotation_rate=None,
+        name="reference",
     )
-    if as_json:
-        print_json(
-            "agonic/simulate@1",
-            {
-                "kind": kind,
-                "n": len(made.samples),
-                "files": [str(out), str(known)],
-            },
-        )
-    else:
-        say(f"{len(made.samples)} readings: {out}\nThe known field: {known}")
-    return 0
+    return [write_csv(made.samples, out), write_csv(known, out.with_suffix(".reference.csv"))]

@@ -1,7 +1,17 @@
 """Networks trained by Levenberg–Marquardt on top of an affine or thermal calibration."""
 
 from agonic.network.fit.fit import fit_network
+from agonic.network.fit.methods import Method, compare_methods
 from agonic.network.fit.result import Comparison, Errors, NetworkFit
 from agonic.network.fit.selection import NetworkChoice, choose_network
 
-__all__ = ["Comparison", "Errors", "NetworkChoice", "NetworkFit", "choose_network", "fit_network"]
+__all__ = [
+    "Comparison",
+    "Errors",
+    "Method",
+    "NetworkChoice",
+    "NetworkFit",
+    "choose_network",
+    "compare_methods",
+    "fit_network",
+]

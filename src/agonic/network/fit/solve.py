@@ -48,11 +48,21 @@ class Training(NamedTuple):
     regression: float
 
 
-def train(problem: Problem, rows: Index, start: Network | None = None) -> Training:
-    """The network of some of the rows; from `start` its base, scales and weights are taken."""
+class Scaled(NamedTuple):
+    """A problem on some of the rows, between −1 and 1; and what it takes to get back."""
+
+    problem: levenberg_marquardt.Problem
+    scale: Scale
+    base: BaseFit
+    field: Array  # (k, 3) by the base
+    target: Array  # (k, o) nT, what the base leaves
+
+
+def scale_problem(problem: Problem, rows: Index, start: Network | None = None) -> Scaled:
+    """What a network has to learn from some of the rows; from `start` base and scales are taken."""
     settings = problem.settings
-    base, base_noise = problem.fit_base(rows) if start is None else BaseFit(start.base)
-    field = problem.apply_base(base, rows)
+    base = problem.fit_base(rows) if start is None else BaseFit(start.base)
+    field = problem.apply_base(base.calibration, rows)
     target = -compute_errors(field, problem.wanted[rows])
     used = _select_near(target, settings.robust)
     scale = _find_scale(problem, rows[used], target[used]) if start is None else _scale_from(start)
@@ -62,6 +72,12 @@ def train(problem: Problem, rows: Index, start: Network | None = None) -> Traini
         hidden=settings.hidden,
         weight=None if used.all() else used.astype(np.float64),
     )
+    return Scaled(scaled, scale, base, field, target)
+
+
+def train(problem: Problem, rows: Index, start: Network | None = None) -> Training:
+    """The network of some of the rows; from `start` its base, scales and weights are taken."""
+    scaled, scale, (base, base_noise), field, target = scale_problem(problem, rows, start)
     noiseless = Noiseless(problem, rows, base, field, scale)
     found, noise, scaled = _train_until_settled(
         scaled, problem, noiseless, None if start is None else start.weights
@@ -130,7 +146,7 @@ def _train_until_settled(
         shown = calm.subset(seen) if held.any() else calm
         other = calm.subset(unseen) if held.any() else None
         if start is None:
-            start = levenberg_marquardt.choose_start(
+            start, epochs = levenberg_marquardt.choose_start(
                 shown, seed=settings.seed, restarts=settings.restarts, held_out=other
             )
         found = levenberg_marquardt.train(

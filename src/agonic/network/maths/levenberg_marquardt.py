@@ -138,9 +138,16 @@ def train(
     return _finish(problem, state, tuple(epochs), converged, watched is not None)
 
 
+class Start(NamedTuple):
+    """Weights to start from, and the epochs that led there from where they were drawn."""
+
+    weights: Array
+    epochs: tuple[Epoch, ...] = ()
+
+
 def choose_start(
     problem: Problem, *, seed: int, restarts: int, held_out: Problem | None = None
-) -> Array:
+) -> Start:
     """The most promising of several random starts, tried on some of the rows.
 
     After a few epochs the better half goes on for twice as many, until one is left, which is
@@ -152,17 +159,24 @@ def choose_start(
     if len(problem.x) > _FEW:
         rows = np.sort(rng.choice(len(problem.x), _FEW, replace=False))
         few = problem.subset(rows)
-    left, epochs = [network.draw_weights(rng, problem.shape) for _ in range(restarts)], _TRIAL
+    left = [Start(network.draw_weights(rng, problem.shape)) for _ in range(restarts)]
     if held_out is not None:
-        stopped = [train(problem, w, stopping="early", held_out=held_out) for w in left]
-        return min(stopped, key=lambda trained: trained.least_held_out).weights
+        stopped = [train(problem, w, stopping="early", held_out=held_out) for w, _ in left]
+        best = min(stopped, key=lambda trained: trained.least_held_out)
+        return Start(best.weights, best.epochs)
+    epochs = _TRIAL
     while len(left) > 1:
-        tried = [train(few, start, stopping="plain", most_epochs=epochs) for start in left]
-        tried.sort(key=lambda trained: trained.mean_square)
-        left, epochs = [trained.weights for trained in tried[: len(tried) // 2]], 2 * epochs
+        tried = [_go_on(few, start, epochs) for start in left]
+        tried.sort(key=lambda start: start.epochs[-1].mean_square)
+        left, epochs = tried[: len(tried) // 2], 2 * epochs
     if few is problem or restarts == 1:
         return left[0]
-    return train(few, left[0], stopping="plain", most_epochs=_ON_FEW).weights
+    return _go_on(few, left[0], _ON_FEW)
+
+
+def _go_on(problem: Problem, start: Start, epochs: int) -> Start:
+    trained = train(problem, start.weights, stopping="plain", most_epochs=epochs)
+    return Start(trained.weights, start.epochs + trained.epochs)
 
 
 class _State(NamedTuple):

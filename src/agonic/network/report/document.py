@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
 from agonic.calibration.network import Network
-from agonic.network.fit import NetworkChoice, NetworkFit
-from agonic.network.fit.solve import correlate
+from agonic.network.fit import Method, NetworkChoice, NetworkFit
 from agonic.network.report import figures, tables
+from agonic.network.report.regression import correlate_axes, draw_axes, evaluate_fit
 from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document, Section
@@ -31,6 +31,7 @@ def describe_network(
     samples: Samples,
     *,
     choice: NetworkChoice | None = None,
+    methods: Sequence[Method] = (),
     title: str = "",
 ) -> Document:
     """A trained network, or its base where that is as good.
@@ -38,7 +39,8 @@ def describe_network(
     Parameters
     ----------
     fit : from `fit_network`. samples : the readings it was trained on. choice : the table that it
-        was chosen from, if one was made. title : of the page; default: the sensor.
+        was chosen from, if one was made. methods : of training that were compared, if they were.
+        title : of the page; default: the sensor.
 
     >>> from agonic.network.fit import fit_network
     >>> from agonic.network.simulate import simulate_nonaffine
@@ -51,7 +53,7 @@ def describe_network(
     won = fit.chosen is network
     chosen = "the network" if won else f"the base ({fit.chosen.kind})"
     base = None if comparison is None else comparison.base
-    fields = _evaluate(fit, samples)
+    fields = evaluate_fit(fit, samples)
     return Document(
         schema="agonic/fit-network@1",
         kind=KIND,
@@ -69,7 +71,8 @@ def describe_network(
             *_compare(fit, samples),
             *([_choice(choice)] if choice else []),
             Section("Training", [lambda: _training(fit)]),
-            Section("Regression", [lambda: _regress(*fields)], style="pair"),
+            *([_methods(fit, methods)] if methods else []),
+            Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
             *caution(network),
             Section("Where it holds", _guard(network, network, samples)),
             *_numbers(network),
@@ -86,7 +89,7 @@ def describe_network(
             "epochs": fit.iterations,
             "mean_square": fit.mean_square,
             "regression": fit.regression,
-            "regression_of_axes": _correlate_axes(*fields),
+            "regression_of_axes": correlate_axes(*fields),
             "noise_nT": fit.noise,
             "residual_rms_nT": fit.rms,
             "residual_max_nT": fit.maximum,
@@ -94,6 +97,7 @@ def describe_network(
             "unseen_base_rms_nT": None if base is None else base.rms,
             "bound_nT": network.bound,
             "table": [asdict(row) for row in choice.table] if choice else None,
+            "methods": [method.to_record() for method in methods] or None,
         },
         calibration=fit.chosen,
         samples=samples,
@@ -188,36 +192,28 @@ def _choice(choice: NetworkChoice) -> Section:
     return Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)
 
 
+def _methods(fit: NetworkFit, methods: Sequence[Method]) -> Section:
+    """Levenberg–Marquardt beside gradient descent."""
+    keys = {key: method.name for key, method in zip(figures.METHODS, methods, strict=True)}
+    note = "All from the same random start, on all readings, with nothing to restrain the weights."
+
+    def draw() -> Markup:
+        drawn = figures.draw_methods(fit, methods)
+        return caption("Error after each epoch, by method", drawn, keys, note)
+
+    return Section("Methods of training", [tables.list_methods(methods), draw], printed=True)
+
+
 def _training(fit: NetworkFit) -> Markup:
-    keys = {"training": "trained on"} | ({} if fit.base else {"limit": "0.001, as published"})
+    limit = "without the network" if fit.base else "mean square 0.001 (scaled), as published"
+    keys = {"training": "trained on", "limit": limit}
     if any(np.isfinite(epoch.held_out) for epoch in fit.epochs):
         keys["held"] = "held out"
-    note = "It begins where the trials of several random starts have ended."
+    note = (
+        "From the most promising of several random starts: first on some of the readings, then on "
+        "all, then without what stood out and without the noise of the inputs."
+    )
     return caption("Error after each epoch", figures.draw_training(fit), keys, note)
-
-
-def _evaluate(fit: NetworkFit, samples: Samples) -> tuple[Array, Array]:
-    """The network's field and the known one, (n, o), nT, of the readings that took part."""
-    network, used = fit.calibration, fit.weights > 0
-    field, _ = network.evaluated(samples.field, select_columns(network, samples))
-    if network.target == "magnitude":
-        field = np.linalg.norm(field, axis=1, keepdims=True)
-    return field[used], (field - fit.residuals)[used]
-
-
-def _correlate_axes(found: Array, known: Array) -> list[float]:
-    """R of each axis, between the network's field and the known one, (n, o)."""
-    return [correlate(a, b) for a, b in zip(found.T, known.T, strict=True)]
-
-
-def _regress(found: Array, known: Array) -> list[Markup]:
-    """The network's field over the known one, a figure an axis, as the paper draws it."""
-    names = ("x", "y", "z") if known.shape[1] == 3 else ("the field",)
-    together = zip(names, found.T, known.T, _correlate_axes(found, known), strict=True)
-    return [
-        caption(f"Along {name}: R = {r:.5f}", figures.draw_regression(b, a, name))
-        for name, a, b, r in together
-    ]
 
 
 def _guard(calibration: Calibration, network: Network, samples: Samples) -> list[str]:

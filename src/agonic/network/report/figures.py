@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.retraining import Retraining
-from agonic.network.fit import Comparison, NetworkFit
+from agonic.network.fit import Comparison, Method, NetworkFit
 from agonic.report.markup import Markup
 from agonic.report.strips import (
     BINS,
@@ -29,8 +29,12 @@ from agonic.report.strips import (
 )
 from agonic.report.time_axis import along_rows, along_time
 
-PUBLISHED = -3.0
-"""log₁₀ of the mean square error that the paper reaches, of a network without a base."""
+PUBLISHED = 1e-3
+"""Mean square error, scaled, that the paper reaches with a network without a base."""
+METHODS = ("training", "descent", "adaptive")
+"""Classes of the curves, in the order of `compare_methods`."""
+POINTS = 600
+"""Epochs of a training that are drawn."""
 BLOCKS = 120
 """Stretches of time whose rms error is drawn."""
 DOTS = 400
@@ -40,26 +44,54 @@ MIDDLE = 5.0
 
 
 def draw_training(fit: NetworkFit) -> Markup:
-    """The mean square error (scaled) after every epoch, in powers of ten."""
-    shown = [
-        np.array([e.mean_square for e in fit.epochs]),
-        np.array([e.held_out for e in fit.epochs]),
-    ]
-    logs = [np.log10(np.maximum(values, 1e-300)) for values in shown]
-    seen = np.concatenate(logs)
-    seen = seen[np.isfinite(seen)]
-    judged = [PUBLISHED] if fit.base is None else []
-    low, high = min(*judged, *seen.tolist()), max(*judged, *seen.tolist())
-    room = 0.08 * (high - low) or 0.5
+    """The rms error in nT after every epoch, of equal ratios equally high, and without a network.
+
+    Without a base the level is what the paper reaches.
+    """
+    curves = {
+        "training": compute_rms(fit, [epoch.mean_square for epoch in fit.epochs]),
+        "held": compute_rms(fit, [epoch.held_out for epoch in fit.epochs]),
+    }
+    limit = compute_rms(fit, [PUBLISHED])[0] if fit.base is None else fit.calibration.misfit
+    seen = np.concatenate([*curves.values(), [limit or np.nan]])
     x = Axis("epoch", 1.0, float(max(len(fit.epochs), 2)))
-    y = Axis("log₁₀ of the mean square error (scaled)", low - room, high + room)
-    layers = [level(y, at, "limit") for at in judged]
-    epochs = np.arange(1.0, len(fit.epochs) + 1)
-    for values, name in zip(logs, ("training", "held"), strict=True):
-        known = np.isfinite(values)
-        if known.sum() > 1:
-            layers.append(path(f"M{points(right(x, epochs[known]), down(y, values[known]))}", name))
-    return plot(x, y, layers, "Mean square error after every epoch of the training")
+    y = _decade(seen, "rms error, nT")
+    layers = [level(y, limit, "limit")] if limit else []
+    layers += [_curve(x, y, values, name) for name, values in curves.items()]
+    return plot(x, y, layers, "Rms error after every epoch of the training")
+
+
+def draw_methods(fit: NetworkFit, methods: Sequence[Method]) -> Markup:
+    """The rms error in nT after every epoch by each method; epochs and errors logarithmic."""
+    curves = [compute_rms(fit, method.mean_square) for method in methods]
+    x = Axis("epoch", 1.0, float(max(2, *map(len, curves))), logarithmic=True)
+    y = _decade(np.concatenate(curves), "rms error, nT")
+    layers = [_curve(x, y, values, name) for values, name in zip(curves, METHODS, strict=True)]
+    return plot(x, y, layers, "Rms error after every epoch, by method of training")
+
+
+def compute_rms(fit: NetworkFit, mean_square: Sequence[float] | Array) -> Array:
+    """Rms errors on an axis, nT, of mean square errors as a training has them, scaled."""
+    return np.asarray(fit.calibration.output_half * np.sqrt(mean_square), dtype=np.float64)
+
+
+def _decade(values: Array, label: str) -> Axis:
+    """A logarithmic axis for positive values, one power of ten at least: what is flat looks so."""
+    known = values[np.isfinite(values) & (values > 0)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (1.0, 1.0)
+    room = max(1.15, np.sqrt(10.0 * low / high))
+    return Axis(label, low / room, high * room, logarithmic=True)
+
+
+def _curve(x: Axis, y: Axis, values: Array, name: str) -> Markup:
+    """Values after the first, the second … epoch; of very many some."""
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) > POINTS:
+        even = np.geomspace if x.logarithmic else np.linspace
+        known = known[np.unique(even(1, len(known), POINTS).astype(int)) - 1]
+    if len(known) < 2:
+        return path("", name)
+    return path(f"M{points(right(x, known + np.ones(len(known))), down(y, values[known]))}", name)
 
 
 def draw_regression(known: Array, found: Array, axis: str) -> Markup:
@@ -88,6 +120,20 @@ def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
     y = Axis("rms error, nT", 0.0, high or 1.0)
     layers = [line(columns, y, values, name) for name, values in curves.items()]
     return plot(x, y, layers, "Rms error of unseen readings over time, base and network")
+
+
+def draw_errors(curves: Mapping[str, tuple[Array, Array]], levels: Sequence[float]) -> Markup:
+    """The largest error in each stretch of time: times (k,) s and errors (k,), nT, by class."""
+    begin = min(float(time[0]) for time, _ in curves.values())
+    end = max(float(time[-1]) for time, _ in curves.values())
+    highest = max(float(values.max()) for _, values in curves.values())
+    y = Axis("largest component of the error, nT", 0.0, 1.1 * max(highest, *levels))
+    layers = [level(y, at, "limit") for at in levels]
+    for name, (time, values) in curves.items():
+        x, along = along_time(time, begin, end)
+        columns = Columns(x, along)
+        layers.append(line(columns, y, columns.largest(values), name))
+    return plot(x, y, layers, "Largest component of the error over time")
 
 
 def draw_guard(inside: Array, time: Array | None) -> Markup:

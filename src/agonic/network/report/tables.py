@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from agonic.arrays import Array
@@ -9,7 +11,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
 from agonic.maths.equation.network import split
-from agonic.network.fit import Comparison, NetworkChoice
+from agonic.network.fit import Comparison, Method, NetworkChoice
 from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
 from agonic.report.document import Block, Table
 from agonic.report.markup import Markup, markup, table
@@ -66,6 +68,29 @@ def list_nodes(choice: NetworkChoice) -> Table:
         rows.append(["base", *[NOTHING] * 4, *both, ""])
     head = ["Nodes", "R", "largest, nT", "rms, nT", "unseen R", "unseen largest", "unseen rms", ""]
     return Table(head, rows, "nodes")
+
+
+def list_methods(methods: Sequence[Method]) -> Table:
+    """Epochs, time and what is left, by how the network was trained."""
+    rows = [
+        [
+            method.name,
+            _or_nothing(method.epochs_to_goal),
+            _or_nothing(method.epochs_to_least),
+            group_digits(method.epochs, 0),
+            f"{group_digits(method.seconds, 2)} s",
+            f"{method.mean_square[-1]:.2g}",
+            quantity(method.rms, "nT"),
+            quantity(method.maximum, "nT"),
+        ]
+        for method in methods
+    ]
+    head = ["Trained by", "epochs to 0.001", "to 5 % of the least", "in all", "time"]
+    return Table([*head, "mean square, scaled", "rms", "largest"], rows, "nodes")
+
+
+def _or_nothing(number: int | None) -> str:
+    return NOTHING if number is None else group_digits(number, 0)
 
 
 def list_weights(network: Network) -> Markup:

@@ -1,0 +1,155 @@
+"""`compare_methods`: Levenberg–Marquardt beside gradient descent, from the same start."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.maths.equation import network
+from agonic.network.fit.problem import pose_problem
+from agonic.network.fit.settings import Settings
+from agonic.network.fit.solve import scale_problem
+from agonic.network.maths import gradient_descent, levenberg_marquardt
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+GOAL = 1e-3
+"""Mean square error, scaled, that the paper counts epochs to."""
+CLOSE = 1.05
+"""A method has arrived when its mean square error is below so many times the least of all."""
+EPOCHS = 5000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Method:
+    """How one method trained a network.
+
+    `mean_square` (k,) the scaled error after every epoch; `seconds` what all of them took; `rms`
+    and `maximum` nT, what is left at the end; `epochs_to_goal` until the mean square error was
+    below 0.001, `epochs_to_least` until it was within 5 % of the least that any method reached;
+    None where it never was.
+    """
+
+    name: str
+    mean_square: Array
+    seconds: float
+    rms: float
+    maximum: float
+    epochs_to_goal: int | None
+    epochs_to_least: int | None
+
+    @property
+    def epochs(self) -> int:
+        """How many epochs it went on."""
+        return len(self.mean_square)
+
+    def to_record(self) -> dict[str, Any]:
+        """Its figures."""
+        return {
+            "name": self.name,
+            "epochs": self.epochs,
+            "epochs_to_goal": self.epochs_to_goal,
+            "epochs_to_least": self.epochs_to_least,
+            "seconds": self.seconds,
+            "mean_square": float(self.mean_square[-1]),
+            "rms_nT": self.rms,
+            "maximum_nT": self.maximum,
+        }
+
+
+def compare_methods(
+    samples: Samples, reference: Reference, *, epochs: int = EPOCHS, **settings: Any
+) -> tuple[Method, ...]:
+    """The same network trained by Levenberg–Marquardt and by gradient descent with momentum.
+
+    All start from the same random weights on the same readings, nothing restrains the weights, and
+    an epoch is one step that all readings were asked for.
+
+    Parameters: `samples`, `reference` and settings as in `fit_network`; `epochs` how long gradient
+    descent goes on.
+
+    Returns a `Method` for each. Raises as `fit_network`.
+
+    Source: Wang, Sheng, He & Cheng (2020), doi:10.4236/jcc.2020.86004; Rumelhart, Hinton & Williams
+    (1986); Vogl, Mangis, Rigler, Zink & Alkon (1988).
+
+    Examples
+    --------
+    >>> from agonic.network.simulate import simulate_paper
+    >>> made = simulate_paper(15.0)
+    >>> found = compare_methods(made.samples, made.reference, base=None, epochs=500)
+    >>> [method.epochs_to_goal for method in found]
+    [6, 313, 101]
+    """
+    problem = pose_problem(samples, reference, Settings(**settings))
+    scaled = scale_problem(problem, np.flatnonzero(problem.rows))
+    rows = scaled.problem
+    if rows.weight is not None:
+        rows = rows.subset(rows.weight > 0)._replace(weight=None)
+    start = network.draw_weights(np.random.default_rng(problem.settings.seed), rows.shape)
+    ran = {name: _run(train, rows, start) for name, train in _trainers(epochs).items()}
+    least = min(float(curve[-1]) for _, curve, _ in ran.values())
+    return tuple(
+        _judge(name, rows, found, curve, seconds, scaled.scale.output_half, least)
+        for name, (found, curve, seconds) in ran.items()
+    )
+
+
+Trained = tuple[Array, Array]
+Trainer = Callable[[levenberg_marquardt.Problem, Array], Trained]
+
+
+def _trainers(epochs: int) -> dict[str, Trainer]:
+    def marquardt(rows: levenberg_marquardt.Problem, start: Array) -> Trained:
+        found = levenberg_marquardt.train(rows, start, stopping="plain")
+        return found.weights, np.array([epoch.mean_square for epoch in found.epochs])
+
+    def descent(adaptive: bool) -> Trainer:
+        return lambda rows, start: gradient_descent.descend(
+            rows, start, epochs=epochs, adaptive=adaptive
+        )
+
+    return {
+        "Levenberg–Marquardt": marquardt,
+        "gradient descent with momentum": descent(False),
+        "the same, adaptive rate": descent(True),
+    }
+
+
+def _run(
+    train: Trainer, rows: levenberg_marquardt.Problem, start: Array
+) -> tuple[Array, Array, float]:
+    began = time.perf_counter()
+    weights, curve = train(rows, start)
+    return weights, curve, time.perf_counter() - began
+
+
+def _judge(
+    name: str,
+    rows: levenberg_marquardt.Problem,
+    weights: Array,
+    curve: Array,
+    seconds: float,
+    half: float,
+    least: float,
+) -> Method:
+    left = half * (network.forward(network.split(weights, rows.shape), rows.x) - rows.target)
+    return Method(
+        name=name,
+        mean_square=curve,
+        seconds=seconds,
+        rms=float(np.sqrt(np.mean(left**2))),
+        maximum=float(np.abs(left).max()),
+        epochs_to_goal=_first_below(curve, GOAL),
+        epochs_to_least=_first_below(curve, CLOSE * least),
+    )
+
+
+def _first_below(curve: Array, level: float) -> int | None:
+    below = np.flatnonzero(curve < level)
+    return int(below[0]) + 1 if len(below) else None

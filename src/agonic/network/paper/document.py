@@ -1,0 +1,130 @@
+"""What is said and shown of the paper's simulation: its figures, and its numbers beside ours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agonic.network.paper.reproduce import Reproduction
+from agonic.network.report import figures, tables
+from agonic.network.report.regression import correlate_axes, draw_axes, evaluate_fit
+from agonic.report.digits import quantity
+from agonic.report.document import Document, Section, Table
+from agonic.report.markup import Markup
+from agonic.report.strips import caption
+
+PUBLISHED = {7: 0.9999, 6: 0.9999, 5: 0.9999, 4: 0.9999, 3: 0.9999, 2: 0.82121}
+"""The regression coefficient by hidden nodes, table 1 of the paper."""
+LIMIT, CHANGED = 10.0, 30.0
+"""Largest errors that the paper names, nT: trained, and after the change."""
+
+
+def describe_paper(found: Reproduction) -> Document:
+    """The reproduction of the paper as page, text and JSON."""
+    early = found.made.select(found.early)
+    fields = evaluate_fit(found.ground, early.samples)
+    values = _measure(found) | {"regression_of_axes": correlate_axes(*fields)}
+    return Document(
+        schema="agonic/simulate-network@1",
+        kind="Simulation of Wang et al. (2020)",
+        name="network",
+        title="A network calibrates a magnetometer",
+        about="As published in J. Comput. Commun. 8, 31–41, doi:10.4236/jcc.2020.86004.",
+        sections=[
+            Section("Beside the paper", [_compare(values)], printed=True),
+            Section("Mean square error", [tables.list_methods(found.methods), _train(found)]),
+            Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
+            Section("Calibrated on the ground", [lambda: _draw_ground(found)]),
+            Section("After the change, and retrained", [lambda: _draw_change(found)]),
+            Section("Hidden nodes", [_list_nodes(found), PLANE], printed=True),
+        ],
+        values=values,
+        calibration=None,
+        samples=None,
+        styles=("network.css",),
+    )
+
+
+PLANE = (
+    "The printed field never leaves a plane, for which two nodes are enough; the table that was "
+    "published comes out where directions fill space, of which two nodes span a plane: R = √(2/3)."
+)
+
+
+def _measure(found: Reproduction) -> dict[str, Any]:
+    marquardt, descent, adaptive = found.methods
+    return {
+        "kind": "network",
+        "n": len(found.made.field),
+        "epochs": marquardt.epochs_to_goal,
+        "epochs_of_descent": descent.epochs_to_goal,
+        "epochs_of_adaptive_descent": adaptive.epochs_to_goal,
+        "ground_max_nT": found.largest(found.ground, found.early),
+        "changed_max_nT": found.largest(found.ground, found.late),
+        "retrained_max_nT": found.largest(found.again, found.late),
+        "regression": found.ground.regression,
+        "regression_in_space": {row.hidden: row.regression for row in found.space.table},
+        "regression_in_the_plane": {row.hidden: row.regression for row in found.plane.table},
+        "methods": [method.to_record() for method in found.methods],
+    }
+
+
+def _compare(values: dict[str, Any]) -> Table:
+    def epochs(number: int | None) -> str:
+        return "never" if number is None else str(number)
+
+    rows = [
+        ["epochs to a mean square error of 0.001", "26", epochs(values["epochs"])],
+        ["the same by gradient descent", "–", epochs(values["epochs_of_descent"])],
+        ["largest error on the ground", "< 10 nT", quantity(values["ground_max_nT"], "nT")],
+        ["largest error after the change", "30 nT", quantity(values["changed_max_nT"], "nT")],
+        ["largest error, retrained", "< 10 nT", quantity(values["retrained_max_nT"], "nT")],
+    ]
+    return Table(["", "published", "here"], rows, "nodes")
+
+
+def _list_nodes(found: Reproduction) -> Table:
+    rows = [
+        [
+            str(space.hidden),
+            f"{published:.5f}",
+            f"{space.regression:.5f}",
+            f"{plane.regression:.5f}",
+        ]
+        for published, space, plane in zip(
+            PUBLISHED.values(), found.space.table, found.plane.table, strict=True
+        )
+    ]
+    return Table(
+        ["Nodes", "R published", "directions in space", "the printed plane"], rows, "nodes"
+    )
+
+
+def _train(found: Reproduction) -> Any:
+    names = [method.name for method in found.methods]
+
+    def draw() -> Markup:
+        drawn = figures.draw_methods(found.ground, found.methods)
+        keys = dict(zip(figures.METHODS, names, strict=True))
+        return caption("Error after each epoch", drawn, keys, "From the same random start.")
+
+    return draw
+
+
+def _draw_ground(found: Reproduction) -> Markup:
+    drawn = figures.draw_errors({"training": found.errors(found.ground, found.early)}, [LIMIT])
+    keys = {"training": "trained on the ground", "limit": "10 nT"}
+    return caption("Largest component of the error", drawn, keys)
+
+
+def _draw_change(found: Reproduction) -> Markup:
+    curves = {
+        "held": found.errors(found.ground, found.late),
+        "training": found.errors(found.again, found.late),
+    }
+    drawn = figures.draw_errors(curves, [LIMIT, CHANGED])
+    keys = {
+        "held": "trained on the ground",
+        "training": "trained again in orbit",
+        "limit": "10 and 30 nT",
+    }
+    return caption("Largest component of the error, from 15 s on", drawn, keys)
