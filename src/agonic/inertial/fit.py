@@ -3,53 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
-from typing import NamedTuple
+from dataclasses import fields
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
 from agonic.attitude.calibration import make_calibration
-from agonic.attitude.fit import estimate_usable, find_usable, make_fit, refine_usable
-from agonic.attitude.problem import Scale
+from agonic.attitude.fit import make_fit
 from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
-from agonic.errors import CoverageError
 from agonic.fit import Fit
-from agonic.health import FEWEST
-from agonic.inertial.attitude import SETTLING_S, Inertial, feel_attitude
-from agonic.inertial.covariance import add_inertial_noise
+from agonic.inertial.attitude import feel_attitude
 from agonic.inertial.known_mistakes import check_turning
-from agonic.inertial.problem import pose, standard_deviations, with_tilt, without_errors
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
-from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.inertial.solve import solve, solve_beside
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-SLOW_M_S = 0.2
-"""Of a sensor that is turned in the hand, or a vehicle that turns where it stands."""
-CLEARLY = 10.0
-"""A speed is taken to be there where it makes the readings e^10 times as probable."""
-_ROUNDS = 4
-MATTERS = np.repeat([0.02, np.radians(0.1), 0.005, 0.2], 3)
-"""Errors of the accelerometer, m/s², of the gyro, rad/s and scale, and a speed, m/s, that are too
-small to act twice."""
-
-
-class _Solved(NamedTuple):
-    """An estimate with the problem that it solves, of which rows, and the attitude it rests on."""
-
-    found: Estimate
-    problem: Problem
-    scale: Scale
-    samples: Samples
-    reference: Reference
-    usable: Mask
-    felt: Inertial
-    sds: Array
-    settings: Settings
 
 
 def fit_inertial(
@@ -68,6 +37,7 @@ def fit_inertial(
     gyro_scale_sd: float = 0.02,
     speed_sd_m_s: float = 10.0,
     stretch_s: float = 30.0,
+    accelerometer_scale_sd: float | None = None,
     seed: int = 0,
 ) -> InertialFit:
     """Bias and matrix by magnitude, dip and azimuth of the field beside accelerometer and gyro.
@@ -92,7 +62,9 @@ def fit_inertial(
     accelerometer_sd_m_s2 : standard deviation of the prior on each axis of its bias.
     gyro_bias_sd_deg_s, gyro_scale_sd : those of the gyro's bias, degrees a second, and scale.
     speed_sd_m_s : that of a speed which the vehicle keeps in turns, on each of its axes.
-    stretch_s : seconds over which the gyro is trusted to keep a heading.
+    stretch_s : seconds over which the first estimate trusts the gyro to keep a heading.
+    accelerometer_scale_sd : prior on the nine entries of the accelerometer's gain beside one;
+        `None`: its gain is one, but for gravity's own 0.3 % from place to place.
 
     Returns an `InertialFit`. Raises `LogError` without acceleration, `UnitError` for a reference
     that is a magnitude only, and `CoverageError` where nothing can be fitted at all.
@@ -122,11 +94,12 @@ def fit_inertial(
         gyro_scale_sd=gyro_scale_sd,
         speed_sd_m_s=speed_sd_m_s,
         stretch_s=stretch_s,
+        accelerometer_scale_sd=accelerometer_scale_sd,
         seed=seed,
     )
-    solved = _solve(samples, reference, settings)
+    solved = solve(samples, reference, settings)
     fit = make_fit(
-        _with_inertial_noise(solved),
+        solved.found,
         solved.problem,
         solved.scale,
         solved.samples,
@@ -134,120 +107,25 @@ def fit_inertial(
         solved.settings,
         "inertial",
     )
-    q = len(solved.sds)
-    errors = solved.found.solution.params[-q:] * solved.sds
-    variances = np.diag(solved.found.solution.covariance)[-q:]
+    variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
     fit = fit.with_findings(check_turning(samples))
     return InertialFit(
         **{f.name: getattr(fit, f.name) for f in fields(Fit)},
         samples=solved.samples,
         reference=solved.reference,
         felt=solved.felt,
-        inertial_errors=errors,
+        inertial_errors=solved.errors,
         inertial_sd=np.sqrt(variances) * solved.sds,
+        accelerometer_gain=solved.gain,
         settings=solved.settings,
     )
-
-
-def _with_inertial_noise(solved: _Solved) -> Estimate:
-    """The estimate with what the noise of accelerometer and gyro leaves open."""
-    rows, time = np.flatnonzero(solved.usable), solved.samples.time
-    if time is None or solved.felt.ahead is None:
-        return solved.found
-    errors = solved.found.solution.params[-len(solved.sds) :] * solved.sds
-    felt = feel_attitude(without_errors(solved.samples, errors))  # nothing but noise is left
-    part = solved.problem.subset(rows)
-    return add_inertial_noise(solved.found, part, time[rows], felt, SETTLING_S)
 
 
 def fit_part(whole: InertialFit, samples: Samples, reference: Reference) -> Affine:
     """The calibration by some of the rows of a fit, beside the attitude that the fit felt."""
     rows = whole.find_rows(samples)
     felt = feel_attitude(samples) if rows is None else whole.felt.subset(rows)
-    settings = whole.settings
-    sds = standard_deviations(felt, settings)
-    tilted, usable, problem, scale = _posed(
-        samples, reference, felt, settings, whole.inertial_errors / sds
+    found = solve_beside(samples, reference, felt, whole.inertial_errors, whole.settings)
+    return make_calibration(
+        found.found, found.problem, found.scale, found.samples, whole.settings, "inertial"
     )
-    found = estimate_usable(problem, usable, settings)
-    return make_calibration(found, problem, scale, tilted, settings, "inertial")
-
-
-def _solve(samples: Samples, reference: Reference, settings: Settings) -> _Solved:
-    """The estimate of a vehicle that hardly moves, or of one that keeps a speed in turns.
-
-    A speed in a steady turn leans the vertical just as a bias of the accelerometer does, so it is
-    taken to be there only where it makes the residuals much smaller.
-    """
-    still = _solve_with(samples, reference, settings, SLOW_M_S)
-    if still.felt.ahead is None or not _leans(still):
-        return still
-    moving = _solve_with(samples, reference, settings, settings.speed_sd_m_s)
-    gain = _describe_length(still) - _describe_length(moving)
-    return moving if gain > CLEARLY else still
-
-
-def _leans(solved: _Solved) -> bool:
-    """Whether the vertical is worse than the readings, or its errors larger than they should be."""
-    noise, unknowns = solved.found.noise, solved.found.solution.params[-len(solved.sds) :]
-    worse = max(noise[channel].sd for channel in ("dip", "azimuth")) > 1.2 * noise["magnitude"].sd
-    return bool(worse or np.abs(unknowns).max() > 2.0)
-
-
-def _describe_length(solved: _Solved) -> float:
-    """Minus the logarithm of the probability of the readings, by Laplace's approximation."""
-    found, problem = solved.found, solved.problem
-    length = 0.0
-    for channel, noise in found.noise.items():
-        n = len(found.residuals[channel]) / noise.correlation
-        length += n * float(np.log(noise.sd))
-    prior = problem.prior(problem.soft_iron_sd)
-    if prior is not None:
-        residuals = prior(found.solution.params)[0]
-        length += float(residuals @ residuals) / 2
-    # unknowns in units of their priors: what of these the readings leave
-    covariance = found.solution.covariance[-len(solved.sds) :, -len(solved.sds) :]
-    return length - float(np.linalg.slogdet(covariance)[1]) / 2
-
-
-def _solve_with(
-    samples: Samples, reference: Reference, settings: Settings, speed_sd_m_s: float
-) -> _Solved:
-    """The estimate from the rows whose attitude is known.
-
-    The errors of the inertial unit act to first order, so those that were found are taken out and
-    the attitude is felt again, until little is left.
-    """
-    felt = feel_attitude(samples)
-    known = np.flatnonzero(felt.known)
-    if len(known) < FEWEST:
-        raise CoverageError(
-            f"accelerometer and gyro tell the attitude of {len(known)} readings only",
-            turns="record without pauses, and the acceleration with every reading",
-        )
-    part, reference = samples.select(known), reference.select(known)
-    settings = replace(settings, speed_sd_m_s=speed_sd_m_s)
-    sds = standard_deviations(felt, settings)
-    taken_out, found = np.zeros(len(sds)), None
-    for _ in range(_ROUNDS):
-        felt = felt.subset(known)
-        tilted, usable, problem, scale = _posed(part, reference, felt, settings, taken_out)
-        if found is None:
-            found = estimate_usable(problem, usable, settings)
-        else:
-            found = refine_usable(problem, usable, settings, found.solution.params)
-        unknowns = found.solution.params[-len(sds) :]
-        if np.abs((unknowns - taken_out) * sds / MATTERS[: len(sds)]).max() < 1.0:
-            break
-        taken_out = unknowns
-        felt = feel_attitude(without_errors(samples, taken_out * sds))
-    assert found is not None
-    return _Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
-
-
-def _posed(
-    samples: Samples, reference: Reference, felt: Inertial, settings: Settings, taken_out: Array
-) -> tuple[Samples, Mask, Problem, Scale]:
-    """The samples with the tilt that was felt, those that are usable, and their problem."""
-    tilted = with_tilt(samples, felt)
-    return tilted, find_usable(tilted), *pose(tilted, reference, felt, settings, taken_out)

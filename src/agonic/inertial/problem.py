@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index
 from agonic.attitude.problem import Scale, normalise
-from agonic.inertial.attitude import Inertial
+from agonic.inertial.attitude import Inertial, find_parts
+from agonic.inertial.maths.factors import GRAVITY_SD, Log
 from agonic.inertial.settings import Settings
-from agonic.maths.equation.affine import FREE
-from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.affine import FREE, correct, split
+from agonic.maths.equation.channels import Problem, field_of_terms
 from agonic.maths.equation.inertial import Relative, Shared
 from agonic.maths.rotations import tilt as kernel
 from agonic.reference import Reference
 from agonic.samples import Samples
 
+NODDING_S = 1.0
+"""Time constant of the turns that change the course of a vehicle: in a gust it only nods."""
+AZIMUTH_S = 10.0
+"""Over which the azimuth of the field is smoothed where the joint estimate starts."""
 FEWEST = 30
 """Rows of a stretch whose azimuth is an unknown of its own."""
 
@@ -69,6 +75,46 @@ def without_errors(samples: Samples, errors: Array) -> Samples:
     rate = (rate - errors[3:6]) / (1.0 + errors[6:9])
     force = force - errors[:3] - np.cross(rate, errors[9:])
     return samples.with_columns(acceleration=force, rotation_rate=rate)
+
+
+def make_log(samples: Samples, felt: Inertial, sds: Array, scale_sd: float | None) -> Log:
+    """What the inertial unit recorded, with the noise that was felt of it."""
+    assert samples.time is not None
+    assert samples.acceleration is not None
+    assert samples.rotation_rate is not None
+    gains = GRAVITY_SD * np.eye(3)[None]
+    if scale_sd is not None:
+        gains = np.concatenate([gains, scale_sd * np.eye(9).reshape(9, 3, 3)])
+    return Log(
+        samples.time,
+        samples.acceleration,
+        samples.rotation_rate,
+        find_parts(samples.time),
+        felt.force_sd,
+        felt.rate_sd,
+        sds,
+        gains,
+        NODDING_S,
+    )
+
+
+def orient(problem: Problem, samples: Samples, felt: Inertial, params: Array) -> Array:
+    """Attitudes (n, 3, 3) to magnetic north, east and down: the azimuth of the field, smoothed."""
+    assert samples.time is not None
+    assert felt.ahead is not None
+    bias, matrix = split(problem.basis @ params[: problem.basis.shape[1]])
+    field = correct(problem.points - field_of_terms(problem, params), bias, matrix)
+    aside = np.cross(felt.down, felt.ahead)
+    azimuth = (field * felt.ahead).sum(axis=1) + 1j * (field * aside).sum(axis=1)
+    steady = np.empty_like(azimuth)
+    for rows in find_parts(samples.time):
+        width = int(
+            min(AZIMUTH_S / max(float(np.median(np.diff(samples.time[rows]))), 1e-9), len(rows))
+        )
+        steady[rows] = uniform_filter1d(azimuth[rows], max(width, 1), mode="nearest")
+    steady /= np.maximum(np.abs(steady), 1e-300)
+    north = steady.real[:, None] * felt.ahead + steady.imag[:, None] * aside
+    return np.stack([north, np.cross(felt.down, north), felt.down], axis=1)
 
 
 def number_stretches(time: Array, part: Index, stretch_s: float) -> Index:

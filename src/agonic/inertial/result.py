@@ -21,7 +21,8 @@ class InertialFit(Fit):
     `samples` are those that were fitted, with roll and pitch as they were felt, and `reference`
     theirs; `felt` is that attitude, with the errors found taken out. `inertial_errors` (q,) and
     their `inertial_sd`: the accelerometer's bias, m/s², and with a gyro its bias, rad/s, its scale,
-    and the speed, m/s, that the vehicle keeps in turns.
+    and the speed, m/s, that the vehicle keeps in turns. `accelerometer_gain` (3, 3) is what it
+    reads over what it feels, where there is a gyro.
     """
 
     samples: Samples
@@ -29,6 +30,7 @@ class InertialFit(Fit):
     felt: Inertial
     inertial_errors: Array
     inertial_sd: Array
+    accelerometer_gain: Array | None
     settings: Settings
 
     @property

@@ -13,6 +13,7 @@ _POSITIVE = (
     "gyro_scale_sd",
     "speed_sd_m_s",
     "stretch_s",
+    "accelerometer_scale_sd",
 )
 
 
@@ -25,10 +26,11 @@ class Settings(AttitudeSettings):
     gyro_scale_sd: float = 0.02
     speed_sd_m_s: float = 10.0
     stretch_s: float = 30.0
+    accelerometer_scale_sd: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in _POSITIVE:
             value = getattr(self, name)
-            if not value > 0:
+            if value is not None and not value > 0:
                 raise AgonicError(f"{name} is {value}; it has to be above zero")

@@ -1,0 +1,202 @@
+"""What readings, acceleration and rates each add to the joint estimate, attitudes being states.
+
+In level axes whose x points to magnetic north the field is B = F (cos I, 0, sin I) and the force at
+rest −g ẑ, always. With the attitude R of the sensor in them, and an error δ of it, R → exp(δ) R:
+
+    reading   raw − bias − W⁻¹ Rᵀ B                                in the sensor's axes
+    force     R (force − b_a + (1 + S) g Rᵀ ẑ) − ⟨R [ω]×⟩ v        in the level axes
+    rate      Log(R₂ (R₁ D)ᵀ), D what ω turns between two states    in the level axes
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.inertial.maths.low_pass import low_pass
+from agonic.maths.equation.affine import split
+from agonic.maths.equation.channels import Problem, field_of_terms
+from agonic.maths.rotations.track import (
+    Sums,
+    Track,
+    find_slips,
+    integrate_over_steps,
+    lay_track,
+    sum_rows,
+    sum_slips,
+)
+from agonic.maths.rotations.vectors import skew
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+GRAVITY_SD = 0.003
+"""Of gravity from place to place, over the standard one."""
+_ROWS = 16384  # a block whose Jacobian stays small
+_UP = np.array([0.0, 0.0, -STANDARD_GRAVITY_M_S2])
+
+
+class Log(NamedTuple):
+    """What an inertial unit recorded, in order of time, and how its errors are counted.
+
+    Times (n,), force and rate (n, 3), the rows of its parts without a pause, the standard
+    deviations of a row's noise; `sds` (q,) of the shared errors, first those of the unit: bias of
+    the accelerometer, bias and scale of the gyro, speed, three each. `gains` (g, 3, 3): what one
+    standard deviation of each gain of the accelerometer adds to S. `settling_s`: time constant of
+    ⟨⟩, for a vehicle that nods in a gust does not change its course at once.
+    """
+
+    time: Array
+    force: Array
+    rate: Array
+    parts: list[Index]
+    force_sd: float
+    rate_sd: float
+    sds: Array
+    gains: Array
+    settling_s: float
+
+
+class Felt(NamedTuple):
+    """Force without the bias found, rate without its errors, the track of the gyro, the speed and
+    the gain S, and where the parameters of the unit and of the gains start among all p."""
+
+    force: Array
+    rate: Array
+    track: Track
+    speed: Array
+    shape: Array
+    unit: int
+    gain: int
+    total: int
+
+
+def take_out(log: Log, params: Array) -> Felt:
+    """What the inertial unit felt, without the errors found."""
+    gain = len(params) - len(log.gains)
+    unit = gain - len(log.sds)
+    errors = params[unit:gain] * log.sds
+    rate = (log.rate - errors[3:6]) / (1.0 + errors[6:9])
+    shape = np.tensordot(params[gain:], log.gains, axes=1)
+    track = lay_track(log.time, rate, log.parts)
+    force = log.force - errors[:3]
+    return Felt(force, rate, track, errors[9:12], shape, unit, gain, len(params))
+
+
+def sum_readings(
+    problem: Problem, felt: Felt, attitudes: Array, params: Array, weights: Array
+) -> tuple[Sums, Array]:
+    """The sums of the readings, and the squares of their residuals (n,)."""
+    squares = np.empty(len(attitudes))
+
+    def add(rows: slice, track: Track) -> Sums:
+        sides = _compare(problem.subset(rows), attitudes[rows], params, felt)
+        squares[rows] = (sides[0] ** 2).sum(axis=1)
+        return sum_rows(track, *sides, weights[rows])
+
+    return _by_blocks(felt.track, add), squares
+
+
+def _compare(
+    problem: Problem, attitudes: Array, params: Array, felt: Felt
+) -> tuple[Array, Array, Array]:
+    """Readings against the field: residuals, by state, and by parameters."""
+    assert problem.dip is not None
+    basis, n = problem.basis, len(attitudes)
+    m = basis.shape[1]
+    bias, matrix = split(basis @ params[:m])
+    inverse = np.linalg.inv(matrix)
+    turn, by_dip = find_dip_error(problem, params[: felt.gain])
+    level = problem.dip.horizontal * np.cos(turn) - problem.dip.vertical * np.sin(turn)
+    below = problem.dip.vertical * np.cos(turn) + problem.dip.horizontal * np.sin(turn)
+    field = np.stack(np.broadcast_arrays(level, 0.0 * level, below, np.zeros(n))[:3], axis=-1)
+    back = inverse @ np.swapaxes(attitudes, 1, 2)
+    wanted = np.einsum("nij,nj->ni", back, field)
+    residuals = problem.points - field_of_terms(problem, params[: felt.gain]) - bias - wanted
+    local = np.zeros((n, 3, 12))
+    local[:, :, :3] = -np.eye(3)
+    local[:, :, 3:] = (inverse[None, :, :, None] * wanted[:, None, None, :]).reshape(n, 3, 9)
+    by_params = np.zeros((n, 3, felt.total))
+    by_params[:, :, :m] = local @ basis
+    if problem.terms is not None:
+        k = problem.terms.shape[1]
+        each = -np.eye(3)[None, :, :, None] * problem.terms[:, None, None, :]
+        by_params[:, :, m : m + 3 * k] = each.reshape(n, 3, 3 * k)
+    if by_dip.any():
+        steeper = np.stack([-field[:, 2], 0.0 * field[:, 0], field[:, 0]], axis=1)
+        moved = -np.einsum("nij,nj->ni", back, steeper)
+        by_params[:, :, felt.unit : felt.gain] += moved[:, :, None] * by_dip
+    return residuals, -back @ skew(field), by_params
+
+
+def find_dip_error(problem: Problem, params: Array) -> tuple[float, Array]:
+    """By how much the dip is steeper than the problem has it, rad, and by each shared error."""
+    assert problem.shared is not None
+    by_dip = problem.shared.dip_by
+    return float(by_dip @ params[len(params) - len(by_dip) :]), by_dip
+
+
+def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
+    """The sums of the acceleration.
+
+    What a gain stretches is the force that should be there: stretching the one that was read would
+    make its noise the smaller the larger the gain.
+    """
+
+    turning = _steady_turning(log, felt, attitudes)
+
+    def add(rows: slice, track: Track) -> Sums:
+        axes, turned = attitudes[rows], turning[rows]
+        rest = axes[:, 2] * _UP[2]
+        left = felt.force[rows] - rest - rest @ felt.shape.T
+        by_params = np.zeros((len(left), 3, felt.total))
+        first = felt.unit
+        by_params[:, :, first : first + 3] = -axes * log.sds[:3]
+        by_params[:, :, first + 9 : first + 12] = -turned * log.sds[9:12]
+        by_params[:, :, felt.gain :] = -axes @ np.einsum("gij,nj->nig", log.gains, rest)
+        by_state = np.broadcast_to(-skew(_UP), (len(left), 3, 3))
+        residuals = np.einsum("nij,nj->ni", axes, left) - turned @ felt.speed
+        return sum_rows(track, residuals, by_state, by_params, np.ones(len(left)))
+
+    return _by_blocks(felt.track, add)
+
+
+def _steady_turning(log: Log, felt: Felt, attitudes: Array) -> Array:
+    """⟨R [ω]×⟩ (n, 3, 3): what a speed in the axes of the sensor is felt as, in the level axes."""
+    turning = attitudes @ skew(felt.rate)
+    for rows in log.parts:
+        if len(rows) > 3:
+            step = float(np.median(np.diff(log.time[rows])))
+            turning[rows] = low_pass(turning[rows], step, log.settling_s)
+    return turning
+
+
+def sum_rate(log: Log, felt: Felt, states: Array, attitudes: Array) -> Sums:
+    """The sums of the rates, whose errors turn D by ∫ R δω dt; in units of a row's noise.
+
+    What a scale stretches is the rate at which the states turn, for the noise of the gyro's own
+    would go together with the residuals.
+    """
+    track, slips = felt.track, find_slips(felt.track, states)
+    span = np.maximum(np.diff(log.time[track.nodes]), 1e-9)
+    more = np.concatenate([slips / span[:, None], np.zeros((1, 3))])[track.interval]
+    rate = felt.rate + np.einsum("nji,nj->ni", attitudes, more)
+    by_errors = np.concatenate([attitudes, attitudes * rate[:, None, :]], axis=2)
+    by_params = np.zeros((len(states) - 1, 3, felt.total))
+    turned = integrate_over_steps(track, by_errors, log.time, log.parts)
+    by_params[:, :, felt.unit + 3 : felt.unit + 9] = turned * log.sds[3:9]
+    step = float(np.median(np.diff(log.time)))
+    return sum_slips(track, slips, by_params, log.time).scale(1.0 / step)
+
+
+def _by_blocks(track: Track, add: Callable[[slice, Track], Sums]) -> Sums:
+    """The sums over all rows, a block after the other."""
+    total: Sums | None = None
+    for start in range(0, len(track.interval), _ROWS):
+        rows = slice(start, start + _ROWS)
+        part = track._replace(interval=track.interval[rows], share=track.share[rows])
+        one = add(rows, part)
+        total = one if total is None else total.add(one)
+    assert total is not None
+    return total
