@@ -68,6 +68,18 @@ MOTORS = Compass(
     ),
     latency_s=0.014,
 )
+QUAD = Compass(
+    calibration=Interference(
+        bias=[-700.0, 300, 2000],
+        matrix=MATRIX,
+        magnitude=49_000.0,
+        sensor="MAG6",
+        frame_in="b",
+        frame_out="b",
+        sources=("motor1_duty^1.5", "esc2_A+esc3_A", "heater_W>0.5", "motor1_duty"),
+        coefficients=[[4000.0, 20, 900, 10], [-3000.0, 5, 0, -30], [0, -12, 800, 0]],
+    ),
+)
 WARM = Thermal(  # hysteresis as well
     bias=[[20_000.0, -8000, 3000], [900, -700, 400], [-150, 60, 90], [30, 20, -40]],
     matrix=[MATRIX, 0.02 * MATRIX, 0.004 * np.eye(3), [[0, 1e-3, 0], [1e-3, 0, 0], [0, 0, 2e-3]]],
@@ -90,8 +102,8 @@ ABOARD = Compass(  # calibrated in a chamber, then on board, where bias and moto
                 magnitude=49_000.0,
                 frame_in="b",
                 frame_out="b",
-                sources=("current_A",),
-                coefficients=[[350.0], [0], [-150.0]],
+                sources=("current_A", "motor1_duty^2"),
+                coefficients=[[350.0, 1000], [0, -500], [-150.0, 700]],
             ),
         )
     )
@@ -106,6 +118,7 @@ SETUPS = {
     "level": (Setup(compasses=(MOTORS,), tilt="level", horizontal=19_930.0, vertical=44_764.0), 0),
     "chamber": (Setup(compasses=(replace(CHAMBER, deviation=None),), tilt="level"), -3.0),
     "aboard": (Setup(compasses=(MOTORS, ABOARD, CHAMBER), horizontal=19e3, vertical=45e3), GRID),
+    "motors": (Setup(compasses=(QUAD, MOTORS), tilt="log"), 4.0),
     "three": (Setup(compasses=(MOTORS, COUNTS, HARD), tilt="log", tilt_limit_deg=60), DATE_LINE),
 }
 
@@ -116,7 +129,7 @@ def inputs_of(plan):
     where = (
         ("latitude_deg", "longitude_deg") if isinstance(plan.declination, DeclinationGrid) else ()
     )
-    sources = [prediction.MEMBERS.get(name, name) for name in plan.sources]
+    sources = [prediction.MEMBERS.get(name, name) for name in plan.columns]
     warm = ("temperature_C",) if plan.warm else ()
     return ("raw", *tilt[plan.tilt], *sources, *warm, *where)
 

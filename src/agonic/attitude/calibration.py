@@ -67,6 +67,7 @@ def make_calibration(
         sources=settings.sources,
         coefficients=slopes,
         second_sensor=samples.second_sensor if mixed else None,
+        typical=None if mixed else scale.middle,
     )
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Correction
@@ -115,6 +115,7 @@ class Chain(Correction):
         """
         bias, matrix = np.zeros(3), np.eye(3)
         added: dict[str, Array] = {}
+        typical: dict[str, Array] = {}
         for step in self.steps:
             if isinstance(step, Alignment):
                 matrix = step.rotation.as_matrix() @ matrix
@@ -133,6 +134,7 @@ class Chain(Correction):
             bias = bias + back @ step.bias
             for name, block in _blocks(step).items():
                 added[name] = added.get(name, np.zeros_like(block)) + back @ block
+            typical |= _typical(step)
             matrix = step.matrix @ matrix
         affine = [step for step in self.steps if isinstance(step, Affine)]
         common = {
@@ -153,6 +155,11 @@ class Chain(Correction):
             sources=tuple(added),
             coefficients=np.hstack(list(added.values())),
             second_sensor=self.second_sensor,
+            typical=(
+                np.concatenate([typical[name] for name in added])
+                if set(added) <= set(typical)
+                else None
+            ),
         )
 
     @property
@@ -219,8 +226,20 @@ def _blocks(step: Affine) -> dict[str, Array]:
     """The coefficients (3, 1) or (3, 3) of each source of a step."""
     if not isinstance(step, Interference):
         return {}
-    ends = np.cumsum([parse_source(name).width for name in step.sources])[:-1]
-    return dict(zip(step.sources, np.split(step.coefficients, ends, axis=1), strict=True))
+    blocks = np.split(step.coefficients, _ends(step.sources), axis=1)
+    return dict(zip(step.sources, blocks, strict=True))
+
+
+def _typical(step: Affine) -> dict[str, Array]:
+    """What each source of a step was on average, (1,) or (3,), as far as the step says."""
+    if not isinstance(step, Interference) or step.typical is None:
+        return {}
+    return dict(zip(step.sources, np.split(step.typical, _ends(step.sources)), strict=True))
+
+
+def _ends(sources: tuple[str, ...]) -> Index:
+    """Where the signals of each source but the last end."""
+    return np.cumsum([parse_source(name).width for name in sources])[:-1]
 
 
 AnyCalibration: TypeAlias = Affine | Thermal | Network | Alignment | Chain

@@ -43,6 +43,11 @@ class Source(NamedTuple):
         """How many numbers it is a row."""
         return WIDTH.get(self.columns[0], 1)
 
+    @property
+    def off(self) -> float:
+        """A value of its columns at which it counts nothing; at one more in a column, one."""
+        return self.value if self.form == ">" else 0.0
+
     def evaluate(self, known: Mapping[str, ArrayLike]) -> Array:
         """What counts of the columns, (…) or (…, 3).
 

@@ -36,6 +36,7 @@ class Interference(Affine):
         "second" (three numbers); see `agonic.calibration.inputs`.
     coefficients : (3, k), readings per unit of x.
     second_sensor : the name of the second magnetometer, where the sources have one.
+    typical : (k,) what the sources were on average in the log, where it is known.
     covariance : (m, m) of `parameters`: those of an `Affine`, then the coefficients row by row.
 
     The others as in `Affine`; `bias` is that with x = 0.
@@ -53,6 +54,7 @@ class Interference(Affine):
     sources: tuple[str, ...]
     coefficients: Array
     second_sensor: str | None = None
+    typical: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.sources:
@@ -63,6 +65,9 @@ class Interference(Affine):
         object.__setattr__(self, "sources", tuple(self.sources))
         given = read_only("coefficients", self.coefficients, (3, width))
         object.__setattr__(self, "coefficients", given)
+        if self.typical is not None:
+            typical = read_only("typical", self.typical, (width,))
+            object.__setattr__(self, "typical", typical)
         super().__post_init__()
 
     @property

@@ -118,6 +118,9 @@ class InterferenceRecord(AffineRecord, frozen=True, kw_only=True, tag="interfere
     second_sensor: Annotated[
         str | None, Meta(description="The name of the second magnetometer, where it is a source.")
     ] = None
+    typical: Annotated[
+        Row | None, Meta(description="What the sources were on average in the log.")
+    ] = None
 
 
 class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="thermal"):

@@ -30,6 +30,9 @@ def vehicle(
     opposite: Annotated[
         bool, typer.Option("--opposite", help="The second sensor is disturbed oppositely.")
     ] = False,
+    motors: Annotated[
+        int, typer.Option(help="Motors with a duty and a field of their own.", min=0, max=12)
+    ] = 0,
     truth: Truths = None,
     seed: Seed = 0,
     as_json: Json = False,
@@ -39,9 +42,12 @@ def vehicle(
     from agonic.exports.csv import write_sensors
     from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle
+    from agonic.simulation.draws import draw_motors
 
     known = [load_truth(path) for path in truth or ()]
     settings: dict[str, Any] = {"sensors": len(known), "calibrations": known} if known else {}
+    if motors:
+        settings["motors_nT"] = draw_motors(motors, seed)
     made = simulate_vehicle(
         n=n,
         noise=noise,

@@ -23,6 +23,7 @@ from agonic.exports.convert import (
     Export,
     find_source_term,
     format_float32,
+    hold_sources,
     take_symmetric,
     write_banner,
 )
@@ -97,9 +98,11 @@ def compute_ardupilot_parameters(
     >>> parameters["COMPASS_OFS_X"], round(parameters["COMPASS_SCALE"], 9)
     (-30.0, 1.1)
     """
+    calibration, held = hold_sources(calibration, MOTOR_KIND)
     bias, six, warnings = take_symmetric(
         calibration, "b", unit="milligauss", rotation_bm=rotation_bm
     )
+    warnings += held
     offset = 0.0 - bias / NANOTESLA_PER["mG"]
     scale = float(six[:3].mean())
     if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:

@@ -23,7 +23,7 @@ from agonic.exports.convert import (
     Export,
     find_magnitude,
     format_float32,
-    list_left_out,
+    hold_sources,
     reduce,
     write_banner,
 )
@@ -75,9 +75,10 @@ def write_c(
         text, warnings = make_thermal_header(calibration, name)
         return Export(path=write_atomically(path, text), target="c", warnings=warnings)
     one, lost = hold_temperature(calibration, temperature_C)
+    one, held = hold_sources(one)
     bias, matrix = reduce(one)
     raw, expected, tolerance = _example(one, bias, matrix)
-    formula, warnings = "field = A (raw - b), float32", (*lost, *list_left_out(one))
+    formula, warnings = "field = A (raw - b), float32", (*lost, *held)
     text = fill_template(
         "headers/affine.h.in",
         {

@@ -7,7 +7,7 @@ here bring a calibration to that form and say in warnings what could not be kept
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import compose, steps_of
+from agonic.calibration.chain import Chain, compose, steps_of
 from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
 from agonic.calibration.thermal import Thermal
@@ -113,10 +113,43 @@ def turn_into_frame(
     return into @ bias, out @ matrix @ into.T, warnings
 
 
+def hold_sources(
+    calibration: Calibration, kept: Collection[str] = ()
+) -> tuple[Calibration, tuple[str, ...]]:
+    """The calibration for a target that has a term for one of the sources `kept`, and warnings.
+
+    Where it takes others into account, or several, they are held at their average in the log, or
+    at zero where that is not known.
+    """
+    steps = steps_of(calibration)
+    sources = [n for step in steps if isinstance(step, Interference) for n in step.sources]
+    if not sources or "second" in sources or (len(sources) == 1 and sources[0] in kept):
+        return calibration, ()
+    if any(isinstance(step, Interference) and step.typical is None for step in steps):
+        if not kept:
+            return calibration, list_left_out(calibration)
+        raise AgonicError(
+            f"the target takes one of current and throttle into account, not {', '.join(sources)}; "
+            "fit with one of them, or export the setup to c"
+        )
+    held = [
+        step.at(step.typical)
+        if isinstance(step, Interference) and step.typical is not None
+        else step
+        for step in steps
+    ]
+    warning = (
+        f"the target has no terms for {', '.join(sources)}: they are held at their average in the "
+        "log, and what they change beside it stays in the field. Export the setup to c to keep "
+        "the terms"
+    )
+    return held[0] if len(held) == 1 else Chain(steps=tuple(held)), (warning,)
+
+
 def find_source_term(
     calibration: Calibration, frame: str, *, rotation_bm: Rotation | None = None
 ) -> tuple[str, Array] | None:
-    """The current or throttle and its coefficient, for a target that can hold one of them.
+    """The current or throttle and its coefficient, after `hold_sources`.
 
     Returns its name and K (3,), readings in nT per unit of it, in the axes of `frame`; `None`
     where the calibration has none.
@@ -124,11 +157,6 @@ def find_source_term(
     one = compose(calibration)
     if not isinstance(one, Interference):
         return None
-    if len(one.sources) > 1:
-        raise AgonicError(
-            f"the target takes one of current and throttle into account, not {one.sources}; fit "
-            "with one of them, or export the setup to c"
-        )
     into, _, _ = find_turns(calibration, frame, rotation_bm)
     return one.sources[0], into @ one.coefficients[:, 0]
 

@@ -22,7 +22,7 @@ from scipy.io import savemat
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.exports.convert import Export, find_magnitude, list_left_out, reduce, write_banner
+from agonic.exports.convert import Export, find_magnitude, hold_sources, reduce, write_banner
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.polynomials import RATE, changes_with_temperature, find_range_C, fit_polynomials
 
@@ -60,10 +60,11 @@ def write_matlab(
             temperature_C = float(np.mean(find_range_C(calibration)))
         warm = _over_temperature(calibration) | {"temperature_C": temperature_C}
     one, _ = hold_temperature(calibration, temperature_C)
+    one, held = hold_sources(one)
     bias, matrix = reduce(one)
     magnitude = find_magnitude(calibration)
     unknown = "the field magnitude is not known: expmfs is NaN"
-    warnings = (*list_left_out(one), *((unknown,) if magnitude is None else ()))
+    warnings = (*held, *((unknown,) if magnitude is None else ()))
     variables = {
         **warm,
         "A": matrix.T,

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.exports.convert import Export, find_magnitude, list_left_out, take_symmetric
+from agonic.exports.convert import Export, find_magnitude, hold_sources, take_symmetric
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
 
@@ -64,8 +64,9 @@ def write_motioncal(
 
 def make_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
     """The numbers of the packet, and warnings."""
+    calibration, held = hold_sources(calibration)
     bias, six, warnings = take_symmetric(calibration, calibration.frame_in, unit="microtesla")
-    warnings += list_left_out(calibration)
+    warnings += held
     magnitude = find_magnitude(calibration)
     if magnitude is None:
         warnings += (

@@ -16,7 +16,7 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.calibration.composed_covariance import compute_composed_covariance
-from agonic.exports.convert import Export, list_left_out, reduce, write_banner
+from agonic.exports.convert import Export, hold_sources, reduce, write_banner
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.table import format_rows
 
@@ -44,7 +44,8 @@ def write_mr(
     ['MR10,-3000.0,,nT', 'MR11,1.0,,nT/nT', 'MR12,0.0,,nT/nT', 'MR13,0.0,,nT/nT']
     """
     one, lost = hold_temperature(calibration, temperature_C)
-    warnings = (*lost, *list_left_out(one))
+    one, held = hold_sources(one)
+    warnings = (*lost, *held)
     bias, matrix = reduce(one)
     numbers = np.concatenate([-(matrix @ bias)[:, None], matrix], axis=1).ravel() + 0.0
     errors = _find_errors(one, bias, matrix)

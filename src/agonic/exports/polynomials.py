@@ -18,7 +18,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import steps_of
-from agonic.calibration.inputs import WIDTH
+from agonic.calibration.inputs import parse_source
 from agonic.calibration.inputs import signals as signals_of
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
@@ -104,7 +104,12 @@ def evaluate_affine(
     """
     temperature = np.atleast_1d(np.asarray(temperature_C, dtype=np.float64))
     n, size = len(temperature), 1e5  # of a usual reading, for the rounding
-    still = {name: np.zeros((n, 3)[: WIDTH.get(name, 1) // 3 + 1]) for name in calibration.needs}
+    sources = [parse_source(name) for name in list_sources(calibration)]
+    still = {
+        name: np.full((n, 3)[: source.width // 3 + 1], source.off)
+        for source in sources
+        for name in source.columns
+    }
     still["temperature"] = temperature
 
     def field(reading: Array, **moved: Array) -> Array:
@@ -113,17 +118,30 @@ def evaluate_affine(
     zero = field(np.zeros(3))
     matrix = np.stack([field(size * axis) - zero for axis in np.eye(3)], axis=2) / size
     added = []
-    for name in (n for n in calibration.needs if n != "temperature"):
-        for unit in np.eye(3) if WIDTH.get(name, 1) == 3 else (np.array(1.0),):
-            added.append(field(np.zeros(3), **{name: np.broadcast_to(unit, still[name].shape)}))
+    for source in sources:
+        name = source.columns[0]
+        for unit in np.eye(3) if source.width == 3 else (np.array(1.0),):
+            added.append(field(np.zeros(3), **{name: still[name] + unit}))
     moved = np.stack([one - zero for one in added], axis=2) if added else np.zeros((n, 3, 0))
     both = -np.linalg.solve(matrix, np.concatenate([zero[:, :, None], moved], axis=2))
     return both[:, :, 0], matrix, both[:, :, 1:]
 
 
+def list_sources(calibration: Calibration) -> tuple[str, ...]:
+    """What a calibration takes beside reading and temperature, in order, each in its form."""
+    return tuple(
+        dict.fromkeys(
+            name
+            for step in steps_of(calibration)
+            for name in (step.sources if isinstance(step, Interference) else step.needs)
+            if name != "temperature"
+        )
+    )
+
+
 def list_signals(calibration: Calibration) -> tuple[str, ...]:
     """The numbers beside reading and temperature that a calibration takes, in order."""
-    return signals_of(tuple(name for name in calibration.needs if name != "temperature"))
+    return signals_of(list_sources(calibration))
 
 
 def fit_polynomials(calibration: Calibration) -> Polynomials:

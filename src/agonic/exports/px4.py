@@ -27,6 +27,7 @@ from agonic.exports.convert import (
     find_source_term,
     find_turns,
     format_float32,
+    hold_sources,
     take_symmetric,
     write_banner,
 )
@@ -132,7 +133,9 @@ def compute_px4_parameters(
         into, _, _ = find_turns(calibration, "m", rotation_bm)
         thermal, lost = compute_thermal_parameters(calibration, temperature_C, into, slot=slot)
     calibration, _ = hold_temperature(calibration, temperature_C)
+    calibration, held = hold_sources(calibration, POWER_KIND)
     bias, six, warnings = take_symmetric(calibration, "m", unit="gauss", rotation_bm=rotation_bm)
+    warnings += held
     offset = bias / NANOTESLA_PER["G"]
     parameters: dict[str, float | int] = {}
     if device_id is not None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
-from agonic.exports.convert import Export, list_left_out, turn_into_frame, write_banner
+from agonic.exports.convert import Export, hold_sources, turn_into_frame, write_banner
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
 
@@ -46,8 +46,9 @@ def write_ros(
     if ros not in (1, 2):
         raise AgonicError(f"ros is 1 or 2, not {ros}")
     one, lost = hold_temperature(calibration, temperature_C)
+    one, held = hold_sources(one)
     bias, matrix, warnings = turn_into_frame(one, one.frame_in, unit="tesla")
-    warnings = (*lost, *warnings, *list_left_out(one))
+    warnings = (*lost, *warnings, *held)
     values = (bias / NANOTESLA_PER["T"]).tolist()
     rows = [f"{name}: {_number(value)}" for name, value in zip(BIAS, values, strict=True)]
     rows.append(f"{MATRIX}: [{', '.join(map(_number, matrix.ravel().tolist()))}]")

@@ -15,7 +15,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.composed_covariance import compute_composed_covariance
 from agonic.calibration.thermal import Thermal
-from agonic.exports.convert import Export, list_left_out, reduce, write_banner
+from agonic.exports.convert import Export, hold_sources, list_left_out, reduce, write_banner
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.polynomials import RATE, changes_with_temperature, fit_polynomials
 from agonic.maths.equation.affine import join, model_basis
@@ -50,7 +50,8 @@ def write_table(
         formula += ", the coefficient of the power at its end of x = (T - centre) / half_range"
     else:
         one, lost = hold_temperature(calibration, temperature_C)
-        rows, warnings = _plain(one), (*lost, *list_left_out(one))
+        one, held = hold_sources(one)
+        rows, warnings = _plain(one), (*lost, *held)
     text = format_rows(write_banner(calibration, formula, warnings), rows)
     return Export(path=write_atomically(path, text), target="table", warnings=warnings)
 

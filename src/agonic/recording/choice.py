@@ -10,12 +10,16 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.attitude.disturbers import choose_sources, describe_gain, describe_sources
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.problem import find_terms
+from agonic.attitude.settings import Settings
 from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
+from agonic.calibration.interference import Interference
 from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.field.place import describe_missing
@@ -131,12 +135,10 @@ def _fit_with_attitude(
         samples = undelayed(samples, latency.latency_s)
         reference = _select_reference(reference, late, samples)
     fit = None
-    if "sources" not in settings and _varies(samples.current_A):
-        fit = run(samples, reference, **settings, sources=("current_A",))
-        if _current_matters(fit, samples):
-            reason += ", and the current moves the readings"
-        else:
-            fit = None
+    if "sources" not in settings:
+        fit = _fit_with_sources(samples, reference, method, settings)
+        if fit is not None:
+            reason += f", and {describe_sources(_sources(fit))} the readings"
     if fit is None:
         fit = run(samples, reference, **settings)
     if isinstance(fit, InertialFit):
@@ -145,7 +147,7 @@ def _fit_with_attitude(
     same = {
         **settings,
         "gauge": fit.calibration.gauge,
-        "sources": getattr(fit.calibration, "sources", ()),
+        "sources": _sources(fit),
     }
 
     def again(samples: Samples, reference: Reference) -> Calibration:
@@ -252,18 +254,50 @@ def _select_reference(reference: Reference, before: Samples, after: Samples) -> 
     return reference.select(np.minimum(rows, len(before) - 1))
 
 
+def _fit_with_sources(
+    samples: Samples, reference: Reference, method: str, settings: Mapping[str, Any]
+) -> Fit | None:
+    """The fit with what disturbs on board, where anything recorded does; with what was compared.
+
+    What is better on unseen parts of the log is taken, or a current that moves the readings.
+    """
+    run, found = _FITS[method], None
+    if method in ("levelled", "vector"):
+        channels = ("magnitude", "dip", "azimuth")[: 3 if method == "vector" else 2]
+        found = choose_sources(samples, reference, channels, Settings(**settings))
+        if found.sources:
+            fit = run(samples, reference, **settings, sources=found.sources)
+            if _measure_sources(fit, samples) > MATTERS:
+                return fit.with_findings(describe_gain(found))
+    if not _varies(samples.current_A):
+        return None
+    fit = run(samples, reference, **settings, sources=("current_A",))
+    surely = _test_sources(fit) < SIGNIFICANT
+    return fit if surely and _measure_sources(fit, samples) > MATTERS else None
+
+
+def _sources(fit: Fit) -> tuple[str, ...]:
+    return getattr(fit.calibration, "sources", ())
+
+
 def _varies(current: Array | None) -> bool:
     return current is not None and float(np.ptp(current)) > 0.0
 
 
-def _current_matters(joined: Fit, samples: Samples) -> bool:
-    """Whether a current moves the readings, beyond chance and by more than a trifle."""
+def _test_sources(joined: Fit) -> float:
+    """How likely chance would make what sources add."""
+    assert isinstance(joined.calibration, Interference)
+    slopes = joined.calibration.coefficients
+    known = joined.covariance[-slopes.size :, -slopes.size :]
+    return wald(slopes.ravel(), known, joined.n / joined.correlation).p_value
+
+
+def _measure_sources(joined: Fit, samples: Samples) -> float:
+    """By how much of the field the usual changes of sources move it."""
     calibration = joined.calibration
-    assert calibration.covariance is not None
+    assert isinstance(calibration, Interference)
     assert calibration.magnitude is not None
-    assert samples.current_A is not None
-    slope = calibration.cleaned(np.zeros(3), current_A=-1.0)
-    chance = wald(slope, calibration.covariance[-3:, -3:], joined.n / joined.correlation).p_value
-    low, high = np.percentile(samples.current_A, (5, 95))
-    moved = float(np.linalg.norm(calibration.matrix @ slope)) * (high - low)
-    return chance < SIGNIFICANT and moved > MATTERS * calibration.magnitude
+    added = calibration.matrix @ calibration.coefficients
+    moved = find_terms(samples, calibration.sources) @ added.T
+    low, high = np.percentile(moved, (5, 95), axis=0)
+    return float(np.linalg.norm(high - low)) / calibration.magnitude

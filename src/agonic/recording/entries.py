@@ -38,7 +38,8 @@ def list_entries(result: Calibrated) -> dict[str, str]:
     for group in others:
         if group.name.startswith(ADDED):
             name = group.name.removeprefix(ADDED)
-            entries[LABELS.get(name, name)] = f"{_join_numbers(group)} ({name})"
+            known = f" ({name})" if name in LABELS else ""
+            entries[LABELS.get(name, name)] = f"{_join_numbers(group)}{known}"
     return entries
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.attitude.disturbers import name_sources
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.vector import fit_vector
@@ -152,7 +153,11 @@ def _list_others(
         yield "full + current_A", _join_current, ""
     if chosen.needs and method in _WITHOUT:
         name = f"{NAMES[chosen.model]} + {AIDS[method]}"
-        yield name, lambda *given: _WITHOUT[method](*given).calibration, "the current is missing"
+        yield (
+            name,
+            lambda *given: _WITHOUT[method](*given).calibration,
+            "what disturbs on board is missing",
+        )
 
 
 _WITHOUT: Mapping[str, Callable[..., Fit]] = {"levelled": fit_levelled, "vector": fit_vector}
@@ -177,7 +182,7 @@ def _identity(chosen: Affine) -> Affine:
 def _name(chosen: Affine, method: str) -> str:
     parts = [NAMES[chosen.model]]
     parts += [AIDS[method]] if method in AIDS else []
-    parts += chosen.needs
+    parts += [name_sources(chosen.sources)] if isinstance(chosen, Interference) else []
     return " + ".join(parts)
 
 

@@ -16,7 +16,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference, signals
 from agonic.maths.equation.affine import model_basis, split
 from agonic.recording.calibrated import Calibrated
-from agonic.report.labels import PER, unit_label
+from agonic.report.labels import per_label, unit_label
 
 _AXES = ("x", "y", "z")
 ADDED = "Added by "
@@ -134,7 +134,7 @@ def _list_sources(result: Calibrated) -> list[Group]:
         _group(
             result,
             f"{ADDED}{name}",
-            f"{unit_label(new.unit_in)} {PER[name.split('_')[0]]}",
+            f"{unit_label(new.unit_in)} {per_label(name)}",
             _AXES,
             partial(_signal, k),
             compared=False,

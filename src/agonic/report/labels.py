@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from agonic.units import RAW
 
-PER = {"current": "per A", "throttle": "at full throttle", "second": "per unit"}
-"""What a source on board is counted in."""
+PER = {
+    "A": "per A",
+    "W": "per W",
+    "Am2": "per A m²",
+    "duty": "at full duty",
+    "throttle": "at full throttle",
+}
+"""What a source on board is counted in, by the end of its name."""
 
 FRAMES = {
     "m": "magnetometer",
@@ -16,6 +22,20 @@ FRAMES = {
     "i": "inertial",
 }
 """What the letter of a frame stands for."""
+
+
+def per_label(source: str) -> str:
+    """What the coefficient of a source is for.
+
+    >>> per_label("current_A"), per_label("motor1_duty^1.5"), per_label("heater_A>0.5")
+    ('per A', 'at full duty', 'while on')
+    """
+    column, power, _ = source.partition("^")
+    if ">" in source:
+        return "while on"
+    unit = column.rsplit("_", 1)[-1]
+    bounded = unit in ("duty", "throttle")
+    return f"per unit of {source}" if power and not bounded else PER.get(unit, "per unit")
 
 
 def unit_label(unit: str) -> str:

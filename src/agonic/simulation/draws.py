@@ -66,3 +66,12 @@ def draw_smooth(
 def make_knots(duration_s: float, pace_s: float) -> Array:
     """Times `pace_s` apart from before 0 to after `duration_s`, at least four."""
     return np.arange(-1, np.ceil(duration_s / pace_s) + 3) * pace_s
+
+
+def draw_motors(count: int, seed: int) -> Array:
+    """The field of each motor at full duty, (count, 3), nT, as leads near a compass make it.
+
+    >>> draw_motors(4, 0).shape
+    (4, 3)
+    """
+    return 4000.0 * np.random.default_rng((seed, count)).standard_normal((count, 3))

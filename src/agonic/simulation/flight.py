@@ -123,6 +123,17 @@ def compute_current_A(throttle: Array, full_current_A: float) -> Array:
     return np.asarray(full_current_A * (0.05 + 0.95 * throttle**1.5))
 
 
+def steer(rng: np.random.Generator, duration_s: float, throttle: Function, motors: int) -> Function:
+    """The duty of each motor, (n, k) at times (n,): the throttle, and what steers the vehicle."""
+    own = [draw_smooth(rng, duration_s, sd=0.08, pace_s=0.7) for _ in range(motors)]
+
+    def duty(at: Array) -> Array:
+        steered = [motor(at) for motor in own]
+        return np.stack([np.clip(throttle(at) + one, 0.05, 1.0) for one in steered], axis=1)
+
+    return duty
+
+
 def _turn_rate(bank_deg: float, speed: float) -> float:
     """Mean °/s of a turn whose steepest bank is given: the quintic step's peak rate is 15/8."""
     if not 0 < bank_deg < 80:

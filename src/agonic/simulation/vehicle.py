@@ -22,7 +22,14 @@ from agonic.maths.rotations.attitude import angles_deg
 from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation.draws import draw_smooth, random_calibration
-from agonic.simulation.flight import Flown, Vehicle, compute_current_A, compute_position, fly
+from agonic.simulation.flight import (
+    Flown,
+    Vehicle,
+    compute_current_A,
+    compute_position,
+    fly,
+    steer,
+)
 from agonic.simulation.motions import rate_of_change, rotation_rate
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
@@ -65,6 +72,7 @@ def simulate_vehicle(
     placing: Placing = "apart",
     stray_nT_A: ArrayLike = ((60.0, -35.0, 90.0), (-25.0, 50.0, 40.0)),
     full_current_A: float = 25.0,
+    motors_nT: ArrayLike = (),
     latency_s: float = 0.0,
     attitude_sd_deg: float = 0.3,
     heading_sd_deg: float | None = 0.5,
@@ -92,6 +100,8 @@ def simulate_vehicle(
     placing : "opposite" turns the second sensor's disturbance into the first's, with opposite sign.
     stray_nT_A : (3,) or one for each sensor: the field of an ampere at its place, body axes.
     full_current_A : current at full throttle.
+    motors_nT : (k, 3) the field of each of k motors at full duty, body axes, where they disturb
+        for themselves: a motor with duty d adds d^1.5 of it. The columns are `motor1_duty` ….
     latency_s : how late readings are beside all other columns.
     attitude_sd_deg : of the errors of roll and pitch on level legs, correlated over some
         `correlation_s`; under an acceleration a they are √(1 + (2a/g)²) times as large.
@@ -135,11 +145,15 @@ def simulate_vehicle(
         "seed": seed,
     }
     _check(facts, sensors, calibrations)
-    way_rng, noise_rng, truth_rng, attitude_rng = np.random.default_rng(seed).spawn(4)
+    generators = np.random.default_rng(seed).spawn(5)
+    way_rng, noise_rng, truth_rng, attitude_rng, motor_rng = generators
     time = np.arange(n) / rate_Hz
     flown = fly(way_rng, time[-1] + abs(latency_s), vehicle=vehicle, leg_s=leg_s, bank_deg=bank_deg)
     given = calibrations or [random_calibration(truth_rng, bias=bias) for _ in range(sensors)]
-    truths = _truths(given, _strays(stray_nT_A, placing, sensors), noise)
+    strays = np.asarray(motors_nT, dtype=np.float64).reshape(-1, 3)
+    motors = [f"motor{k + 1}_duty" for k in range(len(strays))]
+    added = (_strays(stray_nT_A, placing, sensors), strays)
+    truths = _truths(given, *added, [f"{name}^1.5" for name in motors], noise)
     start = (latitude_deg, longitude_deg, altitude_m)
     common = _common(time, flown, start, epoch, full_current_A).with_columns(
         **_recorded_angles(
@@ -149,11 +163,15 @@ def simulate_vehicle(
     along = _field_n(field_n, common)
     then = time - latency_s
     field_then = flown.attitude(then).apply(along, inverse=True)
-    current_then = compute_current_A(flown.throttle(then), full_current_A)
+    disturbing = {"current_A": compute_current_A(flown.throttle(then), full_current_A)}
+    if motors:
+        duty = steer(motor_rng, time[-1] + abs(latency_s), flown.throttle, len(motors))
+        disturbing |= dict(zip(motors, duty(then).T, strict=True))
+        common = common.with_columns(disturbers=dict(zip(motors, duty(time).T, strict=True)))
     return SimulatedVehicle(
         samples=tuple(
             common.with_columns(
-                field=_readings(field_then, current_then, truth, noise_rng), name=truth.sensor
+                field=_readings(field_then, disturbing, truth, noise_rng), name=truth.sensor
             )
             for truth in truths
         ),
@@ -194,25 +212,27 @@ def _strays(stray_nT_A: ArrayLike, placing: Placing, sensors: int) -> Array:
     return np.asarray(given[:sensors])
 
 
-def _truths(given: Sequence[Affine], strays: Array, noise: float) -> tuple[Interference, ...]:
-    """The calibrations with what a current adds to the readings: matrix⁻¹ @ stray an ampere."""
+def _truths(
+    given: Sequence[Affine], strays: Array, motors_nT: Array, motors: Sequence[str], noise: float
+) -> tuple[Interference, ...]:
+    """The calibrations with what current and motors add to the readings: matrix⁻¹ @ stray."""
     return tuple(
         Interference(
             **{f.name: getattr(truth, f.name) for f in fields(Affine)}
             | {"covariance": None, "noise": noise, "sensor": f"mag{number}"},
-            sources=("current_A",),
-            coefficients=np.linalg.solve(truth.matrix, stray)[:, None],
+            sources=("current_A", *motors),
+            coefficients=np.linalg.solve(truth.matrix, np.vstack([stray, motors_nT]).T),
         )
         for number, (truth, stray) in enumerate(zip(given, strays, strict=True), start=1)
     )
 
 
 def _readings(
-    field_b: Array, current: Array, truth: Interference, rng: np.random.Generator
+    field_b: Array, disturbing: Mapping[str, Array], truth: Interference, rng: np.random.Generator
 ) -> Array:
-    """What a sensor reads of a field in body axes beside a current."""
+    """What a sensor reads of a field in body axes beside what disturbs it."""
     raw = field_b @ np.linalg.inv(truth.matrix).T + truth.bias
-    raw = raw + current[:, None] * truth.coefficients[:, 0]
+    raw = raw - truth.cleaned(np.zeros(3), **disturbing)
     return np.asarray(raw + (truth.noise or 0.0) * rng.standard_normal(raw.shape))
 
 

@@ -13,10 +13,9 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import compose
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.inputs import SOURCES, signals
+from agonic.calibration.inputs import SOURCES, list_columns, signals
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
-from agonic.errors import AgonicError
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.polynomials import (
     RATE,
@@ -24,6 +23,7 @@ from agonic.exports.polynomials import (
     changes_with_temperature,
     find_range_C,
     fit_polynomials,
+    list_sources,
     make_constant,
 )
 from agonic.maths.rotations.tilt import Order
@@ -119,17 +119,21 @@ class Plan:
         """The deviation of each compass."""
         return tuple(compass.deviation for compass in self.setup.compasses)
 
-    @property
+    @cached_property
     def sources(self) -> tuple[str, ...]:
-        """What any of the compasses needs beside its readings, in the order of `SOURCES`."""
-        needed = {name for compass in self.setup.compasses for name in compass.calibration.needs}
-        known = (*SOURCES, RATE)
-        if unknown := needed - {*known, "temperature"}:
-            raise AgonicError(
-                f"a calibration needs {', '.join(sorted(unknown))}, which the firmware does not "
-                "know"
-            )
-        return tuple(name for name in known if name in needed)
+        """What any of the compasses takes beside its readings, each in its form.
+
+        Those of `SOURCES` come first, the rate of the temperature last.
+        """
+        compasses = self.setup.compasses
+        taken = dict.fromkeys(n for c in compasses for n in list_sources(c.calibration))
+        order = (*SOURCES, *(name for name in taken if name not in (*SOURCES, RATE)), RATE)
+        return tuple(name for name in order if name in taken)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The inputs that hold them, each once."""
+        return list_columns(self.sources)
 
     @property
     def coefficients(self) -> Array:

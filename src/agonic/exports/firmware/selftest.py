@@ -62,6 +62,8 @@ def make_known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str,
     inputs["acceleration"] = -9.81 * turn[:, 2]
     inputs["acceleration"][-3] *= 1.3
     inputs["current_A"], inputs["throttle"] = rng.uniform(0, 30, n), rng.uniform(0, 1, n)
+    for column in plan.columns:
+        inputs.setdefault(column, rng.uniform(0.0, 2.0, n))
     inputs["second"] = rng.normal(size=(n, k, 3)) * _reading_sizes(plan)[:, None]
     inputs |= _temperatures(plan, n)
     inputs |= _places(plan.declination, rng, n)
@@ -165,7 +167,7 @@ def _find_clear(plan: Plan, given: dict[str, Array]) -> Mask:
 def _entry(plan: Plan, given: dict[str, Array], expected: Prediction, row: int) -> str:
     """One known reading, in the order of the structs."""
     tilt = {"angles": ("roll_deg", "pitch_deg"), "acceleration": ("acceleration",), "level": ()}
-    sources = [MEMBERS.get(name, name) for name in plan.sources]
+    sources = [MEMBERS.get(name, name) for name in plan.columns]
     names = ["raw", *tilt[plan.tilt], *sources, *(["temperature_C"] if plan.warm else [])]
     if isinstance(plan.declination, DeclinationGrid):
         names += ["latitude_deg", "longitude_deg"]

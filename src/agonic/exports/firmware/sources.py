@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.interference import signals
+from agonic.calibration.inputs import Source, parse_source, signals
 from agonic.exports.convert import write_banner
 from agonic.exports.firmware.ctext import (
     fill_template,
@@ -109,13 +109,14 @@ def write_declination(plan: Plan) -> str:
 def _common(plan: Plan, name: str) -> dict[str, str]:
     first = plan.calibrations[0]
     guard = name.upper()
-    needed = ["raw", plan.tilt, *plan.sources]
+    needed = ["raw", plan.tilt, *plan.columns]
     if plan.warm:
         needed.append("temperature")
     if isinstance(plan.declination, DeclinationGrid):
         needed.append("grid")
     fields = {
         "raw": f"    float raw[{guard}_COMPASSES][3];  /* readings, a row a magnetometer */",
+        **{column: f"    float {column};" for column in plan.columns},
         **INPUTS,
     }
     order = ORDERS[plan.setup.tilt_order]
@@ -225,7 +226,16 @@ def _signal(name: str) -> str:
         return f"in->second[which][{'xyz'.index(name[-1])}]"
     if name == RATE:
         return "in->temperature_rate_C_s[which]"
-    return f"in->{name}"
+    source = parse_source(name)
+    return " + ".join(_write_term(f"in->{column}", source) for column in source.columns)
+
+
+def _write_term(x: str, source: Source) -> str:
+    """A column in the form in which it counts."""
+    value = write_literal(source.value)
+    if source.form == "^":
+        return f"powf(fabsf({x}), {value})"
+    return f"({x} > {value} ? 1.0f : 0.0f)" if source.form == ">" else x
 
 
 def _sensor(k: int, calibration: Affine) -> str:

@@ -8,7 +8,7 @@ from agonic.calibration.alignment import Alignment
 from agonic.inflight.fit import InflightFit
 from agonic.report.digits import degrees, quantity, with_sd
 from agonic.report.document import Block, Section, Table
-from agonic.report.labels import PER, unit_label
+from agonic.report.labels import per_label, unit_label
 from agonic.report.strips import Axis, Columns, arrows, caption, line, plot, spread
 from agonic.report.time_axis import along_time
 
@@ -77,6 +77,6 @@ def describe_sources(fit: InflightFit) -> list[Section]:
         )
     ]
     unit = unit_label(fit.change.unit_in)
-    units = sorted({PER.get(name.split("_")[0], "per unit") for name in fit.source_names})
+    units = sorted({per_label(name) for name in fit.source_names})
     note = f"What each adds to a reading, {unit} {' or '.join(units)}."
     return [Section("Currents on board", [note, Table(["Source", "x", "y", "z"], rows)])]

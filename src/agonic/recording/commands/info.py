@@ -49,7 +49,10 @@ def _described(log: Log) -> dict[str, Any]:
 def _sensor(samples: Samples) -> dict[str, Any]:
     import numpy as np
 
+    from agonic.attitude.problem import list_disturbers
     from agonic.health import describe, find_quantisation
+
+    columns = samples.columns()
 
     time = samples.time
     rate = None if time is None or len(time) < 2 else 1 / float(np.median(np.diff(time)))
@@ -65,6 +68,11 @@ def _sensor(samples: Samples) -> dict[str, Any]:
         "step": find_quantisation(samples.field),
         "range": [samples.field.min(axis=0), samples.field.max(axis=0)],
         "columns": list(samples.columns()),
+        "disturbers": {
+            name: [columns[name].min(), columns[name].max()]
+            for name in list_disturbers(samples)
+            if name != "second"
+        },
         "corrected": None if samples.logged is None else samples.logged.source,
         "notes": samples.notes,
         "findings": [
@@ -88,6 +96,9 @@ def _text(log: Log, found: dict[str, Any]) -> str:
             f"  range     {ranges} {unit}",
             f"  columns   {', '.join(s['columns'])}",
         ]
+        if s["disturbers"]:
+            ends = (f"{n} {a:.4g} … {b:.4g}" for n, (a, b) in s["disturbers"].items())
+            lines.append(f"  disturbs? {', '.join(ends)} (agonic calibrate tries them)")
         if s["device_id"] is not None:
             lines.append(f"  device    {s['device_id']}")
         lines += [f"  note      {note}" for note in s["notes"]]
