@@ -11,6 +11,7 @@ from benchmarks.faults import (
     FIELD_N,
     Fault,
     Recording,
+    quantised,
     record,
     tilts,
     with_attitude,
@@ -84,3 +85,9 @@ def test_errors_of_the_attitude_that_last(kind: str) -> None:
     assert 0.5 < np.sqrt(np.mean(draws.bias**2)) < 1.3
     assert 0.5 < np.sqrt(np.mean(draws.heading**2)) < 1.5
     assert 0.5 < np.sqrt(np.mean(draws.own**2)) < 1.3  # 8 where the turn counted as known
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_few_levels_an_axis_are_told(kind: str) -> None:
+    draws = draw(kind, quantised(5000.0), k=3, n=1000)
+    assert set(draws.verdicts) == {"check"}

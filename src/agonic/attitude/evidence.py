@@ -25,6 +25,7 @@ from agonic.health import (
     Evidence,
     Finding,
     check_mounting,
+    check_resolution,
     check_scale,
     examine,
     figure,
@@ -240,7 +241,8 @@ def _findings(
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
     examined = examine(evidence, attitude_aided=True)
-    found = [*seen, *filter(None, (check_scale(gain, samples.unit), half))]
+    coarse = check_resolution(samples.field, evidence.radius, samples.unit)
+    found = [*seen, *filter(None, (check_scale(gain, samples.unit), coarse, half))]
     found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(_doubt_attitude(tilt_sd, felt=problem.shared is not None))

@@ -10,6 +10,7 @@ from agonic.arrays import Array
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import SOURCES, list_columns, signals, stack_inputs
 from agonic.errors import AgonicError, CoverageError, LogError
+from agonic.health import find_rounding
 from agonic.maths.equation.channels import Dip, Problem
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
@@ -78,6 +79,7 @@ def normalise(
         terms=(x - middle) / spread if settings.sources else None,
         dip=dip,
         across=None if attitude is None else _across(attitude, reference),
+        rounding=find_rounding(samples.field) / size,
     )
     return problem, Scale(centre, size, magnitude, reference.sd, middle, spread)
 

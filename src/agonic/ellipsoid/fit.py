@@ -28,7 +28,7 @@ from agonic.health import (
     Fitted,
     describe_model_errors,
     examine_model,
-    find_steps,
+    find_rounding,
     find_usable_rows,
     inspect,
     widen,
@@ -132,7 +132,7 @@ def _solve(
     usable = find_usable_rows(samples.field)
     scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
-    rounding = float(np.sqrt(np.mean(find_steps(samples.field) ** 2) / 12)) / scale.size
+    rounding = find_rounding(samples.field) / scale.size
 
     def attempt(model: Fixed) -> Found:
         if method != "likelihood":

@@ -22,7 +22,7 @@ from agonic.health.readings import (
     find_usable_rows,
     inspect,
 )
-from agonic.health.resolution import check_resolution, find_quantisation, find_steps
+from agonic.health.resolution import check_resolution, find_quantisation, find_rounding
 from agonic.health.scale import check_scale
 
 __all__ = [
@@ -48,7 +48,7 @@ __all__ = [
     "examine_model",
     "figure",
     "find_quantisation",
-    "find_steps",
+    "find_rounding",
     "find_usable_rows",
     "inspect",
     "sentences",
