@@ -130,8 +130,8 @@ def test_an_uncertain_reference_makes_gains_uncertain_and_bias_not() -> None:
     ("model", "sentence"),
     [
         ("sphere", "no sign of soft iron (p ="),
-        ("diagonal", "soft iron or unequal gains are present (p < 1e-6)"),
-        ("full", "soft iron or unequal gains are present (p < 1e-6)"),
+        ("diagonal", "unequal gains are present (p < 1e-6)"),
+        ("full", "soft iron or non-orthogonal axes are present (p < 1e-6)"),
     ],
 )
 def test_auto_picks_the_model_and_says_why(model: str, sentence: str) -> None:

@@ -119,7 +119,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     ),
     "agonic fit network": (
         "agonic fit network flight.csv --reference known.csv -o net.json",
-        "agonic fit network flight.csv --field 48000 --hidden 6 --report net.html",
+        "agonic fit network flight.csv --field 48000 --hidden 6 --compare --report net.html",
     ),
     "agonic fit thermal": (
         "agonic fit thermal campaign.toml -o results",
@@ -175,6 +175,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "agonic simulate orbit": (
         "agonic simulate orbit -o day.csv",
         "agonic simulate orbit -o day.csv -n 20000 --moved 1500 --jump 3000",
+    ),
+    "agonic simulate network": (
+        "agonic simulate network -o paper",
+        "agonic simulate network --seed 3 --json -o paper",
     ),
     "agonic simulate paper": (
         "agonic simulate paper -o flight.csv",

@@ -32,6 +32,8 @@ UNSEEN_TRIFLE = 0.05
 """And the share of the mean square of their residuals."""
 
 _PRESENT = {"sphere": "soft iron or unequal gains are", "diagonal": "cross-axis terms are"}
+_WHICH = {True: "soft iron or non-orthogonal axes are", False: "unequal gains are"}
+"""Which of the first, by whether cross-axis terms tilt the ellipsoid."""
 
 SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
 
@@ -151,15 +153,17 @@ def choose_model(
     full = attempt("full")
     gain = float(np.trace(full.matrix)) / 3
     discerned = float(np.sqrt(np.diag(full.covariance)[3:].max())) < DISCERNIBLE * gain
+    compared = gauge.compare_soft_iron_models(full.matrix, full.covariance)
+    tilted = bool(compared[1][3] <= SIGNIFICANT)
     tests = tuple(
         ModelTest(
             smaller=small,
             larger=large,
             statistic=x,
             p_value=p,
-            sentence=describe_test(small, p, discerned),
+            sentence=describe_test(small, p, discerned, tilted),
         )
-        for small, large, x, p in gauge.compare_soft_iron_models(full.matrix, full.covariance)
+        for small, large, x, p in compared
     )
     if method != "li-griffiths":
         for k, (fixed, test) in enumerate(zip(SMALLER, tests, strict=True)):
@@ -202,12 +206,17 @@ def _describe_unseen(smaller: str) -> str:
     return f"{what} present (unseen parts of the log fit better with them)"
 
 
-def describe_test(smaller: str, p: float, discerned: bool) -> str:
-    """What a test says, in a sentence."""
+def describe_test(smaller: str, p: float, discerned: bool, tilted: bool | None = None) -> str:
+    """What a test says, in a sentence; `tilted` whether cross-axis terms are seen, if it is known.
+
+    Unequal gains leave the ellipsoid of the readings upright; what tilts it is soft iron, or sensor
+    axes that are not square, which look the same.
+    """
     chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     present = p <= SIGNIFICANT
     if present:
-        what = f"{_PRESENT[smaller]} present"
+        which = smaller == "sphere" and tilted is not None
+        what = f"{_WHICH[bool(tilted)] if which else _PRESENT[smaller]} present"
     else:
         what = f"no sign of {'soft iron' if smaller == 'sphere' else 'cross-axis terms'}"
     doubt = "" if present or discerned else ", but too few directions to rule it out"

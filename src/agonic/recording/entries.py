@@ -5,13 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.calibration.affine import Affine
+from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice import describe_latency
-from agonic.recording.quantities import ADDED, Group, list_quantities, mixes_sensors
+from agonic.recording.quantities import (
+    ADDED,
+    Group,
+    list_quantities,
+    list_views,
+    mixes_sensors,
+)
 from agonic.report import tables
 from agonic.report.digits import NO_BREAK, degrees, group_digits, quantity, with_sd, write_minus
 from agonic.report.labels import unit_label
 
+SHORT = {"Scale factor": "Scale", "Non-orthogonality": "Angles", "Turn about": "Turn"}
+"""Names of groups as labels of a line."""
 LABELS = {"current_A": "Current", "throttle": "Throttle"}
 
 
@@ -30,6 +39,7 @@ def list_entries(result: Calibrated) -> dict[str, str]:
     entries = {
         first.name: _join_numbers(first),
         **({} if mixes_sensors(fit.calibration) else {"Matrix": _write_matrix(fit.calibration)}),
+        **_describe_shape(result),
         "Spread": f"{tables.spread(result.verification)} (held out, before → after)   noise "
         f"{quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)}",
     }
@@ -47,8 +57,10 @@ def list_details(result: Calibrated) -> dict[str, str]:
     """The lines of the text that are shown when all is asked for."""
     heading, place = describe_heading(result)
     cells = result.fit.coverage.cells
+    views = {group.name: _join_numbers(group) for group in list_views(result)}
     return {
         "Method": f"{result.method}: {result.reason}",
+        **{SHORT.get(name, name): text for name, text in views.items()},
         "Heading": f"{heading} (level, {place})",
         "Coverage": f"{np.count_nonzero(cells)} of {len(cells)} directions",
         "Checks": "\n".join(
@@ -57,6 +69,28 @@ def list_details(result: Calibrated) -> dict[str, str]:
             for check in result.verification.checks
         ),
     }
+
+
+def _describe_shape(result: Calibrated) -> dict[str, str]:
+    """Whether the ellipsoid of the readings is tilted, and what that means."""
+    calibration = result.fit.calibration
+    found = None if mixes_sensors(calibration) else find_raw_ellipsoid(calibration)
+    if found is None:
+        return {}
+    unit = unit_label(calibration.unit_in)
+    axes = ", ".join(with_sd(*pair) for pair in zip(*found[1:3], strict=True))
+    if found.shape == "sphere":
+        said = "a sphere: neither soft iron nor unequal gains are seen"
+    elif found.shape == "upright":
+        said = "upright: unequal gains; no soft iron across the axes is seen"
+    else:
+        tilts = zip(found.tilt_deg, found.tilt_sd_deg, strict=True)
+        off = ", ".join(f"{with_sd(min(tilt, 90.0), min(sd, 90.0))}°" for tilt, sd in tilts)
+        said = (
+            f"tilted, its axes {off} off x, y, z: soft iron, or sensor axes that are not square; "
+            "unequal gains alone leave it upright"
+        )
+    return {"Ellipsoid": f"{said}\nhalf axes {axes} {unit}"}
 
 
 def _write_matrix(calibration: Affine) -> str:
@@ -71,4 +105,5 @@ def _write_matrix(calibration: Affine) -> str:
 def _join_numbers(group: Group) -> str:
     """The numbers of a group in a line."""
     values = (f"{q.name} {with_sd(q.value, q.sd)}".replace(" ", NO_BREAK) for q in group.rows)
-    return "   ".join(values) + f"{NO_BREAK}{group.unit}"
+    unit = group.unit if group.unit in ("", "°") else f"{NO_BREAK}{group.unit}"
+    return "   ".join(values) + unit

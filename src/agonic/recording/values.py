@@ -9,8 +9,10 @@ from typing import Any
 from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.decomposition import decompose
+from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder_section import list_rungs
+from agonic.recording.quantities import mixes_sensors, propagate_sd, turn_deg
 
 _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "sensor": lambda result: result.samples.name,
@@ -33,6 +35,9 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "nonorthogonality_sd_deg": lambda result: (
         decompose(result.fit.calibration).nonorthogonality_sd_deg
     ),
+    "turn_deg": lambda result: _find_turn(result)[0],
+    "turn_sd_deg": lambda result: _find_turn(result)[1],
+    "ellipsoid": lambda result: _describe_ellipsoid(result),
     "gauge": lambda result: result.fit.calibration.gauge,
     "sources": lambda result: getattr(result.fit.calibration, "sources", None),
     "coefficients": lambda result: getattr(result.fit.calibration, "coefficients", None),
@@ -61,7 +66,10 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
 `bias_nT` and the like are null where the readings are in raw units; `bias`, `bias_sd`, `noise` and
 `unit` are always there. `matrix_sd` are the standard errors of xx, yy, zz, xy, xz, yz, in the gauge
 free of yx, zx, zy as well. `scale_factors` are raw units per nT, `nonorthogonality_deg` of xy, xz,
-yz. `coefficients` (3, k) are what a unit of each signal of the `sources`
+yz. `turn_deg` is the turn from the sensor's axes to those of the field about x, y and z, null where
+the attitude did not tell it. `ellipsoid` is that of the raw readings: a "sphere", "upright" or
+"tilted", with half axes, their directions, and how far they lie off x, y and z.
+`coefficients` (3, k) are what a unit of each signal of the `sources`
 adds to the readings; null without any. `latency_s` is null where none was found.
 `ladder` holds each `Rung`, from the simplest to the chosen fit; empty where a fit was refused.
 """
@@ -81,6 +89,21 @@ def list_values(
 def _if_nT(result: Calibrated, value: Any) -> Any:
     """A value in the unit of the readings, where that is nanotesla."""
     return value if result.fit.calibration.unit_in == "nT" else None
+
+
+def _find_turn(result: Calibrated) -> tuple[Array | None, Array | None]:
+    """The turn of the sensor, degrees, and its standard errors."""
+    calibration = result.fit.calibration
+    if calibration.gauge != "free" or mixes_sensors(calibration):
+        return None, None
+    return turn_deg(calibration), propagate_sd(calibration, turn_deg)
+
+
+def _describe_ellipsoid(result: Calibrated) -> dict[str, Any] | None:
+    """The ellipsoid of raw readings; none of a mix of two sensors."""
+    calibration = result.fit.calibration
+    found = None if mixes_sensors(calibration) else find_raw_ellipsoid(calibration)
+    return None if found is None else found._asdict()
 
 
 def _count_affine(calibration: Affine) -> int:
