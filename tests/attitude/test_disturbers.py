@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
+from agonic.attitude.disturber_plan import judge_disturbers
 from agonic.attitude.disturbers import choose_sources, list_candidates
 from agonic.attitude.settings import Settings
 from agonic.simulation import simulate
@@ -108,7 +109,7 @@ def test_calibrate_takes_what_disturbs_and_says_so() -> None:
     assert result.fit.calibration.needs == tuple(columns)
     assert "motor1…4_duty^1.5 move the readings" in result.reason
     (said,) = [one for one in result.fit.findings if one.name == "disturbers"]
-    assert "less is left" in said.what
+    assert "% less in squares" in said.what
 
 
 @pytest.mark.parametrize("source", ["motor1_duty^", "^2", "a b", "second^2", "x^9", "heater_A>"])
@@ -116,3 +117,27 @@ def test_a_source_that_is_none_is_refused(source: str) -> None:
     samples = flight(0, 300)
     with pytest.raises(ag.AgonicError, match=r"source|vector"):
         ag.fit_levelled(samples, PLACE, sources=(source,))
+
+
+def test_a_recording_tells_which_disturbers_it_can_tell_apart() -> None:
+    """Expected standard errors are those of the fit; what moves together is named."""
+    quiet = flight(2)
+    judged = judge_disturbers(quiet.with_columns(disturbers=duties(2)), noise=NOISE)
+    assert [one.move for one in judged] == [""] * 4
+    columns = duties(2)
+    fit = ag.fit_levelled(
+        quiet.with_columns(disturbers=columns),
+        PLACE,
+        sources=tuple(f"{name}^1.5" for name in columns),
+    )
+    stated = fit.sd[-12:].reshape(3, 4).mean(axis=0)
+    expected = np.array([one.sd for one in judged])
+    np.testing.assert_allclose(expected, stated, rtol=0.5)
+    alike = judge_disturbers(quiet.with_columns(disturbers=duties(2, alike=True)))
+    assert all("motor" in one.move and len(one.along) == 3 for one in alike)
+    follows = {"heater_A": 2.0 + np.sin(np.radians(quiet.pitch_deg))}
+    (one,) = judge_disturbers(quiet.with_columns(disturbers=follows))
+    assert one.attitude > 0.99
+    assert "only followed the attitude" in one.move
+    with pytest.raises(ag.LogError, match="nothing that could disturb changes"):
+        judge_disturbers(quiet)

@@ -115,17 +115,12 @@ def list_candidates(samples: Samples) -> list[tuple[str, ...]]:
     ('motor1_duty^1.5', 'motor2_duty^1.5')
     """
     columns = samples.columns()
-    moving = [
-        name
-        for name in list_disturbers(samples)
-        if name != "second" and float(np.ptp(columns[name])) > 0.0
-    ]
     families: dict[str, list[str]] = {}
-    for name in moving:
+    for name in list_moving(samples):
         families.setdefault(_MEMBER.sub("#", name), []).append(name)
     found: list[tuple[str, ...]] = []
     for family in families.values():
-        forms = (f"^{POWER:g}", "") if _is_duty(family[0]) else ("",)
+        forms = (f"^{POWER:g}", "") if is_duty(family[0]) else ("",)
         apart = _are_apart([columns[name] for name in family])
         for form in forms:
             found.append((f"{'+'.join(family)}{form}",))
@@ -134,11 +129,19 @@ def list_candidates(samples: Samples) -> list[tuple[str, ...]]:
     return found
 
 
+def list_moving(samples: Samples) -> list[str]:
+    """The disturbers of the samples that change."""
+    columns = samples.columns()
+    names = [name for name in list_disturbers(samples) if name != "second"]
+    return [name for name in names if float(np.ptp(columns[name])) > 0.0]
+
+
 _MEMBER = re.compile(r"\d+|(?<=_)[xyz](?=_)")
 """What tells the members of a family apart: motor1_duty, motor2_duty; torquer_x_Am2."""
 
 
-def _is_duty(name: str) -> bool:
+def is_duty(name: str) -> bool:
+    """Whether a column is the duty of a motor, 0…1."""
     return name == "throttle" or name.endswith("_duty")
 
 
@@ -227,8 +230,8 @@ def describe_gain(choice: SourceChoice) -> Finding | None:
     return Finding(
         "disturbers",
         "note",
-        f"{describe_sources(choice.sources)} the readings: with that, {100 * choice.gain:.0f} % "
-        "less is left of the squares of what unseen parts of the log leave",
+        f"the readings move with {name_sources(choice.sources)}: with that, unseen parts of the "
+        f"log leave {100 * choice.gain:.0f} % less in squares",
     )
 
 

@@ -145,6 +145,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic plan calibration --wanted 0.5",
         "agonic plan calibration --tilt 20 --attitude-sd 1 -o turns.csv",
     ),
+    "agonic plan disturbers": (
+        "agonic plan disturbers --motors 4 --with heater_A",
+        "agonic plan disturbers flight.bin --sensor MAG2",
+    ),
     "agonic plan swing": (
         "agonic plan swing --headings 16 -o swing.html",
         "agonic plan swing --noise-deg 0.5 --rounds 2",

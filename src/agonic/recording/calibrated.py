@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
+from agonic.attitude.disturbers import SourceChoice
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply, select_columns
@@ -39,7 +40,8 @@ class Calibrated(Readable):
     `method` is the word of the fit ("ellipsoid", "levelled", "inertial" or "vector"); `reason` says
     in a sentence why it was chosen; `latency` how late the readings were, where that was found and
     undone; `reference` is that of the samples; `folds` the fits to parts of the log, where any
-    were made; `verdict` is "good", "check" or "refused" and `status` the sentence to it.
+    were made; `disturbers` what was tried of what disturbs on board; `verdict` is "good", "check"
+    or "refused" and `status` the sentence to it.
     """
 
     samples: Samples
@@ -52,6 +54,7 @@ class Calibrated(Readable):
     latency: LatencyFit | None = None
     reference: Reference | None = None
     folds: Folds | None = None
+    disturbers: SourceChoice | None = None
 
     @property
     def calibration(self) -> Affine:
@@ -262,6 +265,7 @@ def _conclude(choice: Choice, verification: Verification) -> Calibrated:
         status=" ".join(said),
         latency=choice.latency,
         reference=choice.reference,
+        disturbers=choice.disturbers,
     )
 
 

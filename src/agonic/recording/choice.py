@@ -10,7 +10,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.disturbers import choose_sources, describe_gain, describe_sources
+from agonic.attitude.disturbers import (
+    SourceChoice,
+    choose_sources,
+    describe_gain,
+    describe_sources,
+)
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
@@ -55,7 +60,8 @@ class Choice:
     """A fit with the word for its method and the reason for choosing it.
 
     `samples` are those that were fitted, with the latency undone where there was one, and
-    `reference` is that of their rows; `again` calibrates others with the same choices.
+    `reference` is that of their rows; `again` calibrates others with the same choices;
+    `disturbers` is what was tried of them, where any were.
     """
 
     samples: Samples
@@ -65,6 +71,7 @@ class Choice:
     reason: str
     again: Callable[..., Calibration]
     latency: LatencyFit | None = None
+    disturbers: SourceChoice | None = None
 
 
 def describe_latency(latency: LatencyFit) -> str:
@@ -134,9 +141,9 @@ def _fit_with_attitude(
         late = samples
         samples = undelayed(samples, latency.latency_s)
         reference = _select_reference(reference, late, samples)
-    fit = None
+    fit, tried = None, None
     if "sources" not in settings:
-        fit = _fit_with_sources(samples, reference, method, settings)
+        fit, tried = _fit_with_sources(samples, reference, method, settings)
         if fit is not None:
             reason += f", and {describe_sources(_sources(fit))} the readings"
     if fit is None:
@@ -153,7 +160,7 @@ def _fit_with_attitude(
     def again(samples: Samples, reference: Reference) -> Calibration:
         return run(samples, reference, **same).calibration
 
-    return Choice(samples, reference, fit, method, reason, again, latency)
+    return Choice(samples, reference, fit, method, reason, again, latency, tried)
 
 
 def _choose_surer(
@@ -256,8 +263,8 @@ def _select_reference(reference: Reference, before: Samples, after: Samples) -> 
 
 def _fit_with_sources(
     samples: Samples, reference: Reference, method: str, settings: Mapping[str, Any]
-) -> Fit | None:
-    """The fit with what disturbs on board, where anything recorded does; with what was compared.
+) -> tuple[Fit | None, SourceChoice | None]:
+    """The fit with what disturbs on board, where anything recorded does; and what was compared.
 
     What is better on unseen parts of the log is taken, or a current that moves the readings.
     """
@@ -268,12 +275,13 @@ def _fit_with_sources(
         if found.sources:
             fit = run(samples, reference, **settings, sources=found.sources)
             if _measure_sources(fit, samples) > MATTERS:
-                return fit.with_findings(describe_gain(found))
+                return fit.with_findings(describe_gain(found)), found
     if not _varies(samples.current_A):
-        return None
+        return None, found
     fit = run(samples, reference, **settings, sources=("current_A",))
     surely = _test_sources(fit) < SIGNIFICANT
-    return fit if surely and _measure_sources(fit, samples) > MATTERS else None
+    matters = surely and _measure_sources(fit, samples) > MATTERS
+    return fit if matters else None, found
 
 
 def _sources(fit: Fit) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from agonic.recording import figures, sphere
 from agonic.recording.calibrated import Calibrated, list_failed
 from agonic.recording.choice import describe_latency
+from agonic.recording.disturber_section import describe_disturbers
 from agonic.recording.entries import describe_heading, list_details, list_entries
 from agonic.recording.ladder_section import describe_ladder
 from agonic.recording.quantities import mixes_sensors
@@ -123,7 +124,7 @@ def _summarise(number: int, result: Calibrated) -> list[str]:
 def _describe_failure(sensor: str, why: str) -> Document:
     """What is said of a sensor that could not be fitted at all: refused, every figure null."""
     known = {"sensor": sensor, "verdict": "refused", "status": why}
-    lists = dict.fromkeys(("findings", "ladder", "checks", "files", "warnings"), ())
+    lists = dict.fromkeys(("findings", "ladder", "disturbers", "checks", "files", "warnings"), ())
     return Document(
         name=sensor,
         verdict="refused",
@@ -166,6 +167,7 @@ def describe_sensor(
         sections=[
             Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
             *describe_ladder(result, printed=alone),
+            *describe_disturbers(result),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
             Section(
                 "Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]

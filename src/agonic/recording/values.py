@@ -11,6 +11,7 @@ from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.decomposition import decompose
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.recording.calibrated import Calibrated
+from agonic.recording.disturber_section import list_trials
 from agonic.recording.ladder_section import list_rungs
 from agonic.recording.quantities import mixes_sensors, propagate_sd, turn_deg
 
@@ -59,6 +60,7 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "coverage": lambda result: result.fit.coverage.filled,
     "findings": lambda result: [asdict(finding) for finding in result.fit.findings],
     "ladder": lambda result: list_rungs(result),
+    "disturbers": lambda result: list_trials(result),
     "checks": lambda result: [asdict(check) for check in result.verification.checks],
 }
 """What is said of a sensor, by its key.
@@ -71,6 +73,7 @@ the attitude did not tell it. `ellipsoid` is that of the raw readings: a "sphere
 "tilted", with half axes, their directions, and how far they lie off x, y and z.
 `coefficients` (3, k) are what a unit of each signal of the `sources`
 adds to the readings; null without any. `latency_s` is null where none was found.
+`disturbers` holds each `Trial` of a set of sources, in order; empty where nothing was tried.
 `ladder` holds each `Rung`, from the simplest to the chosen fit; empty where a fit was refused.
 """
 
