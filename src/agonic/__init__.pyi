@@ -107,6 +107,11 @@ from agonic.history.departure import departures as departures
 from agonic.history.fit import Drift as Drift
 from agonic.history.fit import drift as drift
 from agonic.inertial.fit import fit_inertial as fit_inertial
+from agonic.inertial.pair import PairCheck as PairCheck
+from agonic.inertial.pair import PairFit as PairFit
+from agonic.inertial.pair import check_pair as check_pair
+from agonic.inertial.pair import fit_pair as fit_pair
+from agonic.inertial.pair.simulate import simulate_shots as simulate_shots
 from agonic.inertial.result import InertialFit as InertialFit
 from agonic.inflight.fit import InflightFit as InflightFit
 from agonic.inflight.fit import fit_inflight as fit_inflight

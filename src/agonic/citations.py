@@ -46,6 +46,10 @@ CITATIONS: dict[str, str] = {
         "M. Kok, T. B. Schön: Magnetometer calibration using inertial sensors. IEEE Sensors "
         "Journal 16(14), 5679–5689, 2016. doi:10.1109/JSEN.2016.2569160"
     ),
+    "kenward-roger-1997": (
+        "M. G. Kenward, J. H. Roger: Small sample inference for fixed effects from restricted "
+        "maximum likelihood. Biometrics 53(3), 983–997, 1997. doi:10.2307/2533558"
+    ),
     "kukush-markovsky-vanhuffel-2004": (
         "A. Kukush, I. Markovsky, S. Van Huffel: Consistent estimation in an implicit quadratic "
         "measurement error model. Computational Statistics & Data Analysis 47(1), 123–147, 2004. "
@@ -102,6 +106,11 @@ CITATIONS: dict[str, str] = {
         "Y. K. Wang, T. Sheng, L. He, Z. Y. Cheng: Calibration method of magnetometer based on BP "
         "neural network. Journal of Computer and Communications 8, 31–41, 2020. "
         "doi:10.4236/jcc.2020.86004"
+    ),
+    "zhou-hu-zhou-lange-2019": (
+        "H. Zhou, L. Hu, J. Zhou, K. Lange: MM algorithms for variance components models. Journal "
+        "of Computational and Graphical Statistics 28(2), 350–361, 2019. "
+        "doi:10.1080/10618600.2018.1529601"
     ),
 }
 """Full references by the key that `Provenance.method` holds."""

@@ -43,6 +43,7 @@ COLUMNS = (
     "altitude_m",
     "second",
     "station",
+    "target",
     "scalar",
     "flagged",
 )
@@ -87,6 +88,7 @@ class Samples(Readable):
     station : (n,) number of the static position.
     disturbers : columns (n,) of what may disturb the readings beside these, by name with the unit
         at its end: motor1_duty (0…1), esc2_A, torquer_x_Am2, heater_W.
+    target : (n,) number of the target that the sight was kept on, 0 for none (see `fit_pair`).
     scalar : (n,) reading of an absolute scalar magnetometer at the same moments, nT always.
     flagged : (n,) not 0 where a fit should leave the row out, as when torquers are on.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
@@ -121,6 +123,7 @@ class Samples(Readable):
     altitude_m: Array | None = None
     second: Array | None = None
     station: Array | None = None
+    target: Array | None = None
     scalar: Array | None = None
     flagged: Array | None = None
     disturbers: Mapping[str, Array] = dataclass_field(default_factory=dict)

@@ -7,6 +7,9 @@ from agonic.errors import UnitError
 RAW = "raw"
 """The unit of readings whose scale is unknown: counts, volts, or a file that does not say."""
 
+ACCELERATION = "m/s2"
+"""The unit of an accelerometer's calibration; no unit of a field."""
+
 STANDARD_GRAVITY_M_S2 = 9.80665
 """Standard gravity (CGPM 1901); a g of an accelerometer."""
 

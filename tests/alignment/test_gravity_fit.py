@@ -10,6 +10,7 @@ from agonic.alignment.simulation.gravity import simulate_gravity
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import apply
 from agonic.errors import LogError
+from agonic.maths.estimation.rest import find_rest
 
 
 def turn_between(a, b):
@@ -62,7 +63,7 @@ def test_the_jacobian() -> None:
 def test_what_stands_still_is_found() -> None:
     made = simulate_gravity(orientations=10, still_s=3.0, turn_s=2.0, seed=2)
     samples = made.samples
-    number = kernel.find_rest(samples.time, samples.acceleration, samples.field)
+    number = find_rest(samples.time, samples.acceleration, samples.field)
     assert number.max() == 9
     resting = number >= 0
     phase = samples.time % 5.0
@@ -74,7 +75,7 @@ def test_what_stands_still_is_found() -> None:
     force = np.tile([0.0, 0, -9.8], (1000, 1)) + 0.02 * rng.standard_normal((1000, 3))
     angle = np.clip(time - 8, 0, 4)
     field = 2e4 * np.stack([np.cos(angle), np.sin(angle), 2 + 0 * angle], axis=1)
-    turned = kernel.find_rest(time, force, field + 50 * rng.standard_normal((1000, 3)))
+    turned = find_rest(time, force, field + 50 * rng.standard_normal((1000, 3)))
     assert turned.max() == 1
     assert (turned[(time > 8.3) & (time < 11.7)] == -1).all()
 
@@ -82,7 +83,7 @@ def test_what_stands_still_is_found() -> None:
 def test_stations_are_taken_as_numbered() -> None:
     made = simulate_gravity(seed=1)
     samples = made.samples
-    number = kernel.find_rest(samples.time, samples.acceleration, samples.field)
+    number = find_rest(samples.time, samples.acceleration, samples.field)
     numbered = samples.with_columns(station=number.astype(float), time=None)
     np.testing.assert_allclose(
         fit_gravity(numbered).rot_bm, fit_gravity(samples).rot_bm, atol=1e-12

@@ -108,12 +108,20 @@ ABOARD = Compass(  # calibrated in a chamber, then on board, where bias and moto
         )
     )
 )
+FELT = ag.Affine(
+    bias=[0.4, -0.2, 0.3],
+    matrix=[[0.02, 1.01, -0.03], [-0.99, 0.01, 0.02], [0.01, 0.03, 1.02]],
+    unit_in="m/s2",
+    unit_out="m/s2",
+    gauge="free",
+)
 GRID = declination_grid((45.0, 56.0), (-3.0, 17.0), "2026-05-01")
 DATE_LINE = declination_grid((-49.9, -30.3), (165.1, -160.7), "2026-05-01")
 SETUPS = {
     "one": (Setup(compasses=(HARD,)), -123.4),
     "inclinometer": (Setup(compasses=(HARD,), tilt_order="pitch-roll"), 2.5),
     "accelerometer": (Setup(compasses=(HARD,), tilt="accelerometer"), 2.5),
+    "calibrated": (Setup(compasses=(HARD,), tilt="accelerometer", accelerometer=FELT), 2.5),
     "counts": (Setup(compasses=(COUNTS,), tilt="gyro", horizontal=19e3, vertical=45e3), GRID),
     "level": (Setup(compasses=(MOTORS,), tilt="level", horizontal=19_930.0, vertical=44_764.0), 0),
     "chamber": (Setup(compasses=(replace(CHAMBER, deviation=None),), tilt="level"), -3.0),

@@ -12,7 +12,7 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup
-from agonic.errors import LogError
+from agonic.errors import AgonicError, LogError, UnitError
 from agonic.files.calibration import save
 from agonic.files.setup import load_setup, save_setup
 
@@ -24,6 +24,14 @@ def affine(sensor: str = "mag") -> Affine:
 
 
 CARD = Deviation(coefficients=[1.0, 2.0, 3.0, 0.5, 0.25], sensor="mag")
+FELT = Affine(
+    bias=[0.1, 0.2, -0.3],
+    matrix=np.eye(3) * 1.01,
+    covariance=np.eye(12) * 1e-6,
+    gauge="free",
+    unit_in="m/s2",
+    unit_out="m/s2",
+)
 MOUNTED = Chain(steps=(affine(), Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))))
 
 
@@ -63,6 +71,24 @@ def test_everything_that_is_written_is_read_back() -> None:
     assert (second.latency_s, second.deviation) == (0.0, None)
 
 
+def test_the_calibration_of_the_accelerometer_goes_along() -> None:
+    setup = Setup(compasses=(Compass(calibration=affine()),), accelerometer=FELT)
+    again = load_setup(save_setup(setup, "boat.toml")).accelerometer
+    assert Path("boat-accelerometer.json").exists()
+    np.testing.assert_array_equal(again.matrix, FELT.matrix)
+    np.testing.assert_array_equal(again.covariance, FELT.covariance)
+
+
+def test_an_accelerometer_is_no_compass_nor_the_other_way_round() -> None:
+    with pytest.raises(UnitError, match="belongs to the tilt"):
+        Compass(calibration=FELT)
+    with pytest.raises(AgonicError, match="gives nT and not m/s²"):
+        Setup(compasses=(Compass(calibration=affine()),), accelerometer=affine())
+    save(affine(), "mag.json")
+    said = mistakes('[[compass]]\ncalibration = "mag.json"\n[tilt]\naccelerometer = "mag.json"\n')
+    assert "no calibration of an accelerometer" in said
+
+
 def test_the_default_setup_is_read_back_too() -> None:
     setup = Setup(compasses=(Compass(calibration=affine()),))
     again = load_setup(save_setup(setup, "plain.toml"))
@@ -77,6 +103,7 @@ def test_the_page_s_own_example_is_a_setup() -> None:
 
     save(affine(), "MAG1.json")
     save(CARD, "MAG1-card.json")
+    save(FELT, "acc.json")
     example = textwrap.dedent(setupfile.__doc__.partition("\n\n")[2])
     Path("setup.toml").write_text(example)
     setup = load_setup("setup.toml")
@@ -193,6 +220,7 @@ def test_the_setup_of_the_documentation_is_one() -> None:
     save(affine("MAG1"), "MAG1.json")
     save(affine("MAG2"), "MAG2.json")
     save(CARD, "MAG1-card.json")
+    save(FELT, "acc.json")
     Path("boat.toml").write_text(text)
     setup = load_setup("boat.toml")
     assert [compass.sensor for compass in setup.compasses] == ["MAG1", "compass 2"]

@@ -16,7 +16,10 @@ Matrix = tuple[Vector, Vector, Vector]
 Row = tuple[float, ...]
 Four = tuple[float, float, float, float]
 Five = tuple[float, float, float, float, float]
-Unit = Annotated[Literal["nT", "raw"], Meta(description="nT, or raw where the scale is unknown.")]
+Unit = Annotated[
+    Literal["nT", "raw", "m/s2"],
+    Meta(description="nT, raw where the scale is unknown; of an accelerometer m/s2."),
+]
 Frame = Annotated[
     str,
     Meta(

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, ClassVar, Literal, get_args
 
+from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.value import Valued
-from agonic.errors import AgonicError, FrameError, check_choice
+from agonic.errors import AgonicError, FrameError, UnitError, check_choice
 from agonic.maths.rotations.tilt import Order
 from agonic.provenance import Provenance
+from agonic.units import ACCELERATION
 
 Tilt = Literal["auto", "log", "accelerometer", "gyro", "level"]
 
@@ -47,6 +49,11 @@ class Compass(Valued):
                 left=self.calibration.frame_out,
                 right="b",
             )
+        if self.calibration.unit_out == ACCELERATION:
+            raise UnitError(
+                f"the calibration of {self.sensor} is one of an accelerometer; in a setup it "
+                "belongs to the tilt"
+            )
         _check_number("latency_s", self.latency_s, lowest=-10.0, highest=10.0)
 
     @property
@@ -64,6 +71,8 @@ class Setup(Valued):
     compasses : at least one; the first whose readings can be trusted is used.
     tilt : where roll and pitch come from: "log" (recorded), "accelerometer" (at rest), "gyro"
         (accelerometer and gyro through a filter), "level" (none: a two-axis compass), or "auto".
+    accelerometer : from the accelerometer's readings to the specific force in body axes, m/s², as
+        `fit_pair` makes it, or `None` where it is taken as it reads.
     tilt_order : what roll and pitch mean: "roll-pitch" is aerospace yaw-pitch-roll; "pitch-roll"
         the inclinometer's order.
     tilt_sd_deg : standard deviation of recorded roll and pitch, of an accelerometer at rest (what
@@ -94,6 +103,7 @@ class Setup(Valued):
 
     compasses: tuple[Compass, ...]
     tilt: Tilt = "auto"
+    accelerometer: Affine | None = None
     tilt_order: Order = "roll-pitch"
     tilt_sd_deg: float | None = None
     settling_s: float = 10.0
@@ -112,6 +122,9 @@ class Setup(Valued):
         wrong = find_mistakes({name: getattr(self, name) for name in _VALUES})
         if not self.compasses:
             wrong.insert(0, "a setup needs at least one compass")
+        own = self.accelerometer
+        if own is not None and own.unit_out != ACCELERATION:
+            wrong.append(f"the accelerometer's calibration gives {own.unit_out} and not m/s²")
         names = [compass.sensor for compass in self.compasses]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             wrong.append(f"a setup has one compass for a sensor; two are for {', '.join(twice)}")

@@ -137,6 +137,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic fit coil session",
         "agonic fit coil session --report coil.html",
     ),
+    "agonic fit pair": (
+        "agonic fit pair shots.csv --at 52.1,5.2 -o setup.toml --report shots.html",
+        "agonic fit pair eight.csv --check setup.toml",
+    ),
     "agonic fit gravity": (
         "agonic fit gravity turned.csv --calibration mag.json -o mounting.json",
         "agonic fit gravity turned.csv --bias",
@@ -171,6 +175,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "agonic simulate vehicle": (
         "agonic simulate vehicle -o flight.csv -n 6000",
         "agonic simulate vehicle -o flight.csv --bank 27 --latency 40",
+    ),
+    "agonic simulate shots": (
+        "agonic simulate shots -o shots.csv",
+        "agonic simulate shots -o later.csv --targets 0 --survey 1",
     ),
     "agonic simulate rover": (
         "agonic simulate rover -o rover.csv",

@@ -8,6 +8,7 @@ from agonic.alignment.commands import simulate_alignment, simulate_north
 from agonic.cli import simulate_motion, simulate_rover, simulate_vehicle
 from agonic.console.kinds import add_kinds
 from agonic.fleet.commands import simulate_fleet
+from agonic.inertial.commands import simulate_shots
 from agonic.inflight.commands import simulate_orbit
 from agonic.network.commands import simulate_network
 from agonic.thermal.commands import simulate as simulate_campaign
@@ -16,7 +17,7 @@ from agonic.thermal.commands import simulate as simulate_campaign
 def add_to(app: typer.Typer) -> None:
     """Register the command and its kinds."""
     kinds = {
-        "One sensor in motion": (simulate_motion,),
+        "One sensor in motion": (simulate_motion, simulate_shots),
         "Vehicles and missions": (
             simulate_vehicle,
             simulate_rover,

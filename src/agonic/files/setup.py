@@ -8,6 +8,7 @@ latency_s = 0.014               # else what the calibration says
 
 [tilt]
 source = "log"                  # auto, log, accelerometer, gyro or level
+accelerometer = "acc.json"      # its calibration, by `agonic fit pair`
 order = "roll-pitch"            # or pitch-roll
 sd_deg = 0.5
 settling_s = 10.0               # of the gyro filter
@@ -42,6 +43,7 @@ import msgspec.structs
 from msgspec import Struct
 
 from agonic.atomic import sign_text, write_atomically
+from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
@@ -53,6 +55,7 @@ from agonic.files.names import file_stem
 from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
 from agonic.logs.contents import read_bytes
 from agonic.maths.rotations.tilt import Order
+from agonic.units import ACCELERATION
 
 Made = TypeVar("Made")
 
@@ -112,10 +115,13 @@ def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup
         for attribute, (section, key) in ATTRIBUTES.items()
         if key in values.get(section, {})
     }
+    if (named := values.get("tilt", {}).get("accelerometer")) is not None:
+        read = partial(_accelerometer, folder / named)
+        given["accelerometer"] = _try_to_make(read, "[tilt]", mistakes)
     if given.get("declination_deg") == "model":
         given["declination_deg"] = None
     if mistakes:
-        mistakes += out_of_range(given)
+        mistakes += out_of_range({k: v for k, v in given.items() if k != "accelerometer"})
         return None
     found = tuple(filter(None, compasses))
     return _try_to_make(partial(Setup, compasses=found, **given), "", mistakes)
@@ -187,6 +193,13 @@ def _calibration(path: Path) -> Calibration:
     return found
 
 
+def _accelerometer(path: Path) -> Affine:
+    found: object = load(path)
+    if not isinstance(found, Affine) or found.unit_out != ACCELERATION:
+        raise LogError("it is no calibration of an accelerometer", path=path)
+    return found
+
+
 def _card(path: Path) -> Deviation:
     found: object = load(path)
     if not isinstance(found, Deviation):
@@ -207,8 +220,8 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
     """Write a setup as TOML, and its calibrations and deviation cards as JSON beside it.
 
     They are named after the file and the sensor: `boat.toml`, `boat-MAG1.json`,
-    `boat-MAG1-deviation.json`; calibrations in `saved` (file name by sensor) lie beside it
-    already. Returns the path of the TOML file.
+    `boat-MAG1-deviation.json`, `boat-accelerometer.json`; calibrations in `saved` (file name
+    by sensor) lie beside it already. Returns the path of the TOML file.
 
     >>> from tempfile import TemporaryDirectory
     >>> import numpy as np
@@ -239,17 +252,25 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
         if compass.latency_s or getattr(compass.calibration, "latency_s", 0.0):
             lines.append(f"latency_s = {compass.latency_s!r}")
         lines.append("")
+    felt = None
+    if setup.accelerometer is not None:
+        felt = save(setup.accelerometer, file.with_name(f"{file.stem}-accelerometer.json")).name
     for section in SECTIONS:
-        lines += _write_section(section, setup)
+        lines += _write_section(section, setup, {"tilt": {"accelerometer": felt}}.get(section, {}))
     return write_atomically(file, sign_text("\n".join(lines).rstrip() + "\n"))
 
 
-def _write_section(section: str, setup: Setup) -> list[str]:
-    """The lines of a section; none where it has nothing to say."""
+def _write_section(section: str, setup: Setup, files: Mapping[str, str | None]) -> list[str]:
+    """The lines of a section, `files` among them; none where it has nothing to say."""
+    values: dict[str, Any] = {
+        key: getattr(setup, attribute)
+        for attribute, (of, key) in ATTRIBUTES.items()
+        if of == section
+    }
     said = [
         f"{key} = {_quote(value) if isinstance(value, str) else repr(float(value))}"
-        for attribute, (of, key) in ATTRIBUTES.items()
-        if of == section and (value := getattr(setup, attribute)) is not None
+        for key, value in {**values, **files}.items()
+        if value is not None
     ]
     return [f"[{section}]", *said, ""] if said else []
 

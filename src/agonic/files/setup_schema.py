@@ -24,6 +24,7 @@ class TiltSection(Struct, forbid_unknown_fields=True):
     """[tilt]"""
 
     source: Tilt = "auto"
+    accelerometer: str | None = None
     order: Order = "roll-pitch"
     sd_deg: float | None = None
     settling_s: float = 10.0

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
@@ -80,6 +81,10 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
     """
     source, why = _automatic(samples) if setup.tilt == "auto" else (setup.tilt, ())
     turn = find_mounting(calibration)
+    felt: tuple[Array, Array] | None = None
+    if setup.accelerometer is not None and samples.acceleration is not None:
+        samples, felt = calibrate_acceleration(samples, setup.accelerometer)
+        turn = np.eye(3)
     if source == LEVEL:
         return _level(samples, setup, turn)
     if source == "log":
@@ -105,9 +110,47 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
         followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
         if speed.taken:
             why = (*why, f"turns are reckoned at {figure(speed.taken)} m/s: {_whence(samples)}")
-        return _felt(followed, setup, source, speed, why)
+        return _felt(followed, setup, source, speed, why, felt)
+    if are_shots(samples, setup):
+        still = np.zeros(len(force))
+        found = FilteredDown(kernel.down_from_force(force), still, still)
+        why = (*why, "each row is taken as a shot at rest")
+        return _felt(found, setup, source, AT_REST, why, felt)
     speed, sds = _shaken(samples, setup, force, turn)
-    return _felt(FilteredDown(kernel.down_from_force(force), *sds), setup, source, speed, why)
+    found = FilteredDown(kernel.down_from_force(force), *sds)
+    return _felt(found, setup, source, speed, why, felt)
+
+
+def are_shots(samples: Samples, setup: Setup) -> bool:
+    """Whether the rows are attitudes at rest: without times, from an instrument whose accelerometer
+    was calibrated by such shots."""
+    return samples.time is None and setup.accelerometer is not None
+
+
+def calibrate_acceleration(
+    samples: Samples, accelerometer: Affine
+) -> tuple[Samples, tuple[Array, Array] | None]:
+    """The samples with acceleration and rates in body axes, and what the calibration's own errors
+    do to the tilt about the level axes ahead and across: variances (n,), rad².
+    """
+    raw = samples.acceleration
+    assert raw is not None
+    force = accelerometer.correct(raw)
+    changed = {"acceleration": force}
+    if samples.rotation_rate is not None:
+        left, _, right = np.linalg.svd(accelerometer.matrix)
+        changed["rotation_rate"] = samples.rotation_rate @ (left @ right).T
+    if accelerometer.covariance is None:
+        return samples.with_columns(**changed), None
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    down = kernel.down_from_force(force)
+    right_axis = np.cross(down, [1.0, 0.0, 0.0])
+    length = np.linalg.norm(right_axis, axis=1, keepdims=True)
+    right_axis = np.where(length > 1e-9, right_axis / np.maximum(length, 1e-9), [0.0, 1.0, 0.0])
+    spread = accelerometer.uncertainty(raw) / (size**2)[:, :, None]
+    axes = right_axis, np.cross(right_axis, down)
+    about = tuple(np.einsum("ni,nij,nj->n", axis, spread, axis) for axis in axes)
+    return samples.with_columns(**changed), (about[0], about[1])
 
 
 def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
@@ -121,18 +164,25 @@ def _assumed(setup: Setup) -> float:
 
 
 def _felt(
-    found: FilteredDown, setup: Setup, source: str, speed: Speed, notes: tuple[str, ...]
+    found: FilteredDown,
+    setup: Setup,
+    source: str,
+    speed: Speed,
+    notes: tuple[str, ...],
+    felt: tuple[Array, Array] | None,
 ) -> Attitude:
     """The tilt of a measured down; its sd holds the accelerometer's own errors too.
 
-    One that feels a share more or less than gravity at rest is off by as much across.
+    Those of a calibrated one are `felt`; one that feels a share more or less than gravity at rest
+    is off by as much across.
     """
     tilt = kernel.tilt_from_down(found.down)
     scale = speed.gravity / STANDARD_GRAVITY_M_S2 - 1.0
     own = _stated(setup) ** 2 + scale**2
+    ahead, across = (0.0, 0.0) if felt is None else felt
     # about the level axis ahead, roll turns by 1/cos pitch as much
-    roll_sd = np.sqrt(found.roll_sd**2 + own) / np.maximum(tilt.cos_pitch, 1e-3)
-    pitch_sd = np.sqrt(found.pitch_sd**2 + own)
+    roll_sd = np.sqrt(found.roll_sd**2 + own + ahead) / np.maximum(tilt.cos_pitch, 1e-3)
+    pitch_sd = np.sqrt(found.pitch_sd**2 + own + across)
     missing = np.asarray(~np.isfinite(found.down).all(axis=1))
     roll, pitch = kernel.roll_pitch_deg(tilt)
     return Attitude(

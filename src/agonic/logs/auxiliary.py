@@ -63,6 +63,7 @@ def find_reach(column: str) -> float:
     return _REACH_S.get(column, SHORT_REACH_S)
 
 
+_RAW = ("raw", "counts")
 _GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
 
 
@@ -140,7 +141,7 @@ def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | Non
     if len(units) > 1:
         return None, "its axes are in different units"
     unit = units.pop()
-    if unit is not None:
+    if unit is not None and unit not in _RAW:
         return quantity.units[unit], ""
     if quantity.column == "acceleration":
         return _find_scale_by_gravity(values)

@@ -28,6 +28,7 @@ _ACCELERATION: dict[str, Linear] = {
     "ms2": (1, 0), "mss": (1, 0), "mpers2": (1, 0), "mps2": (1, 0),
     "meterspersecondsquared": (1, 0),
     "g": (STANDARD_GRAVITY_M_S2, 0), "mg": (1e-3 * STANDARD_GRAVITY_M_S2, 0),
+    "raw": (1, 0), "counts": (1, 0),  # whose unit is known by gravity
 }
 TIMES: dict[str, Linear] = {
     "s": (1, 0), "sec": (1, 0), "secs": (1, 0), "seconds": (1, 0), "min": (60, 0),
@@ -143,6 +144,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         aliases="secondmag secondfield",
     ),
     Quantity(column="station", name="station", aliases="stationid pose orientation"),
+    Quantity(column="target", name="target", aliases="targetid sighted", weak="run"),
     Quantity(
         column="scalar", name="scalar", unit="nT",
         units={"nt": (1, 0), "ut": (1e3, 0), "mt": (1e6, 0), "t": (1e9, 0), "g": (1e5, 0),

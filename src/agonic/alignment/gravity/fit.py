@@ -15,6 +15,7 @@ from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
 from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
+from agonic.maths.estimation.rest import find_rest
 from agonic.maths.rotations.tilt import down_from_force
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
@@ -138,7 +139,7 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
     elif samples.time is None:
         raise LogError("what stands still follows from times; log them, or number the stations")
     else:
-        number = kernel.find_rest(samples.time, force, field)
+        number = find_rest(samples.time, force, field)
     rows = [number == k for k in np.unique(number[number >= 0])]
     if not rows:
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)

@@ -105,6 +105,11 @@ class Plan:
         return TILT_INPUT[self.setup.tilt]
 
     @property
+    def accelerometer(self) -> Affine | None:
+        """The calibration of the accelerometer, where the controller is given its readings."""
+        return self.setup.accelerometer if self.tilt == "acceleration" else None
+
+    @property
     def order(self) -> Order:
         """The order of roll and pitch; down from an accelerometer has the nose's heading."""
         return self.setup.tilt_order if self.tilt == "angles" else "roll-pitch"
@@ -204,6 +209,8 @@ class Plan:
             tables += [self.powers, self.temperatures]
         else:
             tables += [self.bias, self.matrix, self.coefficients]
+        if self.accelerometer is not None:
+            tables += [self.accelerometer.bias, self.accelerometer.matrix]
         if self.deviations is not None:
             tables.append(self.deviations if self.heeled else self.deviations[:, :5])
         if isinstance(self.declination, DeclinationGrid):

@@ -133,6 +133,8 @@ def compute_tilt(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kerne
         return kernel.tilt_from_angles(np.zeros(n), np.zeros(n)), status
     if plan.tilt == "acceleration":
         force = inputs["acceleration"]
+        if plan.accelerometer is not None:
+            force = plan.accelerometer.correct(force)
         share = np.linalg.norm(force, axis=1) / STANDARD_GRAVITY_M_S2 - 1
         tilt = kernel.tilt_from_down(kernel.down_from_force(force))
         status |= np.where(np.abs(share) <= GRAVITY_SHARE, 0, ACCELERATED)

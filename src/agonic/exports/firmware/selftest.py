@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.calibration.affine import Affine
 from agonic.exports.firmware.ctext import (
     fill_template,
     write_comment,
@@ -61,6 +62,8 @@ def make_known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str,
     turn = rot_nb(roll, pitch, heading)
     inputs["acceleration"] = -9.81 * turn[:, 2]
     inputs["acceleration"][-3] *= 1.3
+    if plan.accelerometer is not None:
+        inputs["acceleration"] = invert(plan.accelerometer, inputs["acceleration"])
     inputs["current_A"], inputs["throttle"] = rng.uniform(0, 30, n), rng.uniform(0, 1, n)
     for column in plan.columns:
         inputs.setdefault(column, rng.uniform(0.0, 2.0, n))
@@ -77,6 +80,11 @@ def make_known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str,
         [_raw(plan, which, field_b * push[:, which], inputs) for which in range(k)], axis=1
     )
     return {name: v.astype(np.float32).astype(np.float64) for name, v in inputs.items()}
+
+
+def invert(accelerometer: Affine, force: Array) -> Array:
+    """The readings (n, 3) of a specific force (n, 3)."""
+    return np.asarray(force @ np.linalg.inv(accelerometer.matrix).T + accelerometer.bias)
 
 
 def draw_attitudes(rng: np.random.Generator, n: int, largest_tilt_deg: float = 80.0) -> Array:

@@ -30,6 +30,9 @@ INPUTS = {
         "    float acceleration[3]; /* specific force, m/s^2: forward, right, down; at rest and\n"
         "                              level the last is -9.8 */"
     ),
+    "readings": (
+        "    float acceleration[3]; /* readings of the accelerometer, m/s^2, in its own axes */"
+    ),
     "level": "",
     "current_A": "    float current_A;",
     "throttle": "    float throttle;  /* 0 to 1 */",
@@ -63,6 +66,8 @@ def write_parts(plan: Plan) -> Iterator[str]:
     """The templates of the source, in order."""
     yield "start"
     yield "field_warm" if plan.warm else ("field_sources" if plan.sources else "field")
+    if plan.accelerometer is not None:
+        yield "force_calibrated"
     if plan.tilt == "angles":
         yield f"tilt_{plan.order.replace('-', '_')}"
     else:
@@ -109,7 +114,8 @@ def write_declination(plan: Plan) -> str:
 def _common(plan: Plan, name: str) -> dict[str, str]:
     first = plan.calibrations[0]
     guard = name.upper()
-    needed = ["raw", plan.tilt, *plan.columns]
+    tilt = plan.tilt if plan.accelerometer is None else "readings"
+    needed = ["raw", tilt, *plan.columns]
     if plan.warm:
         needed.append("temperature")
     if isinstance(plan.declination, DeclinationGrid):
@@ -140,6 +146,7 @@ def _tables(plan: Plan) -> dict[str, str]:
         "steepest": write_literal(plan.steepest),
         "first_status": "temperature_status(which, in)" if plan.warm else "0",
         **(_warm(plan) if plan.warm else _constant(plan)),
+        **_force(plan),
     }
     table = plan.deviations
     if table is not None:
@@ -157,6 +164,17 @@ def _tables(plan: Plan) -> dict[str, str]:
         "longitude_step": write_literal(grid.longitude_step),
         "unit": f"{UNIT:g}",
         "table": write_array(np.stack([grid.north, grid.east]) / UNIT, write=write_integer),
+    }
+
+
+def _force(plan: Plan) -> dict[str, str]:
+    """The specific force: as it is given, or by the calibration of the accelerometer."""
+    if plan.accelerometer is None:
+        return {"force": "    const float *a = in->acceleration;"}
+    return {
+        "force": "    float a[3];\n    specific_force(in, a);",
+        "force_bias": write_array(plan.accelerometer.bias),
+        "force_matrix": write_array(plan.accelerometer.matrix),
     }
 
 

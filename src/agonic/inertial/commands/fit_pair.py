@@ -1,0 +1,85 @@
+"""`agonic fit pair SHOTS -o SETUP`: accelerometer and magnetometer, from attitudes at rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from agonic.console.options import At, Between, Date, Json, Magnitude, Report, Sensor, Unit
+from agonic.errors import AgonicError
+
+if TYPE_CHECKING:
+    from agonic.reference import Reference
+    from agonic.samples import Samples
+
+
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kind of fit."""
+    kinds.command("pair")(pair)
+
+
+def pair(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SHOTS", help="Attitudes at rest, a row each; column target: rolled on it."
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="SETUP", help="Setup to write, .toml."),
+    ] = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    at: At = None,
+    date: Date = None,
+    field: Magnitude = None,
+    between: Between = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(
+            "--check", metavar="SETUP", help="Whether this setup is still good, by a few shots."
+        ),
+    ] = None,
+    report: Report = None,
+    as_json: Json = False,
+) -> int:
+    """Calibrate an accelerometer and a magnetometer together, from shots: attitudes at rest."""
+    from agonic.console.finish import finish
+    from agonic.console.place import find_reference
+    from agonic.console.sensors import open_sensor
+    from agonic.files.setup import load_setup, save_setup
+    from agonic.inertial.pair import check_pair, fit_pair
+    from agonic.inertial.pair.document import describe_check, describe_pair
+
+    samples = open_sensor(log, sensor, unit, between)
+    reference, _ = find_reference(samples, at, date, field)
+    if check is not None:
+        if out is not None:
+            raise AgonicError("--check only looks at a setup and writes none; leave -o out")
+        checked = check_pair(samples, load_setup(check))
+        return finish(describe_check(checked, samples.name), report=report, as_json=as_json)
+    if out is not None and out.suffix.lower() != ".toml":
+        raise AgonicError(f"-o {out} is no setup, which holds both calibrations; name it .toml")
+    fit = fit_pair(samples, reference)
+    files = []
+    if out is not None and fit.verdict != "refused":
+        files.append(save_setup(fit.make_setup(**_of_place(samples, reference)), out))
+    document = describe_pair(fit, samples.name)
+    return finish(document, files=files, report=report, as_json=as_json)
+
+
+def _of_place(samples: Samples, reference: Reference | None) -> dict[str, Any]:
+    """The declination and the field to expect, where the place is known."""
+    import numpy as np
+
+    if reference is None or reference.kind != "vector" or reference.frame != "n":
+        return {}
+    north, east, down = reference.values.mean(axis=0)
+    return {
+        "declination_deg": float(np.degrees(np.arctan2(east, north))),
+        "horizontal": float(np.hypot(north, east)),
+        "vertical": float(down),
+    }

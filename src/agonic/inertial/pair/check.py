@@ -1,0 +1,291 @@
+"""`check_pair`: whether a setup still holds, by a few shots before a survey."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from agonic.arrays import Array, Index
+from agonic.calibration.affine import Affine
+from agonic.calibration.base import require_covariance
+from agonic.calibration.setup import Setup
+from agonic.errors import AgonicError, CoverageError, LogError, UnitError
+from agonic.health import Finding, Judged, figure
+from agonic.inertial.maths.shots import Channels, observe
+from agonic.inertial.pair.changes import (
+    AHEAD,
+    Change,
+    estimate_change,
+    find_seen_deg,
+    list_suspects,
+)
+from agonic.inertial.pair.problem import find_shots, number_targets
+from agonic.maths.equation.affine import correction_jacobian, model_basis
+from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+FEWEST = 6
+RARE, ODD = 1e-3, 0.01
+"""Probabilities: of an alarm where nothing changed, and of what one shot may explain."""
+MATTERS_DEG, SPOILS_DEG = 0.5, 2.0
+"""Changes of the heading that are worth a word, and beyond which the setup is of no use."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairCheck(Judged):
+    """The result of `check_pair`.
+
+    `statistic` is the χ² of `freedom` residuals with the errors that the setup states, `chance` the
+    probability of one as large where nothing changed. `changes` are what could explain it,
+    likeliest first. `seen_deg` is the change of headings, by another bias of the magnetometer, that
+    these shots would have shown. `odd` are indices of shots that alone explain it; `shot` (n,)
+    their numbers.
+    """
+
+    statistic: float
+    freedom: int
+    chance: float
+    changes: tuple[Change, ...]
+    seen_deg: float
+    odd: Index
+    shot: Index
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+class _Linear(NamedTuple):
+    """Residuals (r,), by the setup's errors (r, 24), by what is free (r, f), and noise (r, r).
+
+    `shot` (r,) is the shot of each; `dip` of the field, rad.
+    """
+
+    residuals: Array
+    by_setup: Array
+    by_free: Array
+    noise: Array
+    shot: Index
+    dip: float
+
+    def without(self, shot: int) -> _Linear:
+        """The residuals of the other shots."""
+        keep = self.shot != shot
+        return self._replace(
+            residuals=self.residuals[keep],
+            by_setup=self.by_setup[keep],
+            by_free=self.by_free[keep],
+            noise=self.noise[np.ix_(keep, keep)],
+            shot=self.shot[keep],
+        )
+
+
+def check_pair(samples: Samples, setup: Setup, *, pointing_sd_deg: float = 0.2) -> PairCheck:
+    """Whether accelerometer and magnetometer still are what a setup says, by a few shots at rest.
+
+        χ² = yᵀ (V + J C Jᵀ)⁻¹ y
+
+    over the size of gravity, of the field, the angle between them, and the direction of the sight
+    on each target; V is the noise of the shots, C the covariance that the setup states. The field
+    of the place and the targets are free.
+
+    Parameters
+    ----------
+    samples : as for `fit_pair`, six shots or more in attitudes far from each other; eight are good.
+    setup : with the calibration of the accelerometer, as `fit_pair` makes it.
+    pointing_sd_deg : of the sight on a target.
+
+    Returns a `PairCheck`: good where nothing speaks against the setup; else the change that
+    explains the shots best. Raises `AgonicError` for a setup without an accelerometer's
+    calibration, `CoverageError` with too few shots.
+
+    Source: score tests for a change, after C. R. Rao, Proceedings of the Cambridge Philosophical
+    Society 44, 1948.
+
+    >>> from agonic.inertial.pair.fit import fit_pair
+    >>> from agonic.inertial.pair.simulate import simulate_shots
+    >>> setup = fit_pair(simulate_shots(seed=2).samples).make_setup()
+    >>> later = simulate_shots(seed=2, attitudes=8, targets=0, survey=1)
+    >>> check_pair(later.samples, setup).verdict
+    'good'
+    """
+    accelerometer, magnetometer = _calibrations(samples, setup)
+    linear, shot = _pose(samples, accelerometer, magnetometer, pointing_sd_deg)
+    covariance = np.zeros((24, 24))
+    covariance[:12, :12] = require_covariance(accelerometer.covariance)
+    covariance[12:, 12:] = require_covariance(magnetometer.covariance)
+    projector, statistic, freedom = _test(linear, covariance)
+    chance = float(chdtrc(freedom, statistic))
+    suspects = list_suspects(linear.by_setup, accelerometer, magnetometer, linear.dip)
+    changes = [estimate_change(one, projector, linear.residuals) for one in suspects]
+    check = PairCheck(
+        statistic=statistic,
+        freedom=freedom,
+        chance=chance,
+        changes=tuple(sorted(changes, key=lambda change: change.chance)),
+        seen_deg=find_seen_deg(suspects[0], projector),
+        odd=_find_odd(linear, covariance) if chance < RARE else np.empty(0, dtype=np.intp),
+        shot=shot,
+    )
+    return _judge(check)
+
+
+def _calibrations(samples: Samples, setup: Setup) -> tuple[Affine, Affine]:
+    """Of the accelerometer and of the magnetometer that the samples are of."""
+    if setup.accelerometer is None:
+        raise AgonicError(
+            "the setup has no calibration of an accelerometer; make one with agonic fit pair"
+        )
+    named = [c.calibration for c in setup.compasses if c.sensor == samples.name]
+    found = (named or [setup.compasses[0].calibration])[0]
+    if not isinstance(found, Affine):
+        raise AgonicError(f"a {found.kind} calibration cannot be checked so; give an affine one")
+    if samples.unit != found.unit_in:
+        raise UnitError(
+            f"the setup is for readings in {found.unit_in} and these are in {samples.unit}; read "
+            "them with the unit of the setup"
+        )
+    return setup.accelerometer, found
+
+
+def _pose(
+    samples: Samples, accelerometer: Affine, magnetometer: Affine, pointing_sd_deg: float
+) -> tuple[_Linear, Index]:
+    """The residuals of the shots, and their numbers."""
+    if samples.acceleration is None:
+        raise LogError(f"{samples.name} was logged without acceleration; record it with each shot")
+    rows = find_shots(samples)
+    if len(rows) < FEWEST:
+        raise CoverageError(
+            f"{len(rows)} shots at rest were given and {FEWEST} are needed, better eight",
+            turns="level towards four directions, and the same upside down",
+        )
+    force = np.array([samples.acceleration[own].mean(axis=0) for own in rows])
+    reading = np.array([samples.field[own].mean(axis=0) for own in rows])
+    up = accelerometer.correct(force) / STANDARD_GRAVITY_M_S2
+    seen = magnetometer.correct(reading)
+    size = float(np.median(np.linalg.norm(seen, axis=1)))
+    field = seen / size
+    sighted = bool(accelerometer.provenance.settings.get("sight"))
+    target = number_targets(samples, rows)[0] if sighted else np.full(len(rows), -1)
+    channels = observe(up, field, AHEAD)
+    by_setup = np.concatenate(
+        [
+            channels.by_up @ _local(force, accelerometer) / STANDARD_GRAVITY_M_S2,
+            channels.by_field @ _local(reading, magnetometer) / size,
+        ],
+        axis=2,
+    )
+    scatter = (
+        channels.by_up @ accelerometer.matrix * (_noise(accelerometer) / STANDARD_GRAVITY_M_S2),
+        channels.by_field @ magnetometer.matrix * (_noise(magnetometer) / size),
+    )
+    noise = sum(by @ np.swapaxes(by, 1, 2) for by in scatter)
+    noise += np.diag([0.0, 0.0, 0.0, 1.0, 1.0]) * np.radians(pointing_sd_deg) ** 2
+    dip = float(np.median(channels.values[:, 2]))
+    linear = _stack(_compare(channels, target, dip), by_setup, noise, dip)
+    return linear, np.arange(len(rows)) + 1
+
+
+def _stack(compared: _Compared, by_setup: Array, noise: Array, dip: float) -> _Linear:
+    """The residuals that are there, one after the other."""
+    residuals, free, there, weight = compared
+    n, keep, scaled = len(residuals), there.ravel(), weight[:, :, None]
+    whole = np.zeros((n, 5, n, 5))
+    whole[range(n), :, range(n), :] = scaled * noise * weight[:, None, :]
+    return _Linear(
+        residuals=(weight * residuals).ravel()[keep],
+        by_setup=(scaled * by_setup).reshape(5 * n, -1)[keep],
+        by_free=(scaled * free).reshape(5 * n, -1)[keep],
+        noise=whole.reshape(5 * n, 5 * n)[np.ix_(keep, keep)],
+        shot=np.repeat(np.arange(n), 5)[keep],
+        dip=dip,
+    )
+
+
+def _local(raw: Array, calibration: Affine) -> Array:
+    """∂(calibrated)/∂(what its covariance is about), (n, 3, 12)."""
+    by = correction_jacobian(raw, calibration.bias, calibration.matrix)
+    return np.asarray(by @ model_basis("full", calibration.gauge))
+
+
+def _noise(calibration: Affine) -> float:
+    if calibration.noise is None:
+        raise AgonicError(f"the calibration of {calibration.sensor} does not say its noise")
+    return calibration.noise
+
+
+class _Compared(NamedTuple):
+    residuals: Array
+    by_free: Array
+    there: Array
+    weight: Array
+
+
+def _compare(channels: Channels, target: Index, dip: float) -> _Compared:
+    """Residuals (n, 5) about the first guess of what is free, by what is free (n, 5, f), what is
+    there, and weights: size of the field, dip, and two angles a target."""
+    values, n = channels.values, len(channels.values)
+    targets = int(target.max(initial=-1)) + 1
+    free = np.zeros((n, 5, 2 + 2 * targets))
+    free[:, 1, 0] = free[:, 2, 1] = 1.0
+    residuals = values - 1.0
+    residuals[:, 2] = values[:, 2] - dip
+    weight, there = np.ones((n, 5)), np.ones((n, 5), dtype=bool)
+    there[:, 3:] = (target >= 0)[:, None]
+    for k in range(targets):
+        own = target == k
+        middle = np.angle(np.median(np.exp(1j * values[own, 4])))
+        residuals[own, 3] = values[own, 3] - np.median(values[own, 3])
+        residuals[own, 4] = np.angle(np.exp(1j * (values[own, 4] - middle)))
+        weight[own, 4] = np.cos(values[own, 3])
+        free[own, 3, 2 + 2 * k] = free[own, 4, 3 + 2 * k] = 1.0
+    return _Compared(residuals, free, there, weight)
+
+
+def _test(linear: _Linear, covariance: Array) -> tuple[Array, float, int]:
+    """P with what is free projected out, χ² and its degrees of freedom."""
+    total = linear.noise + linear.by_setup @ covariance @ linear.by_setup.T
+    inverse = np.linalg.inv(total)
+    across = inverse @ linear.by_free
+    projector = np.asarray(inverse - across @ np.linalg.solve(linear.by_free.T @ across, across.T))
+    freedom = len(linear.residuals) - int(linear.by_free.shape[1])
+    return projector, float(linear.residuals @ projector @ linear.residuals), freedom
+
+
+def _find_odd(linear: _Linear, covariance: Array) -> Index:
+    """The one shot without which the others agree with the setup, if there is one."""
+    best = (ODD, -1)
+    for i in range(int(linear.shot.max()) + 1):
+        _, statistic, freedom = _test(linear.without(i), covariance)
+        best = max(best, (float(chdtrc(freedom, statistic)), i))
+    return np.array([best[1]] if best[1] >= 0 else [], dtype=np.intp)
+
+
+def _judge(check: PairCheck) -> PairCheck:
+    """The check with its findings and its sentence."""
+    if check.chance >= RARE:
+        said = (
+            f"still good: {len(check.shot)} shots agree with the setup (χ² {check.statistic:.1f} "
+            f"of {check.freedom})",
+            "another bias of the magnetometer that turns headings by "
+            f"{figure(check.seen_deg)}° would have been seen",
+        )
+        return replace(check, remarks=said)
+    if len(check.odd):
+        number = check.shot[check.odd[0]]
+        what = f"shot {number} alone does not agree with the setup"
+        move = "repeat it: it was not at rest, or near iron"
+        return replace(check, findings=(Finding("odd shot", "check", what, move),))
+    best = check.changes[0]
+    size = ", ".join(figure(float(value), 2) for value in best.size)
+    grave = best.turns_deg > SPOILS_DEG
+    what = (
+        f"the shots do not agree with the setup (χ² {check.statistic:.0f} of {check.freedom}); "
+        f"best explained by a change of {best.name} by ({size}) {best.unit}, which turns headings "
+        f"by {figure(best.turns_deg)}°"
+    )
+    move = "look for new iron, batteries or screws, and calibrate again with agonic fit pair"
+    finding = Finding("setup changed", "refuse" if grave else "check", what, move)
+    return replace(check, findings=(finding,))

@@ -1,0 +1,191 @@
+"""`fit_pair`: an accelerometer and a magnetometer, calibrated together from attitudes at rest."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import numpy as np
+from scipy.linalg import polar
+
+from agonic.arrays import Array, Index
+from agonic.inertial.maths.shots import DIP, MATRIX_M, SIGHT, split
+from agonic.inertial.pair.accuracy import (
+    average_information,
+    differentiate_direction,
+    face,
+    list_directions,
+    split_turn,
+)
+from agonic.inertial.pair.calibration import METHOD, make_pair, point_ahead, widen
+from agonic.inertial.pair.evidence import describe, examine, find_prior_only
+from agonic.inertial.pair.plan import choose_attitudes, describe_attitude
+from agonic.inertial.pair.problem import Problem, pose
+from agonic.inertial.pair.result import PairFit, Sight
+from agonic.inertial.pair.settings import Settings
+from agonic.inertial.pair.solve import Solution, compare_shots, find_outlier, solve
+from agonic.maths.rotations.vectors import skew
+from agonic.provenance import Provenance
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+
+def fit_pair(
+    samples: Samples,
+    reference: Reference | None = None,
+    *,
+    accelerometer_bias_sd: float = 0.05,
+    accelerometer_shape_sd: float = 0.02,
+    soft_iron_sd: float = 0.1,
+    turn_sd_deg: float = 5.0,
+) -> PairFit:
+    """Accelerometer and magnetometer calibrated together, from shots: attitudes at rest.
+
+        up = A (acc − b_a),  field = M (mag − b_m):   |up| = g,  |field| = F,  their angle constant,
+
+    and where shots were taken with the sight kept on a target, rolled about it, the direction of
+    the sight is the same at every roll. No attitude need be known. Noise of both sensors and of
+    pointing are estimated; a shot that the others contradict is left out and named.
+
+    Parameters
+    ----------
+    samples : with `acceleration`, a row a shot, or rows by `station`, or a recording with times
+        whose stretches at rest are the shots; twelve attitudes or more, 24 are good. `target`
+        numbers the target of each shot, 0 for none.
+    reference : the field of the place, for its magnitude and dip; or `None`.
+    accelerometer_bias_sd, accelerometer_shape_sd : standard deviations of the priors on the
+        accelerometer's biases, in g, and on its scales and cross terms.
+    soft_iron_sd : that of the prior on the magnetometer's matrix. turn_sd_deg : that of the turn
+        between the sensors, after one by right angles.
+
+    Returns a `PairFit`. Raises `LogError` without acceleration, `CoverageError` with fewer than
+    twelve attitudes, `ConvergenceError` where no calibration makes sense of them.
+
+    Source: M. Kok, T. B. Schön, IEEE Sensors Journal 16(14), 2016, for the constant angle; the
+    rolled sets after P. Underwood, CREG Journal 114, 2021; noise by restricted likelihood (Zhou,
+    Hu, Zhou & Lange 2019).
+
+    Examples
+    --------
+    >>> from agonic.inertial.pair.simulate import simulate_shots
+    >>> made = simulate_shots(seed=1)
+    >>> fit = fit_pair(made.samples)
+    >>> fit.n, bool(fit.heading_sd_deg < 0.5), len(fit.left_out)
+    (24, True, 0)
+    """
+    settings = Settings(
+        accelerometer_bias_sd=accelerometer_bias_sd,
+        accelerometer_shape_sd=accelerometer_shape_sd,
+        soft_iron_sd=soft_iron_sd,
+        turn_sd_deg=turn_sd_deg,
+    )
+    problem = pose(samples, reference, settings)
+    solution = solve(problem)
+    fit = _make_fit(samples, reference, settings, problem, solution)
+    disagreeing = find_outlier(solution) is not None
+    fit = replace(fit, findings=examine(fit, problem, disagreeing))
+    return fit if fit.verdict == "refused" else replace(fit, remarks=describe(fit))
+
+
+def _make_fit(
+    samples: Samples,
+    reference: Reference | None,
+    settings: Settings,
+    problem: Problem,
+    solution: Solution,
+) -> PairFit:
+    """The result, before it is examined."""
+    sighted = problem.shots.targets > 0
+    magnitude = None if reference is None else float(reference.magnitudes(len(samples)).mean())
+    provenance = Provenance(
+        inputs=(samples.origin,),
+        settings={"fit": "pair", "sight": sighted, **asdict(settings)},
+        method=METHOD,
+    )
+    pair = make_pair(samples, problem, solution, magnitude, sighted, provenance)
+    covariance, unknowns = widen(solution), solution.unknowns
+    body = point_ahead(unknowns[SIGHT]) if sighted else np.eye(3)
+    directions = face(unknowns, body, list_directions())
+    moved = differentiate_direction(directions, unknowns, sighted)
+    slope, azimuth = average_information(moved, directions.angles_deg)
+    prior_only = find_prior_only(problem, solution.weighted.covariance)
+    target = slope + azimuth
+    add = choose_attitudes(unknowns, covariance, solution.noise**2, body, target)
+    free = _free_dip(problem, solution)
+    return PairFit(
+        calibration=pair.magnetometer,
+        accelerometer=pair.accelerometer,
+        covariance=pair.covariance,
+        rot_am=split_turn(unknowns),
+        turn_sd_deg=_turn_sd_deg(unknowns, covariance),
+        inclination_deg=float(np.degrees(unknowns[DIP])),
+        inclination_sd_deg=float(np.degrees(np.sqrt(covariance[DIP, DIP]))),
+        free_inclination_deg=free[0],
+        free_inclination_sd_deg=free[1],
+        sight=_sight(solution, covariance) if sighted else None,
+        noise=np.array([pair.accelerometer.noise, pair.magnetometer.noise]),
+        heading_sd_deg=_rms_deg(covariance, azimuth),
+        slope_sd_deg=_rms_deg(covariance, slope),
+        residuals=compare_shots(problem, solution),
+        shot=_number_shots(samples, problem),
+        target=_name_targets(problem),
+        left_out=np.setdiff1d(np.arange(len(problem.rows)), solution.kept),
+        prior_only=prior_only,
+        to_add=tuple(dict.fromkeys(describe_attitude(*map(float, one)) for one in add)),
+    )
+
+
+def _rms_deg(covariance: Array, information: Array) -> float:
+    return float(np.degrees(np.sqrt(np.einsum("ij,ji->", covariance, information))))
+
+
+def _free_dip(problem: Problem, solution: Solution) -> tuple[float, float]:
+    """Dip and its standard error, degrees, with the prior of the place taken out again."""
+    known = problem.prior.information[DIP, DIP]
+    at, variance = float(solution.unknowns[DIP]), float(solution.weighted.covariance[DIP, DIP])
+    left = 1 / variance - known
+    dip = (at / variance - known * problem.prior.mean[DIP]) / left
+    return float(np.degrees(dip)), float(np.degrees(np.sqrt(1 / left)))
+
+
+def _sight(solution: Solution, covariance: Array) -> Sight:
+    """The sight in the accelerometer's axes."""
+    values = np.linalg.eigvalsh(covariance[SIGHT, SIGHT])
+    return Sight(
+        axis=solution.unknowns[SIGHT].copy(),
+        sd_deg=float(np.degrees(np.sqrt(values[-1]))),
+        scatter_deg=float(np.degrees(solution.noise[2])),
+    )
+
+
+def _turn_sd_deg(unknowns: Array, covariance: Array) -> Array:
+    """Standard errors (3,), degrees, of the turn of the magnetometer about each axis.
+
+    A small turn w on the left of M = R S changes it by [w]× M, whose antisymmetric part in the
+    axes after R is what a change of M holds of it: to first order in soft iron.
+    """
+    matrix = split(unknowns)[3]
+    rotation, symmetric = polar(matrix)
+    turns = np.stack([(skew(axis) @ rotation @ symmetric).ravel() for axis in np.eye(3)], axis=1)
+    shapes = np.zeros((9, 6))
+    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+        six = np.zeros((3, 3))
+        six[i, j] = six[j, i] = 1.0
+        shapes[:, k] = (rotation @ six).ravel()
+    onto = np.linalg.inv(np.hstack([turns, shapes]))[:3]
+    spread = onto @ covariance[MATRIX_M, MATRIX_M] @ onto.T
+    return np.asarray(np.degrees(np.sqrt(np.diag(spread))))
+
+
+def _number_shots(samples: Samples, problem: Problem) -> Index:
+    """The number by which a person finds each shot: its station, else its row, from 1."""
+    first = np.array([own[0] for own in problem.rows])
+    if samples.station is not None:
+        return np.asarray(samples.station[first].astype(np.intp))
+    one_each = all(len(own) == 1 for own in problem.rows)
+    return np.asarray(first + 1 if one_each else np.arange(1, len(first) + 1))
+
+
+def _name_targets(problem: Problem) -> Index:
+    """The log's number of each shot's target, 0 for none."""
+    names = np.array([0, *problem.names]).astype(np.intp)
+    return np.array(names[problem.shots.target + 1])
