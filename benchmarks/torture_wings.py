@@ -72,7 +72,7 @@ def track(spoil: Callable[[np.random.Generator, int], tuple[Array | float, Array
         raw = field @ np.linalg.inv((matrix + matrix.T) / 2).T + bias
         raw = raw + NOISE * rng.standard_normal((n, 3))
         beside, wrong = spoil(rng, n)
-        tracker = ag.Tracker()
+        tracker = ag.inflight.Tracker()
         tracker.update(
             ag.Samples(time=time, field=raw + beside), ag.Reference.magnitude(size + wrong)
         )

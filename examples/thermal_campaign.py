@@ -21,17 +21,17 @@ PUBLISHED = {
     "MPU-9255-3": (1.84, 1.19, 1.13, 1.63),
 }  # largest of twelve standard deviations before over after: x, y, z, |B|
 
-plan = ag.plan_thermal("2xMMC5883MA,3xMPU-9255", range_C=(-10, 50), rate_Hz=0.2)
+plan = ag.thermal.plan_thermal("2xMMC5883MA,3xMPU-9255", range_C=(-10, 50), rate_Hz=0.2)
 Path("plan.html").write_text(describe_plan(plan).to_html(), encoding="utf-8")
 print(f"{len(plan.stations)} stations, {plan.duration_s / 3600:.0f} h")
 
-made = ag.simulate_campaign(plan, field_sd=50.0, seed=1)
-ag.write_campaign(made.description, made.stations(), "recorded")
+made = ag.thermal.simulate_campaign(plan, field_sd=50.0, seed=1)
+ag.thermal.write_campaign(made.description, made.stations(), "recorded")
 
-result = ag.calibrate_campaign(ag.read_campaign("recorded"))
+result = ag.thermal.calibrate_campaign(ag.thermal.read_campaign("recorded"))
 for finding in result.findings:
     print(finding.severity, finding.sentence)
-page = ag.campaign_page(
+page = ag.thermal.campaign_page(
     result,
     title="Simulated campaign",
     beside=PUBLISHED,

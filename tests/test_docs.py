@@ -68,7 +68,12 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_public_name_is_on_the_page_of_names() -> None:
     blocks = re.findall(r"```\{public\}\n(.*?)```", text_of(DOCS / "api.md"), re.DOTALL)
     named = [name for block in blocks for name in block.split()]
-    assert sorted([*named, "__version__"]) == sorted(ag.__all__)
+    assert sorted([*named, *ag.GROUPS, "__version__"]) == sorted(ag.__all__)
+    for group in ag.GROUPS:
+        (block,) = re.findall(
+            rf"```\{{public\}} {group}\n(.*?)```", text_of(DOCS / f"api/{group}.md"), re.DOTALL
+        )
+        assert sorted(block.split()) == sorted(getattr(ag, group).__all__)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

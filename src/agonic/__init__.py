@@ -24,6 +24,12 @@ Attitude    aerospace yaw-pitch-roll; heading clockwise from true north.
 Quaternion  only on disk: `quat_wxyz`, Hamilton.
 Heading     magnetic = compass + deviation(compass); true = magnetic + declination; east positive.
 
+Groups
+------
+What every day needs is a name in `agonic`; what one job needs is in its group: `agonic.alignment`
+(star sensor, north, coil, gravity), `thermal`, `inflight`, `network`, `headings`, `history`,
+`fleet`, `live`, `exports`.
+
 Wings
 -----
 samples, reference            what was measured, and what it should have been
@@ -47,25 +53,50 @@ display                       what objects show of themselves: summary, page, pl
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+import warnings as _warnings
+from typing import Any as _Any
 
+from agonic.public import find_homes as _find_homes
+from agonic.public import offer as _offer_names
+from agonic.public import read_stub as _read_stub
 from agonic.version import __version__ as __version__
 
-with open(f"{__file__}i", encoding="utf-8") as _public:  # __init__.pyi: a line a name
-    _HOME_OF = {line.split()[-1]: line.split()[1] for line in _public if line.startswith("from ")}
+_offer = _offer_names(__name__, f"{__file__}i")
+__dir__, __all__ = _offer.list_names, _offer.names
 
-__all__ = sorted(_HOME_OF)
+GROUPS = (
+    "alignment",
+    "exports",
+    "fleet",
+    "headings",
+    "history",
+    "inflight",
+    "live",
+    "network",
+    "thermal",
+)
+"""Wings whose names are theirs: `agonic.thermal.fit_thermal`."""
 
 
-def __getattr__(name: str) -> Any:
-    """Public names are loaded when first used, so that a command pays only for what it needs."""
-    if name not in _HOME_OF:
-        raise AttributeError(f"module 'agonic' has no attribute {name!r}")
-    value = getattr(import_module(_HOME_OF[name]), name)
-    globals()[name] = value
-    return value
+def __getattr__(name: str) -> _Any:
+    """A public name; of those that a group has taken over, with a warning, for one release."""
+    try:
+        return _offer.find(name)
+    except AttributeError:
+        group = None if name.startswith("_") else _find_group(name)
+        if group is None:
+            raise
+        _warnings.warn(
+            f"agonic.{name} is agonic.{group}.{name} now; the short name goes with release 0.2",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return getattr(_offer.find(group), name)
 
 
-def __dir__() -> list[str]:
-    return list(__all__)
+def _find_group(name: str) -> str | None:
+    """The group that lists a name."""
+    for group in GROUPS:
+        if name in _find_homes(_read_stub(f"{__path__[0]}/{group}/__init__.pyi")):
+            return group
+    return None

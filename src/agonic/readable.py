@@ -7,6 +7,8 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from typing import Any
 
+from agonic.misuse import explain_making
+
 MOST_LINES = 12
 
 
@@ -22,6 +24,8 @@ class Readable:
         super().__init_subclass__(**given)
         if "__repr__" not in vars(cls):  # so that a dataclass makes none of its own
             cls.__repr__ = Readable.__repr__  # type: ignore[method-assign]
+        if "__post_init__" in vars(cls):
+            cls.__post_init__ = explain_making(vars(cls)["__post_init__"])  # type: ignore[attr-defined]
 
     def __repr__(self) -> str:
         head, *lines = self._say()

@@ -24,8 +24,8 @@ QUIET = {"noise": 0.0, "reference_noise": 0.0, "across_sd_arcsec": 0.0, "about_s
 BARE = {"refraction": "removed", "aberration": "removed"}
 
 
-def true_turn(made: SimulatedSession) -> ag.Alignment:
-    return ag.Alignment(
+def true_turn(made: SimulatedSession) -> ag.alignment.Alignment:
+    return ag.alignment.Alignment(
         rotation=Rotation.from_matrix(made.rot_mc.T), covariance=np.zeros((3, 3)), frame_out="c"
     )
 

@@ -12,7 +12,7 @@ import agonic as ag
 from agonic.calibration.interference import Interference
 from agonic.simulation import random_calibration
 
-MOUNTING = ag.Alignment(rotation=Rotation.from_euler("ZYX", [90, 10, -170], degrees=True))
+MOUNTING = ag.alignment.Alignment(rotation=Rotation.from_euler("ZYX", [90, 10, -170], degrees=True))
 PLAIN = ag.Affine(bias=[1.0, 2, 3], matrix=np.eye(3), sensor="MAG2")
 
 
@@ -80,7 +80,7 @@ def test_steps_must_meet() -> None:
     with pytest.raises(ag.FrameError, match="b does not meet m"):
         ag.Chain(steps=(MOUNTING, PLAIN))
     with pytest.raises(ag.UnitError, match="nT into raw"):
-        ag.Chain(steps=(PLAIN, ag.Alignment(rotation=Rotation.identity(), unit_in="raw")))
+        ag.Chain(steps=(PLAIN, ag.alignment.Alignment(rotation=Rotation.identity(), unit_in="raw")))
 
 
 def test_its_uncertainty_is_the_scatter_of_many_draws() -> None:
@@ -92,7 +92,7 @@ def test_its_uncertainty_is_the_scatter_of_many_draws() -> None:
         covariance=np.diag([9.0, 16.0, 25.0, *([1e-8] * 9)]),
         gauge="free",
     )
-    turn = ag.Alignment(
+    turn = ag.alignment.Alignment(
         rotation=Rotation.from_rotvec([0.3, -0.4, 1.1]),
         covariance=np.diag([1e-8, 4e-8, 9e-8]),
         frame_in="m",

@@ -150,7 +150,7 @@ def test_held_at_a_temperature_it_needs_none():
 
 
 def test_a_thermal_base_is_held_with_it():
-    thermal = ag.Thermal(
+    thermal = ag.thermal.Thermal(
         bias=[[1.0, 2.0, 3.0], [50.0, 0.0, 0.0]],
         matrix=[np.eye(3), np.zeros((3, 3))],
         centre_C=20.0,
@@ -184,7 +184,7 @@ def test_a_file_gives_it_back_float_for_float(network, tmp_path):
 
 
 def test_it_is_a_step_of_a_chain():
-    turn = ag.Alignment(
+    turn = ag.alignment.Alignment(
         rotation=Rotation.from_euler("z", 90, degrees=True), frame_in="m", frame_out="b"
     )
     chain = ag.Chain(steps=(bent(), turn))

@@ -21,7 +21,7 @@ def shown(result: ag.Calibrated) -> dict[str, object]:
     """An object of each kind that people meet."""
     fit, samples = result.fit, MADE.samples
     swing = np.arange(0.0, 360.0, 30.0)
-    tracker = ag.Tracker(params=ag.TrackerParams(noise=200.0, history_s=1.0))
+    tracker = ag.inflight.Tracker(params=ag.inflight.TrackerParams(noise=200.0, history_s=1.0))
     tracker.update(samples, ag.Reference.constant(FIELD))
     setup = ag.Setup(compasses=(ag.Compass(calibration=fit.calibration),), declination_deg=2.0)
     return {
@@ -35,7 +35,7 @@ def shown(result: ag.Calibrated) -> dict[str, object]:
         "deviation": ag.fit_deviation(swing, swing + 2.0),
         "latency": ag.fit_latency(simulate("flight", n=2000).samples),
         "heading": ag.heading(samples, setup),
-        "coil": ag.fit_coil(ag.simulate_coil().session),
+        "coil": ag.fit_coil(ag.alignment.simulate_coil().session),
         "tracker": tracker,
         "setup": setup,
         "comparison": ag.compare(fit, MADE.truth),
@@ -100,7 +100,7 @@ def test_what_is_saved_is_equal_when_it_is_loaded(result: ag.Calibrated, tmp_pat
     assert moved != calibration
     assert calibration != "mag"
     half = Rotation.from_euler("zyx", [1.0, 0.2, 0.3])
-    turned = ag.Alignment(rotation=half, covariance=1e-6 * np.eye(3))
+    turned = ag.alignment.Alignment(rotation=half, covariance=1e-6 * np.eye(3))
     assert ag.load(ag.save(turned, tmp_path / "turn.json")) == turned
     chain = ag.Chain(steps=(calibration, turned))
     assert ag.load(ag.save(chain, tmp_path / "chain.json")) == chain
@@ -144,7 +144,7 @@ def test_a_figure_can_be_saved(shown: dict[str, ag.Fit], name: str, tmp_path) ->
 
 def test_a_thermal_calibration_is_drawn_over_its_temperatures() -> None:
     pytest.importorskip("matplotlib").use("Agg")
-    warm = ag.Thermal(
+    warm = ag.thermal.Thermal(
         bias=[[100.0, 0, 0], [50.0, 0, 0]],
         matrix=[np.eye(3), np.zeros((3, 3))],
         centre_C=20.0,

@@ -48,7 +48,7 @@ int main() { setup(); for (;;) { loop(); } }
 FLAGS = ("-Os", "-Wall", "-Wextra", "-Werror", "-ffunction-sections", "-fdata-sections")
 
 
-def network() -> ag.Network:
+def network() -> ag.network.Network:
     made = simulate_paper(directions="space", seed=1).select(slice(1500))
     fit = ag.fit_network(
         made.samples, made.reference, base=None, hidden=3, compared=False, restarts=1

@@ -25,7 +25,7 @@ from agonic.maths.rotations.attitude import rot_nb
 from tests.exports.controller import STRICT, Controller, compiled
 
 MATRIX = np.array([[1.1, 0.03, -0.02], [0.03, 0.94, 0.05], [-0.02, 0.05, 1.03]])
-MOUNTED = ag.Alignment(rotation=Rotation.from_euler("ZYX", [90, 3, 178], degrees=True))
+MOUNTED = ag.alignment.Alignment(rotation=Rotation.from_euler("ZYX", [90, 3, 178], degrees=True))
 DIP = np.radians(66.0)
 FIELD_N = 49_000 * np.array([np.cos(DIP), 0.0, np.sin(DIP)])  # magnetic north, east, down
 HARD = Compass(  # hard iron several times the field

@@ -18,7 +18,7 @@ OWN = ag.Affine(
     matrix=[[1.1, 0.02, -0.01], [0.02, 0.9, 0.03], [-0.01, 0.03, 1.05]],
     covariance=np.diag([9.0, 16.0, 25.0, *([1e-6] * 6)]),
 )
-TURN = ag.Alignment(
+TURN = ag.alignment.Alignment(
     rotation=Rotation.from_rotvec([0.3, -0.4, 1.1]), covariance=np.diag([1e-6, 4e-6, 9e-6])
 )
 
@@ -65,7 +65,7 @@ def test_a_chain_with_an_unsure_step_states_no_error(tmp_path) -> None:
 
 
 def test_one_that_changes_with_temperature_is_held(tmp_path) -> None:
-    warm = ag.Thermal(
+    warm = ag.thermal.Thermal(
         bias=[[0, 0, 0], [50, 0, 0]],
         matrix=[np.eye(3), np.zeros((3, 3))],
         centre_C=20.0,

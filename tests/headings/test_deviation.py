@@ -258,7 +258,7 @@ def test_a_real_quadrotor(recordings: Path) -> None:
 def test_few_headings_state_an_error_that_holds(n) -> None:
     """Eight headings leave three degrees of freedom for the noise: Student's t, not Gauss."""
     compass = np.arange(0, 360, 360 / n)
-    true = ag.Deviation(coefficients=[1.0, 12.0, 8.0, 5.0, 1.5])
+    true = ag.headings.Deviation(coefficients=[1.0, 12.0, 8.0, 5.0, 1.5])
     z = []
     for seed in range(300):
         rng = np.random.default_rng(seed)

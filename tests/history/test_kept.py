@@ -65,7 +65,7 @@ def test_the_file_names_the_second_magnetometer(mix: Path) -> None:
     kept = ag.load(mix)
     assert isinstance(kept, Interference)
     assert (kept.sources, kept.second_sensor) == (("second",), "mag2")
-    turn = ag.Alignment(rotation=kept_rotation(), frame_in="b", frame_out="b")
+    turn = ag.alignment.Alignment(rotation=kept_rotation(), frame_in="b", frame_out="b")
     chain = ag.Chain(steps=(kept, turn))
     assert (chain.second_sensor, chain.composed.second_sensor) == ("mag2", "mag2")
 

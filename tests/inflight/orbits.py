@@ -28,7 +28,7 @@ PRECISE = {
 }
 
 
-def precise(seed: int, n: int, days: float) -> tuple[SimulatedOrbit, ag.InflightFit]:
+def precise(seed: int, n: int, days: float) -> tuple[SimulatedOrbit, ag.inflight.InflightFit]:
     """Ten days with scalar instrument and star camera, and the fit."""
     made = simulate_orbit(n=n, rate_Hz=n / (86_400 * days), sensor=SENSOR, seed=seed, **PRECISE)
     scalar = ag.Reference.magnitude(made.samples.scalar)

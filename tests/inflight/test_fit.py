@@ -159,7 +159,7 @@ def test_a_ring_current_of_two_hours_leaves_the_errors_honest(pointing: str) -> 
     """A field that outlasts an orbit, whichever way the sensor turns under it."""
     z = []
     for seed in range(14):
-        made = ag.simulate_orbit(
+        made = ag.inflight.simulate_orbit(
             n=8640,
             rate_Hz=0.1,
             thermal=0.0,

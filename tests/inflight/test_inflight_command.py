@@ -22,8 +22,8 @@ def said(capsys, *command: str) -> tuple[int, dict]:
     return status, json.loads(capsys.readouterr().out)
 
 
-def orbit(name: str = "orbit.csv", **settings) -> ag.SimulatedOrbit:
-    made = ag.simulate_orbit(**PLAIN | settings)
+def orbit(name: str = "orbit.csv", **settings) -> ag.inflight.SimulatedOrbit:
+    made = ag.inflight.simulate_orbit(**PLAIN | settings)
     ag.write_csv(made.samples, name)
     held = made.ground.at(20.0)
     covariance = np.diag([100.0] * 3 + [1e-8] * 6)

@@ -27,8 +27,8 @@ class Pieces:
 
 
 @pytest.fixture(scope="module")
-def made() -> ag.SimulatedOrbit:
-    return ag.simulate_orbit(
+def made() -> ag.inflight.SimulatedOrbit:
+    return ag.inflight.simulate_orbit(
         n=30_000,
         rate_Hz=0.3,
         thermal=0.0,
@@ -40,7 +40,7 @@ def made() -> ag.SimulatedOrbit:
     )
 
 
-def ground_of(made: ag.SimulatedOrbit) -> ag.Affine:
+def ground_of(made: ag.inflight.SimulatedOrbit) -> ag.Affine:
     return replace(made.ground.at(20.0), covariance=np.diag([100.0] * 3 + [1e-6] * 6))
 
 
@@ -73,7 +73,7 @@ def test_out_of_core_gives_what_memory_gives(made, monkeypatch) -> None:
 
 def test_a_spline_and_temperature_terms_go_over_pieces(monkeypatch) -> None:
     monkeypatch.setattr(large_scan, "MOST", 5000)
-    made = ag.simulate_orbit(
+    made = ag.inflight.simulate_orbit(
         n=20_000,
         rate_Hz=0.2,
         noise=50.0,
@@ -97,7 +97,7 @@ def test_a_spline_and_temperature_terms_go_over_pieces(monkeypatch) -> None:
 
 
 def test_a_scalar_instrument_teaches_a_mission_too() -> None:
-    made = ag.simulate_orbit(
+    made = ag.inflight.simulate_orbit(
         n=6000, rate_Hz=0.1, noise=0.3, scalar_sd=0.1, thermal=0.0, pointing="tumble", seed=2
     )
     without = made.samples.with_columns(latitude_deg=None, longitude_deg=None)

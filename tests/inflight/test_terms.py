@@ -20,12 +20,12 @@ from tests.inflight.orbits import ARCSEC, SENSOR, coefficients, efficient, preci
 PLAIN = {"n": 4000, "rate_Hz": 0.1, "thermal": 0.0, "external": 0.0, "noise": 50.0}
 
 
-def ground_of(made: ag.SimulatedOrbit) -> Affine:
+def ground_of(made: ag.inflight.SimulatedOrbit) -> Affine:
     held = made.ground.at(20.0)
     return replace(held, covariance=np.diag([100.0] * 3 + [1e-8] * 6))
 
 
-def off(found: Affine, made: ag.SimulatedOrbit) -> np.ndarray:
+def off(found: Affine, made: ag.inflight.SimulatedOrbit) -> np.ndarray:
     return found.bias - made.bias[-1]
 
 
@@ -33,7 +33,7 @@ def off(found: Affine, made: ag.SimulatedOrbit) -> np.ndarray:
 
 
 def test_a_logged_attitude_teaches_the_turn_of_the_sensor() -> None:
-    made = ag.simulate_orbit(**PLAIN, attitude_sd_deg=0.1, mounting_deg=75.0, seed=2)
+    made = ag.inflight.simulate_orbit(**PLAIN, attitude_sd_deg=0.1, mounting_deg=75.0, seed=2)
     alone = ag.fit_inflight(made.samples, drift_knots=0)
     fit = ag.fit_inflight(made.samples, drift_knots=0, attitude="logged")
     assert fit.ok, fit.status
@@ -55,7 +55,7 @@ def test_a_logged_attitude_teaches_the_turn_of_the_sensor() -> None:
 
 
 def test_the_local_vertical_is_that_of_the_simulated_track() -> None:
-    made = ag.simulate_orbit(n=500, rate_Hz=0.1, noise=0.0, pointing="nadir", seed=1)
+    made = ag.inflight.simulate_orbit(n=500, rate_Hz=0.1, noise=0.0, pointing="nadir", seed=1)
     nb = Rotation.from_matrix(local_vertical_nb(made.samples))
     wobble = np.degrees((nb.inv() * made.rot_nb).magnitude())
     assert np.sqrt(np.mean(wobble**2)) == pytest.approx(3 * np.sqrt(3), rel=0.4)
@@ -67,7 +67,7 @@ def test_the_local_vertical_is_that_of_the_simulated_track() -> None:
 
 
 def test_nadir_pointing_needs_no_logged_attitude() -> None:
-    made = ag.simulate_orbit(**PLAIN, attitude_sd_deg=None, mounting_deg=40.0, seed=3)
+    made = ag.inflight.simulate_orbit(**PLAIN, attitude_sd_deg=None, mounting_deg=40.0, seed=3)
     fit = ag.fit_inflight(made.samples, drift_knots=0, attitude="nadir", ground=ground_of(made))
     assert fit.verdict == "good", fit.status
     turn = np.degrees((fit.alignment.rotation * made.rot_bm.inv()).magnitude())
@@ -76,7 +76,7 @@ def test_nadir_pointing_needs_no_logged_attitude() -> None:
 
 
 def test_a_wrong_attitude_is_found_out() -> None:
-    made = ag.simulate_orbit(**PLAIN, pointing="tumble", seed=4)
+    made = ag.inflight.simulate_orbit(**PLAIN, pointing="tumble", seed=4)
     wrong = made.samples.with_columns(
         roll_deg=made.samples.pitch_deg, pitch_deg=made.samples.roll_deg
     )
@@ -95,7 +95,7 @@ def test_a_wrong_attitude_is_found_out() -> None:
 def test_standard_errors_with_the_attitude_are_honest() -> None:
     z = []
     for seed in range(20):
-        made = ag.simulate_orbit(
+        made = ag.inflight.simulate_orbit(
             **PLAIN | {"n": 1500}, attitude_sd_deg=0.2, mounting_deg=20.0, seed=seed
         )
         fit = ag.fit_inflight(made.samples, drift_knots=0, attitude="logged")
@@ -113,7 +113,7 @@ def test_standard_errors_with_the_attitude_are_honest() -> None:
 
 
 def test_a_current_on_board_is_taken_out() -> None:
-    made = ag.simulate_orbit(**PLAIN, pointing="tumble", seed=5)
+    made = ag.inflight.simulate_orbit(**PLAIN, pointing="tumble", seed=5)
     rng = np.random.default_rng(0)
     current = 2.0 + 1.5 * np.repeat(rng.random(400), 10)
     stray = np.array([120.0, -60.0, 200.0])
@@ -142,7 +142,7 @@ def test_a_current_on_board_is_taken_out() -> None:
 
 
 def test_the_second_sensor_is_named() -> None:
-    made = ag.simulate_orbit(**PLAIN, pointing="tumble", seed=5)
+    made = ag.inflight.simulate_orbit(**PLAIN, pointing="tumble", seed=5)
     added = np.random.default_rng(3).normal(0.0, 300.0, made.samples.field.shape)
     samples = made.samples.with_columns(
         field=made.samples.field + 0.5 * added, second=added, second_sensor="boom"
@@ -153,7 +153,7 @@ def test_the_second_sensor_is_named() -> None:
 
 
 def test_bias_and_matrix_follow_temperature_and_time() -> None:
-    made = ag.simulate_orbit(
+    made = ag.inflight.simulate_orbit(
         **PLAIN | {"n": 6000, "noise": 5.0}, pointing="tumble", sensor=SENSOR, seed=6
     )
     s = made.samples
@@ -174,7 +174,9 @@ def test_bias_and_matrix_follow_temperature_and_time() -> None:
 
 
 def test_a_ground_calibration_keeps_its_shape_and_takes_a_slope_on_top() -> None:
-    made = ag.simulate_orbit(**PLAIN | {"thermal": 1500.0}, pointing="tumble", moved=900.0, seed=7)
+    made = ag.inflight.simulate_orbit(
+        **PLAIN | {"thermal": 1500.0}, pointing="tumble", moved=900.0, seed=7
+    )
     x = (made.samples.temperature - 10.0) / 25.0
     steeper = made.samples.with_columns(field=made.samples.field + np.outer(x, [80.0, -40.0, 60.0]))
     flat = ag.fit_inflight(steeper, ground=made.ground, drift_knots=0)
@@ -196,7 +198,7 @@ def test_a_ground_calibration_keeps_its_shape_and_takes_a_slope_on_top() -> None
 
 
 def test_flagged_rows_and_far_residuals_are_left_out() -> None:
-    made = ag.simulate_orbit(**PLAIN, pointing="tumble", torquer=4000.0, seed=8)
+    made = ag.inflight.simulate_orbit(**PLAIN, pointing="tumble", torquer=4000.0, seed=8)
     on = made.samples.flagged != 0
     assert on.any()
     fit = ag.fit_inflight(made.samples, ground=ground_of(made), drift_knots=0)
@@ -243,7 +245,7 @@ def test_the_precise_case_is_at_its_bound() -> None:
 
 
 def test_rotation_matrices_of_the_log_are_those_of_the_simulation() -> None:
-    made = ag.simulate_orbit(n=50, attitude_sd_deg=0.0)
+    made = ag.inflight.simulate_orbit(n=50, attitude_sd_deg=0.0)
     s = made.samples
     np.testing.assert_allclose(
         rot_nb(s.roll_deg, s.pitch_deg, s.heading_deg), made.rot_nb.as_matrix(), atol=1e-9

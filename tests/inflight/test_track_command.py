@@ -132,7 +132,7 @@ def test_a_thermal_ground_calibration_flagged_rows_and_a_resumed_state(capsys) -
     assert pieces["n"] == whole["n"]
     assert pieces["bias"] == pytest.approx(whole["bias"], abs=1e-6)
     assert pieces["bias_sd"] == pytest.approx(whole["bias_sd"], rel=1e-9)
-    state = ag.Tracker.resume("state.json").state
+    state = ag.inflight.Tracker.resume("state.json").state
     now = state.thermal.bias_at(s.temperature[-1:])[0]
     assert np.abs(now - made.bias[-1]).max() < 30.0
     assert np.ptp(state.thermal.bias_at([-15.0, 35.0]), axis=0) == pytest.approx(

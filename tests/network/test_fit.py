@@ -318,7 +318,7 @@ def test_the_same_seed_gives_the_same_network():
 def test_a_given_base_is_kept():
     made = bent(0)
     base = fit_network(made.samples, made.reference, compared=False).base
-    thermal = ag.Thermal(
+    thermal = ag.thermal.Thermal(
         bias=[base.bias, [10.0, 0.0, 0.0]],
         matrix=[base.matrix, np.zeros((3, 3))],
         centre_C=15.0,

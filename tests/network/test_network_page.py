@@ -97,7 +97,7 @@ def test_guard_counts_readings_far_from_the_training(made, fit) -> None:
     )
     with pytest.warns(ag.AgonicWarning):
         checked = verify(turned, samples, None)
-    network = find_step(turned, ag.Network)
+    network = find_step(turned, ag.network.Network)
     page = describe_network_file(turned, network, samples=samples, verification=checked).to_html()
     assert f"{100 * share:.2g} % of 3 000 readings lie so far" in words(page)
     assert 'class="guarded"' in page

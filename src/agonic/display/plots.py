@@ -209,7 +209,8 @@ def _(shown: History, figure: Any) -> None:
     names = [one.sensor for one in shown.sensors()]
     if len(names) != 1:
         raise AgonicError(
-            f"the history holds {len(names)} sensors; draw one: ag.drift(history.of(NAME)).plot()"
+            f"the history holds {len(names)} sensors; draw one: "
+            "ag.history.drift(history.of(NAME)).plot()"
         )
     draw(drift(shown.of(names[0])), figure)
 

@@ -60,7 +60,7 @@ def fit_recording(
 
     Parameters
     ----------
-    recording : what gives the readings: `ag.open_mission(paths)`.
+    recording : what gives the readings: `ag.inflight.open_mission(paths)`.
     reference : one constant magnitude, nT; as in `fit_ellipsoid`.
     method : "likelihood", or "adjusted", one pass.
     progress : called with the name of the pass and the rows done in it.

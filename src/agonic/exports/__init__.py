@@ -7,3 +7,7 @@ Another target:
 3. a row in `docs/jobs/export.md` and the word in `README.md`; if it is a name of `ag.`, a line in
    `__init__.pyi` too. `tests/exports/test_targets.py` says which of these is missing.
 """
+
+from agonic.public import offer
+
+__getattr__, __dir__, __all__ = offer(__name__, f"{__file__}i")

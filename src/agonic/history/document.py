@@ -39,7 +39,7 @@ def describe_drift(drift: Drift, *, title: str = "") -> Document:
 
     Parameters
     ----------
-    drift : as `agonic.drift` gives it. title : of the page; default: the sensor.
+    drift : as `agonic.history.drift` gives it. title : of the page; default: the sensor.
 
     >>> from agonic.history.fit import drift
     >>> from agonic.population import Population

@@ -5,3 +5,7 @@ was recorded as planned, `fit/` the calibration of one sensor (its formulas in `
 sensors of a campaign are fitted in `all_sensors`, tested by `cross_validation`, and compared in
 `common_mode`; `document` says and shows the result.
 """
+
+from agonic.public import offer
+
+__getattr__, __dir__, __all__ = offer(__name__, f"{__file__}i")

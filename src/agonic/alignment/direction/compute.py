@@ -62,7 +62,7 @@ def field_direction(
     Source: CN108871301B, equations 1 to 9; IERS Conventions (2010), chapter 5.
 
     >>> import agonic as ag
-    >>> night = ag.simulate_session(seed=1).session
+    >>> night = ag.alignment.simulate_session(seed=1).session
     >>> fit = ag.fit_alignment(night)
     >>> found = field_direction(fit.calibration, night.magnetometer, night.star, night.site)
     >>> len(found), round(float(found.declination_deg.mean()), 1)
@@ -106,7 +106,7 @@ def follow_direction(
     Yields a `FieldDirection` for readings that have become complete. Raises as `field_direction`.
 
     >>> import agonic as ag
-    >>> night = ag.simulate_session(seed=1).session
+    >>> night = ag.alignment.simulate_session(seed=1).session
     >>> turn = ag.fit_alignment(night).calibration
     >>> batches = [(night.magnetometer, night.star)]
     >>> sum(len(part) for part in follow_direction(turn, batches, night.site, gap_s=30.0))

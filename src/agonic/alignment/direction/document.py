@@ -27,9 +27,9 @@ def describe_direction(found: FieldDirection) -> Document:
     """The directions of a log as a whole: where the field points, and how surely.
 
     >>> import agonic as ag
-    >>> night = ag.simulate_session(seed=1).session
+    >>> night = ag.alignment.simulate_session(seed=1).session
     >>> turn = ag.fit_alignment(night).calibration
-    >>> found = ag.field_direction(turn, night.magnetometer, night.star, night.site)
+    >>> found = ag.alignment.field_direction(turn, night.magnetometer, night.star, night.site)
     >>> made = describe_direction(found)
     >>> [line for line in made.to_text().splitlines() if "Readings" in line]
     ['  Readings     456 of magnetometer with an attitude, 24 without']

@@ -17,6 +17,7 @@ from agonic.errors import AgonicError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.model import Model
 from agonic.field.place import choose_model
+from agonic.readable import Readable
 
 STEPS_DEG = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25)
 LARGEST = 20_000
@@ -28,7 +29,7 @@ UNIT = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DeclinationGrid:
+class DeclinationGrid(Readable):
     """The horizontal field at the nodes of a regular grid, interpolated between them.
 
     Parameters

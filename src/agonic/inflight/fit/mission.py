@@ -61,7 +61,7 @@ def fit_mission(
 
     Parameters
     ----------
-    recording : what gives the readings: `ag.open_mission(paths)`.
+    recording : what gives the readings: `ag.inflight.open_mission(paths)`.
     scalar : against the scalar instrument in the record instead of the world model.
     progress : called with the name of the pass and the rows done in it.
 

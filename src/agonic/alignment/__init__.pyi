@@ -1,0 +1,33 @@
+"""Align with a star sensor, with north, with gravity, or a coil.
+
+The public names of this wing, a line each; see `agonic.public`.
+"""
+
+from agonic.alignment.coil import CoilFit as CoilFit
+from agonic.alignment.coil import fit_coil as fit_coil
+from agonic.alignment.direction import FieldDirection as FieldDirection
+from agonic.alignment.direction import field_direction as field_direction
+from agonic.alignment.direction import follow_direction as follow_direction
+from agonic.alignment.files.read_coil import read_coil as read_coil
+from agonic.alignment.files.read_di_flux import read_di_flux as read_di_flux
+from agonic.alignment.files.read_north import read_north as read_north
+from agonic.alignment.files.read_session import read_session as read_session
+from agonic.alignment.files.write_coil import write_coil as write_coil
+from agonic.alignment.files.write_north import write_north as write_north
+from agonic.alignment.files.write_session import write_session as write_session
+from agonic.alignment.gravity import GravityFit as GravityFit
+from agonic.alignment.gravity import fit_gravity as fit_gravity
+from agonic.alignment.north import DiFluxFit as DiFluxFit
+from agonic.alignment.north import NorthFit as NorthFit
+from agonic.alignment.north import fit_di_flux as fit_di_flux
+from agonic.alignment.north import fit_north as fit_north
+from agonic.alignment.session import Session as Session
+from agonic.alignment.simulation.coil import simulate_coil as simulate_coil
+from agonic.alignment.simulation.north import simulate_north as simulate_north
+from agonic.alignment.simulation.session import simulate_session as simulate_session
+from agonic.alignment.star_sensor import AlignmentFit as AlignmentFit
+from agonic.alignment.star_sensor import AlignmentPlan as AlignmentPlan
+from agonic.alignment.star_sensor import error_budget as error_budget
+from agonic.alignment.star_sensor import fit_alignment as fit_alignment
+from agonic.alignment.star_sensor import plan_alignment as plan_alignment
+from agonic.calibration.alignment import Alignment as Alignment

@@ -1,0 +1,166 @@
+"""`explain_misuse`: what was given and what is needed, where a public function cannot go on."""
+
+from __future__ import annotations
+
+import re
+import typing
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import fields
+from functools import wraps
+from inspect import getdoc, signature
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any
+
+from agonic.errors import AgonicError
+
+_CAUGHT = (TypeError, AttributeError, ValueError, LookupError, NotImplementedError)
+
+
+def explain_misuse(function: Callable[..., Any], package: str) -> Callable[..., Any]:
+    """A function that says so where it failed because of a type that it does not take.
+
+    What was given is compared with the annotations only then, so that nothing is paid for it. An
+    error that has another cause stays what it is.
+    """
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        try:
+            return function(*args, **given)
+        except AgonicError:
+            raise
+        except _CAUGHT:
+            said = _describe_misuse(function, args, given)
+            if not said:
+                raise
+        raise AgonicError(said)
+
+    call.__module__ = package  # so that it can be pickled by its public name
+    call.__qualname__ = function.__name__
+    return call
+
+
+def explain_making(check: Callable[[Any], None]) -> Callable[[Any], None]:
+    """The same for `check`, the `__post_init__` of a class."""
+
+    @wraps(check)
+    def made(self: Any) -> None:
+        try:
+            check(self)
+        except AgonicError:
+            raise
+        except _CAUGHT:
+            given = {one.name: getattr(self, one.name, None) for one in fields(self)}
+            said = _describe_misuse(type(self), (), given)
+            if not said:
+                raise
+        else:
+            return
+        raise AgonicError(said)
+
+    return made
+
+
+def _describe_misuse(
+    function: Callable[..., Any], args: tuple[Any, ...], given: dict[str, Any]
+) -> str:
+    """What is wrong with the arguments, in a sentence; nothing where none is found."""
+    try:
+        bound = signature(function).bind(*args, **given).arguments
+        hints = typing.get_type_hints(getattr(function, "__wrapped__", function))
+    except (TypeError, NameError):
+        return ""
+    wrong = [name for name, value in bound.items() if not is_a(value, hints.get(name, Any))]
+    return "; ".join(
+        f"{function.__name__}: {name} was given as {describe_kind(bound[name])}; needed: "
+        f"{_needed(function, name, hints[name])}"
+        for name in wrong
+    )
+
+
+def describe_kind(value: Any) -> str:
+    """What a value is, in a word or two.
+
+    >>> describe_kind(3), describe_kind("north"), describe_kind(None)
+    ('int (3)', "str ('north')", 'None')
+    """
+    if value is None:
+        return "None"
+    short = isinstance(value, bool | int | float | str) and len(repr(value)) < 40
+    shape = getattr(value, "shape", None)
+    more = f" ({value!r})" if short else f" of shape {shape}" if isinstance(shape, tuple) else ""
+    return f"{type(value).__name__}{more}"
+
+
+def _needed(function: Callable[..., Any], name: str, hint: Any) -> str:
+    """What a parameter is, as the docstring says it; else its type."""
+    said = (getdoc(function) or "").partition("\nExamples")[0].split(">>>")[0]
+    found = re.search(rf"\b{name}\b[^:\n]* : (.+?)(?:[.;]\s|\n\s*\n|\n\S|$)", said, re.DOTALL)
+    words = " ".join(found[1].split()) if found else ""
+    return words or getattr(hint, "__name__", str(hint)).replace("typing.", "")
+
+
+def is_a(value: Any, hint: Any) -> bool:
+    """Whether a value is of an annotated type, as far as that can be told.
+
+    >>> is_a(3, float), is_a("a", float | None), is_a([1, 2], Sequence[int]), is_a("ab", list[str])
+    (True, False, True, False)
+    """
+    origin, inside = typing.get_origin(hint), typing.get_args(hint)
+    if hint is Any or isinstance(hint, typing.TypeVar):
+        return True
+    if hint is None or hint is NoneType:
+        return value is None
+    if origin is typing.Union or origin is UnionType:
+        words_are_paths = any(one is Path for one in inside)
+        numbers = any(_is_of_numpy(one) for one in inside)
+        if isinstance(value, str) and numbers and not words_are_paths:  # what ArrayLike would take
+            return False
+        return any(is_a(value, one) for one in inside)
+    if origin is typing.Literal:
+        return value in inside
+    if origin is typing.Annotated:
+        return is_a(value, inside[0])
+    if _is_of_numpy(hint):
+        return _is_numeric(value, scalar=getattr(origin, "__name__", "") != "ndarray")
+    if origin is not None:
+        return _is_made_of(value, origin, inside)
+    if not isinstance(hint, type):
+        return True
+    if hint in (float, int, complex):
+        return not isinstance(value, str) and hasattr(value, "__float__") and value is not True
+    if getattr(hint, "_is_protocol", False):
+        wanted = {*vars(hint), *getattr(hint, "__annotations__", {})}
+        return all(hasattr(value, one) for one in wanted if not one.startswith("_"))
+    return isinstance(value, hint)
+
+
+def _is_of_numpy(hint: Any) -> bool:
+    module = getattr(typing.get_origin(hint) or hint, "__module__", "")
+    return str(module).startswith("numpy")
+
+
+def _is_numeric(value: Any, *, scalar: bool) -> bool:
+    """Whether a value becomes an array of numbers, or where that will do a single one."""
+    import numpy as np
+
+    try:
+        array = np.asarray(value, dtype=np.float64)
+        return value is not None and bool(array.size) and (scalar or array.ndim > 0)
+    except (TypeError, ValueError, AgonicError):
+        return False
+
+
+def _is_made_of(value: Any, origin: Any, inside: tuple[Any, ...]) -> bool:
+    """Whether a value is a container of what it should hold."""
+    if not isinstance(origin, type) or not isinstance(value, origin):
+        return not isinstance(origin, type)
+    if issubclass(origin, Mapping) or not issubclass(origin, Iterable) or not inside:
+        return True
+    if isinstance(value, str | bytes):
+        return False
+    if not isinstance(value, Collection):
+        return True
+    kinds = [one for one in inside if one is not ...]
+    return all(any(is_a(one, kind) for kind in kinds) for one in list(value)[:3])
