@@ -15,7 +15,7 @@ from agonic.headings.gyro import filter_down
 from agonic.maths.rotations import tilt as kernel
 from agonic.simulation import simulate, with_inertial_unit
 from agonic.simulation.sensor import Simulated
-from benchmarks import tables
+from benchmarks import shots, tables
 
 TILTS = (1.0, 3.0, 5.0, 10.0, 20.0, 40.0)
 BIASES = (0.05, 0.1)
@@ -117,10 +117,11 @@ def simulated(draws: int, quick: bool) -> str:
 
 
 def main() -> None:
-    """The table of simulated vehicles."""
+    """The tables of simulated vehicles, and of shots."""
     asked = tables.arguments("calibrations beside accelerometer and gyro", draws=4)
     draws = min(asked.draws, 2) if asked.quick else asked.draws
     print(INTRODUCTION.format(draws=draws) + "\n\n" + simulated(draws, asked.quick))
+    print("\n" + shots.describe(4 if asked.quick else 20))
 
 
 if __name__ == "__main__":
