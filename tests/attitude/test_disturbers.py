@@ -141,3 +141,27 @@ def test_a_recording_tells_which_disturbers_it_can_tell_apart() -> None:
     assert "only followed the attitude" in one.move
     with pytest.raises(ag.LogError, match="nothing that could disturb changes"):
         judge_disturbers(quiet)
+
+
+def test_heater_and_torquers_of_a_satellite_are_found_by_the_magnitude_alone() -> None:
+    """No attitude: what an ampere and an A m² add is told by the steadiness of the magnitude."""
+    z = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        quiet = simulate("tumble", n=3000, noise=NOISE, seed=seed).samples.with_columns(
+            roll_deg=None, pitch_deg=None, heading_deg=None, acceleration=None, rotation_rate=None
+        )
+        columns = {"heater_A": np.repeat(rng.integers(0, 2, 60), 50) * 2.0}
+        columns |= {f"torquer_{a}_Am2": np.repeat(rng.uniform(-1, 1, 100), 30) for a in "xyz"}
+        added = rng.normal(0.0, 700.0, (3, 4))
+        field = quiet.field + np.stack([*columns.values()], axis=1) @ added.T
+        samples = quiet.with_columns(field=field, disturbers=columns)
+        result = ag.calibrate(samples, ag.Reference.constant(50_000.0))
+        assert (result.verdict, result.method) == ("good", "interference")
+        assert set(result.fit.calibration.needs) == set(columns)
+        order = [list(columns).index(name) for name in result.fit.calibration.needs]
+        errors = result.fit.calibration.coefficients - added[:, order]
+        z.append(errors.ravel() / result.fit.sd[9:])
+    ratio = np.concatenate(z)
+    assert abs(ratio.mean()) < 0.4
+    assert 0.75 < ratio.std() < 1.25

@@ -140,6 +140,9 @@ _MEMBER = re.compile(r"\d+|(?<=_)[xyz](?=_)")
 """What tells the members of a family apart: motor1_duty, motor2_duty; torquer_x_Am2."""
 
 
+_PARTS = re.compile(f"({_MEMBER.pattern})")
+
+
 def is_duty(name: str) -> bool:
     """Whether a column is the duty of a motor, 0…1."""
     return name == "throttle" or name.endswith("_duty")
@@ -193,8 +196,8 @@ def describe_sources(sources: Sequence[str]) -> str:
 def name_sources(sources: Sequence[str]) -> str:
     """Sources by name, those that differ in a number together.
 
-    >>> name_sources(("esc1_A+esc2_A+esc3_A",))
-    'the sum of esc1…3_A'
+    >>> name_sources(("esc1_A+esc2_A+esc3_A",)), name_sources(("rod_x_Am2", "rod_z_Am2"))
+    ('the sum of esc1…3_A', 'rod_x…z_Am2')
     """
     named: list[str] = []
     families: dict[str, list[str]] = {}
@@ -214,13 +217,13 @@ def _split_form(source: str) -> tuple[list[str], str]:
 
 
 def _join_numbers(family: Sequence[str]) -> str:
-    """Names that differ in their number as one: motor1…4_duty."""
-    first, last = family[0], family[-1]
-    numbers = [re.search(r"\d+", name.partition("^")[0]) for name in (first, last)]
-    if len(family) < 2 or numbers[0] is None or numbers[1] is None:
+    """Names that differ in one number or axis as one: motor1…4_duty, torquer_x…z_Am2."""
+    first, last = (_PARTS.split(name) for name in (family[0], family[-1]))
+    apart = [k for k, (one, other) in enumerate(zip(first, last, strict=False)) if one != other]
+    if len(apart) != 1 or len(first) != len(last):
         return ", ".join(family)
-    end = numbers[0].end()
-    return f"{first[:end]}…{numbers[1][0]}{first[end:]}"
+    first[apart[0]] += f"…{last[apart[0]]}"
+    return "".join(first)
 
 
 def describe_gain(choice: SourceChoice) -> Finding | None:

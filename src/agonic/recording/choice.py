@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -15,6 +15,7 @@ from agonic.attitude.disturbers import (
     choose_sources,
     describe_gain,
     describe_sources,
+    list_moving,
 )
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
@@ -91,7 +92,10 @@ def choose(
     )
     if method == "ellipsoid":
         alone = _fit_magnitude(samples, reference, reason, settings)
-        return replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
+        alone = replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
+        if kind != "auto" or reference is None:
+            return alone
+        return _join_disturbers(alone, samples, reference, reason, settings)
     if reference is None:
         raise AgonicError(
             f"a {method} fit needs the field of the place: give it (--at LAT,LON, --date), or a "
@@ -129,6 +133,35 @@ def _fit_magnitude(
     fit = fit_ellipsoid(samples, reference, **settings)
     again = partial(fit_ellipsoid_alone, **{**settings, "model": fit.calibration.model})
     return Choice(samples, reference, fit, "ellipsoid", reason, again, _find_latency(samples))
+
+
+def _join_disturbers(
+    alone: Choice,
+    samples: Samples,
+    reference: Reference,
+    reason: str,
+    settings: Mapping[str, Any],
+) -> Choice:
+    """The fit to the magnitude with what disturbs on board, where anything recorded does."""
+    if not list_moving(samples):
+        return alone
+    found = choose_sources(samples, reference, ("magnitude",), _keep_common(settings))
+    if not found.sources:
+        return replace(alone, disturbers=found)
+    given = {**asdict(_keep_common(settings)), "sources": found.sources}
+    plain = samples.with_columns(roll_deg=None, pitch_deg=None)
+    why = f"{reason}, and {describe_sources(found.sources)} the readings"
+    joined = _fit_with_attitude(plain, reference, "interference", why, given)
+    fit = joined.fit.with_findings(describe_gain(found))
+    if fit.verdict == "refused" != alone.fit.verdict:
+        return replace(alone, disturbers=found)
+    return replace(joined, fit=fit, disturbers=found)
+
+
+def _keep_common(settings: Mapping[str, Any]) -> Settings:
+    """The settings of a fit that one with sources has too; the whole model."""
+    common = ("robust", "soft_iron_sd", "seed", "turn_sd_deg")
+    return Settings(**{name: settings[name] for name in common if name in settings})
 
 
 def _fit_with_attitude(
@@ -268,14 +301,13 @@ def _fit_with_sources(
 
     What is better on unseen parts of the log is taken, or a current that moves the readings.
     """
-    run, found = _FITS[method], None
-    if method in ("levelled", "vector"):
-        channels = ("magnitude", "dip", "azimuth")[: 3 if method == "vector" else 2]
-        found = choose_sources(samples, reference, channels, Settings(**settings))
-        if found.sources:
-            fit = run(samples, reference, **settings, sources=found.sources)
-            if _measure_sources(fit, samples) > MATTERS:
-                return fit.with_findings(describe_gain(found)), found
+    run = _FITS[method]
+    channels = ("magnitude", "dip", "azimuth")[: {"vector": 3, "levelled": 2}.get(method, 1)]
+    found = choose_sources(samples, reference, channels, _keep_common(settings))
+    if found.sources:
+        fit = run(samples, reference, **settings, sources=found.sources)
+        if _measure_sources(fit, samples) > MATTERS:
+            return fit.with_findings(describe_gain(found)), found
     if not _varies(samples.current_A):
         return None, found
     fit = run(samples, reference, **settings, sources=("current_A",))
