@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ Trainer = Callable[[levenberg_marquardt.Problem, Array], Array]
 INTRODUCTION = """Median over {draws} draws. `rms` is the error on an axis of other readings of the
 same sensor, whose noise is {paper} nT in the first task and {bent} nT in the second; `worst` is the
 largest rms of the draws: a start may end in a poor minimum. All take the same start, and the first
-four the same Jacobian."""
+four the same Jacobian. {torch}"""
 
 
 class Task(NamedTuple):
@@ -140,6 +141,14 @@ def torch_of(name: str, steps: int) -> Trainer | None:
     return train
 
 
+def describe_torch() -> str:
+    """Which PyTorch it was, and how many of its threads."""
+    try:
+        return f"PyTorch {version('torch')}, double precision, one thread."
+    except PackageNotFoundError:
+        return f"PyTorch is {tables.NOT_INSTALLED}."
+
+
 def trainers() -> dict[str, Trainer | None]:
     """What is compared, by name."""
     return {
@@ -205,7 +214,7 @@ def main() -> None:
     """Train everything and print the tables."""
     asked = tables.arguments("training of networks", draws=3)
     table = compared(asked.draws, asked.quick)
-    print(INTRODUCTION.format(draws=asked.draws, paper=2, bent=20))
+    print(INTRODUCTION.format(draws=asked.draws, paper=2, bent=20, torch=describe_torch()))
     print()
     print(tables.markdown(("trained by", "rms, nT", "worst, nT", "time, s"), table))
     print("\n`fit_network`, the best of three runs:\n")
