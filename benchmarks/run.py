@@ -20,6 +20,7 @@ ALONE = (
     "tracking",
     "inflight",
     "network",
+    "retraining",
     "fleet_faults",
     "fleet_logs",
     "fleet_recording",

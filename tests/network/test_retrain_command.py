@@ -139,6 +139,22 @@ def test_page_header_and_report_of_what_was_retrained(capsys) -> None:
     assert "On the log" in Path("log.html").read_text()
 
 
+def test_an_orbit_with_its_network_is_aided_by_attitude(capsys) -> None:
+    """The network ends in body axes, as the attitude and the world model do."""
+    asked = ("-n", "9000", "--jump", "1500", "--seed", "6", "--external", "0", "--network")
+    assert run(["simulate", "orbit", "-o", "orbit.csv", *asked]) == 0
+    assert "agonic retrain orbit.csv --ground orbit.network.json" in capsys.readouterr().out
+    words = ("retrain", "orbit.csv", "--ground", "orbit.network.json", "--window", "50min")
+    assert run([*words, "-o", "now.json", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["target"] == "vector"
+    jumped = [one for one in said["retrainings"] if one["why"] == "change" and one["accepted"]]
+    assert jumped[0]["onset_s"] == pytest.approx(4500.0, abs=5.0)
+    assert said["noise_nT"] == pytest.approx(100.0, rel=0.1)
+    before, now = ag.load("orbit.network.json"), ag.load("now.json")
+    assert np.linalg.norm(now.base.bias - before.base.bias) == pytest.approx(1500.0, rel=0.1)
+
+
 def test_an_orbit_with_its_ground_calibration_needs_no_further_word(capsys) -> None:
     """Thermal, in the sensor's axes; the attitude is the body's: the magnitude teaches, and after a
     jump of the bias the ground calibration is brought up to date and keeps its shape over

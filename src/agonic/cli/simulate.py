@@ -5,11 +5,10 @@ from __future__ import annotations
 import typer
 
 from agonic.alignment.commands import simulate_alignment, simulate_north
-from agonic.cli import simulate_motion, simulate_rover, simulate_vehicle
+from agonic.cli import simulate_motion, simulate_orbit, simulate_rover, simulate_vehicle
 from agonic.console.kinds import add_kinds
 from agonic.fleet.commands import simulate_fleet
 from agonic.inertial.commands import simulate_shots
-from agonic.inflight.commands import simulate_orbit
 from agonic.network.commands import simulate_network
 from agonic.thermal.commands import simulate as simulate_campaign
 

@@ -10,7 +10,11 @@ import typer
 from agonic.console.options import Json
 from agonic.console.simulation_options import Noise, Seed, Step, Table
 
+NODES = 6
+"""Of the network that is trained on the ground."""
+
 if TYPE_CHECKING:
+    from agonic.calibration.network import Network
     from agonic.inflight.simulation.orbit import SimulatedOrbit
 
 
@@ -38,6 +42,10 @@ def orbit(
         float | None, typer.Option(metavar="SD", help="Noise of a scalar sensor beside it, nT.")
     ] = None,
     pointing: Annotated[str, typer.Option(help="nadir or tumble.")] = "nadir",
+    network: Annotated[
+        bool,
+        typer.Option("--network", help="Train a network on the ground too, for agonic retrain."),
+    ] = False,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
@@ -65,13 +73,16 @@ def orbit(
     ground = save(made.ground, out.with_suffix(".ground.json"))
     truth = save(made.truth, out.with_suffix(".truth.json"))
     rows = write_truth(made, out.with_suffix(".truth.csv"))
+    files = [out, ground, truth, rows]
+    if network:
+        files.append(save(train_on_ground(made, noise, seed), out.with_suffix(".network.json")))
     if as_json:
         print_json(
             "agonic/simulate@1",
             {
                 "kind": "orbit",
                 "n": len(made.samples),
-                "files": [str(file) for file in (out, ground, truth, rows)],
+                "files": [str(file) for file in files],
                 "bias_nT": made.bias.mean(axis=0),
                 "eclipse": float(made.eclipse.mean()),
             },
@@ -79,7 +90,24 @@ def orbit(
     else:
         say(f"{len(made.samples)} readings: {out}\nThe calibration from the ground: {ground}")
         say(f"The truth: {truth}, and row by row: {rows}")
+        if network:
+            say(f"The network from the ground: {files[-1]}")
+            say(f"\nNext      agonic retrain {out} --ground {files[-1]} --window 90min -o now.json")
     return 0
+
+
+def train_on_ground(made: SimulatedOrbit, noise: float, seed: int) -> Network:
+    """A network of the readings and their temperature on an affine base, from a coil, into body
+    axes: where the attitude of the satellite and the world model meet it."""
+    from agonic.inflight.simulation.ground import simulate_ground
+    from agonic.network.fit import fit_network
+    from agonic.reference import Reference
+
+    samples, field_b = simulate_ground(made, noise=noise, seed=seed)
+    known = Reference.vector(field_b, frame="b", source="the coil")
+    inputs = ("field", "temperature")
+    fit = fit_network(samples, known, hidden=NODES, inputs=inputs, compared=False, seed=seed)
+    return fit.calibration
 
 
 def write_truth(made: SimulatedOrbit, path: Path) -> Path:

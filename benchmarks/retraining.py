@@ -1,0 +1,174 @@
+"""A year in orbit with and without retraining: python -m benchmarks.retraining [--draws 2].
+
+A network is trained on the ground. In flight the bias drifts, jumps twice, and the current of the
+solar arrays, which no sensor tells, adds to it in sunlight. How far is the field off, and how often
+is something learned, or an alarm raised, where nothing has changed?
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import agonic as ag
+from agonic.cli.simulate_orbit import train_on_ground
+from agonic.field.place import field_along
+from agonic.inflight.simulation.orbit import simulate_orbit
+from benchmarks import tables
+
+Array = NDArray[np.float64]
+
+DAY = 86_400.0
+EVERY_S = 400.0
+NOISE, EXTERNAL = 50.0, 20.0
+DRIFT, JUMPS, ECLIPSE = 400.0, ((0.3, 800.0), (0.65, 500.0)), 60.0
+WINDOW_S = 2 * DAY
+MONTHS = 12
+LATE = 3 * WINDOW_S
+"""What is learned so long after a jump belongs to it."""
+
+INTRODUCTION = """A year in a polar orbit of 500 km, a reading every {every:.0f} s, {draws} draws.
+Noise {noise:.0f} nT on an axis, ring current {external:.0f} nT. The bias drifts by {drift:.0f} nT
+over the year and jumps by {first:.0f} and {second:.0f} nT in the fourth and the eighth month, and
+in sunlight solar arrays add {eclipse:.0f} nT, which no input of the network tells. A network of six
+nodes of field and temperature is trained on the ground, and again in orbit every {window:.0f} days,
+aided by attitude. The error is that of the corrected field against the truth, rms on an axis, the
+noise of the reading itself left out."""
+
+
+class Year(NamedTuple):
+    """Rms errors by month (12,), nT, without and with retraining, and what the retrainer did."""
+
+    ground: Array
+    retrained: Array
+    retrainings: tuple[Any, ...]
+    jumps: tuple[float, ...]
+    took: float
+
+
+def fly(seed: int, *, steady: bool, days: float) -> Year:
+    """One year; `steady`: without drift, jumps and arrays."""
+    n = int(days * DAY / EVERY_S)
+    made = simulate_orbit(
+        n=n,
+        rate_Hz=1 / EVERY_S,
+        noise=0.0,
+        external=EXTERNAL,
+        drift=0.0 if steady else DRIFT * days / 365.0,
+        seed=seed,
+    )
+    rng = np.random.default_rng((seed, 3))
+    assert made.samples.time is not None
+    share = made.samples.time / made.samples.time[-1]
+    added = np.zeros((n, 3))
+    if not steady:
+        for at, size in JUMPS:
+            added += np.outer(share >= at, size * _direction(rng))
+        added += np.outer(~made.eclipse, ECLIPSE * _direction(rng))
+    still = made.samples.field + added
+    samples = made.samples.with_columns(field=still + NOISE * rng.standard_normal((n, 3)))
+    ground = train_on_ground(made, NOISE, seed)
+    began = time.perf_counter()
+    follower = ag.Retrainer(ground, ag.RetrainerParams(window_s=WINDOW_S, window_n=2000))
+    known = known_of(samples)
+    errors: list[Array] = []
+    off: list[Array] = []
+    step = 24  # readings that are corrected by one and the same
+    for start in range(0, n, step):
+        rows = np.arange(start, min(start + step, n))
+        truth = made.rot_nb[rows].apply(made.field_n[rows], inverse=True)
+        beside = {"temperature": made.samples.temperature[rows]}
+        for running, found in ((ground, off), (follower.calibration, errors)):
+            needed = {name: beside[name] for name in running.needs}
+            field = running.evaluated(still[rows], needed)[0]
+            found.append(((field - truth) ** 2).mean(axis=1))
+        follower.update(samples.select(rows), known.select(rows))
+    took = time.perf_counter() - began
+    month = np.minimum((share * MONTHS).astype(int), MONTHS - 1)
+    return Year(
+        *(
+            np.sqrt(np.bincount(month, np.concatenate(values)) / np.bincount(month))
+            for values in (off, errors)
+        ),
+        follower.retrainings,
+        () if steady else tuple(at * made.samples.time[-1] for at, _ in JUMPS),
+        took,
+    )
+
+
+def known_of(samples: ag.Samples) -> ag.Reference:
+    """The world model along the track."""
+    expected = field_along(samples)
+    assert expected is not None
+    return expected.reference
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    way = rng.standard_normal(3)
+    return way / np.linalg.norm(way)
+
+
+def count_false(year: Year) -> tuple[int, int]:
+    """Alarms where nothing had jumped, and how many of those changed what runs."""
+    false = [
+        one
+        for one in year.retrainings
+        if one.why == "change" and not any(0 <= one.time - at <= LATE for at in year.jumps)
+    ]
+    return len(false), sum(one.accepted for one in false)
+
+
+def main() -> None:
+    """Fly the years and print the tables."""
+    asked = tables.arguments("a year of retraining in orbit", draws=2)
+    days = 60.0 if asked.quick else 365.0
+    moving, steady = [], []
+    for seed in range(asked.draws):
+        tables.progress(f"retraining: draw {seed + 1}")
+        moving.append(fly(seed, steady=False, days=days))
+        steady.append(fly(seed, steady=True, days=days))
+    print(
+        INTRODUCTION.format(
+            every=EVERY_S,
+            draws=asked.draws,
+            noise=NOISE,
+            external=EXTERNAL,
+            drift=DRIFT,
+            first=JUMPS[0][1],
+            second=JUMPS[1][1],
+            eclipse=ECLIPSE,
+            window=WINDOW_S / DAY,
+        )
+    )
+    print()
+    head = ("month", "never retrained, nT", "retrained, nT", "steady sensor, retrained, nT")
+    columns = [[y.ground for y in moving], [y.retrained for y in moving]]
+    columns.append([y.retrained for y in steady])
+    means = [np.sqrt(np.mean(np.square(column), axis=0)) for column in columns]
+    rows = [(str(k + 1), *(f"{mean[k]:.0f}" for mean in means)) for k in range(MONTHS)]
+    whole = ("the year", *(f"{np.sqrt(np.mean(mean**2)):.0f}" for mean in means))
+    print(tables.markdown(head, [*rows, whole]))
+    print()
+    months = days / 365.0 * 12
+    said = []
+    for name, years in (("drift, jumps, arrays", moving), ("steady", steady)):
+        false = np.mean([count_false(year) for year in years], axis=0) / months
+        done = np.mean([len(year.retrainings) for year in years])
+        took = np.mean([sum(one.accepted for one in year.retrainings) for year in years])
+        cells = (f"{done:.0f}", f"{took:.0f}", f"{false[0]:.2f}", f"{false[1]:.2f}")
+        said.append((name, *cells, f"{np.mean([year.took for year in years]):.0f}"))
+    head = (
+        "sensor",
+        "retrainings",
+        "accepted",
+        "false alarms a month",
+        "false and accepted, a month",
+    )
+    print(tables.markdown((*head, "time, s"), said))
+
+
+if __name__ == "__main__":
+    main()
