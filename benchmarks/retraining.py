@@ -72,7 +72,9 @@ def fly(seed: int, *, steady: bool, days: float) -> Year:
     samples = made.samples.with_columns(field=still + NOISE * rng.standard_normal((n, 3)))
     ground = train_on_ground(made, NOISE, seed)
     began = time.perf_counter()
-    follower = ag.Retrainer(ground, ag.RetrainerParams(window_s=WINDOW_S, window_n=2000))
+    follower = ag.network.Retrainer(
+        ground, ag.network.RetrainerParams(window_s=WINDOW_S, window_n=2000)
+    )
     known = known_of(samples)
     errors: list[Array] = []
     off: list[Array] = []
