@@ -28,6 +28,7 @@ extensions = [
     "house",
     "documents",
     "terminal",
+    "notebooks",
 ]
 exclude_patterns = ["_build", "_ext", "decisions/experiments"]
 default_role = "py:obj"
