@@ -9,7 +9,8 @@ fit of all blocks but b, and what it leaves in b, come without another fit:
 A set of sources is better by the mean over the blocks of what it leaves less, with the standard
 error of that mean. What only goes with the attitude, as the throttle in a climb, shares its columns
 with bias and matrix there, and explains nothing in blocks that were not fitted. Sources are added
-one after the other while they are surely better, and the fit is made anew with each.
+one after the other while they are surely better, and the fit is made anew with each. How late they
+are recorded is found in the same way.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ MOST = 3
 """Sets of sources that are added, one after the other."""
 HUBER = 1.345
 NORMAL_MEDIAN = 0.6745
+DELAYS_S = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+"""How late a source may be recorded: current sensors are filtered, outputs are early."""
 MOST_ROWS = 20_000
 _ROUNDS = 4
 POWER = 1.5
@@ -99,7 +102,41 @@ def choose_sources(
             break
         chosen += best.sources
         candidates = [one for one in candidates if not _shares(one, chosen)]
+        if samples.time is not None:
+            late = _find_delay(samples, reference, channels, settings, usable, chosen, best.sources)
+            chosen = tuple(late.get(one, one) for one in chosen)
     return SourceChoice(chosen, tuple(trials))
+
+
+def _find_delay(
+    samples: Samples,
+    reference: Reference,
+    channels: tuple[str, ...],
+    settings: Settings,
+    usable: Mask,
+    chosen: tuple[str, ...],
+    sources: tuple[str, ...],
+) -> dict[str, str]:
+    """The sources with the delay of their recording, by their names, where it surely shows.
+
+    Delays of a grid are compared on unseen blocks like sources, the best with none; the least of
+    the parabola through its neighbours is taken.
+    """
+    others = tuple(one for one in chosen if one not in sources)
+    moved = [tuple(f"{one}@{by:g}" for one in sources) for by in DELAYS_S]
+    sums = _sum_blocks(samples, reference, channels, settings, usable, others, moved)
+    left = np.stack([np.log(sums.measure((one,))) for one in moved])
+    best = int(np.argmin(left.mean(axis=1)))
+    better = left[DELAYS_S.index(0.0)] - left[best]
+    surely = float(stdtrit(BLOCKS - 1, 1.0 - CHANCE / len(moved)))
+    if not better.mean() > surely * better.std(ddof=1) / np.sqrt(BLOCKS):
+        return {}
+    if not 0 < best < len(moved) - 1:
+        return {one: f"{one}@{DELAYS_S[best]:g}" for one in sources}
+    before, here, after = left.mean(axis=1)[best - 1 : best + 2]
+    step = DELAYS_S[1] - DELAYS_S[0]
+    by = DELAYS_S[best] + 0.5 * step * (before - after) / (before - 2 * here + after)
+    return {one: f"{one}@{by:.2f}" for one in sources}
 
 
 def list_candidates(samples: Samples) -> list[tuple[str, ...]]:
@@ -282,10 +319,10 @@ def _sum_blocks(
     found = estimate_usable(problem, usable, settings)
     rows = np.flatnonzero(usable)
     rows = rows[:: -(-len(rows) // MOST_ROWS)]
-    names = [(one, source) for one in candidates for source in one]
-    x = find_terms(samples.select(rows), tuple(source for _, source in names))
+    x = np.hstack([find_terms(samples, one)[rows] for one in candidates])
     terms = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300)
-    return _add_up(problem.subset(rows), found, terms, tuple(one for one, _ in names))
+    of = tuple(one for one in candidates for _ in one)
+    return _add_up(problem.subset(rows), found, terms, of)
 
 
 def _add_up(

@@ -8,7 +8,14 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.attitude.settings import Settings
-from agonic.calibration.inputs import SOURCES, list_columns, signals, stack_inputs
+from agonic.calibration.inputs import (
+    SOURCES,
+    find_delays,
+    list_columns,
+    signals,
+    stack_inputs,
+    undelay,
+)
 from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.health import find_rounding
 from agonic.maths.equation.channels import Dip, Problem
@@ -100,7 +107,8 @@ def find_terms(samples: Samples, sources: tuple[str, ...]) -> Array:
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
             f"recorded beside the readings{held} (for second: samples.with_second(other))"
         )
-    known = {name: columns[name] for name in needed}
+    at_rows = undelay(columns, find_delays(sources))
+    known = {name: at_rows[name] for name in needed}
     if "second" in known:
         known["second"] = known["second"] - samples.field
     return stack_inputs(sources, None, known)

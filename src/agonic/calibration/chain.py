@@ -194,6 +194,14 @@ class Chain(Correction):
         return next(filter(None, named), None)
 
     @property
+    def delays(self) -> dict[str, float]:
+        """How late the columns that are late are recorded, s, by any step."""
+        found: dict[str, float] = {}
+        for step in self.steps:
+            found |= getattr(step, "delays", {})
+        return found
+
+    @property
     def latency_s(self) -> float:
         """How late the readings came, by the first step that knows."""
         return next((late for s in self.steps if (late := getattr(s, "latency_s", 0.0))), 0.0)

@@ -6,6 +6,7 @@ A source of disturbance is spelled as the column that tells of it, and the form 
     motor1_duty^1.5     its size to a power: the current of a motor by its duty
     heater_A>0.5        1 where it is more, else 0: on or off
     esc1_A+esc2_A       the sum of several, each in the form that follows: they share their effect
+    current_A@0.2       recorded 0.2 s late: its value then is what the log holds 0.2 s later
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ WIDTH = {"field": 3, "temperature": 1, "temperature_rate": 1, **SOURCES}
 """Numbers a row of what can be an input; one where it is not named. `field` is the reading."""
 
 _NAME = r"[^\W\d]\w*"
-_SPELLED = re.compile(rf"({_NAME}(?:\+{_NAME})*)(?:([\^>])([-+\d.eE]+))?", re.ASCII)
+_SPELLED = re.compile(
+    rf"({_NAME}(?:\+{_NAME})*)(?:([\^>])([-+\d.eE]+))?(?:@([-+\d.eE]+))?", re.ASCII
+)
 _LARGEST_POWER = 8.0
 
 
@@ -37,6 +40,7 @@ class Source(NamedTuple):
     columns: tuple[str, ...]
     form: str = ""
     value: float = 0.0
+    late_s: float = 0.0
 
     @property
     def width(self) -> int:
@@ -71,18 +75,20 @@ def parse_source(text: str) -> Source:
     Raises `AgonicError` where it spells none.
 
     >>> parse_source("motor1_duty+motor2_duty^1.5")
-    Source(columns=('motor1_duty', 'motor2_duty'), form='^', value=1.5)
+    Source(columns=('motor1_duty', 'motor2_duty'), form='^', value=1.5, late_s=0.0)
     """
     found = _SPELLED.fullmatch(text.strip())
     try:
-        columns, form, value = found.groups() if found else ("", "", "")
-        source = Source(tuple(columns.split("+")), form or "", float(value or 0.0))
+        columns, form, value, late = found.groups() if found else ("", "", "", "")
+        numbers = (float(value or 0.0), float(late or 0.0))
+        source = Source(tuple(columns.split("+")), form or "", *numbers)
     except ValueError:
         source = Source(("",))
     if not source.columns[0] or (source.form == "^" and not 0.0 < source.value <= _LARGEST_POWER):
         raise AgonicError(
             f"{text!r} names no source: give the column that tells of it, a power of it as "
-            "motor1_duty^1.5, a sum as battery1_A+battery2_A, or where it is on as heater_A>0.5"
+            "motor1_duty^1.5, a sum as battery1_A+battery2_A, where it is on as heater_A>0.5, or "
+            "how many seconds late it is recorded as current_A@0.2"
         )
     vectors = [name for name in source.columns if WIDTH.get(name, 1) > 1]
     if vectors and text.strip() != vectors[0]:
@@ -97,6 +103,41 @@ def list_columns(sources: Iterable[str]) -> tuple[str, ...]:
     ('motor1_duty', 'heater_A')
     """
     return tuple(dict.fromkeys(name for one in sources for name in parse_source(one).columns))
+
+
+def find_delays(sources: Iterable[str]) -> dict[str, float]:
+    """How late each column of sources is recorded, s, where it is.
+
+    Raises `AgonicError` where a column would be late in two ways.
+
+    >>> find_delays(("current_A@0.2", "throttle"))
+    {'current_A': 0.2}
+    """
+    found: dict[str, float] = {}
+    for source in map(parse_source, sources):
+        for name in source.columns:
+            if found.setdefault(name, source.late_s) != source.late_s:
+                raise AgonicError(f"{name} is taken with two delays; it can have one")
+    return {name: late for name, late in found.items() if late}
+
+
+def undelay(columns: Mapping[str, Array], delays: Mapping[str, float]) -> dict[str, Array]:
+    """The columns with those that are recorded late, s, brought to their moments by `time`.
+
+    At the end, where nothing later is recorded, the last value holds.
+
+    >>> log = {"time": np.array([0.0, 1.0, 2.0]), "heater_A": np.array([0.0, 1.0, 3.0])}
+    >>> undelay(log, {"heater_A": 0.5})["heater_A"].tolist()
+    [0.5, 2.0, 3.0]
+    """
+    late = {name: by for name, by in delays.items() if by and name in columns}
+    if late and "time" not in columns:
+        raise AgonicError(f"{', '.join(late)} is recorded late, which needs times; there are none")
+    moved = {
+        name: np.interp(columns["time"] + by, columns["time"], columns[name])
+        for name, by in late.items()
+    }
+    return {**columns, **moved}
 
 
 def stack_inputs(

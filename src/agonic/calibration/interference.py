@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import read_only, require_covariance
-from agonic.calibration.inputs import list_columns, parse_source, stack_inputs
+from agonic.calibration.inputs import find_delays, list_columns, parse_source, stack_inputs
 from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
 from agonic.maths.equation import affine as kernel
@@ -60,6 +60,7 @@ class Interference(Affine):
         if not self.sources:
             raise AgonicError("sources is empty; name what disturbs, as current_A or motor1_duty")
         width = sum(parse_source(name).width for name in self.sources)
+        find_delays(self.sources)
         if len(set(self.sources)) < len(self.sources):
             raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
         object.__setattr__(self, "sources", tuple(self.sources))
@@ -74,6 +75,11 @@ class Interference(Affine):
     def needs(self) -> tuple[str, ...]:  # type: ignore[override]
         """The columns of the samples that it takes beside the readings."""
         return list_columns(self.sources)
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """How late the columns that are late are recorded, s."""
+        return find_delays(self.sources)
 
     @property
     def parameters(self) -> tuple[str, ...]:

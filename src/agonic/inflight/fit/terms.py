@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.inputs import list_columns, signals, stack_inputs
+from agonic.calibration.inputs import find_delays, list_columns, signals, stack_inputs, undelay
 from agonic.errors import CoverageError, LogError
 from agonic.inflight.fit.drift import evaluate_spline, place_knots
 from agonic.maths.equation import polynomial
@@ -64,7 +64,12 @@ class Terms:
             self._powers(samples, self.degree),
         ]
         if self.sources:
-            parts.append(stack_inputs(self.sources, None, samples.columns()) / self.spread)
+            parts.append(
+                stack_inputs(
+                    self.sources, None, undelay(samples.columns(), find_delays(self.sources))
+                )
+                / self.spread
+            )
         return np.concatenate(parts, axis=1)
 
     def of_matrix(self, samples: Samples) -> Array:
@@ -130,7 +135,7 @@ def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
             "recorded beside the readings"
         )
-    values = stack_inputs(sources, None, samples.columns())
+    values = stack_inputs(sources, None, undelay(samples.columns(), find_delays(sources)))
     spread = np.asarray(values.std(axis=0))
     still = [
         name
