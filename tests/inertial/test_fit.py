@@ -77,5 +77,28 @@ def test_settings_have_to_make_sense() -> None:
         ag.fit_inertial(logged, place, stretch_s=0.0)
     with pytest.raises(ag.LogError, match="no acceleration"):
         ag.fit_inertial(logged.with_columns(acceleration=None), place)
-    with pytest.raises(ag.UnitError, match="horizontal and vertical"):
-        ag.fit_inertial(logged, ag.Reference.constant(50_000.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "tilt_deg", "worst"), [("circle", 5.0, 0.9), ("hand", 60.0, 0.06)]
+)
+def test_dip_and_magnitude_are_found_where_the_log_tells(kind, tilt_deg, worst) -> None:
+    settings = {"tilt_deg": tilt_deg} if kind == "circle" else {}
+    made, logged, _ = drive(kind, 1, **settings)
+    for given in (None, ag.Reference.constant(50_000.0)):
+        fit = ag.fit_inertial(logged, given)
+        assert fit.verdict == "good"
+        assert heading_error_deg(fit.calibration, made, tilt_deg) < worst
+        assert (np.abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all()
+        level, below = fit.reference.values[0]
+        dip_sd = np.degrees(fit.inertial_sd[-1])
+        assert np.degrees(np.arctan2(below, level)) == pytest.approx(65.0, abs=4 * dip_sd)
+        gain = 1.0 if given is None else np.trace(made.truth.matrix) / 3
+        assert np.trace(fit.calibration.matrix) / 3 == pytest.approx(gain, rel=0.1)
+
+
+def test_a_dip_that_the_log_does_not_tell_is_named() -> None:
+    _, logged, _ = drive(tilt_deg=0.1)
+    fit = ag.fit_inertial(logged)
+    assert fit.verdict != "good"
+    assert any(finding.name == "inclination" for finding in fit.findings)

@@ -12,7 +12,7 @@ from agonic.attitude.fit import make_fit
 from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.fit import Fit
-from agonic.inertial.attitude import feel_attitude
+from agonic.inertial.evidence import check_inclination, without_scale
 from agonic.inertial.known_mistakes import check_turning
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
@@ -23,7 +23,7 @@ from agonic.samples import Samples
 
 def fit_inertial(
     samples: Samples,
-    reference: Reference,
+    reference: Reference | None = None,
     *,
     model: Model = "full",
     gauge: Gauge = "auto",
@@ -55,7 +55,8 @@ def fit_inertial(
     ----------
     samples : with `acceleration`, and best `rotation_rate` and `time`.
     reference : horizontal and vertical intensity: `Reference.horizontal_vertical`, or a vector in
-        the frame n as `ag.wmm().along(samples)` gives it.
+        the frame n as `ag.wmm().along(samples)` gives it. Of a magnitude the dip is found; without
+        a reference the magnitude too is whatever makes the mean gain one.
 
     model, gauge, sources, robust, soft_iron_sd, turn_sd_deg, inclination_deg, seed : as in
         `fit_levelled`.
@@ -66,8 +67,8 @@ def fit_inertial(
     accelerometer_scale_sd : prior on the nine entries of the accelerometer's gain beside one;
         `None`: its gain is one, but for gravity's own 0.3 % from place to place.
 
-    Returns an `InertialFit`. Raises `LogError` without acceleration, `UnitError` for a reference
-    that is a magnitude only, and `CoverageError` where nothing can be fitted at all.
+    Returns an `InertialFit`. Raises `LogError` without acceleration, and `CoverageError` where
+    nothing can be fitted at all.
 
     Source: maximum likelihood with Huber's sandwich covariance (Huber 1981); the joint model after
     Huang, Hendeby & Skog, arXiv 2505.16662 (2025); variable projection (Golub & Pereyra 1973).
@@ -108,7 +109,9 @@ def fit_inertial(
         "inertial",
     )
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
-    fit = fit.with_findings(check_turning(samples))
+    fit = fit.with_findings(check_turning(samples), check_inclination(solved))
+    if reference is None:
+        fit = without_scale(fit, samples.unit)
     return InertialFit(
         **{f.name: getattr(fit, f.name) for f in fields(Fit)},
         samples=solved.samples,
@@ -122,10 +125,19 @@ def fit_inertial(
 
 
 def fit_part(whole: InertialFit, samples: Samples, reference: Reference) -> Affine:
-    """The calibration by some of the rows of a fit, beside the attitude that the fit felt."""
+    """The calibration by some of the readings of a fit; acceleration and rates count in all rows.
+
+    Readings that the fit does not have are fitted anew.
+    """
     rows = whole.find_rows(samples)
-    felt = feel_attitude(samples) if rows is None else whole.felt.subset(rows)
-    found = solve_beside(samples, reference, felt, whole.inertial_errors, whole.settings)
+    if rows is None:
+        found = solve(samples, reference, whole.settings)
+    else:
+        among = np.zeros(len(whole.samples), dtype=bool)
+        among[rows] = True
+        found = solve_beside(
+            whole.samples, whole.reference, whole.felt, whole.inertial_errors, whole.settings, among
+        )
     return make_calibration(
         found.found, found.problem, found.scale, found.samples, whole.settings, "inertial"
     )

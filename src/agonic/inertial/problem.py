@@ -21,6 +21,8 @@ NODDING_S = 1.0
 """Time constant of the turns that change the course of a vehicle: in a gust it only nods."""
 AZIMUTH_S = 10.0
 """Over which the azimuth of the field is smoothed where the joint estimate starts."""
+INCLINATION_SD = 0.5
+"""Prior of a dip that is not known, rad, about the one that was found first."""
 FEWEST = 30
 """Rows of a stretch whose azimuth is an unknown of its own."""
 
@@ -52,28 +54,34 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
     """What the errors of the inertial unit do, each in units of its standard deviation."""
     sds = standard_deviations(felt, settings)
     azimuth_by = np.zeros((len(felt.down), 3)) if felt.azimuth_by is None else felt.azimuth_by
-    return Shared(-felt.down_by * sds, azimuth_by * sds, np.zeros(len(sds)), taken_out)
+    unit = azimuth_by.shape[1]
+    down_by, dip_by = -felt.down_by * sds[:unit], np.zeros(len(sds))
+    azimuth_by = azimuth_by * sds[:unit]
+    if settings.inclination_free:
+        dip_by[-1] = sds[-1]
+        down_by = np.pad(down_by, ((0, 0), (0, 0), (0, 1)))
+        azimuth_by = np.pad(azimuth_by, ((0, 0), (0, 1)))
+    return Shared(down_by, azimuth_by, dip_by, taken_out)
 
 
 def standard_deviations(felt: Inertial, settings: Settings) -> Array:
-    """Of the priors of the errors: of the accelerometer, of the gyro, and of the speed."""
-    accelerometer = np.full(3, settings.accelerometer_sd_m_s2)
-    if felt.azimuth_by is None:
-        return accelerometer
-    bias = np.radians(settings.gyro_bias_sd_deg_s)
-    others = np.repeat([bias, settings.gyro_scale_sd, settings.speed_sd_m_s], 3)
-    return np.concatenate([accelerometer, others])
+    """Of the priors of the errors: of the accelerometer, of the gyro, and of the speed; and of the
+    dip, rad, where it is not known."""
+    sds = [settings.accelerometer_sd_m_s2]
+    if felt.azimuth_by is not None:
+        bias = float(np.radians(settings.gyro_bias_sd_deg_s))
+        sds += [bias, settings.gyro_scale_sd, settings.speed_sd_m_s]
+    return np.append(np.repeat(sds, 3), [INCLINATION_SD] * settings.inclination_free)
 
 
 def without_errors(samples: Samples, errors: Array) -> Samples:
     """The samples without errors of the inertial unit, as of `standard_deviations`."""
     force, rate = samples.acceleration, samples.rotation_rate
     assert force is not None
-    if len(errors) == 3:
-        return samples.with_columns(acceleration=force - errors)
-    assert rate is not None
+    if len(errors) < 12 or rate is None:
+        return samples.with_columns(acceleration=force - errors[:3])
     rate = (rate - errors[3:6]) / (1.0 + errors[6:9])
-    force = force - errors[:3] - np.cross(rate, errors[9:])
+    force = force - errors[:3] - np.cross(rate, errors[9:12])
     return samples.with_columns(acceleration=force, rotation_rate=rate)
 
 

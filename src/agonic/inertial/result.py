@@ -49,7 +49,9 @@ class InertialFit(Fit):
         return "accelerometer" if self.felt.ahead is None else "accelerometer and gyro"
 
     def find_rows(self, samples: Samples) -> Index | None:
-        """The rows of the fit that some of its samples are; `None` without times."""
+        """The rows of the fit that some of its samples are; `None` where they are others."""
         if self.samples.time is None or samples.time is None:
             return None
-        return np.searchsorted(self.samples.time, samples.time)
+        rows = np.searchsorted(self.samples.time, samples.time)
+        rows = np.minimum(rows, len(self.samples) - 1)
+        return rows if np.array_equal(self.samples.time[rows], samples.time) else None

@@ -27,6 +27,7 @@ class Settings(AttitudeSettings):
     speed_sd_m_s: float = 10.0
     stretch_s: float = 30.0
     accelerometer_scale_sd: float | None = None
+    inclination_free: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -4,7 +4,7 @@ In level axes whose x points to magnetic north the field is B = F (cos I, 0, sin
 rest −g ẑ, always. With the attitude R of the sensor in them, and an error δ of it, R → exp(δ) R:
 
     reading   raw − bias − W⁻¹ Rᵀ B                                in the sensor's axes
-    force     R (force − b_a + (1 + S) g Rᵀ ẑ) − ⟨R [ω]×⟩ v        in the level axes
+    force     ⟨R (force − b_a − ω × v + (1 + S) g Rᵀ ẑ)⟩            in the level axes
     rate      Log(R₂ (R₁ D)ᵀ), D what ω turns between two states    in the level axes
 """
 
@@ -60,13 +60,13 @@ class Log(NamedTuple):
 
 class Felt(NamedTuple):
     """Force without the bias found, rate without its errors, the track of the gyro, the speed and
-    the gain S, and where the parameters of the unit and of the gains start among all p."""
+    the gains found, and where the parameters of the unit and of the gains start among all p."""
 
     force: Array
     rate: Array
     track: Track
     speed: Array
-    shape: Array
+    gains: Array
     unit: int
     gain: int
     total: int
@@ -78,10 +78,9 @@ def take_out(log: Log, params: Array) -> Felt:
     unit = gain - len(log.sds)
     errors = params[unit:gain] * log.sds
     rate = (log.rate - errors[3:6]) / (1.0 + errors[6:9])
-    shape = np.tensordot(params[gain:], log.gains, axes=1)
     track = lay_track(log.time, rate, log.parts)
     force = log.force - errors[:3]
-    return Felt(force, rate, track, errors[9:12], shape, unit, gain, len(params))
+    return Felt(force, rate, track, errors[9:12], params[gain:], unit, gain, len(params))
 
 
 def sum_readings(
@@ -140,36 +139,42 @@ def find_dip_error(problem: Problem, params: Array) -> tuple[float, Array]:
 def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
     """The sums of the acceleration.
 
-    What a gain stretches is the force that should be there: stretching the one that was read would
-    make its noise the smaller the larger the gain.
+    It is smoothed, ⟨⟩: fast attitude is the gyro's to tell. What a gain stretches is the force that
+    should be there: stretching the one that was read would make its noise the smaller the larger
+    the gain.
     """
-
-    turning = _steady_turning(log, felt, attitudes)
+    level, axes, turning, stretched = _steady_force(log, felt, attitudes)
 
     def add(rows: slice, track: Track) -> Sums:
-        axes, turned = attitudes[rows], turning[rows]
-        rest = axes[:, 2] * _UP[2]
-        left = felt.force[rows] - rest - rest @ felt.shape.T
-        by_params = np.zeros((len(left), 3, felt.total))
+        n = len(track.interval)
+        by_params = np.zeros((n, 3, felt.total))
         first = felt.unit
-        by_params[:, :, first : first + 3] = -axes * log.sds[:3]
-        by_params[:, :, first + 9 : first + 12] = -turned * log.sds[9:12]
-        by_params[:, :, felt.gain :] = -axes @ np.einsum("gij,nj->nig", log.gains, rest)
-        by_state = np.broadcast_to(-skew(_UP), (len(left), 3, 3))
-        residuals = np.einsum("nij,nj->ni", axes, left) - turned @ felt.speed
-        return sum_rows(track, residuals, by_state, by_params, np.ones(len(left)))
+        by_params[:, :, first : first + 3] = -axes[rows] * log.sds[:3]
+        by_params[:, :, first + 9 : first + 12] = -turning[rows] * log.sds[9:12]
+        by_params[:, :, felt.gain :] = -stretched[rows]
+        by_state = np.broadcast_to(-skew(_UP), (n, 3, 3))
+        return sum_rows(track, level[rows] - _UP, by_state, by_params, np.ones(n))
 
     return _by_blocks(felt.track, add)
 
 
-def _steady_turning(log: Log, felt: Felt, attitudes: Array) -> Array:
-    """⟨R [ω]×⟩ (n, 3, 3): what a speed in the axes of the sensor is felt as, in the level axes."""
-    turning = attitudes @ skew(felt.rate)
+def _steady_force(log: Log, felt: Felt, attitudes: Array) -> tuple[Array, Array, Array, Array]:
+    """The force in the level axes without the speed's and the gain's share, and what a bias, a
+    speed and the gains are felt as there: (n, 3), twice (n, 3, 3) and (n, 3, g), all smoothed."""
+    n, g = len(attitudes), len(log.gains)
+    rest = attitudes[:, 2] * _UP[2]
+    level = np.einsum("nij,nj->ni", attitudes, felt.force)
+    stretched = attitudes @ np.einsum("gij,nj->nig", log.gains, rest)
+    columns = [attitudes, attitudes @ skew(felt.rate), stretched]
+    whole = np.concatenate([level, *(one.reshape(n, -1) for one in columns)], axis=1)
     for rows in log.parts:
         if len(rows) > 3:
             step = float(np.median(np.diff(log.time[rows])))
-            turning[rows] = low_pass(turning[rows], step, log.settling_s)
-    return turning
+            whole[rows] = low_pass(whole[rows], step, log.settling_s)
+    level, axes, turning, stretched = np.split(whole, [3, 12, 21], axis=1)
+    turning, stretched = turning.reshape(n, 3, 3), stretched.reshape(n, 3, g)
+    level = level - turning @ felt.speed - stretched @ felt.gains
+    return level, axes.reshape(n, 3, 3), turning, stretched
 
 
 def sum_rate(log: Log, felt: Felt, states: Array, attitudes: Array) -> Sums:

@@ -1,0 +1,198 @@
+"""The first estimate, beside the attitude that is felt, and the field where it is not known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.attitude.fit import estimate_usable, find_usable, refine_usable
+from agonic.attitude.problem import Scale
+from agonic.errors import CoverageError
+from agonic.health import FEWEST
+from agonic.inertial.attitude import Inertial, feel_attitude
+from agonic.inertial.problem import (
+    INCLINATION_SD,
+    pose,
+    standard_deviations,
+    with_tilt,
+    without_errors,
+)
+from agonic.inertial.settings import Settings
+from agonic.maths.equation.affine import split
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+SLOW_M_S = 0.2
+"""Of a sensor that is turned in the hand, or a vehicle that turns where it stands."""
+CLEARLY = 10.0
+"""A speed is taken to be there where it makes the readings e^10 times as probable."""
+_ROUNDS = 4
+_ENOUGH = 1500  # rows to start with
+_DIPS = np.radians([-65.0, -20.0, 20.0, 65.0])
+MATTERS = np.repeat([0.02, np.radians(0.1), 0.005, 0.2], 3)
+"""Errors of the accelerometer, m/s², of the gyro, rad/s and scale, and a speed, m/s, that are too
+small to act twice."""
+
+
+class Solved(NamedTuple):
+    """An estimate with the problem that it solves, of which rows, and the attitude it rests on."""
+
+    found: Estimate
+    problem: Problem
+    scale: Scale
+    samples: Samples
+    reference: Reference
+    usable: Mask
+    felt: Inertial
+    sds: Array
+    settings: Settings
+    gain: Array | None = None
+
+    @property
+    def errors(self) -> Array:
+        """The errors of the unit that were found, (q,)."""
+        return np.asarray(self.found.solution.params[-len(self.sds) :] * self.sds)
+
+
+def find_field(samples: Samples, given: Reference | None, settings: Settings) -> Reference:
+    """Horizontal and vertical intensity that readings and inertial unit agree on.
+
+    Without a magnitude it is the one that makes the mean gain one. Some thousand rows tell enough,
+    from several dips, for the dip of the wrong hemisphere is a minimum too.
+    """
+    felt = feel_attitude(samples)
+    rows = np.flatnonzero(felt.known)
+    rows = rows[:: max(1, len(rows) // _ENOUGH)]
+    few, settings = samples.select(rows), replace(settings, speed_sd_m_s=SLOW_M_S)
+    spread = float(np.linalg.norm(few.field.std(axis=0)))
+    sizes = np.full(len(samples), spread) if given is None else given.magnitudes(len(samples))
+    sizes = np.broadcast_to(sizes, len(samples))
+    tried: list[tuple[float, float, float]] = []
+    for dip in _DIPS:
+        place = make_dipping(sizes, dip)
+        _, usable, problem, scale = pose_felt(
+            few,
+            place.select(rows),
+            felt.subset(rows),
+            settings,
+            np.zeros(len(standard_deviations(felt, settings))),
+        )
+        found = estimate_usable(problem, usable, settings)
+        params, m = found.solution.params, problem.basis.shape[1]
+        _, matrix = split(problem.basis @ params[:m])
+        gain = float(np.trace(matrix)) / 3 * scale.magnitude / scale.size
+        noise = sum(float(np.log(one.sd)) for one in found.noise.values())
+        there = dip + INCLINATION_SD * float(params[-1])
+        tried.append((noise if abs(there) < np.pi / 2 else np.inf, there, gain))
+    _, dip, gain = min(tried)
+    return make_dipping(sizes / gain if given is None else sizes, dip)
+
+
+def make_dipping(sizes: Array, dip: float) -> Reference:
+    """The field (n,) of a dip, rad."""
+    return Reference.horizontal_vertical(
+        sizes * np.cos(dip), sizes * np.sin(dip), source="found beside accelerometer and gyro"
+    )
+
+
+def choose_speed(samples: Samples, reference: Reference, settings: Settings) -> Solved:
+    """The estimate of a vehicle that hardly moves, or of one that keeps a speed in turns.
+
+    A speed in a steady turn leans the vertical just as a bias of the accelerometer does, so it is
+    taken to be there only where it makes the residuals much smaller.
+    """
+    still = _solve_with(samples, reference, settings, SLOW_M_S)
+    if still.felt.ahead is None or not _leans(still):
+        return still
+    near = still.found.solution.params.copy()
+    near[len(near) - len(still.sds) + 9 :][:3] *= SLOW_M_S / settings.speed_sd_m_s
+    moving = _solve_with(samples, reference, settings, settings.speed_sd_m_s, near)
+    gain = _describe_length(still) - _describe_length(moving)
+    return moving if gain > CLEARLY else still
+
+
+def _leans(solved: Solved) -> bool:
+    """Whether the vertical is worse than the readings, or its errors larger than they should be."""
+    noise, unknowns = solved.found.noise, solved.found.solution.params[-len(solved.sds) :]
+    worse = max(noise[channel].sd for channel in ("dip", "azimuth")) > 1.2 * noise["magnitude"].sd
+    return bool(worse or np.abs(unknowns).max() > 2.0)
+
+
+def _describe_length(solved: Solved) -> float:
+    """Minus the logarithm of the probability of the readings, by Laplace's approximation."""
+    found, problem = solved.found, solved.problem
+    length = 0.0
+    for channel, noise in found.noise.items():
+        n = len(found.residuals[channel]) / noise.correlation
+        length += n * float(np.log(noise.sd))
+    prior = problem.prior(problem.soft_iron_sd)
+    if prior is not None:
+        residuals = prior(found.solution.params)[0]
+        length += float(residuals @ residuals) / 2
+    # unknowns in units of their priors: what of these the readings leave
+    covariance = found.solution.covariance[-len(solved.sds) :, -len(solved.sds) :]
+    return length - float(np.linalg.slogdet(covariance)[1]) / 2
+
+
+def _solve_with(
+    samples: Samples,
+    reference: Reference,
+    settings: Settings,
+    speed_sd_m_s: float,
+    near: Array | None = None,
+) -> Solved:
+    """The estimate from the rows whose attitude is known.
+
+    With a gyro some thousand rows are enough, for what they find is only where the joint estimate
+    starts. The errors of the inertial unit act to first order, so those that were found are taken
+    out and the attitude is felt again, until little is left.
+    """
+    felt = feel_attitude(samples)
+    known = np.flatnonzero(felt.known)
+    if len(known) < FEWEST:
+        raise CoverageError(
+            f"accelerometer and gyro tell the attitude of {len(known)} readings only",
+            turns="record without pauses, and the acceleration with every reading",
+        )
+    part, reference = samples.select(known), reference.select(known)
+    settings = replace(settings, speed_sd_m_s=speed_sd_m_s)
+    sds = standard_deviations(felt, settings)
+    taken_out, found = np.zeros(len(sds)), None
+    for _ in range(_ROUNDS):
+        felt = felt.subset(known)
+        tilted, usable, problem, scale = pose_felt(part, reference, felt, settings, taken_out)
+        some = usable if felt.ahead is None else thin_out(usable)
+        if near is None:
+            found = estimate_usable(problem, some, settings)
+        else:
+            found = refine_usable(problem, some, settings, near)
+        near = found.solution.params
+        unknowns = near[-len(sds) :]
+        unit = min(len(MATTERS), 3 * (len(sds) // 3))
+        if np.abs(((unknowns - taken_out) * sds)[:unit] / MATTERS[:unit]).max() < 1.0:
+            break
+        taken_out = unknowns
+        felt = feel_attitude(without_errors(samples, taken_out * sds))
+    assert found is not None
+    return Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
+
+
+def thin_out(usable: Mask) -> Mask:
+    """Some thousand of the rows that are usable."""
+    rows = np.flatnonzero(usable)
+    some = np.zeros(len(usable), dtype=bool)
+    some[rows[:: max(1, len(rows) // _ENOUGH)]] = True
+    return some
+
+
+def pose_felt(
+    samples: Samples, reference: Reference, felt: Inertial, settings: Settings, taken_out: Array
+) -> tuple[Samples, Mask, Problem, Scale]:
+    """The samples with the tilt that was felt, those that are usable, and their problem."""
+    tilted = with_tilt(samples, felt)
+    return tilted, find_usable(tilted), *pose(tilted, reference, felt, settings, taken_out)
