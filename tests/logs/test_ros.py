@@ -28,6 +28,15 @@ ROS1 = get_typestore(Stores.ROS1_NOETIC)
 TREE = "tf2_msgs/msg/TFMessage"
 ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TREE))
 ROS2 = get_typestore(Stores.ROS2_HUMBLE)
+OUTPUTS, CONTROLLERS = "mavros_msgs/msg/RCOut", "mavros_msgs/msg/ESCStatus"
+OTHERS = {
+    OUTPUTS: "std_msgs/Header header\nuint16[] channels",
+    "mavros_msgs/msg/ESCStatusItem": "float32 current",
+    CONTROLLERS: "std_msgs/Header header\nmavros_msgs/ESCStatusItem[] esc_status",
+}
+for _store in (ROS1, ROS2):
+    for _name, _text in OTHERS.items():
+        _store.register(get_types_from_msg(_text, _name))
 
 
 def messages(store, *, scale=1.0, ahead=0.0):
@@ -59,6 +68,10 @@ def messages(store, *, scale=1.0, ahead=0.0):
             vector(ACC[k]), none,
         )  # fmt: skip
         yield "/imu/data", imu, ns + 3_000_000, message
+        pulses = np.array([1000 + 20 * k, 1500, 0], dtype=np.uint16)
+        yield "/rc/out", OUTPUTS, ns, t[OUTPUTS](header(seconds, ""), pulses)
+        drawn = [t["mavros_msgs/msg/ESCStatusItem"](float(x)) for x in (k, 2 * k)]
+        yield "/esc", CONTROLLERS, ns, t[CONTROLLERS](header(seconds, ""), drawn)
     fix = "sensor_msgs/msg/NavSatFix"
     status = t["sensor_msgs/msg/NavSatStatus"](0, 1)
     for seconds in (0.0, 1.0):
@@ -122,6 +135,13 @@ def check(log):
         north = np.tile([20e3, 1e3, 44e3], (len(seen), 1))
         np.testing.assert_allclose(seen[1:], north[1:], atol=150)
         assert samples.heading_estimated
+        k = np.arange(N)[rows]
+        expected = {
+            "output1_duty": 0.02 * k, "output2_duty": 0.5 + 0 * k, "esc1_A": k, "esc2_A": 2.0 * k
+        }  # fmt: skip
+        assert set(samples.disturbers) == set(expected)
+        for name, values in expected.items():
+            np.testing.assert_allclose(samples.disturbers[name], values, atol=1e-6)
 
 
 @pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])

@@ -81,6 +81,7 @@ def tilted(
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.simulation import simulate
+    from agonic.simulation.resolution import round_as_logged
 
     kind = str(context.info_name)
     if truth is not None and len(truth) > 1:
@@ -96,7 +97,7 @@ def tilted(
         seed=seed,
         **settings,
     )
-    write_csv(made.samples, out)
+    write_csv(round_as_logged(made.samples), out)
     file = save(made.truth, out.with_suffix(".truth.json"))
     if as_json:
         print_json(

@@ -54,6 +54,7 @@ def orbit(
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.inflight.simulation.orbit import simulate_orbit
+    from agonic.simulation.resolution import round_as_logged
 
     made = simulate_orbit(
         n=n,
@@ -69,7 +70,7 @@ def orbit(
         pointing=cast(Any, pointing),
         seed=seed,
     )
-    write_csv(made.samples, out)
+    write_csv(round_as_logged(made.samples), out)
     ground = save(made.ground, out.with_suffix(".ground.json"))
     truth = save(made.truth, out.with_suffix(".truth.json"))
     rows = write_truth(made, out.with_suffix(".truth.csv"))

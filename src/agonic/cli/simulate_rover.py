@@ -44,6 +44,7 @@ def rover(
     from agonic.field.place import choose_model
     from agonic.files.calibration import save
     from agonic.simulation import simulate, with_inertial_unit
+    from agonic.simulation.resolution import round_as_logged
 
     epoch = datetime(2026, 5, 1, 10, 0, tzinfo=UTC)
     place = choose_model(epoch.year + 0.33).at(LATITUDE_DEG, LONGITUDE_DEG, 0.0, epoch)
@@ -69,7 +70,7 @@ def rover(
         "altitude_m": np.zeros(n),
         "epoch": epoch,
     }
-    write_csv(unit(made.samples).with_columns(**where), out)
+    write_csv(round_as_logged(unit(made.samples).with_columns(**where)), out)
     file = save(made.truth, out.with_suffix(".truth.json"))
     if as_json:
         print_json(

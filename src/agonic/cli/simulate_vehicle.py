@@ -43,6 +43,7 @@ def vehicle(
     from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle
     from agonic.simulation.draws import draw_motors
+    from agonic.simulation.resolution import round_as_logged
 
     known = [load_truth(path) for path in truth or ()]
     settings: dict[str, Any] = {"sensors": len(known), "calibrations": known} if known else {}
@@ -60,7 +61,7 @@ def vehicle(
     sensors = list(made.samples)
     for defect in choose_defects(outliers, step, clip, seed):
         sensors = [defect(samples) for samples in sensors]
-    write_sensors(sensors, out)
+    write_sensors([round_as_logged(samples) for samples in sensors], out)
     truths = [save(t, out.with_suffix(f".{t.sensor}.truth.json")) for t in made.truths]
     if as_json:
         print_json(

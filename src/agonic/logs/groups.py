@@ -23,7 +23,7 @@ from agonic.logs.conventions import apply_conventions
 from agonic.logs.log import Log, Stream
 from agonic.logs.quantities import BY_COLUMN
 from agonic.logs.resample import compute_rate_Hz, resample
-from agonic.logs.rows.beside import AUXILIARY, Part, read_columns
+from agonic.logs.rows.beside import AUXILIARY, Part, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time
 from agonic.logs.table import build_log, refuse_no_magnetometer
 from agonic.provenance import Input
@@ -118,14 +118,15 @@ def _read_beside(name: str, table: Table, path: Path) -> _Beside:
     )  # fmt: skip
     every = np.ones(len(rows), dtype=bool)
     columns, estimated, remarks = read_columns(part, number, time, every & False)
+    disturbers, told = read_disturbers(part, time, every & False)
     return _Beside(
         name=name,
         time=time,
         epoch=epoch,
-        columns={name: values for name, values in columns.items() if values is not None},
+        columns={n: values for n, values in columns.items() if values is not None} | disturbers,
         rows=len(rows),
         estimated=estimated,
-        notes=(*documented, *(note for note in notes if time is None), *remarks),
+        notes=(*documented, *(note for note in notes if time is None), *remarks, *told),
     )
 
 
@@ -136,11 +137,8 @@ def _complete(samples: Samples, group: str, beside: Iterable[_Beside]) -> Sample
     notes = list(samples.notes)
     estimated = samples.heading_estimated
     for other in nearest:
-        wanted = [
-            name
-            for name in AUXILIARY
-            if name in other.columns and getattr(samples, name) is None and name not in columns
-        ]
+        have = samples.columns().keys() | columns.keys()
+        wanted = sorted(other.columns.keys() - have, key=list(other.columns).index)
         if not wanted:
             continue
         shift = _find_shift(samples, other)
@@ -150,13 +148,19 @@ def _complete(samples: Samples, group: str, beside: Iterable[_Beside]) -> Sample
         for name in wanted:
             values = _carry(samples, other, name, shift)
             if values is None:
-                what = BY_COLUMN[name].name
+                what = BY_COLUMN[name].name if name in BY_COLUMN else name
                 notes.append(f"{what} left out: holes in {other.name or 'its table'}")
                 continue
             columns[name] = values
             estimated = estimated or (name == "heading_deg" and other.estimated)
         notes.extend(note for note in other.notes if note not in notes)
-    return samples.with_columns(**columns, notes=tuple(notes), heading_estimated=estimated)
+    disturbers = {name: columns.pop(name) for name in list(columns) if name not in AUXILIARY}
+    return samples.with_columns(
+        **columns,
+        disturbers={**samples.disturbers, **disturbers},
+        notes=tuple(notes),
+        heading_estimated=estimated,
+    )
 
 
 def _count_common(one: str, other: str) -> int:

@@ -17,6 +17,7 @@ from agonic.logs.columns import identify_column
 
 Row = Mapping[str, float]
 
+_SHORTEST_PULSE_US = 800
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
@@ -60,12 +61,31 @@ def _read_battery(message: Any) -> Row:
     return {} if math.isnan(message.current) else {"current_A": -message.current}
 
 
+def _read_outputs(message: Any) -> Row:
+    """Pulses to motors and servos, µs, as MAVROS passes them on."""
+    pulses = enumerate(message.channels, start=1)
+    return {f"output{k}_pwm_us": float(p) for k, p in pulses if p > _SHORTEST_PULSE_US}
+
+
+def _read_speed_controllers(message: Any) -> Row:
+    """The current that each speed controller draws."""
+    return {f"esc{k}_A": float(e.current) for k, e in enumerate(message.esc_status, start=1)}
+
+
+def _read_actuators(message: Any) -> Row:
+    """Commands to motors, 0…1."""
+    return {f"motor{k}_duty": float(x) for k, x in enumerate(message.normalized, start=1)}
+
+
 READERS: dict[str, Callable[[Any], Row]] = {
     "sensor_msgs/msg/MagneticField": _read_field,
     "sensor_msgs/msg/Imu": _read_imu,
     "sensor_msgs/msg/NavSatFix": _read_fix,
     "sensor_msgs/msg/Temperature": lambda m: {"temperature_C": m.temperature},
     "sensor_msgs/msg/BatteryState": _read_battery,
+    "mavros_msgs/msg/RCOut": _read_outputs,
+    "mavros_msgs/msg/ESCStatus": _read_speed_controllers,
+    "actuator_msgs/msg/Actuators": _read_actuators,
 }
 """The types of messages that are read, and what each says."""
 
