@@ -21,6 +21,21 @@ def progress(items: Sequence[T], what: str) -> Iterable[T]:
 
 
 @contextmanager
+def waiting(what: str) -> Iterator[None]:
+    """A moving bar with the time that has passed, while one thing is worked on."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    texts = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*texts, console=Console(stderr=True), transient=True) as bar:
+        bar.add_task(what, total=None)
+        yield
+
+
+@contextmanager
 def counting(total: int) -> Iterator[Callable[[str, int], None]]:
     """A function that is told the name of a pass and how much of `total` is done in it."""
     if not sys.stderr.isatty():

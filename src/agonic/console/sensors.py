@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from agonic.console.progress import waiting
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -15,6 +17,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+LONG_BYTES = 5_000_000
+"""A file from about a quarter of a second of reading on."""
+
 
 def open_sensors(
     path: Path, sensor: str | None, unit: str | None, between: str | None = None
@@ -22,9 +27,15 @@ def open_sensors(
     """A log, and the sensor that was asked for or all of them, whole or an interval of it."""
     from agonic.logs.read import open_log
 
-    log = open_log(path, unit=unit)
+    with waiting(f"Reading {path.name}") if _is_long(path) else nullcontext():
+        log = open_log(path, unit=unit)
     sensors = log.sensors if sensor is None else (log.sensor(sensor),)
     return log, tuple(select_between(samples, between) for samples in sensors)
+
+
+def _is_long(path: Path) -> bool:
+    """Whether a file takes so long to read that one wonders."""
+    return path.is_file() and path.stat().st_size > LONG_BYTES
 
 
 def open_sensor(

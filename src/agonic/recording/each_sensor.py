@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from agonic.console.place import find_reference
-from agonic.console.progress import progress
+from agonic.console.progress import progress, waiting
 from agonic.console.sensors import open_sensors
 from agonic.errors import CoverageError
 from agonic.logs.log import Log
@@ -56,7 +57,8 @@ def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[tuple[str, str]]]
     failures: list[tuple[str, str]] = []
     for name, run in progress(jobs, "Calibrating"):
         try:
-            results.append(run())
+            with waiting(f"Calibrating {name}") if len(jobs) == 1 else nullcontext():
+                results.append(run())
         except CoverageError as error:
             failures.append((name, str(error)))
         except (ArithmeticError, LinAlgError) as error:  # nor do numbers that no sensor gives
