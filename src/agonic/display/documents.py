@@ -110,7 +110,7 @@ def draw_page(shown: Readable) -> str:
     """
     document = describe(shown)
     if document is None:
-        return f"<pre>{escape(repr(shown))}</pre>"
+        return f'<pre style="white-space:pre-wrap">{escape(repr(shown))}</pre>'
     page = escape(document.to_html(), quote=True)
     name = escape(f"{document.kind}: {document.name}", quote=True)
     return (

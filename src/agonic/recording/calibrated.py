@@ -281,5 +281,5 @@ def list_failed(verification: Verification) -> list[Finding]:
 def _describe(check: Check) -> str:
     """A check with its numbers."""
     unit = f" {check.unit}" if check.unit not in ("", "°") else check.unit
-    limit = "" if check.limit is None else f" (limit {check.limit:g}{unit})"
+    limit = "" if check.limit is None else f" (limit {check.limit:.3g}{unit})"
     return f"held-out parts fail a check: {check.name}, {check.value:.3g}{unit}{limit}"

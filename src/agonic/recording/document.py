@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -12,17 +14,17 @@ from agonic.recording import figures, sphere
 from agonic.recording.calibrated import Calibrated, list_failed
 from agonic.recording.choice import describe_latency
 from agonic.recording.disturber_section import describe_disturbers
-from agonic.recording.entries import describe_heading, list_details, list_entries
+from agonic.recording.entries import describe_heading, describe_origin, list_details, list_entries
 from agonic.recording.ladder_section import describe_ladder
 from agonic.recording.quantities import mixes_sensors
 from agonic.recording.residuals import compute_residuals, find_held_out
 from agonic.recording.tables import describe_method, list_numbers
 from agonic.recording.values import FIELDS, list_values
-from agonic.report import tables
+from agonic.report import blocks, tables
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Block, Document, Section, Table
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element
+from agonic.report.markup import Markup, element, markup
 from agonic.report.verdict import MEANINGS, WHEN_GOOD, moves, sentence
 
 SUMMARY = (
@@ -40,6 +42,8 @@ class Written(NamedTuple):
 
     files: list[str]
     warnings: list[str]
+    texts: Mapping[str, str] = MappingProxyType({})
+    """What stands in the small ones, by their name."""
 
 
 def render(
@@ -101,9 +105,10 @@ def describe_recording(
         kind="Magnetometer calibration",
         name=title,
         status="" if sensors else "No magnetometer was found in the log.",
+        about=describe_origin(results),
         sections=[Section("", [Table(SUMMARY, rows, style="summary")])] if len(rows) > 1 else (),
         sensors=sensors,
-        scripts=["canvas.js", "sphere.js"],
+        scripts=["canvas.js", "sphere.js", "copy.js"],
         data={"icosphere": sphere.list_corners},
     )
 
@@ -148,7 +153,8 @@ def describe_sensor(
     `alone`, the text says why the method was chosen.
     """
     fit, calibration = result.fit, result.fit.calibration
-    files, warnings = written or ([], [])
+    files, warnings, texts = written or Written([], [])
+    refused = result.verdict == "refused"
     residuals = cache(lambda: compute_residuals(result))
     return Document(
         schema=schema,
@@ -159,13 +165,13 @@ def describe_sensor(
         findings=(*fit.findings, *list_failed(result.verification)),
         move=choose_move(result),
         remarks=warnings,
-        key_figures=_list_key_figures(result),
+        key_figures=() if refused else _list_key_figures(result),
         entries=list_entries(result),
         details=list_details(result),
         entries_title="",
         refused_numbers=True,
         sections=[
-            Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
+            Section(*_show_numbers(result)),
             *describe_ladder(result, printed=alone),
             *describe_disturbers(result),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
@@ -178,7 +184,7 @@ def describe_sensor(
             ),
             Section("Method and model", [lambda: describe_method(result)]),
             Section("Coverage", _describe_coverage(result)),
-            Section("Exports", [_list_files(files)]),
+            Section("Exports", [_list_files(files, texts)]),
         ],
         values=list_values(result, files, warnings),
         calibration=calibration,
@@ -219,6 +225,16 @@ def _list_key_figures(result: Calibrated) -> list[tuple[str, str, str]]:
             f"directions, from {count(fit.n, 'reading')}",
         ),
     ]
+
+
+def _show_numbers(result: Calibrated) -> tuple[str, list[Block]]:
+    """Every number; of a refused fit folded away, for whoever looks for the cause."""
+    blocks: list[Block] = [lambda: list_numbers(result), _explain_numbers(result)]
+    if result.verdict != "refused":
+        return "Numbers", blocks
+    said = "Numbers of the refused fit: not to be used, but they may show the cause"
+    inside = markup(list_numbers(result), _explain_numbers(result))
+    return "", [element("details", element("summary", said), inside, class_="folded")]
 
 
 def _explain_numbers(result: Calibrated) -> Markup:
@@ -263,7 +279,7 @@ def _describe_coverage(result: Calibrated) -> list[Block]:
     return [seen, element("p", element("strong", "Turns to add: "), sentence(coverage.turns))]
 
 
-def _list_files(files: Sequence[str]) -> Markup:
+def _list_files(files: Sequence[str], texts: Mapping[str, str]) -> Markup:
     if not files:
         return element("p", "No files were written.")
-    return element("ul", *(element("li", element("code", name)) for name in files))
+    return markup(*(blocks.show_file(Path(name).name, texts.get(name)) for name in files))

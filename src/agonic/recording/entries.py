@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from agonic.calibration.affine import Affine
@@ -30,6 +32,23 @@ def describe_heading(result: Calibrated) -> tuple[str, str]:
     place = f"dip {group_digits(coverage.inclination_deg)}°"
     known = coverage.heading_sd_deg < 180.0
     return degrees(coverage.heading_sd_deg) if known else "undetermined", place
+
+
+def describe_origin(results: Sequence[Calibrated]) -> str:
+    """Which sensors, when, where, and the field that was expected there."""
+    if not results:
+        return ""
+    samples, reference = results[0].samples, results[0].reference
+    said = [", ".join(result.samples.name for result in results)]
+    if samples.epoch is not None:
+        said.append(f"{samples.epoch:%Y-%m-%d %H:%M} UTC")
+    if samples.latitude_deg is not None and samples.longitude_deg is not None:
+        place = (float(np.median(at)) for at in (samples.latitude_deg, samples.longitude_deg))
+        said.append("{:.3f}°, {:.3f}°".format(*place))
+    if reference is not None:
+        size = float(np.median(reference.magnitudes(len(samples))))
+        said.append(f"field {group_digits(size)} nT ({reference.source})")
+    return " · ".join(said)
 
 
 def list_entries(result: Calibrated) -> dict[str, str]:

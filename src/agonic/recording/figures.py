@@ -8,8 +8,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.residuals import FEWEST, Residuals, find_held_out
-from agonic.recording.sphere import describe_coverage, find_deviation_limit
+from agonic.recording.residuals import FEWEST, Residuals, find_held_out, find_level
+from agonic.recording.sphere import describe_coverage, find_deviation_limit, find_middle
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
@@ -37,6 +37,10 @@ TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys
 def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
     """Two canvases that turn together, with what they show in words; `most` points are drawn."""
     n, verification = len(result.samples), result.verification
+    calibration = result.fit.calibration
+    extent = find_middle(result.cleaned - calibration.bias)[1]
+    size = quantity(extent, unit_label(calibration.unit_in), 3)
+    level = quantity(find_level(result), unit_label(calibration.unit_out), 3)
     limit = percent(find_deviation_limit(result))
     drawn = f"{group_digits(most)} of {group_digits(n)} readings are drawn, evenly chosen."
     return [
@@ -45,14 +49,15 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
             _draw_sphere(
                 "before",
                 f"Raw readings, whose magnitude spreads by {percent(verification.spread_before)}.",
-                "Before: readings as logged, the bias in the middle; the cross is where a reading "
-                "of zero lies.",
+                f"Before: readings as logged, {_say_middle(result)}, the axes begin at {size}; the "
+                "cross is where a reading of zero lies.",
             ),
             _draw_sphere(
                 "after",
                 "Calibrated readings, whose magnitude spreads by "
                 f"{percent(verification.spread_after)}; {describe_coverage(result)}.",
-                "After: the calibrated field and the 80 directions; those never seen are red.",
+                f"After: the calibrated field, axes from {level} on, and the 80 directions; those "
+                "never seen are red.",
             ),
             class_="pair",
         ),
@@ -72,6 +77,11 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
             class_="aside",
         ),
     ]
+
+
+def _say_middle(result: Calibrated) -> str:
+    middle = find_middle(result.cleaned - result.fit.calibration.bias)[0]
+    return "about their own middle, for the bias lies outside" if middle.any() else "about the bias"
 
 
 def _draw_sphere(part: str, shows: str, caption: str, **attributes: str) -> Markup:

@@ -17,6 +17,9 @@ from agonic.files.setup import save_setup
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written, describe_recording
 
+MOST_CHARACTERS = 20_000
+"""Of a file that the page shows whole."""
+
 
 def write_folder(
     results: Sequence[Calibrated],
@@ -79,4 +82,5 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
             continue
         files.append(str(export.path))
         warnings += [f"{export.path.name}: {text}" for text in export.warnings]
-    return Written(files, warnings)
+    texts = {name: Path(name).read_text("utf-8") for name in files}
+    return Written(files, warnings, {n: t for n, t in texts.items() if len(t) < MOST_CHARACTERS})

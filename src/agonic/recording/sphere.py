@@ -35,11 +35,13 @@ def pack_sphere(result: Calibrated, residuals: Residuals, most: int) -> dict[str
     calibration = result.fit.calibration
     centred = (result.cleaned - calibration.bias)[thin(len(result.samples), most)]
     radius = float(np.median(np.linalg.norm(centred, axis=1))) or 1.0
+    middle, extent = find_middle(centred)
     points, step = _quantise(centred, radius)
     return {
         "points": base64.b64encode(points.tobytes()).decode(),
         "step": step,
-        "radius": radius,
+        "radius": extent,
+        "middle": middle.tolist(),
         "bias": calibration.bias.tolist(),
         "matrix": calibration.matrix.ravel().tolist(),
         "levelRaw": float(np.mean(np.linalg.norm(centred + calibration.bias, axis=1))),
@@ -49,6 +51,18 @@ def pack_sphere(result: Calibrated, residuals: Residuals, most: int) -> dict[str
         "means": [None if np.isnan(m) else float(m) for m in residuals.means],
         "meanLimit": residuals.mean_limit,
     }
+
+
+def find_middle(centred: Array) -> tuple[Array, float]:
+    """Where the cloud of readings is shown about, (3,) from the bias, and how far it reaches.
+
+    About the bias, or where that lies outside the cloud, as of a refused fit, about its middle.
+    """
+    middle = np.median(centred, axis=0)
+    reach = float(np.percentile(np.linalg.norm(centred - middle, axis=1), 90)) or 1.0
+    if float(np.linalg.norm(middle)) > 1.5 * reach:
+        return middle, reach
+    return np.zeros(3), float(np.median(np.linalg.norm(centred, axis=1))) or 1.0
 
 
 def thin(n: int, most: int) -> NDArray[np.int64]:

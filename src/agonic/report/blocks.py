@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from urllib.parse import quote
 
 from agonic.report.digits import typeset
 from agonic.report.markup import Markup, element
@@ -34,8 +35,9 @@ def contents(entries: Iterable[tuple[str, str]]) -> Markup:
     return element("nav", element("ul", *links), class_="contents", aria_label="Contents")
 
 
-def verdict(word: str, *said: str, move: str = "") -> Markup:
-    """A verdict in its word and what that means, what is said of it, and the move that helps.
+def verdict(word: str, *said: str, move: str = "", found: Iterable[tuple[str, str]] = ()) -> Markup:
+    """A verdict in its word and what that means, what was found, one a bullet with the sign of its
+    severity, what else is said, and the move that helps.
 
     >>> "Do next: " in verdict("good", "All is well."), "Do next: " in verdict("good", move="go")
     (False, True)
@@ -44,7 +46,10 @@ def verdict(word: str, *said: str, move: str = "") -> Markup:
     return element(
         "div",
         element("p", mark(word, shown), f": {meaning}", class_="word"),
-        element("p", *said),
+        element("ul", *(element("li", mark(sign, ""), " ", text) for sign, text in found))
+        if (found := list(found))
+        else "",
+        element("p", *said) if any(said) else "",
         element("p", element("strong", "Do next: "), typeset(sentence(move))) if move else "",
         class_=f"verdict {word}",
     )
@@ -69,3 +74,12 @@ def key_figures(entries: Iterable[tuple[str, str, str]]) -> Markup:
         ),
         class_="key-figures",
     )
+
+
+def show_file(name: str, text: str | None) -> Markup:
+    """A file beside the page as a link; a small one unfolds, and can be copied."""
+    link = element("a", element("code", name), href=quote(name))
+    if text is None:
+        return element("p", link)
+    copy = element("button", "Copy", type="button", data_copy="", hidden="")
+    return element("details", element("summary", link), copy, element("pre", text), class_="file")

@@ -271,23 +271,34 @@ class Document:
     def _say_findings(self, width: int, brief: bool) -> Iterable[str]:
         """Each finding on a line of its own, and what else the status says."""
         indent = "  " if self.verdict else ""
-        rest, lines = self.status, []
-        for finding in sort_findings(self.findings or ()):
-            says = sentences(finding.sentence)
-            if says not in rest:
-                continue
-            rest = rest.replace(says, "")
+        found, rest = self._split_status()
+        for finding, says in found:
             if finding.severity != "note" or not brief:
                 label = f"{tables.SEVERITIES[finding.severity][1]:<{_LABEL}}  "
-                lines.append(text.wrap(says, width=width, indent=indent, label=label))
-        yield from lines
-        if rest := " ".join(word for word in rest.split(" ") if word):
+                yield text.wrap(says, width=width, indent=indent, label=label)
+        if rest:
             yield text.wrap(rest, width=width, indent=indent)
+
+    def _split_status(self) -> tuple[list[tuple[Finding, str]], str]:
+        """The findings that the status tells, the gravest first, each in its sentence; the rest."""
+        rest, found = self.status, []
+        for finding in sort_findings(self.findings or ()):
+            says = sentences(finding.sentence)
+            if says in rest:
+                rest = rest.replace(says, "")
+                found.append((finding, says))
+        return found, " ".join(word for word in rest.split(" ") if word)
 
     def _opening(self) -> Iterable[Markup]:
         """Verdict and figures to look at first; of a refused result the verdict alone."""
         if self.verdict:
-            yield blocks.verdict(self.verdict, typeset(self.status), move=self.next_move)
+            found, rest = self._split_status()
+            yield blocks.verdict(
+                self.verdict,
+                typeset(rest),
+                move=self.next_move,
+                found=[(tables.SEVERITIES[one.severity][0], typeset(says)) for one, says in found],
+            )
         if self.key_figures and self._shows_numbers:
             yield blocks.key_figures(self.key_figures)
 

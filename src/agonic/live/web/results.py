@@ -47,6 +47,6 @@ def write_results(plan: Plan, source: Source, samples: Mapping[str, Samples]) ->
             failures.append(Outcome(name, "refused", str(error), []))
     written = write_folder(results, plan.folder, title=f"Live: {source.name}", stack=source.stack)
     outcomes = [
-        Outcome(r.samples.name, r.verdict, r.status, *written[r.samples.name]) for r in results
+        Outcome(r.samples.name, r.verdict, r.status, *written[r.samples.name][:2]) for r in results
     ]
     return Results(results, written, outcomes + failures)

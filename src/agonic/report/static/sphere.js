@@ -30,7 +30,8 @@
         shade: shades(points, data.matrix, [0, 0, 0], data.level, data.deviation),
       },
     };
-    const zero = data.bias.map((b) => -b / data.radius);
+    const shown = data.middle.some((m) => m !== 0) ? points.map((v, i) => v - data.middle[i % 3]) : points;
+    const zero = data.bias.map((b, i) => (-b - data.middle[i]) / data.radius);
     const canvases = [...article.querySelectorAll("canvas")];
     const angles = { ...START };
     let colours = theme();
@@ -40,7 +41,7 @@
       const ratio = fitted(canvas, 1);
       const dot = Math.round(ratio * (points.length < 15000 ? 3 : 2));
       const context = canvas.getContext("2d");
-      drawPoints(context, points, cloud.shade, product(view, cloud.shape), colours, dot);
+      drawPoints(context, cloud === clouds.before ? shown : points, cloud.shade, product(view, cloud.shape), colours, dot);
       if (cloud === clouds.after) drawCoverage(context, corners, view, data.counts, colours, ratio);
       else drawZero(context, turned(view, ...zero), colours, ratio);
       drawAxes(context, view, colours, ratio);
