@@ -44,8 +44,11 @@ def test_calibration_and_page_are_written(capsys) -> None:
 
 
 def test_a_scalar_instrument_in_the_log_teaches_unless_told_not_to(capsys) -> None:
-    orbit(scalar_sd=0.1, noise=0.3)
+    made = orbit(scalar_sd=0.1, noise=0.3)
     _, scalar = said(capsys, "orbit.csv", "--knots", "0")
+    sensitivity = np.linalg.norm(np.linalg.inv(made.truth.matrix_at(20.0)), axis=1)
+    off = np.array(scalar["scale_factors"]) - sensitivity
+    assert np.abs(off / scalar["scale_factors_sd"]).max() < 4
     assert scalar["noise_nT"] == pytest.approx(0.316, rel=0.05)
     _, model = said(capsys, "orbit.csv", "--knots", "0", "--no-scalar")
     assert model["noise_nT"] == pytest.approx(0.3, rel=0.1)  # no external field here: 0.3

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from agonic.calibration.decomposition import decompose
 from agonic.calibration.interference import signals
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.report import figures, tables
 from agonic.inflight.report.causes import explain
 from agonic.inflight.report.direction import describe_direction, describe_sources
 from agonic.inflight.report.flight import Flight, flight_of_fit
+from agonic.report.decomposition import describe_decomposition
 from agonic.report.digits import count, group_digits, quantity, with_sd
 from agonic.report.document import Document, Section
 from agonic.report.labels import unit_label
@@ -58,6 +60,7 @@ def describe_inflight(
         entries={
             "Field": str(fit.calibration.provenance.settings.get("reference", "")),
             "Bias" if fit.ground is None else "Moved by": f"{bias} {fit.change.unit_in}",
+            **(describe_decomposition(fit.change) if fit.solve != "bias" else {}),
             "Residual": f"{quantity(rms, 'nT', 3)} rms; errors are correlated, "
             f"{quantity(fit.correlation_s, 's', 2)} count as one reading",
         },
@@ -70,6 +73,7 @@ def describe_inflight(
             "bias_change_nT": fit.change.bias,
             "matrix_change": fit.change.matrix,
             "sd": sd,
+            **decompose(fit.change)._asdict(),
             "calibration_kind": fit.calibration.kind,
             "noise_nT": fit.noise,
             "residual_rms_nT": rms,
