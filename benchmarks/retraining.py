@@ -25,18 +25,24 @@ DAY = 86_400.0
 EVERY_S = 400.0
 NOISE, EXTERNAL = 50.0, 20.0
 DRIFT, JUMPS, ECLIPSE = 400.0, ((0.3, 800.0), (0.65, 500.0)), 60.0
-WINDOW_S = 2 * DAY
+SHORT, LONG = (2 * DAY, 2 * DAY), (10 * DAY, 5 * DAY)
+"""Windows, and from one retraining to the next, s."""
 MONTHS = 12
-LATE = 3 * WINDOW_S
+LATE = 15 * DAY
 """What is learned so long after a jump belongs to it."""
 
 INTRODUCTION = """A year in a polar orbit of 500 km, a reading every {every:.0f} s, {draws} draws.
 Noise {noise:.0f} nT on an axis, ring current {external:.0f} nT. The bias drifts by {drift:.0f} nT
 over the year and jumps by {first:.0f} and {second:.0f} nT in the fourth and the eighth month, and
 in sunlight solar arrays add {eclipse:.0f} nT, which no input of the network tells. A network of six
-nodes of field and temperature is trained on the ground, and again in orbit every {window:.0f} days,
-aided by attitude. The error is that of the corrected field against the truth, rms on an axis, the
-noise of the reading itself left out."""
+nodes of field and temperature is trained on the ground, and again in orbit, aided by attitude. The
+error is that of the corrected field against the truth, rms on an axis, the noise of the reading
+itself left out."""
+
+CONCLUSION = """A jump is learned {hours:.1f} hours, or 50 readings, after it. A window of two days
+sees one season of temperatures along the orbit: once weights are trained on it, what the ground had
+taught of the others is lost, and is missing when they come. Ten days see enough. What is left then
+is mostly the arrays: on for 63 % of the time, they leave 17 nT rms on an axis."""
 
 
 class Year(NamedTuple):
@@ -49,7 +55,7 @@ class Year(NamedTuple):
     took: float
 
 
-def fly(seed: int, *, steady: bool, days: float) -> Year:
+def fly(seed: int, *, days: float, spans: tuple[float, float] = LONG, steady: bool = False) -> Year:
     """One year; `steady`: without drift, jumps and arrays."""
     n = int(days * DAY / EVERY_S)
     made = simulate_orbit(
@@ -73,7 +79,7 @@ def fly(seed: int, *, steady: bool, days: float) -> Year:
     ground = train_on_ground(made, NOISE, seed)
     began = time.perf_counter()
     follower = ag.network.Retrainer(
-        ground, ag.network.RetrainerParams(window_s=WINDOW_S, window_n=2000)
+        ground, ag.network.RetrainerParams(window_s=spans[0], every_s=spans[1], window_n=4000)
     )
     known = known_of(samples)
     errors: list[Array] = []
@@ -127,11 +133,16 @@ def main() -> None:
     """Fly the years and print the tables."""
     asked = tables.arguments("a year of retraining in orbit", draws=2)
     days = 60.0 if asked.quick else 365.0
-    moving, steady = [], []
+    flown: dict[str, list[Year]] = {}
     for seed in range(asked.draws):
         tables.progress(f"retraining: draw {seed + 1}")
-        moving.append(fly(seed, steady=False, days=days))
-        steady.append(fly(seed, steady=True, days=days))
+        for name, settings in (
+            ("every 2 days, a window of 2", {"spans": SHORT}),
+            ("every 5 days, a window of 10", {}),
+            ("a steady sensor, every 5 days", {"steady": True}),
+        ):
+            flown.setdefault(name, []).append(fly(seed, days=days, **settings))
+    first, second = (size for _, size in JUMPS)
     print(
         INTRODUCTION.format(
             every=EVERY_S,
@@ -139,37 +150,32 @@ def main() -> None:
             noise=NOISE,
             external=EXTERNAL,
             drift=DRIFT,
-            first=JUMPS[0][1],
-            second=JUMPS[1][1],
+            first=first,
+            second=second,
             eclipse=ECLIPSE,
-            window=WINDOW_S / DAY,
         )
     )
     print()
-    head = ("month", "never retrained, nT", "retrained, nT", "steady sensor, retrained, nT")
-    columns = [[y.ground for y in moving], [y.retrained for y in moving]]
-    columns.append([y.retrained for y in steady])
+    never = [year.ground for year in next(iter(flown.values()))]
+    columns = [never, *([year.retrained for year in years] for years in flown.values())]
     means = [np.sqrt(np.mean(np.square(column), axis=0)) for column in columns]
     rows = [(str(k + 1), *(f"{mean[k]:.0f}" for mean in means)) for k in range(MONTHS)]
     whole = ("the year", *(f"{np.sqrt(np.mean(mean**2)):.0f}" for mean in means))
-    print(tables.markdown(head, [*rows, whole]))
+    print(tables.markdown(("error in month, nT", "never retrained", *flown), [*rows, whole]))
     print()
-    months = days / 365.0 * 12
-    said = []
-    for name, years in (("drift, jumps, arrays", moving), ("steady", steady)):
-        false = np.mean([count_false(year) for year in years], axis=0) / months
-        done = np.mean([len(year.retrainings) for year in years])
-        took = np.mean([sum(one.accepted for one in year.retrainings) for year in years])
-        cells = (f"{done:.0f}", f"{took:.0f}", f"{false[0]:.2f}", f"{false[1]:.2f}")
-        said.append((name, *cells, f"{np.mean([year.took for year in years]):.0f}"))
-    head = (
-        "sensor",
-        "retrainings",
-        "accepted",
-        "false alarms a month",
-        "false and accepted, a month",
-    )
+    print(CONCLUSION.format(hours=50 * EVERY_S / 3600.0))
+    print()
+    head = ("retrained", "retrainings", "accepted", "false alarms a month", "of them learned")
+    said = [(name, *_count(years, days)) for name, years in flown.items()]
     print(tables.markdown((*head, "time, s"), said))
+
+
+def _count(years: list[Year], days: float) -> list[str]:
+    false = np.mean([count_false(year) for year in years], axis=0) * 365.0 / 12.0 / days
+    done = np.mean([len(year.retrainings) for year in years])
+    took = np.mean([sum(one.accepted for one in year.retrainings) for year in years])
+    seconds = np.mean([year.took for year in years])
+    return [f"{done:.0f}", f"{took:.0f}", f"{false[0]:.2f}", f"{false[1]:.2f}", f"{seconds:.0f}"]
 
 
 if __name__ == "__main__":
