@@ -145,6 +145,7 @@ IN_README = {
     "hand-held, undisturbed (BROAD 02)": "02_undisturbed_slow_rotation_B",
     "a magnet for half of it (BROAD 32)": "32_disturbed_attached_magnet_1cm",
     "quadrotor, external compass (log171)": "log171 MAG",
+    "the same, its dip": "log171 MAG, dip",
     "compass turned by hand": "hmc5883l_compass",
     "347 points in counts": "aleksandrbazhin_mag_out",
     "quadrotor carried about, level": "center_0003",

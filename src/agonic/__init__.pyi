@@ -73,6 +73,8 @@ from agonic.recording.calibrated import calibrate as calibrate
 from agonic.recording.comparison import Comparison as Comparison
 from agonic.recording.comparison import compare as compare
 from agonic.recording.document import render as render
+from agonic.recording.evaluation.cross_validation import Evaluation as Evaluation
+from agonic.recording.evaluation.cross_validation import evaluate as evaluate
 from agonic.reference import Reference as Reference
 from agonic.samples import Samples as Samples
 from agonic.simulation import SimulatedVehicle as SimulatedVehicle

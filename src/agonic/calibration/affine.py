@@ -115,16 +115,23 @@ class Affine(Correction):
         check_size(readings, self, self.validity)
         return kernel.correct(readings, self.bias, self.matrix)
 
-    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+    def sensitivity(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """How the calibrated field changes with `parameters`, (n, 3, m).
 
         Parameters: raw (n, 3) in `unit_in`; columns (n,), not used.
         """
-        covariance = require_covariance(self.covariance)
         rows = np.asarray(raw, dtype=np.float64)
         jacobian = kernel.correction_jacobian(rows, self.bias, self.matrix)
-        reduced = jacobian @ kernel.model_basis("full", self.gauge)
-        return np.asarray(reduced @ covariance @ np.swapaxes(reduced, 1, 2))
+        return np.asarray(jacobian @ kernel.model_basis("full", self.gauge))
+
+    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+
+        Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`.
+        """
+        covariance = require_covariance(self.covariance)
+        jacobian = self.sensitivity(raw, **columns)
+        return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
     @property
     def sd(self) -> Array | None:

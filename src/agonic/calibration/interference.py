@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import read_only, require_covariance
+from agonic.calibration.base import read_only
 from agonic.calibration.inputs import find_delays, list_columns, parse_source, stack_inputs
 from agonic.calibration.inputs import signals as signals
 from agonic.errors import AgonicError
@@ -102,19 +102,15 @@ class Interference(Affine):
         """
         return kernel.correct(self.cleaned(raw, **columns), self.bias, self.matrix)
 
-    def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
-        """Covariance (n, 3, 3) of the calibrated field that the calibration itself contributes.
+    def sensitivity(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
+        """How the calibrated field changes with `parameters`, (n, 3, m).
 
         Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`.
         """
-        covariance = require_covariance(self.covariance)
         x = np.atleast_2d(stack_inputs(self.sources, None, columns))
-        rows = np.atleast_2d(self.cleaned(raw, **columns))
-        local = kernel.correction_jacobian(rows, self.bias, self.matrix)
-        reduced = local @ kernel.model_basis("full", self.gauge)
+        affine = super().sensitivity(np.atleast_2d(self.cleaned(raw, **columns)))
         added = -(self.matrix[:, :, None] * x[:, None, None, :]).reshape(len(x), 3, -1)
-        jacobian = np.concatenate([reduced, added], axis=2)
-        return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
+        return np.concatenate([affine, added], axis=2)
 
     def at(self, x: ArrayLike) -> Affine:
         """The affine calibration that this is while the sources stay at x (k,)."""

@@ -19,6 +19,7 @@ GROUPS = {
         "live": "agonic.live.command",
         "fit": "agonic.cli.fit",
         "verify": "agonic.recording.commands.verify",
+        "evaluate": "agonic.recording.commands.evaluate",
         "demo": "agonic.recording.commands.demo",
     },
     "Heading": {

@@ -25,6 +25,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic verify mag.json later.csv --field 48000",
         "agonic verify mag.json flight.bin --sensor MAG2",
     ),
+    "agonic evaluate": (
+        "agonic evaluate flight.bin --report flight.html",
+        "agonic evaluate walk.csv --truth optical.csv --json",
+    ),
     "agonic demo": (
         "agonic demo",
         "agonic demo -o here --seed 3",

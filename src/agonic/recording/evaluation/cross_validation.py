@@ -1,0 +1,274 @@
+"""`evaluate`: found against stated errors on blocks of time that a calibration has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from agonic.arrays import Array, Index
+from agonic.calibration.base import apply
+from agonic.health import Finding, Verdict, figure, verdict_of
+from agonic.logs.natural import Given, as_samples
+from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.choice import Kind
+from agonic.recording.evaluation.errors import (
+    HEADING,
+    UNITS,
+    Known,
+    find_known,
+    measure_errors,
+)
+from agonic.recording.evaluation.stated import state_errors
+from agonic.recording.held_out import cut_blocks
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+HONEST = 1.5
+"""Times the stated error up to which a found one is what was stated."""
+WORSE = 1.1
+"""Times the error of the readings as recorded above which a calibration makes them worse."""
+
+
+class Prediction(NamedTuple):
+    """The field (n, 3) of unseen rows by a fit to others, and the errors that it states of it;
+    `refused` where the fit was refused."""
+
+    field: Array
+    stated: Mapping[str, float] = {}
+    refused: bool = False
+
+
+Predict = Callable[[Index, Index], Prediction]
+"""Predicts the field at the second rows of a log by a fit to the first."""
+
+
+class Errors(NamedTuple):
+    """Of one kind: the errors (n,) of all rows, each by a fit that had not seen it, and what that
+    fit stated (n,), NaN where nothing was."""
+
+    found: Array
+    stated: Array
+
+    def select(self, rows: Index) -> tuple[float, float]:
+        """The rms of both over some rows."""
+        return _rms(self.found[rows]), _rms(self.stated[rows])
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+class Unseen(NamedTuple):
+    """Errors by their kind, the block of time of each row (n,), and what was refused of it."""
+
+    errors: dict[str, Errors]
+    block: Index
+    refused: Index
+
+
+def cross_validate(samples: Samples, known: Known, predict: Predict) -> Unseen:
+    """The errors of every row by a fit that had not seen it.
+
+    The log is cut into eight blocks of time that tell as much each; the even ones are judged by a
+    fit to the odd ones, and the reverse.
+
+    Parameters: samples (n rows), what is known of them, and what predicts some rows from others.
+    Raises what `predict` raises.
+
+    Source: blocks, not rows, are held out, for errors that last are no news to a neighbour
+    (Burman, Chow & Nolan 1994).
+
+    >>> still = Samples(field=np.eye(3)[[0, 1, 2] * 8], unit="nT")
+    >>> known = find_known(still, None)
+    >>> found = cross_validate(still, known, predict_as_recorded(still))
+    >>> float(np.abs(found.errors["magnitude"].found).max())
+    0.0
+    """
+    block, _ = cut_blocks(samples)
+    parts: list[tuple[Index, dict[str, Array], Mapping[str, float]]] = []
+    refused = np.zeros(len(samples), dtype=np.intp)
+    for odd in (True, False):
+        taught, judged = (np.flatnonzero((block % 2 == 1) == side) for side in (odd, not odd))
+        made = predict(taught, judged)
+        parts.append((judged, measure_errors(made.field, known.select(judged)), made.stated))
+        refused[judged] = made.refused
+    errors = {}
+    for kind in parts[0][1]:
+        both = Errors(*np.full((2, len(samples)), np.nan))
+        for rows, found, stated in parts:
+            both.found[rows] = found[kind]
+            both.stated[rows] = stated.get(kind, np.nan)
+        errors[kind] = both
+    return Unseen(errors, block, refused)
+
+
+def predict_as_recorded(samples: Samples) -> Predict:
+    """Predicts the readings as the device or the vehicle had them."""
+    field, logged = samples.field, samples.logged
+    if logged is not None:
+        field = (field - logged.bias) @ logged.matrix.T
+    return lambda _, unseen: Prediction(field[unseen])
+
+
+def predict_by_choice(
+    samples: Samples,
+    reference: Reference | None,
+    known: Known,
+    kind: Kind = "auto",
+    **settings: Any,
+) -> Predict:
+    """Predicts by the calibration that the taught rows allow."""
+
+    def predict(taught: Index, unseen: Index) -> Prediction:
+        part = None if reference is None else reference.select(taught)
+        made = calibrate(samples.select(taught), part, kind=kind, **settings)
+        judged = samples.select(unseen)
+        field = apply(made.fit.calibration, judged).field
+        stated = state_errors(made, judged, field, known.select(unseen))
+        return Prediction(field, stated, made.verdict == "refused")
+
+    return predict
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """One kind of error over the whole log: rms as `found` on unseen rows, as `stated` by the fits,
+    and of the readings as `recorded`, in `unit`."""
+
+    kind: str
+    unit: str
+    found: float
+    stated: float
+    recorded: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluation:
+    """A calibration of a log judged on rows that its fits had not seen.
+
+    `calibrated` is that of the whole log; `unseen` the errors row by row, `recorded` those of the
+    readings as recorded; `measures` one of each kind, the most telling first; `findings` what they
+    tell; `truth` what the heading was compared with, or "".
+    """
+
+    calibrated: Calibrated
+    samples: Samples
+    unseen: Unseen
+    recorded: Unseen
+    measures: tuple[Measure, ...]
+    findings: tuple[Finding, ...]
+    truth: str = ""
+
+    @property
+    def verdict(self) -> Verdict:
+        """The gravest of the calibration's own verdict and what was found on unseen rows."""
+        own = self.calibrated.verdict
+        if own == "refused":
+            return "refused"
+        return verdict_of(self.findings, failed=own == "check")
+
+
+def evaluate(
+    samples: Given,
+    reference: Reference | ArrayLike | None = None,
+    *,
+    truth: Samples | None = None,
+    unit: str | None = None,
+    kind: Kind = "auto",
+    **settings: Any,
+) -> Evaluation:
+    """Judge the calibration of a log, and its headings, on blocks of time that it has not seen.
+
+    Found errors stand beside those that the fits state: of the heading where the log, or `truth`,
+    knows an independent one (which the fits are not shown), of the dip where roll and pitch and the
+    field of the place are known, of the magnitude always.
+
+    Parameters
+    ----------
+    samples, unit, kind, settings : as in `calibrate`. reference : (n,) or constant, as there.
+    truth : attitude and heading at the same rows, from something better than the log's own.
+
+    Raises `CoverageError` where nothing can be fitted at all.
+
+    >>> from agonic.simulation import simulate
+    >>> evaluate(simulate("tumble").samples, 50_000.0).verdict
+    'good'
+    """
+    meant, reference = as_samples(samples, unit), Reference.of(reference)
+    known = find_known(meant, reference, truth)
+    judged = kind != "vector" and known.heading_deg is not None
+    shown = meant.with_columns(heading_deg=None) if judged else meant
+
+    own = predict_by_choice(shown, reference, known, kind, **settings)
+    unseen = cross_validate(shown, known, own)
+    recorded = cross_validate(shown, known, predict_as_recorded(shown))
+    measures = tuple(
+        _measure(one, unseen.errors[one], recorded.errors[one])
+        for one in UNITS
+        if one in unseen.errors
+    )
+    calibrated = calibrate(shown, reference, kind=kind, **settings)
+    beside = "" if HEADING not in unseen.errors else _name_truth(meant, truth)
+    return Evaluation(
+        calibrated=calibrated,
+        samples=meant,
+        unseen=unseen,
+        recorded=recorded,
+        measures=measures,
+        findings=tuple(f for one in measures for f in judge_measure(one)),
+        truth=beside,
+    )
+
+
+def _name_truth(samples: Samples, truth: Samples | None) -> str:
+    if truth is None:
+        return "the log's own heading"
+    return truth.source.name if truth.source is not None else "the heading that was given"
+
+
+def _measure(kind: str, unseen: Errors, recorded: Errors) -> Measure:
+    rows = np.arange(len(unseen.found))
+    found, stated = unseen.select(rows)
+    return Measure(
+        kind=kind,
+        unit=UNITS[kind],
+        found=found,
+        stated=stated,
+        recorded=recorded.select(rows)[0],
+    )
+
+
+def judge_measure(one: Measure) -> list[Finding]:
+    """What a measure tells: an error that was stated too small, readings that were made worse.
+
+    >>> told = Measure(kind="heading", unit="°", found=5.0, stated=1.0, recorded=3.0)
+    >>> [finding.name for finding in judge_measure(told)]
+    ['stated too small', 'worse than recorded']
+    """
+    told = []
+    words = f"{figure(one.found)}{one.unit}"
+    if one.found > HONEST * one.stated:
+        told.append(
+            Finding(
+                "stated too small",
+                "check",
+                f"on unseen parts of the log the {one.kind} is off by {words} rms, where the fits "
+                f"state {figure(one.stated)}{one.unit}",
+                "look at the parts of the log that differ; trust the found error, not the stated",
+            )
+        )
+    if one.kind == HEADING and one.found > WORSE * one.recorded:
+        told.append(
+            Finding(
+                "worse than recorded",
+                "check",
+                f"on unseen parts of the log the {one.kind} is off by {words} rms, and by "
+                f"{figure(one.recorded)}{one.unit} without this calibration",
+                "record a longer log that turns through all directions, away from steel",
+            )
+        )
+    return told

@@ -1,0 +1,178 @@
+"""What is said and shown of a calibration that was judged on unseen blocks of its log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Index
+from agonic.health import sentences
+from agonic.recording.evaluation.cross_validation import Evaluation, Measure
+from agonic.recording.evaluation.errors import HEADING
+from agonic.recording.evaluation.figures import draw_errors
+from agonic.report.digits import count, group_digits, quantity
+from agonic.report.document import Document, Section, Table
+from agonic.report.markup import Markup
+from agonic.report.verdict import MEANINGS
+
+HEAD = ("Error, rms", "as recorded", "found", "stated")
+
+
+def describe_evaluation(
+    results: Sequence[Evaluation], *, title: str, failures: Iterable[tuple[str, str]] = ()
+) -> Document:
+    """The document of every magnetometer of a log; `failures` are those that could not be fitted,
+    and why."""
+    sensors = [_describe_sensor(result) for result in results]
+    sensors += [
+        Document(
+            name=name,
+            verdict="refused",
+            status=why,
+            values={"sensor": name, "verdict": "refused", "status": why, "measures": []},
+        )
+        for name, why in failures
+    ]
+    return Document(
+        schema="agonic/evaluate@1",
+        kind="Calibration judged on unseen parts of its log",
+        name=title,
+        sensors=sensors,
+    )
+
+
+def _describe_sensor(result: Evaluation) -> Document:
+    calibrated = result.calibrated
+    said = sentences(*(finding.sentence for finding in result.findings))
+    rows = [[one.kind, *_cells(one)] for one in result.measures]
+    return Document(
+        name=result.samples.name,
+        method=f"{calibrated.method}, {count(len(result.samples), 'reading')}",
+        verdict=result.verdict,
+        status=" ".join(filter(None, (said, calibrated.status))),
+        findings=(*result.findings, *calibrated.fit.findings),
+        refused_numbers=True,
+        key_figures=[
+            (f"{one.kind.capitalize()}, unseen", _show(one.found, one), f"stated {_stated(one)}")
+            for one in result.measures
+        ],
+        sections=[
+            Section(
+                "Errors on unseen parts of the log",
+                [Table(HEAD, rows), _explain(result)],
+                printed=True,
+            ),
+            Section("Errors over time", [_drawing(result, one) for one in result.measures]),
+            Section("Block by block", [_list_blocks(result)]),
+        ],
+        values=_list_values(result),
+    )
+
+
+def _drawing(result: Evaluation, one: Measure) -> Callable[[], Markup]:
+    return partial(draw_errors, result, one)
+
+
+def _cells(one: Measure) -> list[str]:
+    return [_show(one.recorded, one), _show(one.found, one), _stated(one)]
+
+
+def _show(value: float, one: Measure) -> str:
+    return quantity(value, one.unit, 3) if np.isfinite(value) else "–"
+
+
+def _stated(one: Measure) -> str:
+    return _show(one.stated, one)
+
+
+def _explain(result: Evaluation) -> str:
+    """How it was judged, in words."""
+    words = (
+        "The log was cut into eight blocks of time that tell as much each. The even ones were "
+        "judged by a fit to the odd ones, and the reverse; stated is what these fits say that such "
+        "errors should be, from the uncertainty of the calibration and all that they left of their "
+        "own readings. The magnitude is judged about its mean."
+    )
+    if not any(one.kind == HEADING for one in result.measures):
+        return words
+    return (
+        f"{words} The heading was compared with {result.truth}, which the fits were not shown, "
+        "after one constant turn."
+    )
+
+
+def _list_blocks(result: Evaluation) -> Table:
+    """A row a block: when, how many readings, found and stated of each kind, and the verdict."""
+    first = result.measures[0]
+    head = ["Block", "From", "To", "Readings", f"{first.kind}, found", "stated", "as recorded"]
+    rows = []
+    for number, at in _split(result):
+        found, stated = result.unseen.errors[first.kind].select(at)
+        recorded, _ = result.recorded.errors[first.kind].select(at)
+        verdict = "refused" if result.unseen.refused[at].any() else "good"
+        rows.append(
+            [
+                f"{number}" + (f" ({MEANINGS[verdict][0]})" if verdict == "refused" else ""),
+                *_when(result, at),
+                group_digits(len(at)),
+                *(_show(value, first) for value in (found, stated, recorded)),
+            ]
+        )
+    return Table(head, rows, scrolls=True)
+
+
+def _split(result: Evaluation) -> list[tuple[int, Index]]:
+    block = result.unseen.block
+    return [(int(k) + 1, np.flatnonzero(block == k)) for k in np.unique(block)]
+
+
+def _when(result: Evaluation, at: Index) -> list[str]:
+    """The first and last moment of a block, or the number of its readings without times."""
+    time = result.samples.time
+    if time is None:
+        return [group_digits(int(at[0])), group_digits(int(at[-1]))]
+    return [quantity(float(time[k]), "s", 4) for k in (at[0], at[-1])]
+
+
+def _list_values(result: Evaluation) -> dict[str, Any]:
+    """What the JSON says of one sensor."""
+    calibrated, time = result.calibrated, result.samples.time
+    return {
+        "sensor": result.samples.name,
+        "verdict": result.verdict,
+        "method": calibrated.method,
+        "n": len(result.samples),
+        "truth": result.truth or None,
+        "measures": [
+            {
+                "kind": one.kind,
+                "unit": {"°": "deg"}.get(one.unit, "percent"),
+                "recorded": one.recorded,
+                "found": one.found,
+                "stated": one.stated,
+            }
+            for one in result.measures
+        ],
+        "blocks": [
+            {
+                "from_s": None if time is None else float(time[at[0]]),
+                "to_s": None if time is None else float(time[at[-1]]),
+                "n": len(at),
+                "refused": bool(result.unseen.refused[at].any()),
+                **{
+                    one.kind: dict(
+                        zip(
+                            ("found", "stated"),
+                            result.unseen.errors[one.kind].select(at),
+                            strict=True,
+                        )
+                    )
+                    for one in result.measures
+                },
+            }
+            for _, at in _split(result)
+        ],
+    }
