@@ -93,8 +93,8 @@ def test_terms_that_are_not_needed_leave_no_trace(stations: str) -> None:
     made = campaign(11, n=540)
     plain = fit_thermal(made.samples, KNOWN, stations=stations, **WIDE)
     auto = fit_thermal(made.samples, KNOWN, stations=stations, bin_width_C=2.0)
-    assert {test.larger for test in auto.tests} == {"rate", "drift"}
-    assert (auto.calibration.rate, auto.drift) == (None, None)
+    assert {test.larger for test in auto.tests} == {"rate", "drift", "ageing"}
+    assert (auto.calibration.rate, auto.drift, auto.ageing) == (None, None, None)
     error = np.abs(nine(auto.calibration, AT) - nine(plain.calibration, AT))
     sd = plain.calibration.sd_at(AT) * np.array([1.0] * 3 + [FIELD] * 6)
     assert (error < 0.1 * sd).all()
@@ -364,13 +364,6 @@ def test_anomalies_are_counted_where_they_are() -> None:
     assert sorted(np.concatenate([a.times for a in fit.anomalies])) == pytest.approx(
         sorted(made.samples.time[rows])
     )
-
-
-def test_a_noisy_thermometer_is_named() -> None:
-    samples, made = faulty(temperature_noise_C=0.5)
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), bin_width_C=3.0, rate=False)
-    assert "noisy thermometer" in names(fit)
-    assert fit.verdict == "check"
 
 
 def test_a_small_range_is_named() -> None:

@@ -85,6 +85,7 @@ def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
         "hysteresis": hysteresis and {"difference": hysteresis.difference, "sd": hysteresis.sd},
         "fixture_deg": fit.fixture and fit.fixture.turned_deg,
         "drift_nT": fit.drift,
+        "ageing_nT": fit.ageing,
         "anomalies": {str(a.station): a.count for a in fit.anomalies},
         "equation": calibration.equation,
     }

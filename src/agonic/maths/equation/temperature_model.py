@@ -13,7 +13,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.equation import polynomial
-from agonic.maths.equation.affine import SYMMETRIC, expand_covariates, model_basis, split
+from agonic.maths.equation.affine import SYMMETRIC, model_basis, split
 
 
 def build_covariates(
@@ -45,11 +45,16 @@ def evaluate_local(coefficients: Array, onto: Array, phi: Array) -> tuple[Array,
 
 
 def chain_to_coefficients(jacobian: Array, onto: Array, phi: Array) -> Array:
-    """A Jacobian (…, n, 12) with respect to the local numbers, by the coefficients (…, n, a)."""
-    rows = jacobian.reshape(-1, 12)
-    repeated = np.broadcast_to(phi, (len(rows) // len(phi), *phi.shape)).reshape(len(rows), -1)
-    spread = expand_covariates(rows, repeated) @ onto
-    return np.asarray(spread.reshape(*jacobian.shape[:-1], -1))
+    """A Jacobian (…, 12) with respect to the local numbers, by the coefficients (…, a).
+
+    Parameters: φ (…, q), with axes as the Jacobian's or of length one. A coefficient multiplies one
+    covariate, whatever entries of the matrix share it: so the local numbers are added up first, and
+    each sum multiplied by its covariate after.
+    """
+    parts = onto.reshape(12, phi.shape[-1], -1)
+    multiplied = np.abs(parts).max(axis=0).argmax(axis=0)
+    by = jacobian.reshape(-1, 12) @ parts.sum(axis=1)
+    return np.asarray(by.reshape(*jacobian.shape[:-1], -1) * phi[..., multiplied])
 
 
 def size_residual(raw: Array, bias: Array, matrix: Array, wanted: Array) -> tuple[Array, Array]:
@@ -78,11 +83,10 @@ def reading_residual(
     """
     inverse = np.asarray(np.linalg.inv(matrix))
     v = np.einsum("nij,nj->ni", inverse, field)
-    jacobian = np.zeros((len(raw), 3, 12))
-    jacobian[:, :, :3] = -np.eye(3)
-    entries = inverse[:, :, :, None] * v[:, None, None, :]
-    jacobian[:, :, 3:] = entries.reshape(len(raw), 3, 9)
-    return raw - bias - v, jacobian, inverse
+    jacobian = np.empty((len(raw), 3, 4, 3))
+    jacobian[:, :, 0] = -np.eye(3)
+    np.multiply(inverse[:, :, :, None], v[:, None, None, :], out=jacobian[:, :, 1:])
+    return raw - bias - v, jacobian.reshape(-1, 3, 12), inverse
 
 
 def weak_prior(gauge: str, degree: int, sd: float) -> Array:

@@ -14,6 +14,7 @@ from agonic.thermal.fit.readings import Facts
 from agonic.thermal.fit.scale import Scale
 from agonic.thermal.maths.estimate import StationEstimate
 from agonic.thermal.maths.station_residuals import StationProblem
+from agonic.thermal.maths.thermometer import propagate_error
 
 
 def make_chamber_calibration(
@@ -29,7 +30,10 @@ def make_chamber_calibration(
     Without a known magnitude the mean gain at the centre of the range is set to one.
     """
     scale, p = readings.scale, problem.degree + 1
-    found, covariance = estimate.coefficients, estimate.covariance
+    found, covariance = estimate.coefficients, estimate.covariance.copy()
+    covariance[: 3 * p, : 3 * p] += propagate_error(
+        found[: 3 * p].reshape(3, p), scale.half_C, readings.thermometer_C
+    )
     if scale.magnitude is None:
         mean = float(found[[3 * p, 4 * p, 5 * p]].mean())
         found, covariance = _set_mean_gain_to_one(found, covariance, mean, p)

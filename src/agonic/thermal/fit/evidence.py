@@ -34,6 +34,7 @@ def judge_fit(
         _judge_orientations(orientations),
         _judge_odd(fit),
         _judge_drift(fit),
+        _judge_ageing(fit),
         _judge_scatter(fit),
         _judge_hysteresis(fit),
         _judge_anomalies(fit, sums),
@@ -130,6 +131,21 @@ def _judge_drift(fit: ThermalFit) -> Finding | None:
         f"the chamber's field changed by {figure(size)} {fit.calibration.unit_out}{along} from the "
         "first reading to the last; that was allowed for",
         "keep iron, vehicles and currents away from the chamber",
+    )
+
+
+def _judge_ageing(fit: ThermalFit) -> Finding | None:
+    if fit.ageing is None or fit.calibration.magnitude is None:
+        return None
+    size = float(np.linalg.norm(fit.ageing))
+    share = size * fit.calibration.mean_gain / fit.calibration.magnitude
+    return Finding(
+        "ageing",
+        "check" if share > DRIFT_DOUBTFUL else "note",
+        f"the bias changed by {figure(size)} {fit.calibration.unit_in} from the first reading to "
+        "the last, in the axes of the sensor; that was allowed for, and the calibration is that of "
+        "the middle",
+        "let the sensor age at its highest temperature first, and calibrate again",
     )
 
 

@@ -63,7 +63,7 @@ def fit_thermal(
         whether it is better or worse, and that is used, unless `fixture_known`.
     rate : a term in dT/dt of the bias: True, False, or "auto" where the readings ask for it.
     drift : a steady change of the chamber's field: True, False, or "auto": averaged over being
-        there and not, as the readings make it likely.
+        there and not, as the readings make it likely; so is one of the sensor's bias, unless False.
     soft_iron_sd : prior on what makes W differ from a multiple of the identity; it only matters
         where stations are missing.
 
@@ -168,6 +168,7 @@ def _assemble(
     divisor = gain if scale.magnitude is None else 1.0
     bins = each_temperature.tabulate_bins(result.separate, readings, factor / scale.size, divisor)
     drift = estimate.drift * unit if result.drifts else None
+    ageing = estimate.ageing * scale.size if result.aged else None
     return ThermalFit(
         calibration=calibration,
         taught_by="magnitude" if result.problem.rot_nb is None else "turns",
@@ -190,6 +191,10 @@ def _assemble(
         fixture=_describe_fixture(result, readings, unit),
         drift=drift,
         drift_sd=None if drift is None else np.sqrt(np.diag(estimate.drift_covariance)) * unit,
+        ageing=ageing,
+        ageing_sd=None
+        if ageing is None
+        else np.sqrt(np.diag(estimate.ageing_covariance)) * scale.size,
         field_sd=estimate.slow.sd * unit if estimate.slow.gain > UNREST else 0.0,
         anomalies=_collect_anomalies(sums),
         tests=result.tests,

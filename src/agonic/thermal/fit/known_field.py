@@ -34,6 +34,7 @@ from agonic.thermal.maths.known_field import (
     KnownFieldProblem,
     estimate_known_field,
 )
+from agonic.thermal.maths.thermometer import calm_thermometer
 
 FEWEST = 24
 _FLAT = 0.05  # of the field: components that vary by less leave gains open
@@ -47,12 +48,15 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     level, findings = convert_to_celsius(require_temperature(samples))
     low, high = float(level.min()), float(level.max())
     require_range(low, high, "record over the range of use, or fit with fit_vector")
+    noisy: tuple[Finding, ...] = ()
+    if samples.time is not None:
+        calmed = calm_thermometer(level, samples.time)
+        noisy, level = judge_thermometer([(level, calmed)]), calmed.temperature
     readings = _normalise(samples, field, level, settings)
     scale = readings.scale
     problem, estimate, tests, curve = _choose_model(readings, settings, samples.unit)
     calibration = _restore(estimate, problem, readings, samples, reference, settings)
     outlier = estimate.weights == 0
-    noisy = judge_thermometer([level]) if samples.time is not None else ()
     found = [*findings, *noisy, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))

@@ -21,7 +21,8 @@ _MISSING = 3  # stations that may be missing at a temperature that still counts 
 class ChamberReadings(NamedTuple):
     """The cells that are used, the numbers of their stations, the noise of a reading, the scale.
 
-    `width_C` is that of the bins, `unit` that of the readings.
+    `width_C` is that of the bins, `unit` that of the readings, `thermometer_C` what is left of the
+    noise of a thermometer that was smoothed.
     """
 
     cells: Cells
@@ -30,6 +31,7 @@ class ChamberReadings(NamedTuple):
     scale: Scale
     width_C: float
     unit: str
+    thermometer_C: float = 0.0
 
     @property
     def station(self) -> Index:
@@ -62,7 +64,7 @@ def select_readings(
     pace = float(np.sqrt(np.average(cells.rate**2, weights=cells.n)))
     magnitude, sd = _find_magnitude(reference)
     scale = Scale(centre, size, low, high, pace or 1.0, magnitude, sd)
-    return ChamberReadings(cells, numbers, noise, scale, sums.width_C, unit)
+    return ChamberReadings(cells, numbers, noise, scale, sums.width_C, unit, sums.thermometer_C)
 
 
 def _find_range(cells: Cells, sums: Binned) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from agonic.health import Finding, figure
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.thermal.maths.binned_sums import Binned
+from agonic.thermal.maths.thermometer import CALM_C, Calmed, calm_thermometer
 
 KELVIN = 273.15
 NOISY_C = 0.2
@@ -63,30 +64,42 @@ def convert_to_celsius(temperature: Array) -> tuple[Array, tuple[Finding, ...]]:
     )
 
 
-def judge_thermometer(parts: Iterable[Array]) -> tuple[Finding, ...]:
+def judge_thermometer(parts: Iterable[tuple[Array, Calmed]]) -> tuple[Finding, ...]:
     """Whether temperatures, recording after recording, scatter from reading to reading.
 
-    A box has no such changes: second differences are those of the thermometer.
+    A box has no such changes: second differences are those of the thermometer. Parameters: the
+    temperatures of each recording as they were read, and after `calm_thermometer`.
 
     >>> t = np.linspace(50.0, -10.0, 900)
     >>> noisy = t + 0.5 * np.random.default_rng(0).normal(size=900)
-    >>> judge_thermometer([t]), [finding.name for finding in judge_thermometer([noisy])]
-    ((), ['noisy thermometer'])
+    >>> found = [judge_thermometer([(level, calm_thermometer(level))]) for level in (t, noisy)]
+    >>> [[finding.name for finding in each] for each in found]
+    [[], ['noisy thermometer']]
     """
-    squares = np.concatenate([np.zeros(1), *(np.diff(part, 2) ** 2 for part in parts)])
+    both = list(parts)
+    squares = np.concatenate([np.zeros(1), *(np.diff(read, 2) ** 2 for read, _ in both)])
     noise = float(np.sqrt(squares.sum() / max(len(squares) - 1, 1) / 6))
     if noise < NOISY_C:
         return ()
+    left = _find_left([calmed for _, calmed in both])
     return (
         Finding(
             "noisy thermometer",
             "check",
-            f"the thermometer scatters by {figure(noise)} °C from reading to reading, so readings "
-            "are taken for those of another temperature; standard errors are too small by up to "
-            "three times, most of all at the ends of the range",
+            f"the thermometer scatters by {figure(noise)} °C from reading to reading; its smoothed "
+            f"course was used, which is known to {figure(left)} °C, and less well where the "
+            "temperature begins or ceases to move: there standard errors are too small by up to "
+            "three times",
             "log the mean of the thermometer over a minute, or that of a better one nearby",
         ),
     )
+
+
+def _find_left(calmed: Sequence[Calmed]) -> float:
+    """What is left of the noise of thermometers that were smoothed, °C; 0 where none was."""
+    left = [part.left_C if part.noise_C >= CALM_C else 0.0 for part in calmed]
+    rows = [len(part.temperature) for part in calmed]
+    return float(np.sqrt(np.average(np.square(left), weights=rows))) if rows else 0.0
 
 
 def require_temperature(samples: Samples) -> Array:
@@ -109,15 +122,14 @@ def sum_readings(samples: Samples, width_C: float) -> tuple[Binned, tuple[Findin
         )
     sums = Binned(width_C)
     edges = [0, *(np.flatnonzero(np.diff(samples.station)) + 1).tolist(), len(samples)]
+    calmed: list[Calmed] = []
     for start, stop in pairwise(edges):
         part = slice(start, stop)
-        sums.add(
-            int(samples.station[start]),
-            samples.field[part],
-            level[part],
-            None if samples.time is None else samples.time[part],
-        )
+        time = None if samples.time is None else samples.time[part]
+        calmed.append(calm_thermometer(level[part], time))
+        sums.add(int(samples.station[start]), samples.field[part], calmed[-1].temperature, time)
     if not sums.stations:
         raise CoverageError("there are no readings at all", turns="record the twelve stations")
+    sums.thermometer_C = _find_left(calmed)
     parts = (level[start:stop] for start, stop in pairwise(edges))
-    return sums, (*findings, *judge_thermometer(parts))
+    return sums, (*findings, *judge_thermometer(zip(parts, calmed, strict=True)))

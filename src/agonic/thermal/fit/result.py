@@ -91,17 +91,18 @@ class ThermalFit(Estimated):
     """A temperature calibration and what it rests on.
 
     `taught_by` is "magnitude", "turns" or "vector". `residuals` are those of the means of bins,
-    (m,) along the normal of the ellipsoid or (m, 3), in the unit of the readings, at
-    `temperature` (m,) of `station` (m,), while `heating` (m,) or not; `weights` (m,) what the
-    robust loss left of each. With a vector reference they are those of the readings. `noise` is
-    the standard deviation of one reading on one axis, `excess` that by which means of bins scatter
-    beyond it (misfit, and changes of the chamber's field). `variances` (9, d) are the variances of
-    the scaled residuals of the coefficients by order 0…d−1; with a vector reference and
-    `degree="auto"` (1, d), those of the readings, nT² (raw units²). `drift` (1,) or (3,) is how
-    much the field changed from the first to the last reading, along itself or in the chamber's
-    axes, with `drift_sd`; `None` where that is not sure. `field_sd` is the standard deviation of
-    its slow changes (of its magnitude, or of each component), 0 where that they are there is not
-    sure. The calibration and its covariance allow for what is not sure too.
+    (m,) along the normal of the ellipsoid or (m, 3), in the unit of the readings, at `temperature`
+    (m,) of `station` (m,), while `heating` (m,) or not; `weights` (m,) what the robust loss left of
+    each. With a vector reference they are those of the readings. `noise` is the standard deviation
+    of one reading on one axis, `excess` that by which means of bins scatter beyond it (misfit, and
+    changes of the chamber's field). `variances` (9, d) are the variances of the scaled residuals of
+    the coefficients by order 0…d−1; with a vector reference and `degree="auto"` (1, d), those of
+    the readings, nT² (raw units²). `drift` (1,) or (3,) is how much the field changed from the
+    first to the last reading, along itself or in the chamber's axes, with `drift_sd`; `None` where
+    that is not sure. So are `ageing` (3,) and `ageing_sd` of the bias, in the unit of the readings;
+    the calibration is that of the middle. `field_sd` is the standard deviation of its slow changes
+    (of its magnitude, or of each component), 0 where that they are there is not sure. The
+    calibration and its covariance allow for what is not sure too.
     """
 
     calibration: Thermal
@@ -125,6 +126,8 @@ class ThermalFit(Estimated):
     fixture: Fixture | None = None
     drift: Array | None = None
     drift_sd: Array | None = None
+    ageing: Array | None = None
+    ageing_sd: Array | None = None
     field_sd: float = 0.0
     anomalies: tuple[Anomaly, ...] = ()
     findings: tuple[Finding, ...] = ()

@@ -54,7 +54,7 @@ class Orientations(NamedTuple):
 class Solution(NamedTuple):
     """The joint estimate with its problem, tests of terms, and what the orientations are worth.
 
-    `drifts` is whether the field surely drifted, or was said to.
+    `drifts` is whether the field surely drifted, or was said to; `aged` whether the bias did.
     """
 
     estimate: StationEstimate
@@ -63,6 +63,7 @@ class Solution(NamedTuple):
     tests: tuple[ModelTest, ...]
     orientations: Orientations | None
     drifts: bool
+    aged: bool
 
 
 class _Term(NamedTuple):
@@ -100,14 +101,15 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
     if lag is not None and settings.rate is not True and not lag.kept:
         problem = problem._replace(phi=problem.phi[:, :-1], rate=False)
         whole = _estimate(problem, whole, whole.coefficients[:-3])
-    drifting = _test_drift(readings, problem, whole)
+    drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
     return Solution(
         estimate=whole,
         problem=problem,
         separate=fit_each_temperature(readings, problem, whole.coefficients),
-        tests=tuple(term.test for term in (lag, drifting) if term is not None),
+        tests=tuple(term.test for term in (lag, drifting, ageing) if term is not None),
         orientations=orientations,
         drifts=problem.drifting or (drifting is not None and drifting.kept),
+        aged=ageing is not None and ageing.kept,
     )
 
 
@@ -205,6 +207,20 @@ def _test_drift(
         ("constant", "drift"),
         f"the chamber's field changed by {amount} {unit} from the first reading to the last",
         "no sign that the chamber's field changed steadily",
+    )
+
+
+def _test_ageing(readings: ChamberReadings, whole: StationEstimate) -> _Term | None:
+    """Whether the bias of the sensor changed steadily, in its own axes."""
+    if not len(whole.ageing):
+        return None
+    amount = figure(float(np.linalg.norm(whole.ageing)) * readings.scale.size)
+    return _test_term(
+        whole.ageing,
+        whole.ageing_covariance,
+        ("constant", "ageing"),
+        f"the bias changed by {amount} {readings.unit} from the first reading to the last",
+        "no sign that the bias changed steadily",
     )
 
 

@@ -106,6 +106,7 @@ class Binned:
         if not width_C > 0:
             raise ValueError(f"bins {width_C} °C wide cannot hold anything")
         self.width_C = float(width_C)
+        self.thermometer_C = 0.0  # what is left of the noise of one that was smoothed
         self.stations: dict[int, StationRecord] = {}
         self.anomalies: list[LeftOut] = []
         self._keys: list[NDArray[np.int64]] = []
@@ -213,6 +214,7 @@ class Binned:
         """
         wanted = set(stations) & set(self.stations)
         made = Binned(self.width_C * coarser)
+        made.thermometer_C = self.thermometer_C
         made.stations = {
             number: self.stations[number] for number in self.stations if number in wanted
         }

@@ -18,7 +18,7 @@ from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.model_averaging import average_over_term
 from agonic.maths.estimation.noise import estimate_noise
 from agonic.thermal.maths import fixture, gaussian_process
-from agonic.thermal.maths.prior import make_prior, step_poses
+from agonic.thermal.maths.prior import estimate_width, make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (
     Poses,
     State,
@@ -35,6 +35,8 @@ UNREST = 16.0
 """Twice the logarithm of the likelihood by which slow changes must show to be spoken of."""
 RARE, LIKELY = 0.05, 0.5
 """Probability of a drift before the readings are seen: of a field at rest, of one that changes."""
+AGED = 0.2
+"""That of a bias that aged."""
 _IMPLAUSIBLE = 0.015
 _ROUNDS = 25
 _FREE = 4
@@ -45,12 +47,12 @@ _LEAST_ANGLE = 1e-7  # rad: the prior of the fixture is never narrower than this
 class StationEstimate(NamedTuple):
     """The most probable coefficients (a,) and their covariance, and what the cells say.
 
-    `residuals` are (m,) from the magnitude and (m, 3) from the vector, in the
-    normalised unit, and `weights` (m,) what the robust loss left of each mean; `excess` is the
-    variance by which means scatter beyond their noise; `drift` (1,) or (3,) how the field changed
-    over the campaign (along itself, or in the chamber's axes), with its covariance; `slow` its
-    slow changes at each station. Only where turns are known: `poses`, `fixture_sd` (rad), and
-    `turned` (k,), the angle by which each station stood off.
+    `residuals` are (m,) from the magnitude and (m, 3) from the vector, in the normalised unit, and
+    `weights` (m,) what the robust loss left of each mean; `excess` is the variance by which means
+    scatter beyond their noise; `drift` (1,) or (3,) how the field changed over the campaign (along
+    itself, or in the chamber's axes), `ageing` (0,) or (3,) how the bias did, with their
+    covariances; `slow` the field's slow changes at each station. Only where turns are known:
+    `poses`, `fixture_sd` (rad), and `turned` (k,), the angle by which each station stood off.
     """
 
     coefficients: Array
@@ -64,6 +66,8 @@ class StationEstimate(NamedTuple):
     converged: bool
     drift: Array
     drift_covariance: Array
+    ageing: Array
+    ageing_covariance: Array
     slow: gaussian_process.GaussianProcess
     poses: Poses | None = None
     fixture_sd: float = 0.0
@@ -102,6 +106,7 @@ def _iterate(
     state = State(
         start,
         np.zeros(problem.clock.shape[1] * axes),
+        np.zeros(0),
         poses,
         _FIRST_EXCESS,
         problem.fixture_sd,
@@ -138,8 +143,16 @@ def _iterate(
         if not first:
             correlation, state = noise.correlation, state._replace(excess=excess)
         if same and calm and rested and solution.iterations <= 2 and turn > 1:
-            break
+            if problem.pace is None or len(state.ageing) or _hide_ageing(state):
+                break
+            state = state._replace(ageing=np.zeros(3))  # not before slow changes have theirs
     return _summarise(problem, state, solution, loss, correlation, iterations)
+
+
+def _hide_ageing(state: State) -> bool:
+    """Whether slow changes of the field look like ageing, as they do by the magnitude alone."""
+    surely = state.slow.gain > UNREST and state.slow.kind != gaussian_process.STEADY
+    return state.poses is None and surely
 
 
 def _renew_slow_changes(
@@ -161,6 +174,8 @@ def _renew_slow_changes(
     slow, axes = gaussian_process.estimate_process(
         of, kept, jacobian, (expected + by @ step, by), kinds
     )
+    if slow.sd > _IMPLAUSIBLE and len(state.ageing):
+        slow, axes = state.slow, gaussian_process.find_principal_axes(of, state.slow.kind)
     if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
         return state._replace(
             slow=gaussian_process.GaussianProcess(), followed=np.zeros_like(state.followed)
@@ -204,11 +219,12 @@ def _whiten(left: Array, variance: Array) -> Array:
 
 def _move(problem: StationProblem, state: State, params: Array) -> State:
     """The state at parameters."""
-    a, width = problem.layout.shape[1], len(state.drift)
-    new = state._replace(coefficients=params[:a], drift=params[a : a + width])
+    a = problem.layout.shape[1]
+    aged, after = a + len(state.drift), a + state.trends
+    new = state._replace(coefficients=params[:a], drift=params[a:aged], ageing=params[aged:after])
     if state.poses is None:
         return new
-    return new._replace(poses=step_poses(state.poses, params[a + width :], problem.stations))
+    return new._replace(poses=step_poses(state.poses, params[after:], problem.stations))
 
 
 def _renew(problem: StationProblem, state: State, solution: leastsq.Solution) -> State:
@@ -217,31 +233,8 @@ def _renew(problem: StationProblem, state: State, solution: leastsq.Solution) ->
     if state.poses is None or problem.fixture_known:
         return new
     z, rows = make_prior(problem, state)(solution.params)
-    sd = _estimate_prior_width(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
+    sd = estimate_width(solution, z, rows, slice(len(z) - 2 * problem.stations, len(z)))
     return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_ANGLE))
-
-
-def _estimate_prior_width(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> float:
-    """By what the width of a part of the prior should be multiplied, for it to fit its residuals.
-
-    MacKay's (1992) update of a prior's width, s² ← Σz²/γ with γ the effective number of parameters
-    that the readings determine, repeated on the linearised problem until it stands.
-    """
-    rest = np.ones(len(z), dtype=bool)
-    rest[own] = False
-    others, count = np.flatnonzero(rest), own.stop - own.start
-    gradient = -(z @ rows)  # of the readings: at the minimum the prior balances it
-    fixed = solution.information + rows[others].T @ rows[others]
-    pull, scale = rows[own].T @ rows[own], 1.0
-    for _ in range(30):
-        covariance = leastsq.inverse(fixed + pull / scale**2)
-        step = -covariance @ (gradient + z[others] @ rows[others] + z[own] @ rows[own] / scale**2)
-        left = z[own] + rows[own] @ step
-        free = count - float(np.trace(covariance @ pull)) / scale**2
-        before, scale = scale, max(float(np.sqrt(left @ left / max(free, 1.0))), 1e-6)
-        if abs(scale / before - 1) < 1e-3:
-            break
-    return scale
 
 
 def _summarise(
@@ -252,11 +245,16 @@ def _summarise(
     correlation: float,
     iterations: int,
 ) -> StationEstimate:
-    a, drift = problem.layout.shape[1], len(state.drift)
+    a = problem.layout.shape[1]
+    drift = slice(a, a + len(state.drift))
+    ageing = slice(drift.stop, a + state.trends)
     found, covariance = solution.params, solution.covariance
-    if drift and not problem.drifting:
+    if state.trends:
         likely = LIKELY if state.slow.gain > UNREST else RARE
-        found, covariance, _ = average_over_term(found, covariance, slice(a, a + drift), likely)
+        if len(state.ageing):
+            found, covariance, _ = average_over_term(found, covariance, ageing, AGED)
+        if not problem.drifting:
+            found, covariance, _ = average_over_term(found, covariance, drift, likely)
         state, _ = _renew_slow_changes(problem, _move(problem, state, found), (state.slow.kind,))
     left, variance = compute_residuals(problem, state)
     q = _whiten(left, variance + state.excess) ** 2
@@ -276,8 +274,10 @@ def _summarise(
         condition=float(leastsq.condition(covariance[:a, :a])),
         iterations=iterations,
         converged=solution.converged,
-        drift=solution.params[a : a + drift],
-        drift_covariance=solution.covariance[a : a + drift, a : a + drift],
+        drift=solution.params[drift],
+        drift_covariance=solution.covariance[drift, drift],
+        ageing=solution.params[ageing],
+        ageing_covariance=solution.covariance[ageing, ageing],
         slow=state.slow,
         poses=state.poses,
         fixture_sd=state.fixture_sd,

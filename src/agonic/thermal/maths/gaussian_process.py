@@ -54,11 +54,13 @@ class GaussianProcess(NamedTuple):
 
 class TimeBasis(NamedTuple):
     """The times of the means: the first Legendre polynomials within each station (m, s), and the
-    times of the stations (k, points) in halves of a recording.
+    times of the stations (k, points) in halves of a recording; `covariances` by kind, as far as
+    they were computed.
     """
 
     functions: Array
     times: Array
+    covariances: dict[Kind, Array]
 
 
 class StationSpaces(NamedTuple):
@@ -115,11 +117,17 @@ def make_time_basis(time: Array, station: Index) -> TimeBasis:
     s = (time - low[at]) / half[at] - 1
     grid = np.linspace(-1.0, 1.0, _POINTS)
     times = (low[:, None] - low.min() + (grid + 1) * half[:, None]) / float(np.median(half))
-    return TimeBasis(np.polynomial.legendre.legvander(s, ORDER).astype(np.float64), times)
+    return TimeBasis(np.polynomial.legendre.legvander(s, ORDER).astype(np.float64), times, {})
 
 
 def compute_covariance(basis: TimeBasis, kind: Kind) -> Array:
     """Covariance (k, s, k, s) of the polynomials' coefficients, for a process of unit variance."""
+    if kind not in basis.covariances:
+        basis.covariances[kind] = _project_process(basis, kind)
+    return basis.covariances[kind]
+
+
+def _project_process(basis: TimeBasis, kind: Kind) -> Array:
     shape, length = kind
     k = len(basis.times)
     if shape == "steady":

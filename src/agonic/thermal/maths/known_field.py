@@ -68,10 +68,8 @@ def make_pieces(problem: KnownFieldProblem) -> leastsq.Pieces:
             r, jacobian, _ = temperature_model.reading_residual(
                 problem.points[rows], bias, matrix, problem.field[rows]
             )
-            by = temperature_model.chain_to_coefficients(
-                jacobian.reshape(-1, 12), onto, np.repeat(phi, 3, axis=0)
-            )
-            yield r.ravel(), by
+            by = temperature_model.chain_to_coefficients(jacobian, onto, phi[:, None])
+            yield r.ravel(), by.reshape(r.size, -1)
 
     return blocks
 

@@ -20,10 +20,10 @@ def make_prior(problem: StationProblem, state: State) -> leastsq.Prior:
 
 
 def _make_common_prior(problem: StationProblem, state: State, more: int) -> leastsq.Prior:
-    """The prior on soft iron and on the drift, which may be as large as the field, for parameters
-    with `more` others last.
+    """The prior on soft iron, and on drift and ageing, which may be as large as the field, for
+    parameters with `more` others last.
     """
-    width = len(state.drift)
+    width = state.trends
     rows = temperature_model.weak_prior(problem.gauge, problem.degree, problem.soft_iron_sd)
     a = problem.layout.shape[1]
     jacobian = np.zeros((len(rows) + width, a + width + more))
@@ -41,7 +41,7 @@ def _make_fixture_prior(problem: StationProblem, state: State, poses: Poses) -> 
 
     Tangential parts of M p_k − R_kᵀ f, over their standard deviation.
     """
-    k, width = problem.stations, len(state.drift)
+    k, width = problem.stations, state.trends
     soft = _make_common_prior(problem, state, 2 * k + 5)
     seen_tangent = fixture.find_tangents(poses.directions)
     field_tangent = fixture.find_tangents(poses.field)
@@ -84,3 +84,26 @@ def step_poses(poses: Poses, steps: Array, k: int) -> Poses:
     )
     u, _, vt = np.linalg.svd((np.eye(3) + skew(steps[2 * k : 2 * k + 3])) @ poses.mount)
     return Poses(seen, u @ vt, field)
+
+
+def estimate_width(solution: leastsq.Solution, z: Array, rows: Array, own: slice) -> float:
+    """By what the width of a part of the prior should be multiplied, for it to fit its residuals.
+
+    MacKay's (1992) update of a prior's width, s² ← Σz²/γ with γ the effective number of parameters
+    that the readings determine, repeated on the linearised problem until it stands.
+    """
+    rest = np.ones(len(z), dtype=bool)
+    rest[own] = False
+    others, count = np.flatnonzero(rest), own.stop - own.start
+    gradient = -(z @ rows)  # of the readings: at the minimum the prior balances it
+    fixed = solution.information + rows[others].T @ rows[others]
+    pull, scale = rows[own].T @ rows[own], 1.0
+    for _ in range(30):
+        covariance = leastsq.inverse(fixed + pull / scale**2)
+        step = -covariance @ (gradient + z[others] @ rows[others] + z[own] @ rows[own] / scale**2)
+        left = z[own] + rows[own] @ step
+        free = count - float(np.trace(covariance @ pull)) / scale**2
+        before, scale = scale, max(float(np.sqrt(left @ left / max(free, 1.0))), 1e-6)
+        if abs(scale / before - 1) < 1e-3:
+            break
+    return scale

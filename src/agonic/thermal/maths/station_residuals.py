@@ -1,9 +1,10 @@
 """The readings of turned stations as residuals for the solver, with their Jacobians.
 
 A sensor with W(φ) and b(φ) is turned from station to station in a field of magnitude one. With the
-magnitude alone, unknown beside the coefficients is only how the field changed; with orientations,
-also its direction at each station (two small steps), the mounting of the sensor in the box (three),
-and the direction of the field in the chamber (two). Points are centred and scaled to about one.
+magnitude alone, unknown beside the coefficients is only how the field changed, and how the bias
+aged; with orientations, also its direction at each station (two small steps), the mounting of the
+sensor in the box (three), and the direction of the field in the chamber (two). Points are centred
+and scaled to about one.
 """
 
 from __future__ import annotations
@@ -76,11 +77,23 @@ class State(NamedTuple):
 
     coefficients: Array
     drift: Array  # (d,) along the field or (3d,) in the chamber's axes
+    ageing: Array  # (0,) or (3,) of the bias, in the axes of the sensor
     poses: Poses | None
     excess: float
     fixture_sd: float
     slow: gaussian_process.GaussianProcess
     followed: Array  # (m, 1) or (m, 3) as the drift: the slow changes at each mean
+
+    @property
+    def trends(self) -> int:
+        """How many numbers say what changed steadily over the campaign."""
+        return len(self.drift) + len(self.ageing)
+
+
+def _evaluate(problem: StationProblem, coefficients: Array, ageing: Array) -> tuple[Array, Array]:
+    """Bias (m, 3) and matrix (m, 3, 3) at each mean."""
+    bias, matrix = temperature_model.evaluate_local(coefficients, problem.layout, problem.phi)
+    return (bias + problem.clock * ageing if len(ageing) else bias), matrix
 
 
 def find_directions(problem: StationProblem, coefficients: Array) -> Array:
@@ -94,7 +107,7 @@ def find_directions(problem: StationProblem, coefficients: Array) -> Array:
 
 def collect_parameters(state: State, a: int) -> Array:
     """The parameters that the solver moves, at the state: small steps of the poses are zero."""
-    parts = [state.coefficients, state.drift]
+    parts = [state.coefficients, state.drift, state.ageing]
     if state.poses is not None:
         parts.append(np.zeros(2 * len(state.poses.directions) + 5))
     return np.concatenate(parts)
@@ -102,7 +115,7 @@ def collect_parameters(state: State, a: int) -> Array:
 
 def compute_residuals(problem: StationProblem, state: State) -> tuple[Array, Array]:
     """Residuals as they are, (m, 1) or (m, 3), and the variance of the noise in each."""
-    bias, matrix = temperature_model.evaluate_local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = _evaluate(problem, state.coefficients, state.ageing)
     if state.poses is None:
         unit, spread = _find_directions_and_variance(problem, bias, matrix)
         changed = problem.clock @ state.drift + state.followed[:, 0]
@@ -169,7 +182,7 @@ def _rotate_to_sensor(problem: StationProblem, poses: Poses) -> Array:
 def project_changes(problem: StationProblem, state: State) -> gaussian_process.StationSpaces:
     """What slow changes of the field look like in the whitened residuals of each station."""
     assert problem.course is not None
-    bias, matrix = temperature_model.evaluate_local(state.coefficients, problem.layout, problem.phi)
+    bias, matrix = _evaluate(problem, state.coefficients, state.ageing)
     if state.poses is None:
         by_field = -_weigh_magnitudes(problem, state, bias, matrix)[:, None, None]
     else:
@@ -209,19 +222,20 @@ def make_pieces(problem: StationProblem, state: State) -> leastsq.Pieces:
 def _make_magnitude_pieces(problem: StationProblem, state: State) -> leastsq.Pieces:
     """Residuals of the magnitude over their standard deviations at the state."""
     onto = problem.layout
-    a = onto.shape[1]
-    bias, matrix = temperature_model.evaluate_local(state.coefficients, onto, problem.phi)
+    a, width = onto.shape[1], len(state.drift)
+    bias, matrix = _evaluate(problem, state.coefficients, state.ageing)
     unit, _ = _find_directions_and_variance(problem, bias, matrix)
     weight, clock = _weigh_magnitudes(problem, state, bias, matrix), problem.clock
     calmed = _make_whitener(problem, state)
     wanted = _expect_magnitude(problem, matrix, unit)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = temperature_model.evaluate_local(params[:a], onto, problem.phi)
-        expected = wanted + clock @ params[a:]
+        bias, matrix = _evaluate(problem, params[:a], params[a + width :])
+        expected = wanted + clock @ params[a : a + width]
         r, jacobian = _compute_log_residual(problem, bias, matrix, expected)
         by = temperature_model.chain_to_coefficients(jacobian, onto, problem.phi)
-        rows = np.concatenate([by, -clock / expected[:, None]], axis=1) * weight[:, None]
+        aged = clock * jacobian[:, : len(state.ageing)]
+        rows = np.concatenate([by, -clock / expected[:, None], aged], axis=1) * weight[:, None]
         yield calmed(r * weight), calmed(rows)
 
     return blocks
@@ -230,7 +244,7 @@ def _make_magnitude_pieces(problem: StationProblem, state: State) -> leastsq.Pie
 def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> leastsq.Pieces:
     """Residuals of the readings, whitened; an axis after the other, each in the order of cells."""
     onto, k = problem.layout, problem.stations
-    a, width = onto.shape[1], len(state.drift)
+    a, width, after = onto.shape[1], len(state.drift), onto.shape[1] + state.trends
     m, tangent = len(problem.points), fixture.find_tangents(poses.directions)
     white = _make_noise_whitener(problem, state)
     calmed = _make_whitener(problem, state)
@@ -238,8 +252,8 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
     places = np.arange(m)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = temperature_model.evaluate_local(params[:a], onto, problem.phi)
-        steps = params[a + width : a + width + 2 * k].reshape(k, 2)
+        bias, matrix = _evaluate(problem, params[:a], params[a + width : after])
+        steps = params[after : after + 2 * k].reshape(k, 2)
         seen, sway = fixture.move_on_sphere(poses.directions, tangent, steps)
         field = seen[problem.station]
         changed = clock @ params[a : a + width].reshape(-1, 3)
@@ -248,17 +262,18 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
             problem.points, bias, matrix, field
         )
         jacobian = np.zeros((m, 3, len(params)))
-        phi = np.repeat(problem.phi, 3, axis=0)
         jacobian[:, :, :a] = temperature_model.chain_to_coefficients(
-            by_local.reshape(-1, 12), onto, phi
-        ).reshape(m, 3, a)
+            by_local, onto, problem.phi[:, None]
+        )
         by_field = -inverse @ turning
         jacobian[:, :, a : a + width] = np.einsum("mij,md->midj", by_field, clock).reshape(
             m, 3, width
         )
+        if len(state.ageing):
+            jacobian[:, :, a + width : after] = clock[:, None] * by_local[:, :, :3]
         swayed = -inverse @ sway[problem.station]
         for j in range(2):
-            jacobian[places, :, a + width + 2 * problem.station + j] = swayed[:, :, j]
+            jacobian[places, :, after + 2 * problem.station + j] = swayed[:, :, j]
         z = np.einsum("mij,mj->im", white, r).ravel()
         rows = np.einsum("mij,mjp->imp", white, jacobian).reshape(3 * m, -1)
         yield calmed(z), calmed(rows)

@@ -1,0 +1,136 @@
+"""Temperatures whose thermometer is noisy: what the box had, which changes slowly.
+
+Where the noise is left in, readings are sorted among those of another temperature. Where many were
+taken at one temperature (a hold) they spill over into the bins beside it, which no standard error
+knows of: errors in variables.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solveh_banded
+from scipy.optimize import minimize_scalar
+
+from agonic.arrays import Array
+from agonic.maths.equation import polynomial
+
+_ROUNDED = 0.25
+"""Share of the error that is left which all stations have in common: what smoothing makes of the
+corners of the programme, averaged over `_CORNER_C`."""
+_CORNER_C = 2.0
+CALM_C = 0.03
+"""Noise of a thermometer that is left as it is."""
+_MAD_TO_SD = 1.482602218505602
+_FEWEST = 16
+_GAP = 20.0  # usual steps
+_LARGEST = 25.0  # natural logarithm of the stiffness
+_GRID = np.pi * (np.arange(2048) + 0.5) / 2048
+
+
+class Calmed(NamedTuple):
+    """Temperatures (n,), the noise of the thermometer, and what is left of it, °C."""
+
+    temperature: Array
+    noise_C: float
+    left_C: float
+
+
+def measure_noise(temperature: Array) -> float:
+    """The noise of a thermometer from reading to reading, °C, by second differences.
+
+    >>> t = np.linspace(50.0, -10.0, 900) + 0.5 * np.random.default_rng(0).normal(size=900)
+    >>> round(measure_noise(t), 1)
+    0.5
+    """
+    if len(temperature) < 3:
+        return 0.0
+    return float(_MAD_TO_SD * np.median(np.abs(np.diff(temperature, 2))) / np.sqrt(6.0))
+
+
+def calm_thermometer(temperature: Array, time: Array | None = None) -> Calmed:
+    """Temperatures with the noise of the thermometer taken off, where it has more than `CALM_C`.
+
+    Whittaker's smoother, minimising Σ (z − t)² + s Σ (second differences of z)² between gaps of
+    the clock, with the stiffness s of the least generalised cross-validation: as smooth as the
+    readings allow, corners of the programme included.
+
+    Source: Eilers 2003; Craven & Wahba 1979.
+
+    >>> true = np.interp(np.arange(900.0), [0.0, 600.0, 900.0], [50.0, -10.0, -10.0])
+    >>> noisy = true + 0.5 * np.random.default_rng(0).normal(size=900)
+    >>> found = calm_thermometer(noisy)
+    >>> bool(np.std(found.temperature - true) < 0.12), round(found.noise_C, 1)
+    (True, 0.5)
+    """
+    noise = measure_noise(temperature)
+    if noise < CALM_C:
+        return Calmed(temperature, noise, noise)
+    calmed, variance = temperature.copy(), 0.0
+    for start, stop in pairwise(_find_edges(temperature, time)):
+        if stop - start < _FEWEST:
+            variance += (stop - start) * noise**2
+            continue
+        part = temperature[start:stop]
+        stiffness = _find_stiffness(part)
+        calmed[start:stop] = _smooth(part, stiffness)
+        variance += (stop - start) * noise**2 * _share_of_freedom(stiffness)
+    return Calmed(calmed, noise, float(np.sqrt(variance / len(temperature))))
+
+
+def propagate_error(bias: Array, half_range_C: float, left_C: float) -> Array:
+    """What temperatures that are off alike at all stations add to the covariance of a bias.
+
+    Stretches of `_CORNER_C` are off independently of each other, each moving the bias there by its
+    slope; the polynomials follow by least squares.
+
+    Parameters: coefficients (3, p) in powers of x = −1…1 with half of the range, and what is left
+    of the thermometer's noise. Returns (3 p, 3 p), the powers of an axis together.
+    """
+    degree = bias.shape[1] - 1
+    x = np.linspace(-1.0, 1.0, max(round(2 * half_range_C / _CORNER_C), degree + 2))
+    slope = polynomial.derivative(x, degree) @ bias.T / half_range_C
+    follow = np.linalg.pinv(polynomial.powers(x, degree))
+    moved = np.einsum("pn,na->apn", follow, slope * (_ROUNDED * left_C)).reshape(bias.size, -1)
+    return np.asarray(moved @ moved.T)
+
+
+def _find_edges(temperature: Array, time: Array | None) -> list[int]:
+    """Where stretches without a gap begin and end."""
+    if time is None:
+        return [0, len(temperature)]
+    steps = np.diff(time)
+    breaks = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
+    return [0, *breaks.tolist(), len(temperature)]
+
+
+def _smooth(values: Array, stiffness: float) -> Array:
+    """Solve (1 + s DᵀD) z = y, D the second differences."""
+    n = len(values)
+    bands = np.zeros((3, n))
+    bands[0, 2:] = stiffness
+    bands[1, 1:] = -4 * stiffness
+    bands[1, [1, -1]] = -2 * stiffness
+    bands[2] = 1 + 6 * stiffness
+    bands[2, [0, -1]] = 1 + stiffness
+    bands[2, [1, -2]] = 1 + 5 * stiffness
+    return np.asarray(solveh_banded(bands, values, overwrite_ab=True, check_finite=False))
+
+
+def _share_of_freedom(stiffness: float) -> float:
+    """The trace of the smoother over the number of readings, for many of them."""
+    return float(np.mean(1 / (1 + stiffness * (2 - 2 * np.cos(_GRID)) ** 2)))
+
+
+def _find_stiffness(values: Array) -> float:
+    """The stiffness of the least generalised cross-validation."""
+
+    def cost(log: float) -> float:
+        stiffness = float(np.exp(log))
+        left = values - _smooth(values, stiffness)
+        return float(np.mean(left**2)) / (1 - _share_of_freedom(stiffness)) ** 2
+
+    found = minimize_scalar(cost, bounds=(0.0, _LARGEST), method="bounded", options={"xatol": 0.3})
+    return float(np.exp(found.x))
