@@ -13,6 +13,7 @@ from agonic import inflight as inflight
 from agonic import live as live
 from agonic import network as network
 from agonic import thermal as thermal
+from agonic.attitude.course import with_course as with_course
 from agonic.attitude.interference import fit_interference as fit_interference
 from agonic.attitude.latency import LatencyFit as LatencyFit
 from agonic.attitude.latency import fit_latency as fit_latency

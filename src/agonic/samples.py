@@ -34,6 +34,7 @@ COLUMNS = (
     "roll_deg",
     "pitch_deg",
     "heading_deg",
+    "heading_sd_deg",
     "acceleration",
     "rotation_rate",
     "current_A",
@@ -93,6 +94,8 @@ class Samples(Readable):
     flagged : (n,) not 0 where a fit should leave the row out, as when torquers are on.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
     device_id : the number by which an autopilot knows the sensor.
+    heading_sd_deg : (n,) standard deviation of the heading; 180 in rows where it is not known.
+    heading_source : what told the heading, where that is not the magnetometer.
     heading_estimated : the heading is an estimate that follows the magnetometer itself.
     corrected : the readings carry a correction of the autopilot that could not be taken out.
     logged : the correction already found in the log and taken out of `field`.
@@ -114,6 +117,7 @@ class Samples(Readable):
     roll_deg: Array | None = None
     pitch_deg: Array | None = None
     heading_deg: Array | None = None
+    heading_sd_deg: Array | None = None
     acceleration: Array | None = None
     rotation_rate: Array | None = None
     current_A: Array | None = None
@@ -132,6 +136,7 @@ class Samples(Readable):
     device_id: int | None = None
     second_sensor: str | None = None
     heading_estimated: bool = False
+    heading_source: str | None = None
     corrected: bool = False
     logged: Logged | None = None
     notes: tuple[str, ...] = ()

@@ -7,6 +7,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.attitude.calibration import make_calibration, make_mean_calibration
 from agonic.attitude.evidence import assess
+from agonic.attitude.known_heading import find_known
 from agonic.attitude.model_errors import find_model_errors, grow
 from agonic.attitude.problem import Scale, normalise
 from agonic.attitude.settings import Settings
@@ -40,12 +41,25 @@ def fit_channels(
     of the fit, under a prior. A known heading determines it; the magnitude alone never shows it.
     """
     usable = find_usable(samples)
+    if "azimuth" in channels:
+        usable = select_known(samples, usable)
     gauge: str = settings.gauge
     if gauge == "auto":
         gauge = SYMMETRIC if "dip" not in channels else FREE
     problem, scale = normalise(samples, reference, channels, gauge, settings)
     found = estimate_usable(problem, usable, settings)
     return make_fit(found, problem, scale, samples, usable, settings, name)
+
+
+def select_known(samples: Samples, usable: Mask) -> Mask:
+    """The usable rows whose heading is known; raises `CoverageError` where they are too few."""
+    known = usable & find_known(samples)
+    if known.sum() < FEWEST:
+        raise CoverageError(
+            f"the heading is known in {int(known.sum())} usable readings only",
+            turns="record until the source of the heading has settled, or fit by roll and pitch",
+        )
+    return known
 
 
 def find_usable(samples: Samples) -> Mask:

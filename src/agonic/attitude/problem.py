@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.attitude.known_heading import weigh_rows
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import (
     SOURCES,
@@ -86,6 +87,7 @@ def normalise(
         terms=(x - middle) / spread if settings.sources else None,
         dip=dip,
         across=None if attitude is None else _across(attitude, reference),
+        across_weight=None if attitude is None else weigh_rows(samples),
         rounding=find_rounding(samples.field) / size,
     )
     return problem, Scale(centre, size, magnitude, reference.sd, middle, spread)

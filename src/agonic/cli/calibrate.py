@@ -41,6 +41,10 @@ def calibrate(
         typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
     ] = "auto",
     between: Between = None,
+    course: Annotated[
+        bool,
+        typer.Option("--course", help="The course over ground is the heading: cars, rovers only."),
+    ] = False,
     store: Annotated[
         Path | None,
         typer.Option("--store", metavar="STORE", help="Keep the result in this history as well."),
@@ -75,7 +79,7 @@ def calibrate(
 
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
     recording, results, failures = calibrate_each(
-        log, sensor, unit, between, method, at=at, date=date, field=field
+        log, sensor, unit, between, method, at=at, date=date, field=field, course=course
     )
     folder = out or Path(f"{log.name}-agonic")
     written = write_folder(

@@ -102,7 +102,12 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity(column="pitch_deg", name="pitch", unit="deg", units=_ANGLE, aliases="pitchangle"),
     Quantity(
         column="heading_deg", name="heading", unit="deg", units=_ANGLE,
-        aliases="yaw yawangle trueheading headingtrue",
+        aliases="yaw yawangle trueheading headingtrue gpsheading gnssheading gpsyaw headinggps "
+        "headinggnss dualantennaheading",
+    ),
+    Quantity(
+        column="heading_sd_deg", name="heading_sd", unit="deg", units=_ANGLE,
+        aliases="headingaccuracy headingstd headingsigma yawsd yawstd yawaccuracy",
     ),
     Quantity(
         column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, axes="x y z",

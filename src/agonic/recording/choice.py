@@ -18,6 +18,7 @@ from agonic.attitude.disturbers import (
     list_moving,
 )
 from agonic.attitude.interference import fit_interference
+from agonic.attitude.known_heading import is_known
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.mounted_heading import compute_mounted_heading
@@ -30,9 +31,11 @@ from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alon
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
+from agonic.health import Finding
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
 from agonic.maths.estimation.wald import wald
+from agonic.recording.heading_source import check_heading_source
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -103,10 +106,29 @@ def choose(
         )
     if kind == "auto" and method == "inertial":
         return _choose_surer(samples, reference, reason, settings)
+    if method == "vector" and (doubt := check_heading_source(samples, reference)) is not None:
+        return _without_heading(samples, reference, kind, settings, doubt)
     aided = _fit_with_attitude(samples, reference, method, reason, settings)
     if kind != "auto" or aided.fit.verdict != "refused":
         return aided
     return _fall_back(aided, samples, reference, settings)
+
+
+def _without_heading(
+    samples: Samples,
+    reference: Reference,
+    kind: Kind,
+    settings: Mapping[str, Any],
+    doubt: Finding,
+) -> Choice:
+    """The fit by roll and pitch alone, or the one that was asked for, with what speaks against the
+    heading."""
+    if kind != "auto":
+        chosen = _fit_with_attitude(samples, reference, kind, "it was asked for", settings)
+        told = replace(doubt, severity="refuse")
+        return replace(chosen, fit=chosen.fit.with_findings(told))
+    levelled = _fit_with_attitude(samples, reference, "levelled", doubt.what, settings)
+    return replace(levelled, fit=levelled.fit.with_findings(doubt))
 
 
 def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
@@ -121,8 +143,11 @@ def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, 
             return "ellipsoid", "the log holds no roll and pitch, so only the magnitude counts"
         unit = "accelerometer" if samples.rotation_rate is None else "accelerometer and gyro"
         return "inertial", f"{unit} tell how the sensor turned, and the field of the place is known"
-    if samples.heading_deg is None or samples.heading_estimated or reference.kind != "vector":
+    if not is_known(samples) or reference.kind != "vector":
         return "levelled", "roll and pitch were recorded and the field of the place is known"
+    if samples.heading_source is not None:
+        told = f"roll and pitch were recorded, {samples.heading_source} tells the heading"
+        return "vector", f"{told}, and the field of the place is known"
     return "vector", "the whole attitude was recorded and the field of the place is known"
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from numpy.linalg import LinAlgError
 
+from agonic.attitude.course import with_course
 from agonic.console.place import find_reference
 from agonic.console.progress import progress, waiting
 from agonic.console.sensors import open_sensors
@@ -33,10 +34,20 @@ def calibrate_each(
     at: str | None,
     date: str | None,
     field: float | None,
+    course: bool = False,
 ) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
-    """The log, the sensors that could be fitted, and the names of others with the reason."""
+    """The log, the sensors that could be fitted, and the names of others with the reason.
+
+    With `course` the course over ground is taken for the heading.
+    """
     aided = f"--method {method}" if method in ("levelled", "inertial", "vector") else None
-    long = open_missions(log, sensor, unit, {"--between": between, f"--method {method}": aided})
+    course_asked = "--course" if course else None
+    told: dict[str, object] = {
+        "--between": between,
+        f"--method {method}": aided,
+        "--course": course_asked,
+    }
+    long = open_missions(log, sensor, unit, told)
     if long:
         results, failures = _run(
             [(one.head().name, partial(calibrate_mission, one, at, date, field)) for one in long]
@@ -44,6 +55,8 @@ def calibrate_each(
         return make_log(long[0], results), results, failures
 
     def run(samples: Samples) -> Calibrated:
+        if course:
+            samples = with_course(samples)
         reference, settings = find_reference(samples, at, date, field)
         kind: Any = method
         return calibrate(samples, reference, kind=kind, **settings)

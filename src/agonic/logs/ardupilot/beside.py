@@ -11,6 +11,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.parameters import look_up
+from agonic.logs.heading_source import Candidate
 from agonic.logs.resample import resample
 
 Tables = Mapping[str, Table]
@@ -18,6 +19,10 @@ Tables = Mapping[str, Table]
 OUTPUTS, SPEED_CONTROLLERS = "RCOU", "ESC"
 DISTURBERS = (OUTPUTS, SPEED_CONTROLLERS, *(f"{SPEED_CONTROLLERS}{k}" for k in range(1, 9)))
 """Messages of what may disturb a compass, beside the batteries'."""
+
+YAW_ESTIMATORS = ("XKY0", "NKY0")
+GPS_YAW_SD_DEG = 2.0
+"""Of two antennas half a metre apart, where the receiver does not say."""
 
 MOTORS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}
 """SERVOn_FUNCTION of the motors of a multicopter: 33…40 and 82…85."""
@@ -48,6 +53,31 @@ def resample_columns(mag: Table, tables: Tables) -> dict[str, Any]:
         "altitude_m": _resample_onto(mag, fixes, "Alt"),
         "disturbers": read_disturbers(mag, tables),
     }
+
+
+def list_headings(tables: Tables) -> Iterator[Candidate]:
+    """What tells a heading without a magnetometer: a GPS with two antennas, the yaw by velocities.
+
+    GPS.Yaw is 0 where there is none; GPA.YAcc is its accuracy. XKY0 (NKY0 of an older filter) has
+    the composite yaw YC of the EKF-GSF and its standard deviation YCS, degrees.
+    """
+    gps, accuracy = _first_instance(tables, "GPS"), _first_instance(tables, "GPA")
+    if gps is not None and gps.time_s is not None and (yaw := gps.get("Yaw")) is not None:
+        sd = np.full(len(yaw), GPS_YAW_SD_DEG)
+        if accuracy is not None and accuracy.time_s is not None and "YAcc" in accuracy.columns:
+            told = resample(accuracy.time_s, accuracy.columns["YAcc"], gps.time_s)
+            sd = sd if told is None else np.where(told > 0, told, sd)
+        if (yaw != 0).any():
+            yield Candidate("GPS yaw", gps.time_s, np.where(yaw != 0, yaw, np.nan), sd)
+    for name in YAW_ESTIMATORS:
+        table = tables.get(name)
+        if table is None or table.time_s is None or not {"YC", "YCS"} <= set(table.columns):
+            continue
+        core = table.get("C")
+        one = table if core is None else table.select(core == core.min())
+        assert one.time_s is not None
+        yield Candidate("EKF-GSF yaw", one.time_s, one.columns["YC"], one.columns["YCS"])
+        return
 
 
 def _resample_onto(

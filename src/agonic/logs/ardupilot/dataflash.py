@@ -17,11 +17,18 @@ from pathlib import Path
 import numpy as np
 
 from agonic.errors import LogError
-from agonic.logs.ardupilot.beside import DISTURBERS, Tables, resample_columns
+from agonic.logs.ardupilot.beside import (
+    DISTURBERS,
+    YAW_ESTIMATORS,
+    Tables,
+    list_headings,
+    resample_columns,
+)
 from agonic.logs.ardupilot.dataflash_binary import Content, Table, read_binary
 from agonic.logs.ardupilot.dataflash_text import read_text
 from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
+from agonic.logs.heading_source import choose_heading
 from agonic.logs.log import Log
 from agonic.logs.resample import ESTIMATED_ATTITUDE, find_misplaced
 from agonic.provenance import Input
@@ -36,6 +43,8 @@ WANTED = (
     "ATT",
     "IMU",
     "GPS",
+    "GPA",
+    *YAW_ESTIMATORS,
     "POS",
     "BAT",
     "CURR",
@@ -126,7 +135,10 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
     found = remove_correction(mag, _parameters(tables), slot)
     columns = resample_columns(mag, tables)
     notes = [*found.notes]
-    if columns["heading_deg"] is not None:
+    told, said = choose_heading(list_headings(tables), mag.time_s, columns["heading_deg"])
+    estimated = columns["heading_deg"] is not None and not told
+    notes += said
+    if estimated:
         notes.append(ESTIMATED_ATTITUDE)
     if boot is None:
         notes.append("the messages carry no time: columns meet by place in the file")
@@ -136,11 +148,11 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
         unit="nT",
         time=mag.time_s,
         epoch=None if gps is None else _utc_of_boot(gps),
-        **columns,
+        **{**columns, **told},
         name=name,
         frame="b",
         device_id=found.device_id,
-        heading_estimated=columns["heading_deg"] is not None,
+        heading_estimated=estimated,
         logged=found.logged,
         notes=tuple(notes),
         source=replace(source, count=len(mag)),

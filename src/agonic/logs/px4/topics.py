@@ -6,7 +6,7 @@ down) into north, east, down. Names and units of the topics: PX4-Autopilot, msg/
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.logs.heading_source import Candidate
 from agonic.logs.resample import resample
 
 Topic = Mapping[str, NDArray[Any]]
@@ -27,11 +28,14 @@ BATTERY = "battery_status"
 CONTROLS, THRUST = "actuator_controls_0[0]", "vehicle_thrust_setpoint[0]"
 MOTORS, OUTPUTS = "actuator_motors[0]", "actuator_outputs[0]"
 SPEED_CONTROLLERS = "esc_status[0]"
+YAW_ESTIMATOR = "yaw_estimator_status[0]"
+GPS_YAW_SD_DEG = 2.0
+"""Of two antennas half a metre apart, where the receiver does not say."""
 BESIDE = tuple(
     name.removesuffix("[0]")
     for name in (
         *(ATTITUDE, MOTION, *GPS, ESTIMATED_PLACE, BATTERY, CONTROLS, THRUST),
-        *(MOTORS, OUTPUTS, SPEED_CONTROLLERS),
+        *(MOTORS, OUTPUTS, SPEED_CONTROLLERS, YAW_ESTIMATOR),
     )
 )
 """The topics that are read."""
@@ -62,6 +66,29 @@ def resample_columns(topics: Topics, time: Array, rotation_bm: Rotation | None) 
             )
     beside = _read_power(topics, time) | _read_place(topics, time)
     return columns | beside | {"disturbers": read_disturbers(topics, time)}
+
+
+def list_headings(topics: Topics) -> Iterator[Candidate]:
+    """What tells a heading without a magnetometer: a GPS with two antennas, the yaw by velocities.
+
+    `heading` of the GPS is NaN where there is none; `heading_accuracy` its sd, rad. The composite
+    yaw of `yaw_estimator_status` counts where `yaw_composite_valid` says so.
+    """
+    for name in GPS:
+        topic = topics.get(name, {})
+        if "heading" not in topic or not np.isfinite(topic["heading"]).any():
+            continue
+        heading = np.degrees(topic["heading"].astype(np.float64))
+        sd = np.degrees(topic.get("heading_accuracy", np.full(len(heading), np.nan)))
+        sd = np.where(sd > 0, sd, GPS_YAW_SD_DEG)
+        yield Candidate("GPS yaw", read_time_s(topic), heading, sd)
+        break
+    topic = topics.get(YAW_ESTIMATOR, {})
+    if {"yaw_composite", "yaw_variance"} <= set(topic):
+        yaw = np.degrees(topic["yaw_composite"].astype(np.float64))
+        valid = topic.get("yaw_composite_valid", np.ones(len(yaw))).astype(bool)
+        sd = np.degrees(np.sqrt(np.abs(topic["yaw_variance"].astype(np.float64))))
+        yield Candidate("EKF-GSF yaw", read_time_s(topic), np.where(valid, yaw, np.nan), sd)
 
 
 def _read_power(topics: Topics, time: Array) -> dict[str, Any]:

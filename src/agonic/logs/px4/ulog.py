@@ -16,6 +16,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.heading_source import choose_heading
 from agonic.logs.log import Log, Stream
 from agonic.logs.px4.parameters import Parameters, remove_correction
 from agonic.logs.px4.topics import (
@@ -23,6 +24,7 @@ from agonic.logs.px4.topics import (
     Topic,
     Topics,
     find_utc_of_boot,
+    list_headings,
     read_temperature,
     read_time_s,
     resample_columns,
@@ -153,18 +155,20 @@ def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Inp
         external="is_external" in topic and bool(topic["is_external"][0]),
     )
     columns = resample_columns(topics, time, found.rotation_bm)
-    attitude = () if columns["heading_deg"] is None else (ESTIMATED_ATTITUDE,)
+    told, said = choose_heading(list_headings(topics), time, columns["heading_deg"])
+    estimated = columns["heading_deg"] is not None and not told
+    attitude = (*said, *((ESTIMATED_ATTITUDE,) if estimated else ()))
     return Samples(
         field=found.field,
         unit="nT",
         time=time,
         epoch=find_utc_of_boot(topics),
         temperature=read_temperature(topic, time),
-        **columns,
+        **{**columns, **told},
         name=name,
         frame=found.frame,
         device_id=device_id,
-        heading_estimated=bool(attitude),
+        heading_estimated=estimated,
         corrected=found.corrected,
         logged=found.logged,
         notes=(*found.notes, *attitude),

@@ -51,9 +51,10 @@ class Problem(NamedTuple):
     """Readings, what is known of the field at each, and the priors.
 
     `points` (n, 3); `magnitude` (1,) or (n,); `terms` (n, k) of sources on board; `dip` and
-    `across` (n, 3), horizontal and square to the field, where they are known. `soft_iron_sd`: prior
-    on the symmetric part of the matrix over its mean gain; `turn_sd`: prior on the rotation in a
-    free matrix, rad. `shared`: errors that all rows have in common, where down comes from an
+    `across` (n, 3), horizontal and square to the field, where they are known, with
+    `across_weight` (n,), by how much less an azimuth scatters than a usual one. `soft_iron_sd`:
+    prior on the symmetric part of the matrix over its mean gain; `turn_sd`: prior on the rotation
+    in a free matrix, rad. `shared`: errors that all rows have in common, where down comes from an
     inertial unit; `relative`: what its gyro knows of the azimuth, instead of `across`. `rounding`:
     what rounding to steps scatters a reading on an axis.
     """
@@ -67,6 +68,7 @@ class Problem(NamedTuple):
     terms: Array | None = None
     dip: Dip | None = None
     across: Array | None = None
+    across_weight: Array | None = None
     shared: Shared | None = None
     relative: Relative | None = None
     rounding: float = 0.0
@@ -83,6 +85,7 @@ class Problem(NamedTuple):
             terms=None if self.terms is None else self.terms[rows],
             dip=None if self.dip is None else Dip(*map(some, self.dip)),
             across=None if self.across is None else self.across[rows],
+            across_weight=None if self.across_weight is None else self.across_weight[rows],
             shared=None if self.shared is None else self.shared.subset(rows),
             relative=None if self.relative is None else self.relative.subset(rows),
         )
@@ -206,4 +209,6 @@ def _residual(
         assert shared is not None
         return relative_azimuth_residual(raw, bias, matrix, down, part.relative, shared, unknowns)
     assert part.across is not None
-    return azimuth_residual(raw, bias, matrix, part.across)
+    r, jacobian = azimuth_residual(raw, bias, matrix, part.across)
+    weight = part.across_weight
+    return (r, jacobian) if weight is None else (weight * r, weight[:, None] * jacobian)

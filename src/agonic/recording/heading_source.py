@@ -1,0 +1,132 @@
+"""Whether a heading that should not come from the magnetometer does, or the gyro contradicts it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.attitude.known_heading import find_known
+from agonic.attitude.levelled import fit_levelled
+from agonic.errors import AgonicError
+from agonic.health import Finding, figure
+from agonic.maths.estimation.leastsq import MAD_TO_SD
+from agonic.maths.rotations import tilt as kernel
+from agonic.maths.rotations.angles import wrap_deg
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+TELLS_DEG = 3.0
+"""Where readings and calibrated field point apart by less, it cannot be told which one a heading
+follows, and it does not matter either."""
+NEARER = 0.5
+"""A heading follows what it scatters about by less than half as much as about the other."""
+STRETCH_S, LEAST_ROWS = 20.0, 10
+CONTRADICTS = 5.0
+"""Standard deviations by which the gyro must disagree within a stretch."""
+GYRO_DEG = 2.0
+"""What a gyro with a bias of its own and a tilt of a degree drifts in a stretch."""
+MANY = 0.2
+"""Share of the stretches that may disagree: GPS has its moments."""
+
+
+def check_heading_source(samples: Samples, reference: Reference) -> Finding | None:
+    """The finding that a log's heading cannot teach a calibration; `None` where nothing is against.
+
+    A heading that comes from the magnetometer agrees with the field as it was read, or as the
+    autopilot corrected it on board, and not with the calibrated field. One by a filter that has not
+    settled turns otherwise than the gyro does.
+    """
+    named = samples.heading_source or "the logged heading"
+    if (followed := _find_followed(samples, reference)) is not None:
+        what, own, other = followed
+        return Finding(
+            "heading follows the magnetometer",
+            "check",
+            f"{named} follows {what}: it scatters by {figure(own)}° about it, and by "
+            f"{figure(other)}° about the calibrated field; it was not used",
+            "record a heading of another origin: two GPS antennas, a yaw by velocities, the course",
+        )
+    if (apart := _disagree_with_gyro(samples)) is not None:
+        return Finding(
+            "heading against the gyro",
+            "check",
+            f"{named} turns otherwise than the gyro in {100 * apart:.0f} % of the log, so it was "
+            "not used",
+            "record until it has settled (drive a figure of eight), or check its axes and clock",
+        )
+    return None
+
+
+def _find_followed(samples: Samples, reference: Reference) -> tuple[str, float, float] | None:
+    """What the heading follows, and how far it scatters about that and the calibrated field."""
+    assert samples.heading_deg is not None
+    assert samples.roll_deg is not None
+    assert samples.pitch_deg is not None
+    rows = find_known(samples)
+    try:
+        levelled = fit_levelled(samples, reference)
+    except AgonicError:
+        return None
+    tilt = kernel.tilt_from_angles(samples.roll_deg[rows], samples.pitch_deg[rows])
+    logged = samples.heading_deg[rows]
+    calibrated = kernel.heading_deg(levelled.calibration.correct(samples.field[rows]), tilt)
+    other = _scatter_deg(logged - calibrated)
+    for what, field in _list_read(samples):
+        read = kernel.heading_deg(field[rows], tilt)
+        own = _scatter_deg(logged - read)
+        if _scatter_deg(read - calibrated) > TELLS_DEG and own < NEARER * other:
+            return what, own, other
+    return None
+
+
+def _list_read(samples: Samples) -> Iterator[tuple[str, Array]]:
+    """What a compass on board could have taken for the field."""
+    if samples.logged is not None:
+        corrected = (samples.field - samples.logged.bias) @ samples.logged.matrix.T
+        yield "the magnetometer as it was corrected on board", corrected
+    yield "the magnetometer's own readings", samples.field
+
+
+def _scatter_deg(difference_deg: Array) -> float:
+    """The standard deviation of angles about their middle, by the median."""
+    middle = np.degrees(np.angle(np.mean(np.exp(1j * np.radians(difference_deg)))))
+    left = wrap_deg(difference_deg - middle)
+    return float(MAD_TO_SD * np.median(np.abs(left - np.median(left))))
+
+
+def _disagree_with_gyro(samples: Samples) -> float | None:
+    """The share of stretches in which the heading turns otherwise than the gyro, if it is large."""
+    if samples.time is None or samples.rotation_rate is None:
+        return None
+    if samples.frame != "b" and samples.heading_source is None:
+        return None  # whose axes the gyro has is not known
+    assert samples.heading_deg is not None
+    assert samples.roll_deg is not None
+    assert samples.pitch_deg is not None
+    roll, pitch = np.radians(samples.roll_deg), np.radians(samples.pitch_deg)
+    _, q, r = samples.rotation_rate.T
+    rate = np.degrees(q * np.sin(roll) + r * np.cos(roll)) / np.maximum(np.cos(pitch), 0.1)
+    steps = np.diff(samples.time, prepend=samples.time[0])
+    turned = np.cumsum(rate * np.minimum(steps, 1.0))
+    known = find_known(samples)
+    sd = np.zeros(len(turned)) if samples.heading_sd_deg is None else samples.heading_sd_deg
+    number = np.floor((samples.time - samples.time[0]) / STRETCH_S)
+    bad = [
+        _contradicts(samples.heading_deg[own] - turned[own], sd[own], samples.time[own])
+        for k in np.unique(number[known])
+        if (own := known & (number == k)).sum() >= LEAST_ROWS
+    ]
+    share = float(np.mean(bad)) if bad else 0.0
+    return share if share > MANY else None
+
+
+def _contradicts(apart_deg: Array, sd_deg: Array, time: Array) -> bool:
+    """Whether heading less gyro is no straight line in time, as a gyro's bias would make it."""
+    apart = np.unwrap(apart_deg, period=360.0)
+    line = np.polynomial.polynomial.polyfit(time - time[0], apart, 1)
+    left = apart - np.polynomial.polynomial.polyval(time - time[0], line)
+    slope = abs(float(line[1])) * float(time[-1] - time[0])
+    allowed = CONTRADICTS * float(np.hypot(np.median(sd_deg), GYRO_DEG))
+    return bool(np.sqrt(np.mean(left**2)) > allowed or slope > CONTRADICTS * 10.0 + allowed)
