@@ -18,6 +18,8 @@ from agonic.alignment.star_sensor import AlignmentFit
 from agonic.alignment.star_sensor.document import describe_alignment
 from agonic.headings.deviation import DeviationFit
 from agonic.headings.deviation.document import describe_deviation
+from agonic.headings.document import describe_headings
+from agonic.headings.result import Heading
 from agonic.health import Judged
 from agonic.history.document import describe_drift
 from agonic.history.fit import Drift
@@ -75,6 +77,11 @@ def _(shown: GravityFit) -> Document:
 @describe.register
 def _(shown: Tracker) -> Document:
     return describe_tracking(shown, None)
+
+
+@describe.register
+def _(shown: Heading) -> Document:
+    return describe_headings(shown)
 
 
 for _result, _describe in (

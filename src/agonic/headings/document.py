@@ -7,19 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.headings import figures
 from agonic.headings.result import Heading
 from agonic.maths.rotations.angles import wrap_deg
-from agonic.report.document import Document
+from agonic.report.document import Block, Document, Section, Table
 from agonic.samples import Samples
 
 
-def describe_headings(found: Heading, samples: Samples, *, notes: Sequence[str] = ()) -> Document:
+def describe_headings(
+    found: Heading,
+    samples: Samples | None = None,
+    *,
+    field: Array | None = None,
+    notes: Sequence[str] = (),
+) -> Document:
     """How many headings can be trusted, how far, and why the others cannot.
 
     Parameters
     ----------
     found : the headings. samples : the readings of the first sensor, for the heading that was
-        logged. notes : on what was assumed, beside those of the headings.
+        logged. field : (n, 3) that it gives, whose strength and dip the page draws.
+    notes : on what was assumed, beside those of the headings.
     """
     trusted = found.trusted
     sd, random_sd, tilt_sd = (
@@ -55,8 +63,10 @@ def describe_headings(found: Heading, samples: Samples, *, notes: Sequence[str] 
     return Document(
         schema="agonic/heading@1",
         kind="True headings",
-        name=samples.name,
+        name=found.sensors[0] if samples is None else samples.name,
         entries=entries,
+        entries_title="Headings",
+        sections=_list_sections(found, field),
         remarks=(*found.notes, *notes),
         values={
             "sensors": found.sensors,
@@ -76,6 +86,17 @@ def describe_headings(found: Heading, samples: Samples, *, notes: Sequence[str] 
     )
 
 
+def _list_sections(found: Heading, field: Array | None) -> list[Section]:
+    """What the page draws, and what not to trust."""
+    drawn: list[Block] = [lambda: figures.draw_heading(found), lambda: figures.draw_sd(found)]
+    if field is not None and len(field) == len(found):
+        drawn.append(lambda: figures.draw_field(found, field))
+    flags = figures.list_flags(found)
+    table = Table(("Flag", "Rows", "Meaning"), flags, style="findings")
+    said: list[Block] = [table] if flags else ["No flag marks any row."]
+    return [Section("Over time", drawn), Section("What not to trust", said)]
+
+
 def _median(values: Array, rows: Mask) -> float | None:
     return float(np.median(values[rows])) if rows.any() else None
 
@@ -87,9 +108,11 @@ def _rms(values: Array | None, rows: Mask) -> float | None:
     return float(np.sqrt(np.mean(known**2))) if len(known) else None
 
 
-def _compare_with_log(found: Heading, samples: Samples, rows: Mask) -> dict[str, float] | None:
+def _compare_with_log(
+    found: Heading, samples: Samples | None, rows: Mask
+) -> dict[str, float] | None:
     """Mean and rms of true − logged heading over trusted rows, where the log has a heading."""
-    if samples.heading_deg is None or not rows.any():
+    if samples is None or samples.heading_deg is None or not rows.any():
         return None
     difference = wrap_deg(found.true_deg - samples.heading_deg)[rows]
     return {

@@ -168,12 +168,13 @@ def _known(values: Array, part: slice) -> Iterator[slice]:
 
 
 def band(columns: Columns, y: Axis, low: Array, high: Array, name: str) -> Markup:
-    """A band between two values a column, broken where there are no readings."""
+    """A band between two values a column, broken where there are no readings or a NaN stands."""
     top, foot = down(y, high), down(y, low)
     parts = (
         f"M{points(columns.right[part], top[part])}"
         f"L{points(columns.right[part][::-1], foot[part][::-1])}Z"
-        for part in columns.stretches()
+        for whole in columns.stretches()
+        for part in _known(top + foot, whole)
     )
     return path("".join(parts), name)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, LogPath, Sensor, Unit
+from agonic.console.options import At, Date, Json, LogPath, Report, Sensor, Unit
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def heading(
     unit: Unit = None,
     at: At = None,
     date: Date = None,
+    report: Report = None,
     as_json: Json = False,
 ) -> int:
     """Find the true heading of a vehicle at each reading, and where not to trust it.
@@ -39,6 +40,7 @@ def heading(
     disagreement between sensors, the sensor that was used, and flags. Exit status 1 where no
     heading can be trusted at all.
     """
+    from agonic.calibration.base import apply
     from agonic.console.finish import finish
     from agonic.console.sensors import add_second
     from agonic.files.setup import load_setup
@@ -56,7 +58,9 @@ def heading(
     found = compute(samples, chosen)
     assumed = _assumed(chosen, recording, samples, at, date)
     files = [write_headings(found, out)]
-    finish(describe_headings(found, samples[0], notes=assumed), files=files, as_json=as_json)
+    field = apply(chosen.compasses[0].calibration, samples[0]).field if report else None
+    document = describe_headings(found, samples[0], field=field, notes=assumed)
+    finish(document, files=files, report=report, as_json=as_json)
     return 0 if found.trusted.any() else 1
 
 
