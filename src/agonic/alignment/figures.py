@@ -1,4 +1,4 @@
-"""Residuals of the orientations of a session as bars, as SVG."""
+"""Residuals of a session as bars or over time, as SVG, and where they came from."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.report.digits import MINUS
+from agonic.provenance import Input, Provenance
+from agonic.report.digits import MINUS, count
+from agonic.report.document import Section
 from agonic.report.markup import Markup, element
+from agonic.report.strips import Axis, Columns, caption, level, line, plot
+from agonic.report.time_axis import along_rows
 
 WIDE, HIGH, LEFT, FOOT = 760.0, 200.0, 52.0, 24.0
 
@@ -28,8 +32,8 @@ def draw_residuals(values: Array, sd: Array, numbers: NDArray[np.int64]) -> Mark
         return (HIGH - FOOT) * (0.5 - value / (2 * limit)) + 4
 
     parts = [element("path", d=f"M{LEFT} {place(0):.1f}H{WIDE}", class_="zero")]
-    for level in (-limit / 1.05, limit / 1.05):
-        parts.append(svg_text(LEFT - 6, place(level) + 4, f"{level:.2g}", "tick"))
+    for tick in (-limit / 1.05, limit / 1.05):
+        parts.append(svg_text(LEFT - 6, place(tick) + 4, f"{tick:.2g}", "tick"))
     for k, number in enumerate(numbers.tolist()):
         at = LEFT + step * k
         reach = place(0) - place(2 * float(np.sqrt((sd[k] ** 2).mean())))
@@ -57,3 +61,26 @@ def _bar(x: float, y: float, wide: float, high: float, name: str) -> Markup:
     return element(
         "rect", x=f"{x:.1f}", y=f"{y:.1f}", width=f"{wide:.1f}", height=f"{high:.1f}", class_=name
     )
+
+
+def draw_series(values: Array, time: Array | None, names: dict[str, str], unit: str) -> Markup:
+    """Columns of values (n, k) over time, a line each; without times in their order.
+
+    `names` are the words of each line, by the class of its colour.
+    """
+    x, along = along_rows(time, np.arange(len(values)))
+    limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
+    y, columns = Axis(f"residual, {unit}", -limit, limit), Columns(x, along)
+    lines = [
+        line(columns, y, columns.mean(one), name) for name, one in zip(names, values.T, strict=True)
+    ]
+    return caption("Residuals", plot(x, y, [level(y, 0.0, "zero"), *lines], "Residuals"), names)
+
+
+def list_inputs(*inputs: Input | None) -> Section:
+    """Where a result came from: the files with their checksums, and the software."""
+    files = {one.sha256: one for one in inputs if one is not None}
+    said = "; ".join(
+        f"{one.name}, {count(one.count, 'row')}, SHA-256 {one.sha256}" for one in files.values()
+    )
+    return Section("Provenance", [{"Inputs": said, "Software": Provenance().software}])

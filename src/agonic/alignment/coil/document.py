@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from agonic.alignment.coil.result import CoilFit, Direction
+from agonic.alignment.figures import draw_series, list_inputs
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document, Section, Table
+from agonic.report.markup import Markup
 
 FRAMES = {
     "m": "magnetometer",
@@ -35,7 +37,7 @@ def describe_coil(fit: CoilFit) -> Document:
     >>> from agonic.alignment.simulation.coil import simulate_coil
     >>> made = describe_coil(fit_coil(simulate_coil(levels=(1.0, 0.5)).session))
     >>> made.to_html().count("<h2>"), len(made.values["levels"])
-    (3, 2)
+    (5, 2)
     """
     name = fit.session.coil
     refused = fit.verdict == "refused"
@@ -49,10 +51,23 @@ def describe_coil(fit: CoilFit) -> Document:
         status=fit.status,
         findings=fit.findings,
         entries=_entries(fit),
-        sections=[_linearity(fit)] if fit.levels and not refused else [],
+        sections=[
+            *([_linearity(fit)] if fit.levels and not refused else []),
+            *([] if refused else [Section("Residuals of the stretches", [lambda: _draw(fit)])]),
+            list_inputs(
+                fit.session.magnetometer.origin,
+                None if fit.session.reference is None else fit.session.reference.origin,
+            ),
+        ],
         values=_values(fit),
         styles=["alignment.css"],
     )
+
+
+def _draw(fit: CoilFit) -> Markup:
+    """What is left of the mean field of each stretch, an axis a line."""
+    names = {"mean": "x", "noise": "y", "after": "z, of the magnetometer"}
+    return draw_series(fit.estimate.residuals, fit.stretches.time, names, "nT")
 
 
 def _entries(fit: CoilFit) -> dict[str, str]:

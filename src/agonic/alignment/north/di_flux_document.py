@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from agonic.alignment.figures import draw_series
 from agonic.alignment.north.di_flux_result import DiFluxFit
 from agonic.alignment.north.document import format_angle
 from agonic.report.digits import group_digits, significant, with_sd
@@ -27,6 +29,9 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
     """
     sheet = fit.sheet
     about = ", ".join(text for text in (sheet.pillar, sheet.theodolite, sheet.sensor) if text)
+    left = -np.asarray(fit.estimate.residuals)[:, None]
+    unit = "units of the fluxgate" if fit.scaled else "its own units"
+    drawn = partial(draw_series, left, None, {"mean": "of each setting in its turn"}, unit)
     rows = Table(SETTING_HEAD, _setting_rows(fit), "numbers small")
     return Document(
         schema="agonic/fit-di-flux@1",
@@ -37,7 +42,7 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
         status=fit.status,
         findings=fit.findings,
         entries=_entries(fit),
-        sections=[] if fit.verdict == "refused" else [Section("Settings", [rows])],
+        sections=[] if fit.verdict == "refused" else [Section("Settings", [rows, drawn])],
         values=_values(fit),
         styles=["alignment.css"],
     )
