@@ -26,6 +26,9 @@ LARGEST_FIELD = 1e15
 EARTH_NT = (15_000.0, 95_000.0)
 """What a sensor reads of the Earth's field at its surface, its own bias included, nT."""
 
+WORST_HEADING_DEG = 20.0
+"""A heading that is known no better tells nothing of a calibration."""
+
 VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
     "time",
@@ -220,6 +223,13 @@ class Samples(Readable):
     def duration_s(self) -> float | None:
         """Seconds from the first row to the last; `None` without times."""
         return None if self.time is None else float(self.time[-1] - self.time[0])
+
+    @property
+    def heading_known(self) -> Mask:
+        """The rows (n,) whose heading is known to 20°; all where nothing is said of it."""
+        if self.heading_sd_deg is None:
+            return np.ones(len(self), dtype=bool)
+        return np.asarray(self.heading_sd_deg <= WORST_HEADING_DEG)
 
     @property
     def origin(self) -> Input:

@@ -236,8 +236,9 @@ def _attitude_checks(
     if samples.heading_deg is not None and reference.kind == "vector":
         east, north = reference.values[:, 1], reference.values[:, 0]
         true = heading_by_vectors_deg(field, down) + np.degrees(np.arctan2(east, north))
-        difference = wrap_deg(true - samples.heading_deg)
-        checks.append(_heading_check(difference[rows], samples.heading_estimated))
+        difference = wrap_deg(true - samples.heading_deg)[rows & samples.heading_known]
+        if len(difference):
+            checks.append(_heading_check(difference, samples.heading_estimated))
     return checks
 
 

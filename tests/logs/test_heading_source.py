@@ -2,10 +2,13 @@
 
 import numpy as np
 
+import agonic as ag
 from agonic.logs.ardupilot.beside import list_headings as list_ardupilot
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.heading_source import Candidate, choose_heading
 from agonic.logs.px4.topics import list_headings as list_px4
+from tests.logs.dataflash_writer import dataflash
+from tests.logs.ulog_writer import ulog
 
 TIME = np.arange(0.0, 60.0, 0.1)
 
@@ -91,3 +94,58 @@ def test_px4_s_topics() -> None:
     assert np.isnan(gsf.heading_deg[:5]).all()
     np.testing.assert_allclose(gsf.heading_deg[5:], -90.0)
     np.testing.assert_allclose(gsf.sd_deg, 5.0)
+
+
+def test_a_dataflash_log_gives_the_yaw_by_velocities(tmp_path) -> None:
+    n, time_us = 200, 1e6 + 1e5 * np.arange(200)
+    turned = np.linspace(0.0, 300.0, n)
+    zero = np.zeros(n)
+    path = tmp_path / "flight.bin"
+    path.write_bytes(
+        dataflash(
+            ("MAG", {"TimeUS": time_us, "MagX": zero + 200, "MagY": zero, "MagZ": zero + 400}),
+            ("ATT", {"TimeUS": time_us, "Roll": zero, "Pitch": zero, "Yaw": zero + 5.0}),
+            ("XKY0", {"TimeUS": time_us, "C": zero, "YC": turned, "YCS": zero + 3.0}),
+            formats={"XKY0": (200, "QBff", "TimeUS,C,YC,YCS")},
+        )
+    )
+    samples = ag.read(path)
+    assert (samples.heading_source, samples.heading_estimated) == ("EKF-GSF yaw", False)
+    np.testing.assert_allclose(samples.heading_deg, turned, atol=0.01)
+    np.testing.assert_allclose(samples.heading_sd_deg, 3.0, atol=1e-6)
+
+
+def test_a_px4_log_gives_the_heading_of_two_antennas(tmp_path) -> None:
+    n = 200
+    stamp = (5_000_000 + 50_000 * np.arange(n)).astype("u8")
+    turned = np.linspace(0.0, 3.0, n).astype("f4")
+    level = np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype="f4"), (n, 1))
+    number = {a: np.full(n, v, dtype="f4") for a, v in zip("xyz", (0.2, 0.0, 0.4), strict=True)}
+    topics = {
+        "sensor_mag[0]": {"timestamp": stamp, **number},
+        "vehicle_attitude[0]": {"timestamp": stamp, "q": level},
+        "vehicle_gps_position[0]": {
+            "timestamp": stamp,
+            "heading": np.where(np.arange(n) < 20, np.nan, turned).astype("f4"),
+            "heading_accuracy": np.full(n, np.radians(0.5), dtype="f4"),
+        },
+    }
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(ulog(topics))
+    samples = ag.read(path)
+    assert (samples.heading_source, samples.heading_estimated) == ("GPS yaw", False)
+    known = samples.heading_known
+    assert 180 <= known.sum() <= 180 + 1.5 / 0.05 + 1
+    np.testing.assert_allclose(samples.heading_deg[20:], np.degrees(turned[20:]), atol=0.01)
+    assert (samples.heading_deg[~known] == 0.0).all()
+
+
+def test_a_table_tells_how_well_its_heading_is_known(tmp_path) -> None:
+    path = tmp_path / "drive.csv"
+    rows = "\n".join(f"{0.1 * k:.1f},20,0,43,{k},{0.5 + k}" for k in range(40))
+    head = "time_s,mag_x_uT,mag_y_uT,mag_z_uT,gps_heading_deg,heading_accuracy_deg\n"
+    path.write_text(head + rows)
+    samples = ag.read(path)
+    assert samples.heading_deg[7] == 7.0
+    assert samples.heading_sd_deg[7] == 7.5
+    assert samples.heading_known.sum() == 20

@@ -7,7 +7,6 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.attitude.calibration import make_calibration, make_mean_calibration
 from agonic.attitude.evidence import assess
-from agonic.attitude.known_heading import find_known
 from agonic.attitude.model_errors import find_model_errors, grow
 from agonic.attitude.problem import Scale, normalise
 from agonic.attitude.settings import Settings
@@ -53,7 +52,7 @@ def fit_channels(
 
 def select_known(samples: Samples, usable: Mask) -> Mask:
     """The usable rows whose heading is known; raises `CoverageError` where they are too few."""
-    known = usable & find_known(samples)
+    known = usable & samples.heading_known
     if known.sum() < FEWEST:
         raise CoverageError(
             f"the heading is known in {int(known.sum())} usable readings only",

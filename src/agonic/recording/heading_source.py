@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.known_heading import find_known
 from agonic.attitude.levelled import fit_levelled
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
@@ -64,7 +63,7 @@ def _find_followed(samples: Samples, reference: Reference) -> tuple[str, float, 
     assert samples.heading_deg is not None
     assert samples.roll_deg is not None
     assert samples.pitch_deg is not None
-    rows = find_known(samples)
+    rows = samples.heading_known
     try:
         levelled = fit_levelled(samples, reference)
     except AgonicError:
@@ -110,7 +109,7 @@ def _disagree_with_gyro(samples: Samples) -> float | None:
     rate = np.degrees(q * np.sin(roll) + r * np.cos(roll)) / np.maximum(np.cos(pitch), 0.1)
     steps = np.diff(samples.time, prepend=samples.time[0])
     turned = np.cumsum(rate * np.minimum(steps, 1.0))
-    known = find_known(samples)
+    known = samples.heading_known
     sd = np.zeros(len(turned)) if samples.heading_sd_deg is None else samples.heading_sd_deg
     number = np.floor((samples.time - samples.time[0]) / STRETCH_S)
     bad = [

@@ -46,7 +46,7 @@ def find_swing(samples: Samples, setup: Setup) -> LoggedSwing:
         )
     bare = replace(setup, compasses=tuple(replace(c, deviation=None) for c in setup.compasses[:1]))
     found = heading(samples, bare)
-    rows = found.trusted
+    rows = found.trusted & samples.heading_known
     if not rows.any():
         raise LogError(f"{samples.name}: no heading of this log can be trusted (tilted, disturbed)")
     current = None if samples.current_A is None else samples.current_A[rows]

@@ -71,7 +71,7 @@ def _shots(fit: PairFit) -> Section:
         [
             str(fit.shot[i]),
             str(fit.target[i]) if fit.target[i] else "",
-            *("" if np.isnan(value) else f"{value:.1f}" for value in fit.residuals[i]),
+            *("" if np.isnan(v) else group_digits(float(v), 1) for v in fit.residuals[i]),
             "left out" if i in out else "",
         ]
         for i in range(fit.n)
