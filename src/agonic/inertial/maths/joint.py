@@ -26,6 +26,7 @@ _ROUNDS = 15
 _SETTLED = 0.02  # of a standard error, or of a variance
 _LOOSE = 1e-6  # what is known of a state beforehand, over 1/rad²
 _FEWEST = 8  # batches that tell a scatter
+_RATES_KNOWN = 10.0  # residuals that the third differences of the rates count as
 _TUKEY = 0.961  # Σ w q / Σ w of Gaussian vectors under Tukey's loss, q = r²/3
 
 
@@ -90,9 +91,9 @@ def estimate_jointly(
         states = Rotation.from_rotvec(step.states).as_matrix() @ states
         if turn:
             expected = 1.0 if loss is leastsq.squares() else _TUKEY
-            updated = _update(groups, variances, step.spread) / [expected, 1.0, 1.0]
+            updated = _update(groups, variances, least, step.spread) / [expected, 1.0, 1.0]
             updated[1] = _measure_force(force, least[1])
-            updated = np.maximum(updated, least)
+            updated[0] = max(updated[0], least[0])
             change = np.abs(np.log(updated / variances)).max()
             variances = updated
             weights = usable * loss.weight(squares / (3 * variances[0]))
@@ -151,14 +152,19 @@ def _solve(
     return _Step(step, move, covariance, information, invert(states), scores)
 
 
-def _update(groups: tuple[Sums, ...], variances: Array, spread: Tridiagonal) -> Array:
-    """The variance of each kind: Σ w r² over its own share of the freedom (Förstner 1979)."""
+def _update(groups: tuple[Sums, ...], variances: Array, least: Array, spread: Tridiagonal) -> Array:
+    """The variance of each kind: Σ w r² over its own share of the freedom (Förstner 1979).
+
+    That of the rates starts from their third differences, which a motion that jitters makes too
+    large; a short log knows no better.
+    """
     found = []
-    for group, variance in zip(groups, variances, strict=True):
+    for group, variance, prior in zip(groups, variances, [0.0, 0.0, least[2]], strict=True):
         fitted = np.einsum("nij,nji->", group.states.diagonal, spread.diagonal)
         fitted += 2 * np.einsum("nij,nij->", group.states.below, spread.below)
         freedom = max(group.size - float(fitted) / variance, 0.05 * group.size)
-        found.append(group.cost / freedom)
+        few = _RATES_KNOWN if prior else 0.0
+        found.append((group.cost + few * prior) / (freedom + few))
     return np.array(found)
 
 
