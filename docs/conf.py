@@ -27,6 +27,7 @@ extensions = [
     "sources",
     "house",
     "documents",
+    "scoreboard",
     "terminal",
     "notebooks",
 ]
