@@ -167,7 +167,7 @@ def test_the_walk_can_be_chosen_by_prediction(capsys) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "field at the readings is not known"),
+        (["--no-gyro"], "field at the readings is not known"),
         ([*FIELD, "--walk", "fast"], "neither a number"),
         ([*FIELD, "--solve", "nothing"], "solve 'nothing' is not known"),
         ([*FIELD, "--ground", "none.json"], "cannot be read"),

@@ -1,10 +1,9 @@
-"""`TrackerParams` and `TrackerState`: how a calibration is followed, and where it stands."""
+"""`TrackerState`: where a followed calibration stands."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,84 +11,16 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
-from agonic.errors import AgonicError, check_choice
+from agonic.calibration.tracker_params import TrackerParams as TrackerParams
 from agonic.maths.equation import gauge
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.estimation.kalman import STATES, FilterState, Model
-from agonic.maths.estimation.ud_filter import CLIPPED_SQUARE, SCALE, TIME
+from agonic.maths.estimation.kalman import FilterState
+from agonic.maths.estimation.turning.filter import TurnState
 from agonic.maths.rotations.polar import RotationPart
 from agonic.provenance import Provenance
 
-Solve = Literal["bias", "gains", "full"]
-
-_NOT_NEGATIVE = ("walk", "matrix_walk", "external_sd", "jump_level", "history_s")
-_POSITIVE = ("noise", "external_time_s", "gate", "jump_sd", "bias_sd", "matrix_sd")
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackerParams:
-    """How a calibration is followed: what moves, how fast, and what is known before.
-
-    Parameters
-    ----------
-    solve : "bias", "gains" (bias and the diagonal of the matrix) or "full"; the rest is fixed.
-    noise : sd of one reading on one axis, in the unit of the readings; `None`: that of the
-        starting calibration, or else estimated from the first readings.
-    walk : random walk of each bias, in the unit of the readings per √s: after t seconds it has
-        moved by walk·√t.
-    matrix_walk : the same of each entry of the matrix.
-    external_sd, external_time_s : what the reference magnitude leaves out (crust, ring current):
-        sd, nT, and correlation time; `None`: what the reference states, and what noise with memory
-        the first readings show, with its own time.
-    bias_sd : how far the bias may have moved since the starting calibration, beside its own
-        standard error; `None`: a twentieth of the field, or, without a calibration, all of it.
-    matrix_sd : how far each entry of the matrix may be from the starting one; `None`: nothing
-        beside its standard error, or, without a calibration, 0.1.
-    gate : a reading further than this many standard deviations from its prediction is refused.
-    jump_level : χ² of three degrees of freedom above which a jump is announced; 0: never.
-    jump_sd : the size of jump to expect, in the unit of the readings.
-    history_s : seconds between the moments at which bias and band are kept; 0: never.
-
-    Examples
-    --------
-    >>> TrackerParams(walk=0.5).solve
-    'full'
-    """
-
-    solve: Solve = "full"
-    noise: float | None = None
-    walk: float = 0.0
-    matrix_walk: float = 0.0
-    external_sd: float | None = None
-    external_time_s: float = 600.0
-    bias_sd: float | None = None
-    matrix_sd: float | None = None
-    gate: float = 5.0
-    jump_level: float = 50.0
-    jump_sd: float = 2000.0
-    history_s: float = 60.0
-
-    def __post_init__(self) -> None:
-        check_choice("solve", self.solve, tuple(STATES))
-        for name in (*_NOT_NEGATIVE, *_POSITIVE):
-            value = getattr(self, name)
-            low = value is not None and (value < 0 or (value == 0 and name in _POSITIVE))
-            if low or (value is not None and not np.isfinite(value)):
-                least = "zero or more" if name in _NOT_NEGATIVE else "above zero"
-                raise AgonicError(f"{name} is {value}; it must be {least}")
-
-    def model(self, noise: float) -> Model:
-        """What the kernel takes."""
-        return Model(
-            noise,
-            self.external_sd or 0.0,
-            self.external_time_s,
-            self.walk,
-            self.matrix_walk,
-            self.gate,
-            self.jump_level,
-            self.jump_sd,
-        )
+SETTLED = 0.05
+"""Of the field: the largest standard error of a bias that is known, beside a gyro."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +42,8 @@ class Opening:
     """The first readings after a start or a jump, kept until the bias has settled.
 
     While little is known the residuals are not linear in what is unknown, so these `rows` (k, 6)
-    are taken together again and again, from the state `prior` to them; `before` is the
+    are taken together again and again, from the state `prior` to them (beside a gyro (k, 9), once,
+    for their noise); `before` is the
     state before a jump, `outliers` how many readings did not fit since they were last taken
     together, `None` before the first time; `learns` whether enough was known then for the filter to
     learn from what comes until the next time.
@@ -128,7 +60,9 @@ class Opening:
 class Recent:
     """The last readings, rows (k, 6), and the filter before the first and before the middle one.
 
-    A jump is seen some readings after it began; from here the filter goes back to before it.
+    A jump is seen some readings after it began; from here the filter goes back to before it. Beside
+    a gyro it goes on, and there are no rows: `before` is what was known before a jump that is not
+    measured yet.
     """
 
     before: FilterState
@@ -163,6 +97,7 @@ class TrackerState:
     ground: Thermal | None = None
     external_sd: float = 0.0
     external_time_s: float = 600.0
+    gyro_unused: str = ""
 
     def settle_params(self, params: TrackerParams) -> TrackerParams:
         """The settings with what was found of errors with memory, where it was not given."""
@@ -173,39 +108,51 @@ class TrackerState:
     @property
     def time(self) -> float:
         """Seconds since `epoch` of the last reading; −infinity before the first."""
-        return float(self.estimate.watch[TIME]) if self.n else -np.inf
+        return self.estimate.time if self.n else -np.inf
 
     @property
     def bias(self) -> Array:
         """The bias now, (3,), in the unit of the readings."""
-        return self.estimate.state[1:4]
+        return self.estimate.bias
 
     @property
     def bias_sd(self) -> Array:
         """Its standard error, (3,), errors that last included."""
-        variance = np.diag(self.estimate.covariance)
-        return np.asarray((self.estimate.inflation.factor * np.sqrt(variance))[1:4])
+        sd = self.estimate.inflation.factor * np.sqrt(np.diag(self.estimate.covariance))
+        return np.asarray(sd[self.estimate.coefficients[:3]])
+
+    @property
+    def turn(self) -> TurnState | None:
+        """The filter beside a gyro, with the field, gyro bias and delay; `None` without one."""
+        return self.estimate if isinstance(self.estimate, TurnState) else None
 
     @property
     def settled(self) -> bool:
         """The bias is known well enough for the filter to run on its own."""
-        return self.n > 0 and self.opening is None
+        if self.n == 0 or self.opening is not None:
+            return False
+        if self.turn is None:
+            return True
+        size = np.sqrt((self.turn.field**2).sum()) / float(np.mean(self.turn.matrix[:3]))
+        sd = np.sqrt(np.diag(self.turn.covariance)[3:6])
+        return self.recent is None and bool(sd.max() < SETTLED * size)
 
     @property
     def consistency(self) -> float:
         """Innovations over their stated standard deviations, rms of the last thousand; about 1."""
-        return float(np.sqrt(self.estimate.watch[SCALE] / CLIPPED_SQUARE))
+        return self.estimate.consistency
 
     @property
     def calibration(self) -> Affine:
         """The calibration now, with its covariance, in the gauge of the one it started from."""
-        bias, kept = self.estimate.state[1:4], self.turned.covariance
+        bias, kept = self.estimate.bias, self.turned.covariance
         covariance = np.zeros((9, 9))
         covariance[3:, 3:] = kept[3:9, 3:9]
-        m = len(self.estimate.diagonal) - 1
-        larger = self.estimate.inflation.factor[1:]
-        covariance[:m, :m] = larger[:, None] * self.estimate.covariance[1:, 1:] * larger
-        symmetric = unpack_symmetric(self.estimate.state[4:])
+        chosen = self.estimate.coefficients
+        larger, m = self.estimate.inflation.factor[chosen], len(chosen)
+        stated = self.estimate.covariance[np.ix_(chosen, chosen)]
+        covariance[:m, :m] = larger[:, None] * stated * larger
+        symmetric = unpack_symmetric(self.estimate.matrix)
         if self.base.gauge == "triangular":
             matrix, covariance = gauge.make_triangular(symmetric, covariance)
         elif self.base.gauge == "free":

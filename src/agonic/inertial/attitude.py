@@ -21,12 +21,12 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import LogError
-from agonic.inertial.maths.low_pass import (
+from agonic.maths.rotations.attitude import integrate_rates
+from agonic.maths.rotations.low_pass import (
     low_pass,
     measure_force_variance,
     measure_rate_variance,
 )
-from agonic.maths.rotations.attitude import integrate_rates
 from agonic.maths.rotations.tilt import down_from_force
 from agonic.maths.rotations.vectors import skew
 from agonic.samples import Samples

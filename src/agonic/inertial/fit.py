@@ -12,8 +12,8 @@ from agonic.attitude.fit import make_fit
 from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.fit import Fit
+from agonic.health.turning import check_turning
 from agonic.inertial.evidence import check_inclination, without_scale
-from agonic.inertial.known_mistakes import check_turning
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
 from agonic.inertial.solve import solve, solve_beside

@@ -98,6 +98,11 @@ def _require_settled(state: TrackerState) -> None:
             "the calibration that the tracker started from changes with temperature, which its C "
             "does not hold; apply that calibration to the readings and follow what remains"
         )
+    if state.turn is not None:
+        raise AgonicError(
+            "the tracker was begun beside a gyro, which its C does not read; follow the log with "
+            "--no-gyro and export that"
+        )
     if not state.settled:
         raise AgonicError(
             f"the tracker has not settled after {state.n} readings; pass on more, in more "

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.inertial.maths.low_pass import low_pass
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem, field_of_terms
+from agonic.maths.rotations.low_pass import low_pass
 from agonic.maths.rotations.track import (
     Sums,
     Track,

@@ -59,6 +59,13 @@ def track(
         typer.Option(help="What the model leaves out, nT; default: as the model states."),
     ] = None,
     scalar: Scalar = None,
+    gyro: Annotated[
+        bool | None,
+        typer.Option(
+            "--gyro/--no-gyro",
+            help="By how the field turns too; default: where the log's gyro explains it.",
+        ),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Page about what is new.")
     ] = None,
@@ -75,7 +82,9 @@ def track(
     from agonic.inflight.report.tracking_document import describe_tracking
     from agonic.inflight.tracking import Tracker
 
-    settings = {"solve": solve, "walk": walk, "noise": noise, "external_sd": external}
+    settings = {
+        "solve": solve, "walk": walk, "noise": noise, "external_sd": external, "gyro": gyro
+    }  # fmt: skip
     if state.exists():
         tracker = Tracker.resume(state)
         other = _others(tracker, ground, settings)
@@ -85,15 +94,18 @@ def track(
                 "another state to start anew"
             )
         rows, samples = _usable(open_sensor(log, sensor, unit, preferred=tracker.state.base.sensor))
-        reference = _reference(samples, at, date, field, scalar)
+        beside_gyro = tracker.state.turn is not None
+        reference = _reference(samples, at, date, field, scalar, needed=not beside_gyro)
     else:
         rows, samples = _usable(open_sensor(log, sensor, unit))
-        reference = _reference(samples, at, date, field, scalar)
+        turning = gyro is not False and samples.rotation_rate is not None
+        reference = _reference(samples, at, date, field, scalar, needed=not turning)
         tracker = _started(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
     found = None
     if new.any():
-        found = tracker.update(samples.select(new), reference.select(new))
+        known = None if reference is None else reference.select(new)
+        found = tracker.update(samples.select(new), known)
         tracker.save(state)
     drawn = samples.select(new) if report is not None and found is not None else None
     document = describe_tracking(tracker, found, drawn, rows=rows, title=log.name)
@@ -140,9 +152,15 @@ def _usable(samples: Samples) -> tuple[int, Samples]:
 
 
 def _reference(
-    samples: Samples, at: str | None, date: str | None, field: float | None, scalar: bool | None
-) -> Reference:
-    """The magnitude of the field at each reading."""
+    samples: Samples,
+    at: str | None,
+    date: str | None,
+    field: float | None,
+    scalar: bool | None,
+    *,
+    needed: bool,
+) -> Reference | None:
+    """The magnitude of the field at each reading; beside a gyro `None` where it is not known."""
     from agonic.console.place import find_reference, find_scalar_reference
     from agonic.field.place import describe_missing
 
@@ -150,7 +168,7 @@ def _reference(
     if recorded is not None:
         return recorded
     reference, _ = find_reference(samples, at, date, field)
-    if reference is None:
+    if reference is None and needed:
         raise AgonicError(
             f"the field at the readings is not known: {describe_missing(samples)}; give --at "
             "LAT,LON[,ALT], --date or --field NT"
@@ -159,7 +177,7 @@ def _reference(
 
 
 def _started(
-    samples: Samples, reference: Reference, ground: Path | None, settings: dict[str, Any]
+    samples: Samples, reference: Reference | None, ground: Path | None, settings: dict[str, Any]
 ) -> Tracker:
     """A tracker before its first reading, from the options."""
     from dataclasses import replace
@@ -174,6 +192,8 @@ def _started(
     chosen = {name: value for name, value in settings.items() if value is not None}
     params = TrackerParams(**{**chosen, "walk": _number(walk)})
     if walk == AUTO:
+        if reference is None:
+            raise AgonicError("a walk is chosen by the magnitude; give it, or a number for --walk")
         choice = choose_walk(samples, reference, calibration=calibration, params=params)
         params = replace(params, walk=choice.walk)
     return Tracker(calibration, params)

@@ -6,8 +6,9 @@ import numpy as np
 
 from agonic.inflight.report.document import add_figures
 from agonic.inflight.report.flight import flight_of_log
-from agonic.inflight.tracking.filter import Coefficients
+from agonic.inflight.tracking.result import Coefficients
 from agonic.inflight.tracking.tracker import Tracker
+from agonic.maths.estimation.turning.filter import TurnState
 from agonic.report.document import Document
 from agonic.samples import Samples
 
@@ -55,6 +56,13 @@ def describe_tracking(
             "walk": tracker.params.walk,
             "predicted_rms_nT": rms,
             "consistency": state.consistency,
+            "gyro": None
+            if state.turn is None
+            else {
+                "bias_deg_s": np.degrees(state.turn.gyro_bias),
+                "delay_s": state.turn.delay_s,
+                "field_nT": state.turn.field @ state.turned.rotation.T,
+            },
             "jumps": [
                 {"time_s": j.time, "seen_s": j.seen, "shift": j.shift, "shift_sd": j.shift_sd}
                 for j in state.jumps
@@ -89,4 +97,12 @@ def _tracking_entries(
         "Model": f"noise {state.noise:.4g} {unit}, walk {tracker.params.walk:.3g} {unit} per √s",
         "Residual": "" if rms is None else f"{rms:.4g} nT rms, each reading before it was used",
         "Jump": "; ".join(jumps),
+        "Gyro": "" if state.turn is None else _describe_gyro(state.turn),
     }
+
+
+def _describe_gyro(turn: TurnState) -> str:
+    bias = ", ".join(
+        f"{axis} {np.degrees(b):.3f}" for axis, b in zip("xyz", turn.gyro_bias, strict=True)
+    )
+    return f"bias {bias} °/s; the magnetometer is {1e3 * turn.delay_s:.1f} ms late"

@@ -25,6 +25,8 @@ def list_findings(state: TrackerState) -> tuple[Finding, ...]:
     ['not settled']
     """
     found = [_describe_jumps(state.jumps, state.base.unit_in)] if state.jumps else []
+    if state.gyro_unused:
+        found.append(_describe_unused_gyro(state.gyro_unused))
     if not state.settled or _is_nonlinear(state):
         found.append(
             Finding(
@@ -65,7 +67,7 @@ def _describe_correlation(state: TrackerState) -> list[Finding]:
     if not state.settled or factor.max() == 1.0:
         return []
     doubted = growing or factor.max() > CORRELATED
-    larger = figure(float(factor[1:4].max()))
+    larger = figure(float(factor[state.estimate.coefficients[:3]].max()))
     return [
         Finding(
             "correlated errors",
@@ -79,8 +81,19 @@ def _describe_correlation(state: TrackerState) -> list[Finding]:
     ]
 
 
+def _describe_unused_gyro(why: str) -> Finding:
+    return Finding(
+        "gyro left aside",
+        "note",
+        f"{why}, so the bias is followed by the magnitude alone",
+        "name units and axes of gyro and magnetometer alike, or ask for the gyro",
+    )
+
+
 def _is_nonlinear(state: TrackerState) -> bool:
     """Whether the bias is so uncertain that its standard error, which is a line's, says little."""
+    if state.turn is not None:
+        return False
     return compute_nonlinearity(state.estimate, state.magnitude or 0.0) > state.noise
 
 

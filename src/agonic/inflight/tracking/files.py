@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from datetime import datetime
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -19,133 +18,38 @@ from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
+from agonic.inflight.tracking.schema import (
+    BaseRecord,
+    BatchesRecord,
+    FilterRecord,
+    JumpRecord,
+    OpeningRecord,
+    RecentRecord,
+    Rows,
+    StateRecord,
+    ThermalRecord,
+    TrackFile,
+)
 from agonic.logs.contents import read_bytes
 from agonic.maths.estimation import running_batch_means
-from agonic.maths.estimation.kalman import FilterState
+from agonic.maths.estimation.kalman import STATES, FilterState
 from agonic.maths.estimation.running_batch_means import RunningBatchMeans
+from agonic.maths.estimation.turning import filter as turning
+from agonic.maths.estimation.turning import reading
 from agonic.maths.estimation.ud_filter import WATCHED
 from agonic.maths.rotations.polar import split_rotation
 from agonic.provenance import Provenance
-
-Row = tuple[float, ...]
-Rows = tuple[Row, ...]
 
 SCHEMA = "agonic/track-state@1"
 
 _NAMES = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame_out", "provenance")
 
 
-class BaseRecord(Struct, frozen=True, kw_only=True):
-    """The calibration that was started from."""
-
-    bias: Row
-    matrix: Rows
-    covariance: Rows | None
-    unit_in: str
-    gauge: str
-    model: str
-    noise: float | None
-    sensor: str
-    device_id: int | None
-    frame_in: str
-    frame_out: str
-    parents: tuple[str, ...]
-
-
-class ThermalRecord(Struct, frozen=True, kw_only=True):
-    """How the calibration that was started from changes with temperature."""
-
-    bias: Rows
-    matrix: tuple[Rows, ...]
-    centre_C: float
-    half_range_C: float
-    rate: Row | None
-    covariance: Rows | None
-    temperature_C: tuple[float, float] | None
-
-
-class BatchesRecord(Struct, frozen=True):
-    """Sums over batches of readings, by which errors that last show; lengths that were reached."""
-
-    score: Row
-    pending: Rows
-    rows: int
-    total: int
-    information: Rows
-    number: Row
-    square: tuple[Rows, ...]
-    waiting: Rows
-
-
-class FilterRecord(Struct, frozen=True):
-    """State, factors of its covariance, and what the filter watches."""
-
-    state: Row
-    columns: Rows
-    diagonal: Row
-    watch: Row
-    batches: BatchesRecord | None = None
-
-
-class OpeningRecord(Struct, frozen=True, rename={"outliers": "strays"}):
-    """First readings, not yet settled."""
-
-    prior: FilterRecord
-    rows: Rows
-    before: FilterRecord | None
-    outliers: int | None
-    learns: bool
-
-
-class RecentRecord(Struct, frozen=True):
-    """The last readings, to go back to the beginning of a jump."""
-
-    before: FilterRecord
-    middle: FilterRecord
-    rows: Rows
-
-
-class JumpRecord(Struct, frozen=True):
-    """A jump of the bias."""
-
-    time: float
-    seen: float
-    shift: Row
-    shift_sd: Row
-
-
-class StateRecord(Struct, frozen=True, kw_only=True, rename={"estimate": "belief"}):
-    """Where it stands."""
-
-    base: BaseRecord
-    ground: ThermalRecord | None
-    estimate: FilterRecord
-    noise: float
-    noise_known: bool
-    opening: OpeningRecord | None
-    recent: RecentRecord | None
-    n: int
-    refused: int
-    jumps: tuple[JumpRecord, ...]
-    epoch: datetime | None
-    magnitude: float
-    external_sd: float = 0.0
-    external_time_s: float = 600.0
-
-
-class TrackFile(Struct, frozen=True):
-    """A calibration followed in time, made with agonic."""
-
-    schema: str
-    params: dict[str, Any]
-    state: StateRecord
-    history: Rows
-
-
 _RECORDS: dict[type, type[Struct]] = {
     Affine: BaseRecord,
     Thermal: ThermalRecord,
     FilterState: FilterRecord,
+    turning.TurnState: FilterRecord,
     RunningBatchMeans: BatchesRecord,
     Opening: OpeningRecord,
     Recent: RecentRecord,
@@ -220,7 +124,7 @@ def _restore_state(record: StateRecord) -> TrackerState:
         if opening is None
         else Opening(
             prior=_restore_filter(opening.prior),
-            rows=_restore_rows(opening.rows),
+            rows=_restore_rows(opening.rows, opening.prior),
             before=None if opening.before is None else _restore_filter(opening.before),
             outliers=opening.outliers,
             learns=opening.learns,
@@ -230,7 +134,7 @@ def _restore_state(record: StateRecord) -> TrackerState:
         else Recent(
             before=_restore_filter(recent.before),
             middle=_restore_filter(recent.middle),
-            rows=_restore_rows(recent.rows),
+            rows=_restore_rows(recent.rows, recent.before),
         ),
         n=record.n,
         refused=record.refused,
@@ -242,6 +146,7 @@ def _restore_state(record: StateRecord) -> TrackerState:
         magnitude=record.magnitude,
         external_sd=record.external_sd,
         external_time_s=record.external_time_s,
+        gyro_unused=record.gyro_unused,
     )
 
 
@@ -261,24 +166,28 @@ def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | Non
 
 
 def _restore_filter(record: FilterRecord) -> FilterState:
-    watch = [*record.watch, *[1.0] * (WATCHED - len(record.watch))]  # of files before `USUAL`
-    estimate = FilterState(
+    turned = len(record.state) == turning.STATES["full"]
+    watched = reading.WATCHED if turned else WATCHED
+    watch = [*record.watch, *[1.0] * (watched - len(record.watch))]  # of files before `USUAL`
+    kind: type[FilterState] = turning.TurnState if turned else FilterState
+    size = turning.STATES["full"] if turned else STATES["full"]
+    estimate = kind(
         np.array(record.state),
         np.array(record.columns),
         np.array(record.diagonal),
         np.array(watch),
-        _restore_batches(record.batches),
+        _restore_batches(record.batches, 3 if turned else size),
     )
     m = len(record.diagonal)
     shapes = [np.shape(part) for part in estimate[:4]]
-    if shapes != [(10,), (m, m), (m,), (WATCHED,)]:
+    if shapes != [(size,), (m, m), (m,), (watched,)] or m > size:
         raise LogError(f"an estimate has parts of shapes {shapes}")
     return estimate
 
 
-def _restore_batches(record: BatchesRecord | None) -> RunningBatchMeans:
+def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMeans:
     """The sums over batches; none yet in files from before they were kept."""
-    nothing = running_batch_means.start(10)
+    nothing = running_batch_means.start(size)
     if record is None:
         return nothing
     restored = RunningBatchMeans(
@@ -296,5 +205,6 @@ def _restore_batches(record: BatchesRecord | None) -> RunningBatchMeans:
     return restored
 
 
-def _restore_rows(rows: Rows) -> Array:
-    return np.array(rows, dtype=np.float64).reshape(-1, 6)
+def _restore_rows(rows: Rows, before: FilterRecord) -> Array:
+    turned = len(before.state) == turning.STATES["full"]
+    return np.array(rows, dtype=np.float64).reshape(-1, turning.ROW if turned else 6)

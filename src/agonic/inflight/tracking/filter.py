@@ -2,78 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
-from agonic.errors import AgonicError, UnitError
+from agonic.errors import AgonicError
+from agonic.inflight.tracking import gyro
 from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
+from agonic.inflight.tracking.result import Coefficients
+from agonic.inflight.tracking.rows import make_rows, make_rows_with_rate
 from agonic.maths.estimation import kalman
+from agonic.maths.estimation.turning import filter as turning
 from agonic.maths.rotations.polar import split_rotation
 
 _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
 
 
-class Followed:
-    """What is known now: read from a `state`."""
-
-    state: TrackerState
-
-    @property
-    def bias(self) -> Array:
-        """The bias now, (3,), in the unit of the readings."""
-        return self.state.bias
-
-    @property
-    def bias_sd(self) -> Array:
-        """Its standard error, (3,), errors that last included."""
-        return self.state.bias_sd
-
-    @property
-    def calibration(self) -> Affine:
-        """Bias and matrix now, with their covariance; where the calibration to start from was a
-        `Thermal`, at its middle temperature (`state.thermal` is the whole of it).
-
-        Raises `AgonicError` before any reading.
-        """
-        if self.state.n == 0:
-            raise AgonicError("nothing has been followed yet; update the tracker first")
-        return self.state.calibration
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Coefficients(Followed):
-    """What an update found: bias and matrix now, and how well each reading had been predicted.
-
-    `residual` (n,) = |W (raw − bias)| − F − g and `residual_sd` (n,), nT, are from before the
-    reading was used; `used` (n,) whether it passed the gate; `jumps` those found in these
-    readings; `history` (k, 7) has time, bias and its standard error at the moments that
-    `TrackerParams.history_s` asks for.
-    """
-
-    state: TrackerState
-    residual: Array
-    residual_sd: Array
-    used: Mask
-    jumps: tuple[Jump, ...]
-    history: Array
-
-    @property
-    def foretold(self) -> Mask:
-        """Of which readings something was known beforehand: not those of an opening, (n,)."""
-        return np.asarray(self.residual_sd < 2 * np.min(self.residual_sd, initial=np.inf))
-
-
 def start(
-    calibration: Affine | Thermal | None, params: TrackerParams, *, epoch: datetime | None = None
+    calibration: Affine | Thermal | None,
+    params: TrackerParams,
+    *,
+    epoch: datetime | None = None,
+    gyro: bool = False,
 ) -> TrackerState:
     """The state before the first reading.
 
@@ -84,6 +42,7 @@ def start(
         that went through `TrackerState.at_middle`.
     params : how it is followed.
     epoch : UTC moment of time zero of the readings.
+    gyro : whether readings come with the rates of a gyro.
 
     Raises `AgonicError` for a calibration of another kind.
 
@@ -105,12 +64,17 @@ def start(
         )
     six, rest = split_rotation(base.matrix, base.covariance, base.gauge)
     noise = params.noise or base.noise
+    nothing = np.zeros((1, 1))
+    if gyro:
+        known = np.concatenate([np.zeros(3), base.bias, np.zeros(4), six])
+        estimate: kalman.FilterState = turning.start_filter(known, nothing, -np.inf)
+    else:
+        known = np.concatenate([[0.0], base.bias, six])
+        estimate = kalman.start_filter(known, nothing, -np.inf)
     return TrackerState(
         base=base,
         turned=rest,
-        estimate=kalman.start_filter(
-            np.concatenate([[0.0], base.bias, six]), np.zeros((1, 1)), -np.inf
-        ),
+        estimate=estimate,
         noise=noise or 0.0,
         noise_known=noise is not None,
         epoch=epoch,
@@ -125,6 +89,7 @@ def update(
     raw: ArrayLike,
     magnitude: ArrayLike,
     *,
+    rate: ArrayLike | None = None,
     compiled: bool | None = None,
 ) -> tuple[TrackerState, Coefficients]:
     """The state after one reading or many; many in one call or in several come to the same.
@@ -134,7 +99,8 @@ def update(
     state, params : from `start` or the last update, and as given to `start`.
     time : s, one or (n,), increasing, later than the state's.
     raw : (3,) or (n, 3), in the unit of the calibration.
-    magnitude : what the field should have been, nT, one or (n,).
+    magnitude : what the field should have been, nT, one or (n,); beside a gyro 0 where not known.
+    rate : (3,) or (n, 3), rad/s, of a gyro in the axes of the calibrated field, if started so.
     compiled : numba or not; `None`: for many readings, where it is installed.
 
     Returns the new state, and `Coefficients`.
@@ -150,16 +116,21 @@ def update(
     >>> bool(np.all(np.abs(state.bias - made.truth.bias) < 4 * state.bias_sd))
     True
     """
-    rows = _rows(time, raw, magnitude)
+    if state.turn is None:
+        rows = make_rows(time, raw, magnitude)
+    else:
+        rows = make_rows_with_rate(state, time, raw, rate, magnitude)
     if rows[0, 0] <= state.time or (len(rows) > 1 and (np.diff(rows[:, 0]) <= 0).any()):
         raise AgonicError(
             f"times must increase from reading to reading, beyond the last one seen "
             f"({state.time:g} s); pass on only what is new"
         )
     if state.n == 0:
-        state = _begin(state, state.settle_params(params), rows[0])
+        begin = _begin if state.turn is None else gyro.begin
+        state = begin(state, state.settle_params(params), rows[0])
     before, done = state, 0
     seen: list[kalman.Seen] = []
+    turned: list[turning.TurnSeen] = []
     history: list[Array] = []
     fast = kalman.is_worth_compiling(len(rows)) if compiled is None else compiled
     while done < len(rows):
@@ -167,35 +138,41 @@ def update(
         last = state.time
         if _due(params.history_s, last, piece[0, 0]) and state.n:
             history.append(np.concatenate([[state.time], state.bias, state.bias_sd]))
-        state, predicted = _step(state, params, piece, fast)
-        seen.append(predicted)
-        done += len(predicted.residual)
+        if state.turn is None:
+            state, predicted = _step(state, params, piece, fast)
+            seen.append(predicted)
+        else:
+            state, found = gyro.step(state, state.settle_params(params), piece, fast)
+            turned.append(found)
+        done = state.n - before.n
+    jumps, kept = state.jumps[len(before.jumps) :], np.array(history).reshape(-1, 7)
+    if turned:
+        return state, _describe_turned(state, turned, jumps, kept)
     whole = seen[0] if len(seen) == 1 else kalman.join_seen(seen)
     return state, Coefficients(
         state=state,
         residual=whole.residual,
         residual_sd=whole.sd,
         used=whole.used,
-        jumps=state.jumps[len(before.jumps) :],
-        history=np.array(history).reshape(-1, 7),
+        jumps=jumps,
+        history=kept,
     )
 
 
-def _rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
-    """Rows (n, 6) as the kernel takes them, checked."""
-    field = np.atleast_2d(np.asarray(raw, dtype=np.float64))
-    rows = np.empty((len(field), 6))
-    try:
-        rows[:, 0], rows[:, 1:4], rows[:, 4], rows[:, 5] = time, field, magnitude, 1.0
-    except ValueError as error:
-        raise AgonicError(f"time, raw and magnitude differ in length ({error})") from None
-    if not len(rows):
-        raise AgonicError("no readings were given")
-    if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
-        raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
-    if rows[:, 4].min() <= 0:
-        raise UnitError("a reference magnitude must be above zero, in nT")
-    return rows
+def _describe_turned(
+    state: TrackerState, parts: list[turning.TurnSeen], jumps: tuple[Jump, ...], history: Array
+) -> Coefficients:
+    """What an update beside a gyro found."""
+    whole = turning.TurnSeen(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return Coefficients(
+        state=state,
+        residual=np.sqrt((whole.residual**2).mean(axis=1)),
+        residual_sd=np.sqrt((whole.sd**2).mean(axis=1)),
+        used=whole.used,
+        jumps=jumps,
+        history=history,
+        field=whole.field @ state.turned.rotation.T,
+    )
 
 
 def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
@@ -235,7 +212,9 @@ def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:
     """How many of the readings to take at once: up to the next thing to be done between two."""
     if len(times) == 1:
         return 1
-    if state.opening is not None:
+    if state.turn is not None:
+        length = gyro.count_at_once(state, times)
+    elif state.opening is not None:
         length = openings.count_until_due(len(state.opening.rows))
     else:
         assert state.recent is not None

@@ -12,20 +12,23 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
-from agonic.errors import FrameError, UnitError
+from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health import Finding, Judged
 from agonic.inflight.tracking.evidence import list_findings
 from agonic.inflight.tracking.files import load_track, save_track
-from agonic.inflight.tracking.filter import Coefficients, Followed, start, update
+from agonic.inflight.tracking.filter import start, update
+from agonic.inflight.tracking.gyro_choice import choose_gyro, find_magnitudes
+from agonic.inflight.tracking.result import Coefficients, Followed
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 
 class Tracker(Followed, Judged):
-    """A calibration followed in time against the magnitude of a known field.
+    """A calibration followed in time by the magnitude of a known field, or by how a gyro turns it.
 
     Holds the settings, the state and the history; `update` moves the state on. In flight or in
-    orbit the geomagnetic model is the known field, or an absolute scalar instrument.
+    orbit the geomagnetic model is the known field, or an absolute scalar instrument. Readings with
+    the rates of a gyro need no known field (`params.gyro`).
 
     Parameters
     ----------
@@ -52,23 +55,23 @@ class Tracker(Followed, Judged):
         """Time (s), bias x y z and its standard error x y z, at steps of `params.history_s`."""
         self._given = calibration is not None
 
-    def update(self, samples: Samples, reference: Reference) -> Coefficients:
+    def update(self, samples: Samples, reference: Reference | None = None) -> Coefficients:
         """Move on by the readings of a log or of a moment; one or many come to the same.
 
         Parameters: samples with times later than all before, in the unit and frame of the
-        calibration; reference, the magnitude of the field at each. Rows that are flagged are
-        passed over.
+        calibration; reference, the magnitude of the field at each, `None` where that is not known,
+        beside a gyro. Rows that are flagged are passed over.
 
         Returns what was found; its `residual` is how far each reading used was from its prediction.
 
         Raises `LogError` without times, `UnitError` and `FrameError` where the samples are not
-        those of the calibration, `AgonicError` where they are not later than what was seen.
+        those of the calibration, `AgonicError` where they are not later than what was seen, and
+        without gyro and reference.
         """
+        magnitude = find_magnitudes(samples, reference)
         if self.state.n == 0:
-            named = self._name_sensor(samples)
-            stated = reference.sd if self.params.external_sd is None else 0.0
-            self.state = replace(
-                named, external_sd=stated, external_time_s=self.params.external_time_s
+            self.state = self._prepare(
+                samples, magnitude, 0.0 if reference is None else reference.sd
             )
         base = self.state.base
         if samples.unit != base.unit_in:
@@ -82,14 +85,29 @@ class Tracker(Followed, Judged):
                 left=samples.frame,
                 right=base.frame_in,
             )
-        wanted = np.broadcast_to(reference.magnitudes(len(samples)), len(samples))
+        rate = samples.rotation_rate if self.state.turn is not None else None
+        if self.state.turn is None and reference is None:
+            raise AgonicError(
+                "without a gyro that turns as the magnetometer does, the magnitude of the field "
+                "must be known; give a reference"
+            )
+        if self.state.turn is not None and rate is None:
+            raise AgonicError(
+                "the tracker was begun beside a gyro, and these samples hold no rates"
+            )
         if samples.flagged is not None:
             usable = samples.flagged == 0
             if not usable.any():
                 return self._nothing()
-            samples, wanted = samples.select(usable), wanted[usable]
+            samples, magnitude = samples.select(usable), magnitude[usable]
+            rate = None if rate is None else rate[usable]
         self.state, found = update(
-            self.state, self.params, self.seconds(samples), self._readings(samples), wanted
+            self.state,
+            self.params,
+            self.seconds(samples),
+            self._readings(samples),
+            magnitude,
+            rate=rate,
         )
         self.history = np.concatenate([self.history, found.history])
         return found
@@ -116,9 +134,21 @@ class Tracker(Followed, Judged):
         """The times of samples as the tracker counts them, from its own epoch."""
         return samples.seconds_since(self.state.epoch, known=self.state.n > 0)
 
-    def _name_sensor(self, samples: Samples) -> TrackerState:
+    def _prepare(self, samples: Samples, magnitude: Array, stated: float) -> TrackerState:
+        """Before the first reading: beside a gyro or not, and what the reference states."""
+        gyro, unused = choose_gyro(samples, magnitude, self.params.gyro)
+        begun = start(self.state.ground or self.state.base, self.params, gyro=gyro)
+        named = self._name_sensor(replace(begun, epoch=self.state.epoch), samples)
+        return replace(
+            named,
+            external_sd=stated if self.params.external_sd is None else 0.0,
+            external_time_s=self.params.external_time_s,
+            gyro_unused=unused,
+        )
+
+    def _name_sensor(self, state: TrackerState, samples: Samples) -> TrackerState:
         """The state before the first reading, with the sensor's name where none was given."""
-        base = self.state.base
+        base = state.base
         if not self._given:
             base = replace(
                 base,
@@ -127,7 +157,7 @@ class Tracker(Followed, Judged):
                 frame_in=samples.frame,
                 frame_out=samples.frame,
             )
-        return replace(self.state, base=base, epoch=samples.epoch)
+        return replace(state, base=base, epoch=samples.epoch)
 
     @property
     def n(self) -> int:

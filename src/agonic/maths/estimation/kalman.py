@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.estimation import running_batch_means, ud_filter
 
 STATES = {"bias": 4, "gains": 7, "full": 10}
@@ -68,6 +68,40 @@ class FilterState(NamedTuple):
     diagonal: Array
     watch: Array
     batches: running_batch_means.RunningBatchMeans
+
+    @property
+    def places(self) -> tuple[int, int]:
+        """Where bias and matrix begin in the state."""
+        return 1, 4
+
+    @property
+    def bias(self) -> Array:
+        """Bias x y z, (3,)."""
+        first, _ = self.places
+        return self.state[first : first + 3]
+
+    @property
+    def matrix(self) -> Array:
+        """Matrix xx yy zz xy xz yz, (6,)."""
+        return self.state[self.places[1] :]
+
+    @property
+    def coefficients(self) -> Index:
+        """Which numbers of the state bias and matrix are, those that are estimated, (k,)."""
+        bias, matrix = self.places
+        return np.concatenate(
+            [np.arange(bias, bias + 3), np.arange(matrix, max(len(self.diagonal), matrix))]
+        )
+
+    @property
+    def time(self) -> float:
+        """That of the last reading, s."""
+        return float(self.watch[ud_filter.TIME])
+
+    @property
+    def consistency(self) -> float:
+        """Innovations over their stated sd, rms of the last thousand; about 1."""
+        return float(np.sqrt(self.watch[ud_filter.SCALE] / ud_filter.CLIPPED_SQUARE))
 
     @property
     def covariance(self) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import exp, sqrt
 from typing import Any
 
@@ -54,7 +54,7 @@ def run(
         if linearised:
             for i in range(m):
                 r += h[i] * (x[i] - about[i])
-        variance = _predict(h, noise, columns, diagonal, f)
+        variance = predict(h, noise, columns, diagonal, f)
         sd = sqrt(variance)
         z = -r / sd
         used = row[5] > 0.0 and z * z <= gate * gate * max(1.0, watch[SCALE])
@@ -64,7 +64,7 @@ def run(
         for i in range(10):
             out[4 + i] = h[i] / sd
         if used:
-            _absorb(noise, columns, diagonal, f, gain)
+            absorb(noise, columns, diagonal, f, gain)
             for i in range(m):
                 x[i] -= gain[i] * r
         if level > 0.0 and row[5] > 0.0:
@@ -158,7 +158,7 @@ def add_variance(i: int, variance: float, columns: Any, diagonal: Any, a: Any) -
             variance *= known / total
 
 
-def _predict(h: Any, noise: float, columns: Any, diagonal: Any, f: Any) -> float:
+def predict(h: Any, noise: float, columns: Any, diagonal: Any, f: Any) -> float:
     """The variance of a residual, h P hᵀ + noise², and f = Uᵀ h."""
     variance = noise * noise
     for j in range(len(diagonal)):
@@ -171,7 +171,7 @@ def _predict(h: Any, noise: float, columns: Any, diagonal: Any, f: Any) -> float
     return variance
 
 
-def _absorb(noise: float, columns: Any, diagonal: Any, f: Any, gain: Any) -> None:
+def absorb(noise: float, columns: Any, diagonal: Any, f: Any, gain: Any) -> None:
     """U and D after a reading, and its gain (Bierman 1977, V.3.2), from f = Uᵀ h."""
     variance = noise * noise
     for j in range(len(diagonal)):
@@ -198,15 +198,22 @@ def _watch_for_jump(seen: Any, watch: Any, jump_sd: float) -> float:
     """
     wx, wy, wz, z = seen[5], seen[6], seen[7], seen[3]
     keep = 1.0 - 1.0 / MEMORY_ROWS
-    watch[0] = a = keep * watch[0] + wx * wx
-    watch[1] = b = keep * watch[1] + wy * wy
-    watch[2] = c = keep * watch[2] + wz * wz
-    watch[3] = d = keep * watch[3] + wx * wy
-    watch[4] = e = keep * watch[4] + wx * wz
-    watch[5] = f = keep * watch[5] + wy * wz
-    watch[6] = x = keep * watch[6] + wx * z
-    watch[7] = y = keep * watch[7] + wy * z
-    watch[8] = q = keep * watch[8] + wz * z
+    watch[0] = keep * watch[0] + wx * wx
+    watch[1] = keep * watch[1] + wy * wy
+    watch[2] = keep * watch[2] + wz * wz
+    watch[3] = keep * watch[3] + wx * wy
+    watch[4] = keep * watch[4] + wx * wz
+    watch[5] = keep * watch[5] + wy * wz
+    watch[6] = keep * watch[6] + wx * z
+    watch[7] = keep * watch[7] + wy * z
+    watch[8] = keep * watch[8] + wz * z
+    return compute_statistic(watch, jump_sd)
+
+
+def compute_statistic(watch: Any, jump_sd: float) -> float:
+    """yᵀ (C + 1/jump_sd²)⁻¹ y of the sums, C xx yy zz xy xz yz and y x y z."""
+    a, b, c, d, e, f = watch[0], watch[1], watch[2], watch[3], watch[4], watch[5]
+    x, y, q = watch[6], watch[7], watch[8]
     least = 1.0 / (jump_sd * jump_sd)
     a, b, c = a + least, b + least, c + least
     xx, yy, zz = b * c - f * f, a * c - e * e, a * b - d * d
@@ -216,19 +223,30 @@ def _watch_for_jump(seen: Any, watch: Any, jump_sd: float) -> float:
     return float(inner / determinant)
 
 
+PARTS = (add_variance, pass_time, _residual, predict, absorb, compute_statistic, _watch_for_jump)
+"""What numba has to compile, each after what it calls."""
+
+
 @functools.cache
 def compile_filter() -> Callable[..., tuple[int, bool]] | None:
     """`run` compiled by numba, or `None` without it."""
+    return compile_parts(run, PARTS)
+
+
+def compile_parts(
+    whole: Callable[..., tuple[int, bool]], parts: Sequence[Callable[..., Any]]
+) -> Callable[..., tuple[int, bool]] | None:
+    """A function and those that it calls compiled by numba, or `None` without it."""
     try:
         numba = importlib.import_module("numba")
         extending = importlib.import_module("numba.extending")
     except ImportError:
         return None
-    for part in (pass_time, add_variance, _residual, _predict, _absorb, _watch_for_jump):
+    for part in parts:
         extending.register_jitable(part)
     kernel: Callable[..., tuple[int, bool]]
     try:
-        kernel = numba.njit(cache=True)(run)
+        kernel = numba.njit(cache=True)(whole)
     except RuntimeError:  # no folder that numba may write to
-        kernel = numba.njit(run)
+        kernel = numba.njit(whole)
     return kernel

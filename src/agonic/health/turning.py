@@ -11,7 +11,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health import Finding
-from agonic.inertial.maths.low_pass import low_pass
+from agonic.maths.rotations.low_pass import low_pass
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.vectors import skew
 from agonic.samples import Samples
@@ -20,6 +20,8 @@ FAR_BETTER = 0.25
 """Of the square that is left: another naming of axes or unit is believed where it leaves less."""
 EXPLAINED = 0.5
 """Of the square of the change: what a right naming leaves at most."""
+FEWEST = 50
+"""Readings that can show a turn."""
 _SMOOTHED_S = 0.3
 _MOST = 4000
 _UNITS = ((1.0, ""), (np.pi / 180, "degrees"), (180 / np.pi, "radians"))
@@ -28,7 +30,7 @@ _UNITS = ((1.0, ""), (np.pi / 180, "degrees"), (180 / np.pi, "radians"))
 def check_turning(samples: Samples) -> Finding | None:
     """The finding that the gyro turns otherwise than the magnetometer, with what it looks like."""
     time, rate = samples.time, samples.rotation_rate
-    if time is None or rate is None or len(time) < 50:
+    if time is None or rate is None or len(time) < FEWEST:
         return None
     turns = np.concatenate([right_angles(), -right_angles()])
     tried = [(misfit, turn, unit) for unit in _UNITS for misfit, turn in _try(samples, turns, unit)]
@@ -50,6 +52,16 @@ def check_turning(samples: Samples) -> Finding | None:
         + " and ".join(looks),
         "name units and axes of gyro and magnetometer alike, and look which of the two is wrong",
     )
+
+
+def explains_change(samples: Samples) -> bool:
+    """Whether the gyro turns as the magnetometer does: it leaves less than half of its change.
+
+    False too where hardly anything turns, or the field itself changes more.
+    """
+    if samples.time is None or samples.rotation_rate is None or len(samples) < FEWEST:
+        return False
+    return _try(samples, np.eye(3)[None], _UNITS[0])[0][0] < EXPLAINED
 
 
 def _try(samples: Samples, turns: Array, unit: tuple[float, str]) -> list[tuple[float, Array]]:

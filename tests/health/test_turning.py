@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.inertial.known_mistakes import check_turning
+from agonic.health.turning import check_turning
 from tests.inertial.drives import drive, heading_error_deg
 
 QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
