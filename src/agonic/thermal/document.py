@@ -215,6 +215,7 @@ def _show_evidence(
         Section("Scale factors and angles", [lambda: figures.draw_decomposition(calibration)]),
         Section("Numbers", [tables.list_numbers(calibration)]),
         Section("In powers of the temperature, °C", [tables.list_powers(calibration)]),
+        *([Section("Unseen readings", _compare_unseen(fit))] if fit.alternatives else []),
         Section("Before and after at every station", _show_stations(result, fit)),
         Section("Order of the polynomials", [lambda: figures.draw_orders(fit)]),
         Section("Cooling and heating", _compare_passes(fit)),
@@ -224,6 +225,16 @@ def _show_evidence(
     if files:
         sections.append(Section("Files", [element("p", element("code", ", ".join(files)))]))
     return sections
+
+
+def _compare_unseen(fit: ThermalFit) -> list[Block]:
+    """Whether hysteresis or a network would foretell readings better that no fit has seen."""
+    note = (
+        "Ten blocks of readings, in their order, each left out once. Hysteresis follows what has "
+        "been before; the network has 64 hidden units of random weights. What helps here is not "
+        "part of the calibration."
+    )
+    return [tables.list_alternatives(fit), element("p", note, class_="aside")]
 
 
 def _show_stations(result: CalibratedSensor, fit: ThermalFit) -> list[Block]:

@@ -136,6 +136,15 @@ def list_boards(boards: Sequence[Board]) -> Table:
     return Table(head, rows, style="parts", scrolls=True)
 
 
+def list_alternatives(fit: ThermalFit) -> Table:
+    """What is left of unseen readings, by the fit and with what it does not have."""
+    rows = [["as fitted", quantity(fit.unseen_rms or 0.0, "nT", 3), ""]]
+    for name, left in fit.alternatives.items():
+        change = 100.0 * (left / (fit.unseen_rms or left) - 1.0)
+        rows.append([f"with {name}", quantity(left, "nT", 3), write_minus(f"{change:+.0f} %")])
+    return Table(["Model", "Left of unseen blocks, on an axis", "Change"], rows, style="parts")
+
+
 def list_numbers(calibration: Thermal) -> Table:
     """Bias, matrix, scale factors and angles at both ends and in the middle of the range."""
     levels = np.linspace(*calibration.range_C, 3)

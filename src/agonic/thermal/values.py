@@ -86,6 +86,8 @@ def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
         "fixture_deg": fit.fixture and fit.fixture.turned_deg,
         "drift_nT": fit.drift,
         "ageing_nT": fit.ageing,
+        "unseen_rms_nT": fit.unseen_rms,
+        "unseen_rms_with_nT": fit.alternatives,
         "anomalies": {str(a.station): a.count for a in fit.anomalies},
         "equation": calibration.equation,
     }

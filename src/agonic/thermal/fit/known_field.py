@@ -18,6 +18,11 @@ from agonic.maths.estimation.wald import wald
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
+from agonic.thermal.fit.alternatives import (
+    describe_alternatives,
+    judge_alternatives,
+    list_unseen,
+)
 from agonic.thermal.fit.calibration import make_calibration
 from agonic.thermal.fit.readings import (
     collect_facts,
@@ -28,6 +33,7 @@ from agonic.thermal.fit.readings import (
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.fit.scale import NO_LAG, Scale, find_narrow_range, require_range
 from agonic.thermal.fit.settings import LARGEST_AUTO, Settings
+from agonic.thermal.maths.alternatives import compare_alternatives
 from agonic.thermal.maths.known_field import (
     BLOCKS,
     KnownFieldEstimate,
@@ -61,6 +67,9 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
     unseen = rms * _compare_to_seen(estimate)
+    tried = compare_alternatives(problem, estimate.solution.params, estimate.weights, readings.x)
+    alternatives = list_unseen(tried, unseen)
+    found += judge_alternatives(alternatives, unseen)
     remark = (
         f"the corrected readings are {figure(rms)} nT (rms of an axis) from the known field, "
         f"{figure(unseen)} where the fit has not seen them ({BLOCKS} blocks), {figure(before)} "
@@ -84,7 +93,13 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
         variances=None if curve is None else curve[None] * scale.size**2,
         findings=tuple(found),
         tests=tests,
-        remarks=(remark, *(test.sentence for test in tests)),
+        remarks=(
+            remark,
+            *describe_alternatives(alternatives, unseen),
+            *(test.sentence for test in tests),
+        ),
+        unseen_rms=unseen,
+        alternatives=alternatives,
     )
 
 

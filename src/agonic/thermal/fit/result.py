@@ -101,8 +101,10 @@ class ThermalFit(Estimated):
     first to the last reading, along itself or in the chamber's axes, with `drift_sd`; `None` where
     that is not sure. So are `ageing` (3,) and `ageing_sd` of the bias, in the unit of the readings;
     the calibration is that of the middle. `field_sd` is the standard deviation of its slow changes
-    (of its magnitude, or of each component), 0 where that they are there is not sure. The
-    calibration and its covariance allow for what is not sure too.
+    (of its magnitude, or of each component), 0 where that they are there is not sure. With a vector
+    reference `unseen_rms` is what is left, nT on an axis, of readings that the fit has not seen,
+    and `alternatives` what would be with other models. The calibration and its covariance allow for
+    what is not sure too.
     """
 
     calibration: Thermal
@@ -133,3 +135,5 @@ class ThermalFit(Estimated):
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     remarks: tuple[str, ...] = ()
+    unseen_rms: float | None = None
+    alternatives: Mapping[str, float] = field(default_factory=dict)

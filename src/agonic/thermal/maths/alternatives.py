@@ -1,0 +1,130 @@
+"""What a model lacks in a known field: would hysteresis or a network foretell unseen readings?
+
+Columns are added to the Jacobian at the estimate, so that every alternative costs one linear step
+for each block that is left out, and no fit. Hysteresis is the play operator (backlash) of the
+temperature, or of the field's components: it follows its input at a distance, and its distance
+tells from which side the input came. The network has one hidden layer of fixed random weights
+(Huang, Zhu & Siew 2006), of which only the output is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.maths.estimation import leastsq
+from agonic.thermal.maths.known_field import BLOCKS, KnownFieldProblem, make_pieces
+
+WIDTHS = (0.05, 0.15, 0.4)
+"""Distances of the play operator that are tried, of half the range of its input."""
+UNITS = 64
+TEMPERATURE, FIELD = "thermal hysteresis", "magnetic hysteresis"
+NETWORK = "a network"
+MOST = 100_000
+"""Readings above which nothing is compared."""
+_FEWEST = 8.0
+"""Residuals for every number that is fitted."""
+_RIDGES = (1e-6, 1e-4, 1e-3, 1e-2)
+"""What is added to the information of each feature, as a share of it: against overfitting."""
+
+
+class Alternative(NamedTuple):
+    """What would be added, and its rms on unseen blocks over that of the fit without it."""
+
+    name: str
+    ratio: float
+
+
+def compare_alternatives(
+    problem: KnownFieldProblem, params: Array, weights: Array, x: Array
+) -> list[Alternative]:
+    """Hysteresis and a network, each with how it foretells the blocks that it has not seen.
+
+    Parameters: the problem in the order in which the readings were taken, its solution (a,), the
+    weight (n,) of each reading, and the temperatures (n,) as −1…1. Empty where the readings are
+    too few, or too many.
+    """
+    n, kept = len(problem.points), weights > 0
+    sizes = [3, 9, 3 * UNITS]
+    if n > MOST or 3 * n < _FEWEST * (len(params) + max(sizes)):
+        return []
+    r, jacobian = (np.concatenate(part) for part in zip(*make_pieces(problem)(params), strict=True))
+    rows = r.reshape(n, 3), jacobian.reshape(n, 3, -1)
+    plain = _measure(*rows, np.zeros((n, 0)), weights, kept)
+    candidates = {
+        TEMPERATURE: [_play(x[:, None], width) for width in WIDTHS],
+        FIELD: [_play(problem.field, width) for width in WIDTHS],
+        NETWORK: [_respond(problem.field, x)],
+    }
+    return [
+        Alternative(
+            name, min(_measure(*rows, features, weights, kept) for features in tried) / plain
+        )
+        for name, tried in candidates.items()
+    ]
+
+
+def _play(values: Array, width: float) -> Array:
+    """How far the play operator of each column stands from it, −1…1.
+
+    >>> _play(np.array([[-1.0], [0.0], [1.0], [0.9], [0.0]]), 0.5).ravel().tolist()
+    [0.0, -1.0, -1.0, -0.8, 1.0]
+    """
+    reach = width * np.maximum(np.ptp(values, axis=0) / 2, 1e-300)
+    made = np.empty_like(values)
+    for column in range(values.shape[1]):
+        w, at = float(reach[column]), float(values[0, column])
+        followed = []
+        for value in values[:, column].tolist():
+            at = min(max(at, value - w), value + w)
+            followed.append(at - value)
+        made[:, column] = np.array(followed) / w
+    return made
+
+
+def _respond(field: Array, x: Array) -> Array:
+    """What hidden units with random weights make of field and temperature, (n, UNITS)."""
+    drawn = np.random.default_rng(20).standard_normal((5, UNITS))
+    return np.asarray(np.tanh(np.column_stack([field, x, np.ones(len(x))]) @ drawn))
+
+
+def _measure(r: Array, jacobian: Array, features: Array, weights: Array, kept: Mask) -> float:
+    """The rms of residuals (n, 3) by fits without the block in which a reading lies.
+
+    The features (n, k) are added on each axis.
+    """
+    blocks = list(_list_blocks(len(r)))
+    sums = [_sum_up(r[b], _widen(jacobian[b], features[b]), weights[b]) for b in blocks]
+    whole, gradient = (np.sum(parts, axis=0) for parts in zip(*sums, strict=True))
+    scale = np.maximum(np.diag(whole), 1e-300)
+    scale[: jacobian.shape[2]] = 0.0
+    total = np.zeros(len(_RIDGES) if features.shape[1] else 1)
+    for b, (information, own) in zip(blocks, sums, strict=True):
+        wide = _widen(jacobian[b], features[b])[kept[b]]
+        for k, ridge in enumerate(_RIDGES[: len(total)]):
+            covariance = leastsq.inverse(whole - information + np.diag(ridge * scale))
+            unseen = r[b][kept[b]] - wide @ (covariance @ (gradient - own))
+            total[k] += float(np.sum(unseen**2))
+    return float(np.sqrt(total.min() / max(3 * int(kept.sum()), 1)))
+
+
+def _list_blocks(n: int) -> Iterator[slice]:
+    edges = np.linspace(0, n, BLOCKS + 1).astype(int).tolist()
+    return (slice(a, b) for a, b in pairwise(edges))
+
+
+def _widen(jacobian: Array, features: Array) -> Array:
+    """A Jacobian (n, 3, a) with features (n, k) on every axis, (n, 3, a + 3 k)."""
+    by = features[:, None, None, :] * np.eye(3)[None, :, :, None]
+    return np.concatenate([jacobian, by.reshape(len(features), 3, -1)], axis=2)
+
+
+def _sum_up(r: Array, jacobian: Array, weights: Array) -> tuple[Array, Array]:
+    """Information and gradient of some readings."""
+    flat = jacobian.reshape(-1, jacobian.shape[2])
+    weighted = flat * np.repeat(weights, 3)[:, None]
+    return weighted.T @ flat, r.ravel() @ weighted
