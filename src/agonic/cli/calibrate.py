@@ -40,6 +40,13 @@ def calibrate(
         str,
         typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
     ] = "auto",
+    second: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|SENSOR",
+            help="Mix in a second magnetometer, against what disturbs both: auto where better.",
+        ),
+    ] = None,
     between: Between = None,
     course: Annotated[
         bool,
@@ -79,7 +86,16 @@ def calibrate(
 
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
     recording, results, failures = calibrate_each(
-        log, sensor, unit, between, method, at=at, date=date, field=field, course=course
+        log,
+        sensor,
+        unit,
+        between,
+        method,
+        at=at,
+        date=date,
+        field=field,
+        course=course,
+        second=second,
     )
     folder = out or Path(f"{log.name}-agonic")
     written = write_folder(

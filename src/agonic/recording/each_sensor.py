@@ -18,6 +18,7 @@ from agonic.errors import CoverageError
 from agonic.logs.log import Log
 from agonic.recording.calibrated import Calibrated, calibrate
 from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
+from agonic.recording.pair import require_reference, take_mixes, tell_pairs
 from agonic.samples import Samples
 
 _Job = tuple[str, Callable[[], Calibrated]]
@@ -35,10 +36,12 @@ def calibrate_each(
     date: str | None,
     field: float | None,
     course: bool = False,
+    second: str | None = None,
 ) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
     """The log, the sensors that could be fitted, and the names of others with the reason.
 
-    With `course` the course over ground is taken for the heading.
+    With `course` the course over ground is taken for the heading. `second`: "auto" mixes in another
+    sensor where that is better; a name, that one.
     """
     aided = f"--method {method}" if method in ("levelled", "inertial", "vector") else None
     course_asked = "--course" if course else None
@@ -61,8 +64,20 @@ def calibrate_each(
         kind: Any = method
         return calibrate(samples, reference, kind=kind, **settings)
 
-    recording, sensors = open_sensors(log, sensor, unit, between)
-    return recording, *_run([(one.name, partial(run, one)) for one in sensors])
+    def mix(samples: Samples) -> Calibrated:
+        reference, settings = find_reference(samples, at, date, field)
+        known = require_reference(reference)
+        return calibrate(samples, known, kind="interference", sources=("second",), **settings)
+
+    recording, sensors = open_sensors(log, None if second else sensor, unit, between)
+    results, failures = _run([(one.name, partial(run, one)) for one in sensors])
+    if second is None:
+        return recording, tell_pairs(results), failures
+    if second != "auto":
+        recording.sensor(second)  # an error names those that there are
+    mixed = take_mixes(results, mix, second)
+    wanted = recording.sensor(sensor).name if sensor is not None else None
+    return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures
 
 
 def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[tuple[str, str]]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Compass, Setup
-from agonic.errors import UnitError
+from agonic.errors import AgonicError
 from agonic.exports.targets import TARGETS
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import save
@@ -77,7 +77,7 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
     for target in ("c", *autopilot):
         try:
             export = write_target(target, calibration, stem.with_suffix(TARGETS[target].suffix))
-        except UnitError as error:  # raw units have no place in an autopilot
+        except AgonicError as error:  # raw units have no place in an autopilot, nor a mix of two
             warnings.append(f"no export for {target}: {error}")
             continue
         files.append(str(export.path))

@@ -52,6 +52,8 @@ def _find_remedy(result: Calibrated, log: str) -> str:
     """The command that helps against what is the matter with a sensor, if one does."""
     samples = result.samples
     grave = {f.name: f for f in result.fit.findings if f.severity != "note"}
+    if "pair" in grave and "oppositely" in grave["pair"].what:
+        return f"agonic calibrate {log} --second auto"
     if "field changed" in grave and samples.time is not None:
         ends = float(samples.time[0]), float(samples.time[-1])
         stretch = _find_longest_stretch(grave["field changed"], *ends)
