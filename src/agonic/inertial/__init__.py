@@ -1,1 +1,1 @@
-"""Calibrations aided by raw accelerometer and gyro: for what cannot be turned over."""
+"""Calibrations beside raw accelerometer and gyro, in motion, or accelerometer alone, at rest."""

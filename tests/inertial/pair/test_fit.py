@@ -70,25 +70,31 @@ def test_the_jacobian_is_the_derivative() -> None:
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"targets": 0, "attitudes": 24}, {"targets": 0, "attitudes": 14}]
+    "settings",
+    [
+        {},
+        {"targets": 0, "attitudes": 24},
+        {"targets": 0, "attitudes": 14},
+        {"noise": 300.0, "accelerometer_noise": 0.05, "pointing_deg": 0.2},
+    ],
 )
 def test_the_standard_errors_are_honest(settings: dict) -> None:
     z, left_out = [], 0
-    for seed in range(16):
+    for seed in range(12):
         made = ag.simulate_shots(seed=seed, **settings)
         fit = ag.fit_pair(made.samples, STRENGTH)
         assert fit.verdict != "refused"
         z.append(errors(fit, made))
         left_out += len(fit.left_out)
     assert 0.85 < np.sqrt(np.mean(np.square(z))) < 1.2
-    assert left_out <= 3
-    assert np.abs(np.mean(z, axis=0)).max() < 0.8
+    assert left_out <= 2
+    assert np.abs(np.mean(z, axis=0)).max() < 3.5 / np.sqrt(len(z))  # of 24, the largest
 
 
 def test_the_biases_and_the_dip_are_as_good_as_they_can_be() -> None:
     """Errors beside the Cramér–Rao bound of the whole model: known noise, no prior."""
     z = []
-    for seed in range(8):
+    for seed in range(6):
         made = ag.simulate_shots(attitudes=30, targets=3, rolls=10, seed=seed)
         fit = ag.fit_pair(made.samples, STRENGTH)
         off = np.concatenate(
@@ -157,6 +163,28 @@ def test_one_bad_shot_is_named_and_does_no_harm(seed: int) -> None:
     assert f"shot {bad.bad[0] + 1} does not fit" in fit.status.lower()
     assert fit.verdict == best.verdict
     assert np.sqrt(np.mean(errors(fit, bad) ** 2)) < 1.8
+
+
+def test_of_several_bad_shots_no_harm_is_left() -> None:
+    square = []
+    for seed in range(100, 106):
+        made = ag.simulate_shots(seed=seed, bad=3)
+        fit = ag.fit_pair(made.samples, STRENGTH)
+        if fit.verdict != "refused":
+            square.append(np.mean(errors(fit, made) ** 2))
+    assert len(square) > 3
+    assert np.sqrt(np.mean(square)) < 1.5
+
+
+def test_arrays_and_numbers_will_do() -> None:
+    samples = ag.simulate_shots(seed=1).samples
+    table = {"mag_x_nT": samples.field[:, 0], "mag_y_nT": samples.field[:, 1]}
+    table |= {"mag_z_nT": samples.field[:, 2], "target": samples.target}
+    table |= {f"acc_{a}_m_s2": samples.acceleration[:, k] for k, a in enumerate("xyz")}
+    np.testing.assert_allclose(
+        ag.fit_pair(table, 49_000.0).calibration.matrix,
+        ag.fit_pair(samples, STRENGTH).calibration.matrix,
+    )
 
 
 def test_shots_among_iron_are_refused() -> None:

@@ -23,6 +23,7 @@ from agonic.inertial.pair.changes import (
     list_suspects,
 )
 from agonic.inertial.pair.problem import find_shots, number_targets
+from agonic.logs.natural import Given, as_samples
 from agonic.maths.equation.affine import correction_jacobian, model_basis
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -81,7 +82,7 @@ class _Linear(NamedTuple):
         )
 
 
-def check_pair(samples: Samples, setup: Setup, *, pointing_sd_deg: float = 0.2) -> PairCheck:
+def check_pair(samples: Given, setup: Setup, *, pointing_sd_deg: float = 0.2) -> PairCheck:
     """Whether accelerometer and magnetometer still are what a setup says, by a few shots at rest.
 
         χ² = yᵀ (V + J C Jᵀ)⁻¹ y
@@ -110,6 +111,7 @@ def check_pair(samples: Samples, setup: Setup, *, pointing_sd_deg: float = 0.2) 
     >>> check_pair(later.samples, setup).verdict
     'good'
     """
+    samples = as_samples(samples)
     accelerometer, magnetometer = _calibrations(samples, setup)
     linear, shot = _pose(samples, accelerometer, magnetometer, pointing_sd_deg)
     covariance = np.zeros((24, 24))

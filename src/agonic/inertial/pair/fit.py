@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Index
@@ -23,6 +24,7 @@ from agonic.inertial.pair.problem import Problem, pose
 from agonic.inertial.pair.result import PairFit, Sight
 from agonic.inertial.pair.settings import Settings
 from agonic.inertial.pair.solve import Solution, compare_shots, find_outlier, solve
+from agonic.logs.natural import Given, as_samples
 from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -30,8 +32,8 @@ from agonic.samples import Samples
 
 
 def fit_pair(
-    samples: Samples,
-    reference: Reference | None = None,
+    samples: Given,
+    reference: Reference | ArrayLike | None = None,
     *,
     accelerometer_bias_sd: float = 0.05,
     accelerometer_shape_sd: float = 0.02,
@@ -51,7 +53,7 @@ def fit_pair(
     samples : with `acceleration`, a row a shot, or rows by `station`, or a recording with times
         whose stretches at rest are the shots; twelve attitudes or more, 24 are good. `target`
         numbers the target of each shot, 0 for none.
-    reference : the field of the place, for its magnitude and dip; or `None`.
+    reference : the field of the place, for its magnitude and dip; a magnitude in nT; or `None`.
     accelerometer_bias_sd, accelerometer_shape_sd : standard deviations of the priors on the
         accelerometer's biases, in g, and on its scales and cross terms.
     soft_iron_sd : that of the prior on the magnetometer's matrix. turn_sd_deg : that of the turn
@@ -72,6 +74,7 @@ def fit_pair(
     >>> fit.n, bool(fit.heading_sd_deg < 0.5), len(fit.left_out)
     (24, True, 0)
     """
+    samples, reference = as_samples(samples), Reference.of(reference)
     settings = Settings(
         accelerometer_bias_sd=accelerometer_bias_sd,
         accelerometer_shape_sd=accelerometer_shape_sd,

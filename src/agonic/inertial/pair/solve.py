@@ -23,8 +23,8 @@ RARE = 0.01
 """A shot is left out where chance would make one of them all so odd this often."""
 MOST_LEFT_OUT = 0.25
 CANDIDATES = 6
-_ROUNDS, _FEW = 40, 4
-_NEAR, _THERE = 0.1, 1e-6
+_ROUNDS, _FEW = 60, 4
+_NEAR, _THERE = 0.1, 1e-4
 """Squares of a step, in standard errors: from where on the noise is worth its time, and the end."""
 
 
