@@ -122,7 +122,7 @@ def test_every_check_is_explained() -> None:
     samples = ag.simulate("hand").samples.with_columns(logged=logged)
     result = ag.calibrate(samples, ag.Reference.constant(50_000))
     page = text_of(DOCS / "jobs" / "verify.md")
-    assert len(result.verification.checks) == 6
+    assert len(result.verification.checks) == 7
     for check in result.verification.checks:
         assert f"| {check.name} |" in page
 

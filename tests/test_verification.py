@@ -91,6 +91,20 @@ def test_the_turn_against_the_logged_calibration_informs_only() -> None:
     assert angle == pytest.approx(np.degrees(0.1) * np.sqrt(2 / 3), rel=0.05)
 
 
+def test_a_calibration_that_is_worse_than_the_logged_one_is_told() -> None:
+    bent = ag.Affine(bias=MADE.truth.bias + np.array([1500.0, 0.0, 0.0]), matrix=MADE.truth.matrix)
+    logged = Logged(bias=MADE.truth.bias, matrix=MADE.truth.matrix, source="PARM")
+    samples = MADE.samples.with_columns(logged=logged)
+    name = "spread after over the logged calibration's"
+    (same, kept), (worse, replaced) = (
+        checks(ag.verify(one, samples))[name] for one in (MADE.truth, bent)
+    )
+    assert kept
+    assert same == pytest.approx(1.0)
+    assert not replaced
+    assert worse > 2.0
+
+
 def test_units_must_meet() -> None:
     with pytest.raises(ag.UnitError):
         ag.verify(EXACT, ag.Samples(field=np.eye(3), unit="raw"))

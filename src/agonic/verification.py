@@ -128,6 +128,9 @@ def verify(
     if samples.logged is not None:
         logged = samples.logged
         old = (samples.field - logged.bias) @ logged.matrix.T
+        kept = np.linalg.norm(old, axis=1) / (1.0 if reference is None else wanted)
+        spread_logged = _spread(kept[rows], weights)
+        checks.append(_replacement_check(spread_logged, spread_after, visits, logged.source))
         checks.append(_change_check(field[rows], old[rows], logged.source))
     return Verification(
         checks=tuple(checks),
@@ -190,6 +193,22 @@ def _improvement_check(before: float, after: float, visits: int) -> Check:
         if ratio <= 1
         else "the magnitude was as steady before as chance can tell",
         "the calibration makes these readings worse: do not use it for them",
+    )
+
+
+def _replacement_check(logged: float, after: float, visits: int, source: str) -> Check:
+    """Whether the calibration is as good as the one that it would replace."""
+    ratio = after / logged if logged > 0 else 1.0
+    limit = 1 + 3 / np.sqrt(visits)
+    return _judge(
+        "spread after over the logged calibration's",
+        ratio,
+        limit,
+        "",
+        ratio <= limit or after <= 0.005,
+        f"the magnitude is as steady as with the calibration of the log ({source}), or steadier",
+        f"the calibration of the log ({source}) keeps the magnitude steadier: keep that one, or "
+        "record again with more turns",
     )
 
 
