@@ -11,9 +11,11 @@ from tests.exports.processors import PROCESSORS, Processor
 from tests.exports.test_c_tracker import MODELS
 from tests.exports.test_firmware import CHAMBER, COUNTS, HARD, WARM
 from tests.inflight.test_tracking import orbiting
+from tests.inflight.turning import turn_about
 
 import agonic as ag
 from agonic.calibration.setup import Setup
+from agonic.calibration.tracking import TrackerParams
 from agonic.exports.firmware import declination_grid, write_firmware
 from agonic.exports.firmware.tracker import write_tracker
 from agonic.exports.firmware.training import write_training
@@ -187,6 +189,26 @@ CASES = (
         )
         for name, words in (("bias", "external field and bias"), ("full", "and matrix"))
     ),
+    *(
+        Case(
+            f"tracker beside a gyro, {words}",
+            (f"turn_{name}_tracker.c",),
+            f"turn_{name}_tracker",
+            f"{RAW}\nstatic float rate[3] = {{0.3f, -0.2f, 0.1f}};\n"
+            f"static turn_{name}_tracker tracker;",
+            f"    turn_{name}_tracker_update(&tracker, 0.05f, raw, rate, {size});",
+            f"{HELD_RAW} + sizeof rate",
+            f"    turn_{name}_tracker_begin(&tracker);\n"
+            f"    turn_{name}_tracker_correct(&tracker, raw, field);\n"
+            "    for (k = 0; k < 3; k++) { /* a reading that fits */\n"
+            "        rate[k] = tracker.now.x[6 + k];\n"
+            "        raw[k] = tracker.now.x[3 + k] + tracker.now.x[k];\n    }",
+        )
+        for name, words, size in (
+            ("bias", "field, bias, its bias, delay", "0.0f"),
+            ("full", "matrix and magnitude too", "50000.0f"),
+        )
+    ),
 )
 
 
@@ -263,6 +285,12 @@ def _export(folder: Path) -> None:
         tracker = Tracker(params=replace(MODELS[name], external_sd=20.0, walk=0.5))
         tracker.update(samples, known)
         write_tracker(tracker.params, tracker.state, folder, name=name)
+    for name in ("bias", "full"):
+        made = turn_about(0, soft_iron=0.02 if name == "full" else 0.0)
+        settings = TrackerParams(noise=100.0, solve=name, gyro=True, walk=0.5, external_sd=20.0)
+        turned = Tracker(params=settings)
+        turned.update(made.samples, made.magnitude if name == "full" else None)
+        write_tracker(turned.params, turned.state, folder, name=f"turn_{name}")
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from agonic.exports.firmware.ctext import (
     write_literal,
 )
 from agonic.exports.firmware.size import measure_sizes
+from agonic.exports.firmware.turning import describe_turn
 from agonic.exports.firmware.writer import Firmware
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation import kalman
@@ -30,12 +31,26 @@ TESTS = 24
 ELAPSED_S = 0.5
 SHARE = 0.02
 """Of a standard error: what the self-test allows the bias and the standard error itself."""
-PARTS = tuple(f"tracker/{part}" for part in ("start", "filter", "jump", "calls", "save"))
-"""The templates of the source, in order."""
+_BY_MAGNITUDE = ("start", "algebra", "magnitude", "jump_test", "jump", "calls", "results", "save")
+_BESIDE_GYRO = (
+    "turning/start",
+    "algebra",
+    "turning/motion",
+    "turning/reading",
+    "jump_test",
+    "turning/calls",
+    "results",
+    "save",
+)
 UNKNOWNS = {
     4: "external field, bias",
     7: "external field, bias, diagonal of the matrix",
     10: "external field, bias, matrix",
+}
+BESIDE_GYRO = {
+    10: "field, bias, gyro bias, delay",
+    13: "field, bias, gyro bias, delay, diagonal of the matrix",
+    16: "field, bias, gyro bias, delay, matrix",
 }
 
 
@@ -75,12 +90,23 @@ def write_tracker(
     """
     _require_settled(state)
     prefix = make_c_name(state.base.sensor) if name is None else require_identifier(name)
-    model = state.settle_params(params).model(state.noise)
-    values = _common(state, prefix) | _model(model) | _numbers(state) | _known(state, model)
+    settled = state.settle_params(params)
+    values = _common(state, prefix) | _numbers(state)
+    if state.turn is None:
+        model = settled.model(state.noise)
+        values |= _model(model) | _known(state, model)
+    else:
+        values |= describe_turn(state.turn, settled.turn_model(state.noise), state.turned.rotation)
     values["identity"] = str(crc32(repr(sorted(values.items())).encode()))
+    parts = _BY_MAGNITUDE if state.turn is None else _BESIDE_GYRO
+    folded = "" if state.turn is None else "turning/"
+    for part in ("structs", "update"):
+        values[part] = fill_template(f"tracker/{folded}{part}.h.in", values).rstrip()
     texts = {
         f"{prefix}_tracker.h": fill_template("tracker/header.h.in", values),
-        f"{prefix}_tracker.c": "\n".join(fill_template(f"{p}.c.in", values) for p in PARTS),
+        f"{prefix}_tracker.c": "\n".join(
+            fill_template(f"tracker/{part}.c.in", values) for part in parts
+        ),
         f"{prefix}_tracker_selftest.c": fill_template("tracker/selftest.c.in", values),
     }
     place = make_folder(folder)
@@ -97,11 +123,6 @@ def _require_settled(state: TrackerState) -> None:
         raise AgonicError(
             "the calibration that the tracker started from changes with temperature, which its C "
             "does not hold; apply that calibration to the readings and follow what remains"
-        )
-    if state.turn is not None:
-        raise AgonicError(
-            "the tracker was begun beside a gyro, which its C does not read; follow the log with "
-            "--no-gyro and export that"
         )
     if not state.settled:
         raise AgonicError(
@@ -152,7 +173,7 @@ def _numbers(state: TrackerState) -> dict[str, str]:
     packed = [estimate.columns[j, i] for j in range(m) for i in range(j)]
     return {
         "states": str(m),
-        "unknowns": UNKNOWNS[m],
+        "unknowns": UNKNOWNS[m] if state.turn is None else BESIDE_GYRO[m],
         "packed": str(len(packed)),
         "x": write_array(estimate.state),
         "columns": write_array(packed),
@@ -173,6 +194,10 @@ def _known(state: TrackerState, model: kalman.Model) -> dict[str, str]:
     return {
         "tests": str(len(rows)),
         "elapsed": write_literal(ELAPSED_S),
+        "width": "4",
+        "columns_known": "raw, magnitude",
+        "passed": "row, row[3]",
+        "bias_at": "1",
         "known": write_array(rows[:, 1:5]),
         "bias": write_array([after.state[1:4], sd]),
         "share": write_literal(SHARE),

@@ -136,7 +136,11 @@ class Tracker(Followed, Judged):
 
     def _prepare(self, samples: Samples, magnitude: Array, stated: float) -> TrackerState:
         """Before the first reading: beside a gyro or not, and what the reference states."""
-        gyro, unused = choose_gyro(samples, magnitude, self.params.gyro)
+        rate = samples.rotation_rate
+        if rate is not None:  # to the axes of the readings, but for a symmetric matrix
+            rate = rate @ self.state.turned.rotation
+        own = samples.with_columns(rotation_rate=rate)
+        gyro, unused = choose_gyro(own, magnitude, self.params.gyro)
         begun = start(self.state.ground or self.state.base, self.params, gyro=gyro)
         named = self._name_sensor(replace(begun, epoch=self.state.epoch), samples)
         return replace(
