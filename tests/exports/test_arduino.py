@@ -11,6 +11,7 @@ import pytest
 
 import agonic as ag
 from agonic.calibration.setup import Setup
+from agonic.calibration.tracking import TrackerParams
 from agonic.cli import run
 from agonic.files.setup import save_setup
 from agonic.inflight.tracking import Tracker
@@ -18,6 +19,7 @@ from agonic.network.simulate import simulate_paper
 from tests.exports.test_c_tracker import MODELS
 from tests.exports.test_firmware import HARD, WARM
 from tests.inflight.test_tracking import orbiting
+from tests.inflight.turning import turn_about
 
 CORE = """
 #pragma once
@@ -63,6 +65,12 @@ def tracker(path: Path) -> None:
     follows.save(path)
 
 
+def tracker_with_gyro(path: Path) -> None:
+    follows = Tracker(params=TrackerParams(noise=100.0, solve="bias", gyro=True))
+    follows.update(turn_about(0).samples)
+    follows.save(path)
+
+
 # kind: what writes the file, options, sketch, controller
 KINDS = {
     "bias and matrix": (lambda p: ag.save(HARD.calibration, p), (), "Field", "atmega328p"),
@@ -75,6 +83,7 @@ KINDS = {
         "atmega328p",
     ),
     "tracker": (tracker, (), "Follow", "atmega328p"),
+    "tracker beside a gyro": (tracker_with_gyro, (), "Follow", "atmega328p"),
     "training": (lambda p: ag.save(network(), p), ("--window", "100"), "Train", "atmega2560"),
 }
 

@@ -49,6 +49,8 @@ def _choose_sketch(files: Sequence[Path]) -> tuple[str, str, str]:
         return first.removesuffix(".h"), "heading", "Heading"
     for ending, template, sketch in SKETCHES:
         if first.endswith(ending):
+            if template == "tracker" and "_tracker_field(" in files[0].read_text():
+                template = "tracker_with_gyro"
             return first.removesuffix(ending), template, sketch
     raise AgonicError(f"{first} is no header to make a library of")
 
