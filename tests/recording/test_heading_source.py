@@ -47,6 +47,16 @@ def test_rows_without_a_known_heading_do_no_harm() -> None:
     assert np.sqrt(np.mean(np.square(z))) < 1.6
 
 
+def test_calibrate_leaves_out_what_came_before_a_source_had_settled() -> None:
+    samples, place, truth = drive()
+    early = np.arange(3000) < 900
+    logged = samples.with_columns(heading_deg=np.where(early, 10.0, samples.heading_deg))
+    found = ag.calibrate(noisy(logged, 1.0, heading_sd_deg=np.where(early, 180.0, 1.0)), place)
+    assert found.method == "vector"
+    assert found.verdict != "refused"
+    assert np.abs((found.fit.calibration.bias - truth.bias) / found.fit.sd[:3]).max() < 4
+
+
 def test_worse_headings_count_less() -> None:
     """A third of the headings with eight times the error, by their own account."""
     worse, weighed = [], []

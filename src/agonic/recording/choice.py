@@ -194,6 +194,9 @@ def _fit_with_attitude(
 ) -> Choice:
     """The fit to magnitude, dip and perhaps azimuth, delay undone, a current joined."""
     run = _FITS[method]
+    if method == "vector" and not samples.heading_known.all():
+        known = np.flatnonzero(samples.heading_known)
+        samples, reference = samples.select(known), reference.select(known)
     latency = _find_latency(samples)
     if latency is not None:
         late = samples

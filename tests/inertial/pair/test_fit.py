@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.alignment.simulation.gravity import simulate_gravity
 from agonic.inertial.maths.shots import Shots, linearise
 from agonic.inertial.pair.calibration import point_ahead
 from agonic.inertial.pair.simulate import SimulatedShots
@@ -250,13 +251,22 @@ def test_a_magnetometer_that_is_mounted_the_other_way_round_is_found() -> None:
     )
 
 
-def test_a_recording_is_cut_into_its_stretches_at_rest() -> None:
+def test_rows_of_a_station_are_one_shot() -> None:
     made = ag.simulate_shots(attitudes=20, targets=0, seed=7)
     rows = np.repeat(np.arange(20), 5)
     numbered = made.samples.select(rows).with_columns(station=rows + 1.0)
     fit = ag.fit_pair(numbered)
     np.testing.assert_allclose(fit.calibration.bias, ag.fit_pair(made.samples).calibration.bias)
     assert fit.shot.tolist() == list(range(1, 21))
+
+
+def test_stretches_at_rest_are_found_in_a_recording() -> None:
+    made = simulate_gravity(seed=1, bias=(2000.0, -1000.0, 500.0))
+    fit = ag.fit_pair(made.samples)
+    assert (fit.n, fit.verdict) == (24, "good")
+    turn = Rotation.from_matrix(fit.rot_am @ made.rot_bm.T).as_rotvec(degrees=True)
+    assert np.abs(turn / fit.turn_sd_deg).max() < 4
+    assert fit.turn_sd_deg.max() < 0.05
 
 
 def test_without_acceleration_nothing_can_be_done() -> None:
