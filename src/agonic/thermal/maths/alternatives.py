@@ -9,14 +9,12 @@ tells from which side the input came. The network has one hidden layer of fixed 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.estimation import leastsq
 from agonic.thermal.maths.known_field import BLOCKS, KnownFieldProblem, make_pieces
 
 WIDTHS = (0.05, 0.15, 0.4)
@@ -30,6 +28,7 @@ _FEWEST = 8.0
 """Residuals for every number that is fitted."""
 _RIDGES = (1e-6, 1e-4, 1e-3, 1e-2)
 """What is added to the information of each feature, as a share of it: against overfitting."""
+_LEAST = 1e-12
 
 
 class Alternative(NamedTuple):
@@ -92,39 +91,66 @@ def _respond(field: Array, x: Array) -> Array:
     return np.asarray(np.tanh(np.column_stack([field, x, np.ones(len(x))]) @ drawn))
 
 
+class _Sums(NamedTuple):
+    """Of some readings: information (a, a) of the fit, (3, a, k) shared with features on each axis,
+    (k, k) of the features, and the gradients (a,) and (3, k)."""
+
+    fit: Array
+    shared: Array
+    features: Array
+    by_fit: Array
+    by_features: Array
+
+    def less(self, other: _Sums) -> _Sums:
+        """Without those of other readings."""
+        return _Sums(*(one - two for one, two in zip(self, other, strict=True)))
+
+
 def _measure(r: Array, jacobian: Array, features: Array, weights: Array, kept: Mask) -> float:
     """The rms of residuals (n, 3) by fits without the block in which a reading lies.
 
     The features (n, k) are added on each axis.
     """
-    blocks = list(_list_blocks(len(r)))
-    sums = [_sum_up(r[b], _widen(jacobian[b], features[b]), weights[b]) for b in blocks]
-    whole, gradient = (np.sum(parts, axis=0) for parts in zip(*sums, strict=True))
-    scale = np.maximum(np.diag(whole), 1e-300)
-    scale[: jacobian.shape[2]] = 0.0
-    total = np.zeros(len(_RIDGES) if features.shape[1] else 1)
-    for b, (information, own) in zip(blocks, sums, strict=True):
-        wide = _widen(jacobian[b], features[b])[kept[b]]
-        for k, ridge in enumerate(_RIDGES[: len(total)]):
-            covariance = leastsq.inverse(whole - information + np.diag(ridge * scale))
-            unseen = r[b][kept[b]] - wide @ (covariance @ (gradient - own))
-            total[k] += float(np.sum(unseen**2))
+    edges = np.linspace(0, len(r), BLOCKS + 1).astype(int).tolist()
+    blocks = [slice(a, b) for a, b in pairwise(edges)]
+    sums = [_sum_up(r[b], jacobian[b], features[b], weights[b]) for b in blocks]
+    whole = _Sums(*(np.sum(parts, axis=0) for parts in zip(*sums, strict=True)))
+    ridges = _RIDGES if features.shape[1] else (0.0,)
+    total = np.zeros(len(ridges))
+    for b, own in zip(blocks, sums, strict=True):
+        for k, ridge in enumerate(ridges):
+            step, more = _solve(whole.less(own), ridge)
+            unseen = r[b] + jacobian[b] @ step + features[b] @ more.T
+            total[k] += float(np.sum(unseen[kept[b]] ** 2))
     return float(np.sqrt(total.min() / max(3 * int(kept.sum()), 1)))
 
 
-def _list_blocks(n: int) -> Iterator[slice]:
-    edges = np.linspace(0, n, BLOCKS + 1).astype(int).tolist()
-    return (slice(a, b) for a, b in pairwise(edges))
-
-
-def _widen(jacobian: Array, features: Array) -> Array:
-    """A Jacobian (n, 3, a) with features (n, k) on every axis, (n, 3, a + 3 k)."""
-    by = features[:, None, None, :] * np.eye(3)[None, :, :, None]
-    return np.concatenate([jacobian, by.reshape(len(features), 3, -1)], axis=2)
-
-
-def _sum_up(r: Array, jacobian: Array, weights: Array) -> tuple[Array, Array]:
-    """Information and gradient of some readings."""
+def _sum_up(r: Array, jacobian: Array, features: Array, weights: Array) -> _Sums:
+    weighted = jacobian * weights[:, None, None]
     flat = jacobian.reshape(-1, jacobian.shape[2])
-    weighted = flat * np.repeat(weights, 3)[:, None]
-    return weighted.T @ flat, r.ravel() @ weighted
+    light = features * weights[:, None]
+    return _Sums(
+        weighted.reshape(flat.shape).T @ flat,
+        np.stack([weighted[:, axis].T @ features for axis in range(3)]),
+        light.T @ features,
+        r.ravel() @ weighted.reshape(flat.shape),
+        r.T @ light,
+    )
+
+
+def _solve(sums: _Sums, ridge: float) -> tuple[Array, Array]:
+    """The least-squares step (a,) of the fit, and (3, k) of the features on each axis."""
+    a, k = len(sums.by_fit), len(sums.features)
+    information = np.zeros((a + 3 * k, a + 3 * k))
+    information[:a, :a] = sums.fit
+    for axis in range(3):
+        own = slice(a + axis * k, a + (axis + 1) * k)
+        information[:a, own] = sums.shared[axis]
+        information[own, :a] = sums.shared[axis].T
+        information[own, own] = sums.features + ridge * np.diag(np.diag(sums.features))
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled = information / np.outer(size, size)
+    scaled[np.diag_indices_from(scaled)] += _LEAST
+    gradient = np.concatenate([sums.by_fit, sums.by_features.ravel()])
+    step = -np.linalg.solve(scaled, gradient / size) / size
+    return step[:a], step[a:].reshape(3, k)
