@@ -16,6 +16,8 @@ from tests.thermal.coil import simulate_thermal_coil
 
 AT = np.linspace(-10.0, 50.0, 13)
 WIDE = {"bin_width_C": 2.0, "rate": False, "drift": False}
+COARSE = {"bin_width_C": 2.0}
+"""Bins wide enough for what no bin decides: a quarter of the means."""
 
 
 def rms(values: np.ndarray) -> float:
@@ -37,7 +39,9 @@ def draws() -> dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
         for kind, found in made.items():
             drawn = campaign(seed, fixture_deg=1.0 if kind == "off by 1°" else 0.0)
             stations = "unknown" if kind == "unknown" else "known"
-            fit = fit_thermal(drawn.samples, KNOWN, stations=stations, **WIDE)
+            clock = drawn.samples.time if seed % 4 == 0 else None  # without: no slow changes
+            samples = drawn.samples.with_columns(time=clock)
+            fit = fit_thermal(samples, KNOWN, stations=stations, **WIDE)
             sd = fit.calibration.sd_at(AT) * np.array([1.0] * 3 + [FIELD] * 6)
             error = nine(fit.calibration, AT) - nine(drawn.truth, AT)
             found.append((error, sd, efficient(drawn, AT, turns=kind != "unknown")))
@@ -79,8 +83,9 @@ def test_the_page_s_campaign_reaches_the_page_s_figures() -> None:
     at = np.linspace(-9.5, 49.5, 60)
     for seed in range(6):
         made = campaign(100 + seed, n=540, noise=100.0 / np.sqrt(10.0))
+        samples = made.samples.with_columns(time=None)  # no clock, no slow changes to look for
         for stations, found in errors.items():
-            fit = fit_thermal(made.samples, KNOWN, stations=stations, **WIDE)
+            fit = fit_thermal(samples, KNOWN, stations=stations, **WIDE)
             found.append(nine(fit.calibration, at) - nine(made.truth, at))
     for stations, bias, matrix in (("unknown", 1.4, 1.75), ("known", 0.57, 0.86)):
         error = np.array(errors[stations])
@@ -229,7 +234,7 @@ def worst(fit, made) -> float:
 
 def test_nothing_is_said_of_a_good_campaign() -> None:
     samples, made = faulty()
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
     assert fit.ok
     assert not names(fit) - {"anomalies"}
     assert worst(fit, made) < 25.0
@@ -237,12 +242,12 @@ def test_nothing_is_said_of_a_good_campaign() -> None:
 
 def test_missing_stations_are_named_and_what_remains_is_told() -> None:
     samples, made = faulty(missing=(2, 5, 9))
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
     found = next(f for f in fit.findings if f.name == "missing stations")
     assert "stations 2, 5, 9 are missing" in found.what
     assert worst(fit, made) < 60.0
     few, _ = faulty(missing=(2, 3, 5, 6, 8, 9))
-    alone = fit_thermal(few, KNOWN)
+    alone = fit_thermal(few, KNOWN, **COARSE)
     assert alone.verdict == "refused"
     told = next(f for f in alone.findings if f.name == "undetermined")
     assert "stations='known'" in told.move
@@ -255,7 +260,9 @@ def test_a_stuck_thermometer_is_named() -> None:
     samples, made = faulty()
     stuck = samples.temperature.copy()
     stuck[samples.station == 4] = 21.0
-    fit = fit_thermal(samples.with_columns(temperature=stuck), KNOWN, stations=turns_of(made))
+    fit = fit_thermal(
+        samples.with_columns(temperature=stuck), KNOWN, stations=turns_of(made), **COARSE
+    )
     assert "thermometer stands still at station 4" in fit.status
     assert 4 not in fit.spread.stations
     assert worst(fit, made) < 40.0
@@ -263,7 +270,7 @@ def test_a_stuck_thermometer_is_named() -> None:
 
 def test_exchanged_stations_are_named_and_the_magnitude_used() -> None:
     samples, made = faulty(swapped=(3, 8))
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
     assert fit.taught_by == "magnitude"
     assert "stations 3, 8 look exchanged" in fit.status.lower()
     assert worst(fit, made) < 60.0
@@ -271,7 +278,7 @@ def test_exchanged_stations_are_named_and_the_magnitude_used() -> None:
 
 def test_a_chamber_that_drifted_is_told_from_the_sensor() -> None:
     samples, made = faulty(drift=1000.0)
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
     assert "field drifted" in names(fit)
     assert np.linalg.norm(fit.drift) == pytest.approx(1000.0, abs=100.0)
     assert worst(fit, made) < 120.0
@@ -288,7 +295,7 @@ def test_standard_errors_are_honest_in_a_field_that_moves(field: str, stations: 
     for seed in range(4):
         samples, made = faulty(20 + seed, hysteresis=100.0, rate_Hz=0.2, **MOVING[field])
         turns = turns_of(made) if stations == "known" else "unknown"
-        fit = fit_thermal(samples, KNOWN, stations=turns)
+        fit = fit_thermal(samples, KNOWN, stations=turns, **COARSE)
         assert ("field changes" in names(fit)) == (field == "slow changes")
         (truth,) = made.truth.values()
         sd = fit.calibration.sd_at(AT[1:-1]) * np.array([1.0] * 3 + [FIELD] * 6)
@@ -317,7 +324,7 @@ def test_another_field_at_each_station_is_in_the_standard_errors(stations: str) 
 
 def test_slow_changes_of_the_field_are_told_with_their_size() -> None:
     samples, made = faulty(3, field_sd=50.0)
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
     assert "field changes" in names(fit)
     assert fit.field_sd == pytest.approx(45.0, abs=15.0)
     assert fit.drift is None
@@ -327,7 +334,7 @@ def test_a_drift_near_what_can_be_seen_widens_the_errors() -> None:
     """Averaged over being there or not: neither dropped nor believed, and said so."""
     samples, made = faulty(1, drift=100.0)
     auto, without, sure = (
-        fit_thermal(samples, KNOWN, stations=turns_of(made), drift=drift)
+        fit_thermal(samples, KNOWN, stations=turns_of(made), drift=drift, **COARSE)
         for drift in ("auto", False, True)
     )
     sd = [rms(fit.calibration.sd_at(AT)[:, :3]) for fit in (without, auto, sure)]
@@ -339,7 +346,7 @@ def test_a_drift_near_what_can_be_seen_widens_the_errors() -> None:
 
 def test_a_file_that_ends_in_the_middle_is_named() -> None:
     samples, made = faulty(truncated=(4,))
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
     assert names(fit) & {"short recording", "one direction"}
     assert "station 4" in fit.status.lower()
     assert worst(fit, made) < 40.0
@@ -347,7 +354,7 @@ def test_a_file_that_ends_in_the_middle_is_named() -> None:
 
 def test_kelvin_is_named_and_taken_off() -> None:
     samples, made = faulty(kelvin=True)
-    fit = fit_thermal(samples, KNOWN, stations=turns_of(made))
+    fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
     assert "kelvin" in names(fit)
     assert fit.calibration.validity.temperature_C == pytest.approx((-10.0, 50.0), abs=1.0)
     assert worst(fit, made) < 25.0

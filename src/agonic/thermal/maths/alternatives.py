@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve
 
 from agonic.arrays import Array, Mask
 from agonic.thermal.maths.known_field import BLOCKS, KnownFieldProblem, make_pieces
@@ -26,7 +27,7 @@ MOST = 100_000
 """Readings above which nothing is compared."""
 _FEWEST = 8.0
 """Residuals for every number that is fitted."""
-_RIDGES = (1e-6, 1e-4, 1e-3, 1e-2)
+_RIDGES = (1e-5, 1e-3)
 """What is added to the information of each feature, as a share of it: against overfitting."""
 _LEAST = 1e-12
 
@@ -152,5 +153,5 @@ def _solve(sums: _Sums, ridge: float) -> tuple[Array, Array]:
     scaled = information / np.outer(size, size)
     scaled[np.diag_indices_from(scaled)] += _LEAST
     gradient = np.concatenate([sums.by_fit, sums.by_features.ravel()])
-    step = -np.linalg.solve(scaled, gradient / size) / size
+    step = -solve(scaled, gradient / size, assume_a="pos", check_finite=False) / size
     return step[:a], step[a:].reshape(3, k)
