@@ -15,7 +15,7 @@ from agonic.headings.gyro import filter_down
 from agonic.maths.rotations import tilt as kernel
 from agonic.simulation import simulate, with_inertial_unit
 from agonic.simulation.sensor import Simulated
-from benchmarks import shots, tables
+from benchmarks import inertial_published, inertial_recordings, shots, tables
 
 TILTS = (1.0, 3.0, 5.0, 10.0, 20.0, 40.0)
 BIASES = (0.05, 0.1)
@@ -122,6 +122,9 @@ def main() -> None:
     draws = min(asked.draws, 2) if asked.quick else asked.draws
     print(INTRODUCTION.format(draws=draws) + "\n\n" + simulated(draws, asked.quick))
     print("\n" + shots.describe(4 if asked.quick else 20))
+    print("\n" + inertial_published.describe(2 if asked.quick else 100))
+    if inertial_recordings.FOLDER.exists() and not asked.quick:
+        print("\n" + inertial_recordings.describe())
 
 
 if __name__ == "__main__":

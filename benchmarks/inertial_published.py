@@ -110,10 +110,8 @@ def compare(drawn: Drawn, found) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     }
 
 
-def main() -> None:
+def describe(draws: int) -> str:
     """The table of groups."""
-    asked = tables.arguments("the published simulation of a joint calibration", draws=100)
-    draws = min(asked.draws, 3) if asked.quick else asked.draws
     found, spent = [], 0.0
     for seed in range(draws):
         if seed % 10 == 0:
@@ -134,9 +132,15 @@ def main() -> None:
         rows.append(
             [name, f"{rmse:.3g}", f"{rmse / sd:.2f}", f"{squares.mean() / errors.shape[1]:.2f}"]
         )
-    print(INTRODUCTION.format(draws=draws, seconds=spent / draws))
-    print()
-    print(tables.markdown(["group", "rmse", "rmse / stated", "ANEES"], rows))
+    head = ["group", "rmse", "rmse / stated", "ANEES"]
+    said = INTRODUCTION.format(draws=draws, seconds=spent / draws)
+    return said + "\n\n" + tables.markdown(head, rows)
+
+
+def main() -> None:
+    """The table alone."""
+    asked = tables.arguments("the published simulation of a joint calibration", draws=100)
+    print(describe(min(asked.draws, 3) if asked.quick else asked.draws))
 
 
 if __name__ == "__main__":

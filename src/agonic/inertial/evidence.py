@@ -1,4 +1,4 @@
-"""What a fit beside accelerometer and gyro rests on where the field of the place is not known."""
+"""What a fit beside accelerometer and gyro rests on: the dip, known or not, and gravity's sign."""
 
 from __future__ import annotations
 
@@ -9,9 +9,14 @@ import numpy as np
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
-from agonic.inertial.start import Solved
+from agonic.inertial.settings import Settings
+from agonic.inertial.start import Solved, find_field
+from agonic.reference import Reference
+from agonic.samples import Samples
 
 INCLINATION_DOUBTFUL_DEG = 3.0
+OPPOSITE_DEG = 15.0
+"""A dip is the opposite of the known one to this, and known one steep enough to tell."""
 
 
 def check_inclination(solved: Solved) -> Finding | None:
@@ -28,6 +33,33 @@ def check_inclination(solved: Solved) -> Finding | None:
         f"the dip of the field is not known and the log tells it to {figure(sd)}° only: headings "
         "hold where the vehicle is as level as it was",
         "give the place (--at LAT,LON), or tilt the vehicle by 5° and more while it turns",
+    )
+
+
+def check_gravity(
+    fit: Fit, samples: Samples, given: Reference | None, settings: Settings
+) -> Finding | None:
+    """The finding that the acceleration has the sign of gravity, where a refused fit shows it.
+
+    Then the field seems to dip by as much towards the sky.
+    """
+    doubted = {finding.name for finding in fit.findings if finding.severity == "refuse"}
+    if given is None or given.values.ndim == 1 or not doubted & {"attitude", "heading"}:
+        return None
+    level, below = given.horizontal_and_vertical(len(samples)).mean(axis=0)
+    magnitude = Reference.constant(float(np.hypot(level, below)))
+    found = find_field(samples, magnitude, replace(settings, inclination_free=True))
+    seen = found.values.mean(axis=0)
+    known, dip = np.degrees(np.arctan2([below, seen[1]], [level, seen[0]]))
+    if abs(known) < OPPOSITE_DEG or abs(known + dip) > OPPOSITE_DEG:
+        return None
+    return Finding(
+        "inertial unit",
+        "refuse",
+        f"the field seems to dip by {figure(float(dip))}° where it should by "
+        f"{figure(float(known))}°: the acceleration has the opposite sign",
+        "turn the sign of the acceleration round: at rest and level, the axis that points down "
+        "reads −9.8 m/s²",
     )
 
 

@@ -13,7 +13,7 @@ from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.fit import Fit
 from agonic.health.turning import check_turning
-from agonic.inertial.evidence import check_inclination, without_scale
+from agonic.inertial.evidence import check_gravity, check_inclination, without_scale
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
 from agonic.inertial.solve import solve, solve_beside
@@ -110,6 +110,7 @@ def fit_inertial(
     )
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
     fit = fit.with_findings(check_turning(samples), check_inclination(solved))
+    fit = fit.with_findings(check_gravity(fit, samples, reference, settings))
     if reference is None:
         fit = without_scale(fit, samples.unit)
     return InertialFit(

@@ -13,6 +13,7 @@ from agonic.attitude.problem import Scale
 from agonic.errors import CoverageError
 from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude
+from agonic.inertial.fresh import find_fresh
 from agonic.inertial.problem import (
     INCLINATION_SD,
     pose,
@@ -195,4 +196,5 @@ def pose_felt(
 ) -> tuple[Samples, Mask, Problem, Scale]:
     """The samples with the tilt that was felt, those that are usable, and their problem."""
     tilted = with_tilt(samples, felt)
-    return tilted, find_usable(tilted), *pose(tilted, reference, felt, settings, taken_out)
+    usable = find_usable(tilted) & find_fresh(samples.field)
+    return tilted, usable, *pose(tilted, reference, felt, settings, taken_out)

@@ -26,6 +26,7 @@ _ROUNDS = 15
 _SETTLED = 0.02  # of a standard error, or of a variance
 _LOOSE = 1e-6  # what is known of a state beforehand, over 1/rad²
 _FEWEST = 8  # batches that tell a scatter
+_LEAST_FORCE = 1e-3  # m/s²: no accelerometer's row is better
 _RATES_KNOWN = 10.0  # residuals that the third differences of the rates count as
 _TUKEY = 0.961  # Σ w q / Σ w of Gaussian vectors under Tukey's loss, q = r²/3
 
@@ -77,7 +78,7 @@ def estimate_jointly(
     """
     params = np.concatenate([params, np.zeros(len(log.gains))])
     prior = _add_gains(problem, len(log.gains))
-    least = np.array([1e-9, log.force_sd, log.rate_sd]) ** 2
+    least = np.array([1e-9, max(log.force_sd, _LEAST_FORCE), max(log.rate_sd, 1e-5)]) ** 2
     variances = np.maximum(least, [noise_sd**2, 0.0, 0.0])
     weights, states = usable, start[take_out(log, params).track.nodes]
     for turn in range(_ROUNDS):

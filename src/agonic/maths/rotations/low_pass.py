@@ -17,6 +17,8 @@ WIDTH = 0.69
 """Of the band just above the corner, over the corner: ∫x⁸(1 + x⁴)⁻⁴ dx over its peak."""
 IN_BAND = 1 / 3
 """Of the errors that are fitted there: the others change more slowly."""
+LEAST_RATE_VARIANCE = 1e-10
+"""(rad/s)²: no gyro's row is better, whatever rounding or interpolation makes of differences."""
 BLIND = 3.0
 """Time constants at the ends, where the low-pass has only half of its data."""
 
@@ -65,5 +67,8 @@ def measure_rate_variance(rate: Array) -> float:
     >>> round(measure_rate_variance(noise), 1)
     1.0
     """
+    if len(rate) < 4:
+        return LEAST_RATE_VARIANCE
     jerk = np.diff(rate, n=3, axis=0)
-    return float(np.mean((leastsq.MAD_TO_SD * np.median(np.abs(jerk), axis=0)) ** 2) / 20)
+    found = float(np.mean((leastsq.MAD_TO_SD * np.median(np.abs(jerk), axis=0)) ** 2) / 20)
+    return max(found, LEAST_RATE_VARIANCE)
