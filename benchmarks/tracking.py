@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from tests.inflight.turning import turn_about
 
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.inflight.simulation.orbit import simulate_orbit
@@ -15,15 +16,16 @@ from benchmarks.speed import median_s
 
 Array = np.ndarray
 INTRODUCTION = """Processor time of one core, median of {draws} runs over {n} readings of a
-simulated orbit (a tenth of them without numba, a hundredth one a call). The filter takes every
-reading by itself; gate, jump test, history and what is kept to go back to a jump are in the
-figures."""
+simulated orbit, a tenth of them beside a gyro (of those a tenth without numba, a hundredth one a
+call). The filter takes every reading by itself; gate, jump test, history and what is kept to go
+back to a jump are in the figures."""
 MODELS = {
     "bias alone": {"solve": "bias", "walk": 0.4},
     "bias and matrix": {"walk": 0.4},
     "… with an external field": {"walk": 0.4, "external_sd": 20.0},
     "… with a walk of the matrix": {"walk": 0.4, "external_sd": 20.0, "matrix_walk": 1e-8},
 }
+BESIDE_GYRO = {"beside a gyro, bias": "bias", "beside a gyro, bias and matrix": "full"}
 WARM = 3000  # readings after which the bias has settled
 
 
@@ -36,23 +38,46 @@ def orbit(n: int) -> tuple[Array, Array, Array]:
 
 
 def follow(
-    state: TrackerState, params: TrackerParams, data: tuple[Array, Array, Array], compiled: bool
+    state: TrackerState, params: TrackerParams, data: tuple[Array, ...], compiled: bool
 ) -> None:
-    """All readings in one call."""
-    update(state, params, *data, compiled=compiled)
+    """All readings in one call; a gyro's rates are the fourth of the data."""
+    time, raw, magnitude, *rate = data
+    update(state, params, time, raw, magnitude, rate=rate[0] if rate else None, compiled=compiled)
 
 
-def one_by_one(
-    state: TrackerState, params: TrackerParams, data: tuple[Array, Array, Array]
-) -> None:
+def one_by_one(state: TrackerState, params: TrackerParams, data: tuple[Array, ...]) -> None:
     """A call a reading, as on board or on a live stream, without numba."""
-    for time, raw, magnitude in zip(*data, strict=True):
-        state, _ = update(state, params, time, raw, magnitude, compiled=False)
+    for time, raw, magnitude, *rate in zip(*data, strict=True):
+        beside = rate[0] if rate else None
+        state, _ = update(state, params, time, raw, magnitude, rate=beside, compiled=False)
 
 
 def speed(work: Callable[[], None], n: int, draws: int) -> str:
     """Thousands of readings a second."""
     return f"{n / median_s(work, draws) / 1e3:.3g}"
+
+
+def turned(n: int) -> tuple[Array, ...]:
+    """Times, readings, reference magnitudes and rates of a sensor that is turned to and fro."""
+    made = turn_about(0, n=n, walk=0.0)
+    assert made.samples.time is not None
+    assert made.samples.rotation_rate is not None
+    size = np.linalg.norm(made.field, axis=1)
+    return made.samples.time, made.samples.field, size, made.samples.rotation_rate
+
+
+def measure(
+    name: str, state: TrackerState, params: TrackerParams, data: tuple[Array, ...], draws: int
+) -> tuple[str, str, str, str]:
+    """A row of the table."""
+    n = len(data[0])
+    few, fewer = (tuple(part[: n // share] for part in data) for share in (10, 100))
+    return (
+        name,
+        speed(partial(follow, state, params, data, True), n, draws),
+        speed(partial(follow, state, params, few, False), n // 10, draws),
+        speed(partial(one_by_one, state, params, fewer), n // 100, draws),
+    )
 
 
 def main() -> None:
@@ -69,15 +94,15 @@ def main() -> None:
             start(None, params), params, time[first], raw[first], magnitude[first], compiled=True
         )
         data = (time[rest], raw[rest], magnitude[rest])
-        few, fewer = (tuple(part[: n // share] for part in data) for share in (10, 100))
-        rows.append(
-            (
-                name,
-                speed(partial(follow, state, params, data, True), n, asked.draws),
-                speed(partial(follow, state, params, few, False), n // 10, asked.draws),
-                speed(partial(one_by_one, state, params, fewer), n // 100, asked.draws),
-            )
-        )
+        rows.append(measure(name, state, params, data, asked.draws))
+    for name, solve in BESIDE_GYRO.items():
+        tables.progress(f"tracking: {name}")
+        params = TrackerParams(noise=100.0, solve=solve, gyro=True)
+        whole = turned(n // 10 + WARM)
+        state = start(None, params, gyro=True)
+        warm, data = (tuple(part[rows_] for part in whole) for rows_ in (first, rest))
+        state, _ = update(state, params, *warm[:3], rate=warm[3], compiled=True)
+        rows.append(measure(name, state, params, data, asked.draws))
     print(INTRODUCTION.format(draws=asked.draws, n=n))
     print()
     header = ("thousand readings a second", "numba", "without", "without, one a call")
