@@ -109,6 +109,28 @@ def test_a_station_that_cooled_too_fast_was_not_cut(clean) -> None:
     assert "station 5 cooled at up to 1." in found["cooling"].what
 
 
+@pytest.mark.parametrize(("where", "minutes"), [("in the cold", 5), ("at the end", 3)])
+def test_a_station_that_was_held_too_briefly_was_not_cut(clean, where: str, minutes: int) -> None:
+    """Six readings a minute: of a quarter of an hour's hold the rest is taken out."""
+
+    def change(number, samples):
+        if number != 7:
+            return samples
+        level, step = samples.temperature, samples.time[1] - samples.time[0]
+        end = level.min() if where == "in the cold" else level[-1]
+        held = np.flatnonzero(np.abs(level - end) < 0.5)
+        held = held[held > len(level) // 4]  # the recording begins as warm as it ends
+        rows = np.delete(np.arange(len(level)), held[6 * minutes :])
+        return samples.select(rows).with_columns(time=samples.time[0] + step * np.arange(len(rows)))
+
+    found = {f.name: f for f in check_campaign(with_samples(clean, change))[1]}
+    assert "ends early" not in found
+    assert f"held {where} for" in found["holds"].what
+    assert "at station 7 instead of 15 min" in found["holds"].what
+    held = int(found["holds"].what.partition(" for ")[2].split()[0])
+    assert abs(held - minutes) <= 3  # what the box takes to come near and to leave counts too
+
+
 def test_own_turns_are_not_called_swapped(clean) -> None:
     """Stations turned in an own way: no exchange of two of them explains the readings."""
     turns = Rotation.random(12, rng=np.random.default_rng(1)).as_matrix()

@@ -94,7 +94,11 @@ def _read_table(path: Path, head: bytes, columnar: bool) -> tuple[Table, tuple[s
 
 def _take_first(table: Table) -> NDArray[Any]:
     if not table:
-        raise LogError("no column of it is understood; name them time_s, mag_x_uT, temperature_C …")
+        raise LogError(
+            "no column of it is understood; name them time_s, mag_x_uT, temperature_C …, or say "
+            "which they are: --columns time_s=…,x=…,y=…,z=…,temperature_C=… or columns in "
+            "campaign.toml"
+        )
     return next(iter(table.values()))
 
 
