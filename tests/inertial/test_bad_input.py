@@ -1,0 +1,54 @@
+"""Sensors that are slow, clipped, late or of the opposite sign: handled or named."""
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from tests.inertial.drives import drive, heading_error_deg
+
+
+def hold(values, rows):
+    """Each reading repeated for so many rows."""
+    return values[np.arange(len(values)) // rows * rows]
+
+
+def clip(values, share):
+    """Readings held within a share of the largest."""
+    limit = share * np.abs(values).max()
+    return np.clip(values, -limit, limit)
+
+
+HANDLED = {
+    "acceleration and rates ten times slower": lambda s: {
+        "acceleration": hold(s.acceleration, 10),
+        "rotation_rate": hold(s.rotation_rate, 10),
+    },
+    "readings ten times slower": lambda s: {"field": hold(s.field, 10)},
+    "a gyro that clips": lambda s: {"rotation_rate": clip(s.rotation_rate, 0.5)},
+}
+
+
+@pytest.mark.parametrize("what", list(HANDLED))
+def test_slow_and_clipped_sensors_are_handled(what: str) -> None:
+    made, logged, place = drive(tilt_deg=10.0, n=2000)
+    fit = ag.fit_inertial(logged.with_columns(**HANDLED[what](logged)), place)
+    error = heading_error_deg(fit.calibration, made, 10.0)
+    assert error < 1.5
+    assert (np.abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all()
+
+
+def test_clocks_that_differ_never_make_a_wrong_fit_good() -> None:
+    for late_s, worst in ((0.1, 1.5), (1.0, 3.0)):
+        made, logged, place = drive(tilt_deg=10.0, n=2000, unit={"late_s": late_s})
+        fit = ag.fit_inertial(logged, place)
+        assert heading_error_deg(fit.calibration, made, 10.0) < worst
+        assert fit.verdict == ("good" if late_s < 0.5 else "check")
+
+
+def test_acceleration_of_the_opposite_sign_is_named() -> None:
+    _, logged, place = drive(tilt_deg=10.0, n=2000)
+    fit = ag.fit_inertial(logged.with_columns(acceleration=-logged.acceleration), place)
+    assert fit.verdict == "refused"
+    named = [finding.what for finding in fit.findings if finding.name == "inertial unit"]
+    assert len(named) == 1
+    assert "opposite sign" in named[0]
