@@ -12,6 +12,7 @@ from benchmarks import estimators, honesty, speed, tables
 ALONE = (
     "controller",
     "dataflash",
+    "disturbers",
     "field",
     "heading",
     "inertial",
