@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,18 +65,18 @@ def _bar(x: float, y: float, wide: float, high: float, name: str) -> Markup:
     )
 
 
-def draw_series(values: Array, time: Array | None, names: dict[str, str], unit: str) -> Markup:
-    """Columns of values (n, k) over time, a line each; without times in their order.
-
-    `names` are the words of each line, by the class of its colour.
-    """
+def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: str) -> list[Markup]:
+    """Columns of values (n, k) over time, a strip each; without times in their order."""
     x, along = along_rows(time, np.arange(len(values)))
     limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
     y, columns = Axis(f"residual, {unit}", -limit, limit), Columns(x, along)
-    lines = [
-        line(columns, y, columns.mean(one), name) for name, one in zip(names, values.T, strict=True)
+    strips = (
+        [level(y, 0.0, "noise"), line(columns, y, columns.mean(one), "mean")] for one in values.T
+    )
+    return [
+        caption(name, plot(x, y, layers, f"Residuals {name}"))
+        for name, layers in zip(names, strips, strict=True)
     ]
-    return caption("Residuals", plot(x, y, [level(y, 0.0, "zero"), *lines], "Residuals"), names)
 
 
 def list_inputs(*inputs: Input | None) -> Section:

@@ -64,9 +64,9 @@ def describe_coil(fit: CoilFit) -> Document:
     )
 
 
-def _draw(fit: CoilFit) -> Markup:
-    """What is left of the mean field of each stretch, an axis a line."""
-    names = {"mean": "x", "noise": "y", "after": "z, of the magnetometer"}
+def _draw(fit: CoilFit) -> list[Markup]:
+    """What is left of the mean field of each stretch along the axes of the magnetometer."""
+    names = [f"along {letter}" for letter in "xyz"]
     return draw_series(fit.estimate.residuals, fit.stretches.time, names, "nT")
 
 

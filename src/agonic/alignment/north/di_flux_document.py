@@ -31,7 +31,7 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
     about = ", ".join(text for text in (sheet.pillar, sheet.theodolite, sheet.sensor) if text)
     left = -np.asarray(fit.estimate.residuals)[:, None]
     unit = "units of the fluxgate" if fit.scaled else "its own units"
-    drawn = partial(draw_series, left, None, {"mean": "of each setting in its turn"}, unit)
+    drawn = partial(draw_series, left, None, ["of each setting in its turn"], unit)
     rows = Table(SETTING_HEAD, _setting_rows(fit), "numbers small")
     return Document(
         schema="agonic/fit-di-flux@1",
