@@ -63,5 +63,6 @@ html_show_sourcelink = False
 html_copy_source = False
 html_static_path = ["_static"]
 html_css_files = ["terminal.css", "house.css"]
+html_js_files = ["copy-code.js"]
 pygments_style = "tango"
 pygments_dark_style = "github-dark"

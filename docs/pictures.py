@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser, sync_playwright
 
 from agonic.cli import run
 
@@ -14,6 +14,51 @@ STATIC = Path(__file__).parent / "_static"
 
 
 CAMPAIGN = ("simulate", "campaign", "--rate", "0.1", "--seed", "7")
+
+
+GALLERY: dict[str, tuple[str, ...]] = {
+    "calibrate": (
+        "simulate hand -o hand.csv --seed 3",
+        "calibrate hand.csv --field 50000 -o hand",
+        "hand/report.html",
+    ),
+    "heading": (
+        "simulate circle -o circle.csv --tilt 10",
+        "fit ellipsoid hand.csv --field 50000 -o mag.json",
+        "heading mag.json circle.csv --at 47,8 --date 2026-05-01 -o h.csv --report heading.html",
+        "heading.html",
+    ),
+    "refused": (
+        "simulate circle -o flat.csv --tilt 1",
+        "calibrate flat.csv --field 50000 -o flat",
+        "flat/report.html",
+    ),
+    "alignment": (
+        "simulate alignment -o night",
+        "fit alignment night -o night.json --report alignment.html",
+        "alignment.html",
+    ),
+    "north": ("simulate north -o pier", "fit north pier --report north.html", "north.html"),
+    "coil": ("simulate coil -o coil", "fit coil coil --report coil.html", "coil.html"),
+    "fleet": (
+        "simulate fleet -o boards --sensors 60",
+        "fleet boards/logs --field 48000 -o boards-out",
+        "boards-out/report.html",
+    ),
+}
+"""Commands that make each page of the gallery, and the page."""
+
+
+def gallery_pictures(browser: Browser, folder: str) -> None:
+    """The top of each page, as a screen of 1100 by 1100 points shows it."""
+    (STATIC / "gallery").mkdir(exist_ok=True)
+    view = browser.new_page(viewport={"width": 1100, "height": 1100})
+    for name, (*commands, page) in GALLERY.items():
+        for command in commands:
+            subprocess.run([sys.executable, "-m", "agonic", *command.split()], cwd=folder)
+        view.goto(f"file://{folder}/{page}")
+        view.wait_for_timeout(500)
+        view.screenshot(path=STATIC / "gallery" / f"{name}.png", scale="css")
 
 
 def main() -> None:
@@ -34,6 +79,7 @@ def main() -> None:
             page.goto(f"file://{folder}/{file}")
             page.wait_for_timeout(500)
             page.screenshot(path=STATIC / picture)
+        gallery_pictures(browser, folder)
         browser.close()
     live_pictures()
 

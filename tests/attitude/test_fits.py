@@ -106,13 +106,13 @@ def test_error_over_sd_is_standard_normal(kind: str, tilt_sd_deg: float) -> None
 def test_a_turn_of_the_sensor_is_found_where_it_is_and_only_there() -> None:
     _, samples = flown(1)
     straight = fit_levelled(samples, PLACE)
-    assert "turned by" not in straight.status
+    assert "misaligned by" not in straight.status
     assert straight.coverage.heading_sd_deg < 0.5
     turn = Rotation.from_euler("yx", [3.0, 2.0], degrees=True)
     turned = samples.with_columns(field=samples.field @ turn.as_matrix().T)
     fit = fit_levelled(turned, PLACE)
     assert fit.calibration.gauge == "free"
-    assert "turned by" in fit.status
+    assert "misaligned by" in fit.status
     assert len(fit.sd) == 12
     assert rms(error_deg(turned, fit.calibration.correct(turned.field))) < 1.0
 

@@ -75,7 +75,7 @@ def test_a_zero_of_roll_that_is_off_is_in_the_vehicles_heading(biased_deg: float
     samples = made.samples.with_columns(roll_deg=made.samples.roll_deg + biased_deg)
     fit = fit_levelled(samples, PLACE)
     assert level_error_deg(fit.calibration, made.truth) < 3 * fit.coverage.heading_sd_deg
-    assert "turned by" in fit.status
+    assert "misaligned by" in fit.status
     assert (fit.verdict == "check") == (biased_deg > 2.0)
 
 

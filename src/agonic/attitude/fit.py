@@ -137,9 +137,9 @@ def _turn_test(problem: Problem, found: Estimate) -> ModelTest:
         words = f"no sign of a turn between the sensor and {axes}"
     elif problem.shared is None:
         words = (
-            f"the sensor sits turned by {degrees}° against {axes}, or their zero is off by as "
+            f"the sensor is misaligned by {degrees}° from {axes}, or their zero is off by as "
             "much: the heading's standard error allows for either"
         )
     else:
-        words = f"the sensor sits turned by {degrees}° against {axes}"
+        words = f"the sensor is misaligned by {degrees}° from {axes}"
     return ModelTest(smaller=SYMMETRIC, larger=FREE, statistic=statistic, p_value=p, sentence=words)

@@ -11,7 +11,7 @@ from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import wrap_deg
 
 OFFSET_DOUBTFUL_DEG = 5.0
-"""No sensor sits turned about the vertical by more, unless somebody meant it to."""
+"""No sensor is misaligned about the vertical by more, unless somebody meant it to."""
 MAGNETIC_WITHIN_DEG = 2.0
 """A heading that is off by the declination to this is magnetic, where the declination is larger."""
 FOLLOWS = 0.9

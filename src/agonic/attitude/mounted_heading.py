@@ -76,7 +76,7 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
         return Finding(
             "turned sensor",
             "check",
-            f"the sensor sits turned by {figure(mounted.turn_deg)}° in the vehicle, or its "
+            f"the sensor is misaligned by {figure(mounted.turn_deg)}° in the vehicle, or its "
             "attitude is off by as much: a heading of the sensor's own axes is known to "
             f"{own}°, the vehicle's to {vehicle}°",
             "look how the sensor sits, and set the zero of roll and pitch with the vehicle level",
@@ -87,7 +87,7 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
         "mounting about the vertical",
         "note",
         f"the verdict is on the heading of the sensor's own axes, known to {own}°; how far the "
-        f"sensor sits turned about the vertical is known to {figure(mounted.vertical_sd_deg)}° "
+        f"sensor is turned about the vertical is known to {figure(mounted.vertical_sd_deg)}° "
         f"only, and so is the vehicle's heading, to {vehicle}°",
         "bank and pitch more while turning, or compare with one known heading",
     )

@@ -83,7 +83,7 @@ def _move(estimate: Estimate, problem: Problem, other: Problem) -> Array:
 def find_turn_move(estimate: Estimate, problem: Problem) -> Array | None:
     """By how much the parameters are off if a turn that was found is not the sensor's.
 
-    Roll and pitch with an error of their zero look the same as a sensor that sits turned. Either
+    Roll and pitch with an error of their zero look the same as a misaligned sensor. Either
     may be; halfway between the two the variance is half of the square of the turn.
     """
     if problem.gauge != FREE or problem.dip is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -167,7 +168,7 @@ def _list_unusual(run: FleetRun) -> list[Section]:
 
 
 def _shorten(text: str, most: int = 88) -> str:
-    return text if len(text) <= most else text[: most - 1].rstrip() + "…"
+    return shorten(text, most, placeholder=" …")
 
 
 # ---- the page ------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from textwrap import shorten
 
 import numpy as np
 
@@ -152,7 +153,7 @@ def _make_reason_row(population: Population, name: str, reason: _Reason) -> Sequ
 
 
 def _shorten(text: str, most: int = 200) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}…"
+    return shorten(text, most, placeholder=" …")
 
 
 # ---- the rest ------------------------------------------------------------------------------------

@@ -41,4 +41,4 @@ def sentence(text: str) -> str:
     >>> sentence("turn it nose down")
     'Turn it nose down.'
     """
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?", "…")) else ".")

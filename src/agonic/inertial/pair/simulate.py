@@ -71,13 +71,15 @@ def simulate_shots(
     attitudes : shots at no target. targets, rolls : how many targets, and shots at each.
     magnitude, inclination_deg : of the field, nT, degrees.
     accelerometer_noise, noise, pointing_deg : of one shot, m/s², nT and degrees, sd.
-    accelerometer_bias_sd, accelerometer_shape_sd, bias_sd, soft_iron_sd, turn_sd_deg,
-    sight_sd_deg : standard deviations of what is drawn: m/s², parts of one, nT, degrees.
+    accelerometer_bias_sd, accelerometer_shape_sd, bias_sd, soft_iron_sd : standard deviations of
+        what is drawn: m/s², parts of one, nT, parts of one.
+    turn_sd_deg, sight_sd_deg : the same of the mountings, degrees.
     bad : shots beside a lump of iron, which adds a twentieth of the field in some direction.
     tilt_deg : the most that shots at no target are tilted from level; `None`: all directions.
-
     survey : another number gives other shots by the same instrument, which `seed` draws.
 
+    Examples
+    --------
     >>> simulate_shots().samples.target.tolist()[6:10]
     [0.0, 0.0, 1.0, 1.0]
     """
