@@ -156,7 +156,7 @@ def simulated(draws: int) -> str:
     for name, method in METHODS.items():
         off, over = [], []
         for seed in range(draws):
-            made = ag.simulate_shots(seed=seed)
+            made = ag.inertial.simulate_shots(seed=seed)
             error = errors_deg(method(made.samples), made)
             off.append(np.mean(error**2))
             if method is together:

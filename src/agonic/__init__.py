@@ -70,6 +70,7 @@ GROUPS = (
     "fleet",
     "headings",
     "history",
+    "inertial",
     "inflight",
     "live",
     "network",

@@ -9,6 +9,7 @@ from agonic import exports as exports
 from agonic import fleet as fleet
 from agonic import headings as headings
 from agonic import history as history
+from agonic import inertial as inertial
 from agonic import inflight as inflight
 from agonic import live as live
 from agonic import network as network
@@ -57,11 +58,6 @@ from agonic.headings.compute import heading as heading
 from agonic.headings.result import Heading as Heading
 from agonic.health import Finding as Finding
 from agonic.inertial.fit import fit_inertial as fit_inertial
-from agonic.inertial.pair import PairCheck as PairCheck
-from agonic.inertial.pair import PairFit as PairFit
-from agonic.inertial.pair import check_pair as check_pair
-from agonic.inertial.pair import fit_pair as fit_pair
-from agonic.inertial.pair.simulate import simulate_shots as simulate_shots
 from agonic.inertial.result import InertialFit as InertialFit
 from agonic.logs.log import Log as Log
 from agonic.logs.read import open_log as open_log
@@ -103,6 +99,7 @@ from agonic.exports.px4 import write_px4 as write_px4
 from agonic.exports.ros import write_ros as write_ros
 from agonic.exports.table import write_table as write_table
 from agonic.headings.deviation import fit_deviation as fit_deviation
+from agonic.inertial.pair import fit_pair as fit_pair
 from agonic.inflight.fit import fit_inflight as fit_inflight
 from agonic.inflight.fit import fit_mission as fit_mission
 from agonic.network.fit import fit_network as fit_network

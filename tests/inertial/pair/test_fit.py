@@ -18,7 +18,7 @@ FREE = [0, 4, 8, 1, 2, 5, 3, 6, 7]
 """Where xx yy zz xy xz yz yx zx zy stand in a matrix, row by row."""
 
 
-def errors(fit: ag.PairFit, made: SimulatedShots) -> np.ndarray:
+def errors(fit: ag.inertial.PairFit, made: SimulatedShots) -> np.ndarray:
     """The errors of both calibrations (24,) in standard errors."""
     off = []
     for found, true in (
@@ -29,7 +29,7 @@ def errors(fit: ag.PairFit, made: SimulatedShots) -> np.ndarray:
     return np.concatenate(off) / np.sqrt(np.diag(fit.covariance))
 
 
-def sight_deg(fit: ag.PairFit, samples: ag.Samples) -> np.ndarray:
+def sight_deg(fit: ag.inertial.PairFit, samples: ag.Samples) -> np.ndarray:
     """The direction of the sight at each shot, (n, 3) unit vectors: north, east, up."""
     up = fit.accelerometer.correct(samples.acceleration)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
@@ -82,7 +82,7 @@ def test_the_jacobian_is_the_derivative() -> None:
 def test_the_standard_errors_are_honest(settings: dict) -> None:
     z, left_out = [], 0
     for seed in range(12):
-        made = ag.simulate_shots(seed=seed, **settings)
+        made = ag.inertial.simulate_shots(seed=seed, **settings)
         fit = ag.fit_pair(made.samples, STRENGTH)
         assert fit.verdict != "refused"
         z.append(errors(fit, made))
@@ -96,7 +96,7 @@ def test_the_biases_and_the_dip_are_as_good_as_they_can_be() -> None:
     """Errors beside the Cramér–Rao bound of the whole model: known noise, no prior."""
     z = []
     for seed in range(6):
-        made = ag.simulate_shots(attitudes=30, targets=3, rolls=10, seed=seed)
+        made = ag.inertial.simulate_shots(attitudes=30, targets=3, rolls=10, seed=seed)
         fit = ag.fit_pair(made.samples, STRENGTH)
         off = np.concatenate(
             [
@@ -148,17 +148,17 @@ def bound(made: SimulatedShots) -> np.ndarray:
 
 
 def test_the_sight_the_turn_and_the_dip_are_found() -> None:
-    made = ag.simulate_shots(attitudes=16, seed=3)
+    made = ag.inertial.simulate_shots(attitudes=16, seed=3)
     fit = ag.fit_pair(made.samples)
     assert np.degrees(np.linalg.norm(fit.sight.axis - made.sight)) < 4 * fit.sight.sd_deg
     assert abs(fit.inclination_deg - 66.0) < 4 * fit.inclination_sd_deg
-    later = ag.simulate_shots(attitudes=0, targets=1, rolls=24, seed=3, survey=1).samples
+    later = ag.inertial.simulate_shots(attitudes=0, targets=1, rolls=24, seed=3, survey=1).samples
     assert scatter_deg(sight_deg(fit, later)) < 0.8
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_one_bad_shot_is_named_and_does_no_harm(seed: int) -> None:
-    clean, bad = (ag.simulate_shots(seed=seed, bad=count) for count in (0, 1))
+    clean, bad = (ag.inertial.simulate_shots(seed=seed, bad=count) for count in (0, 1))
     fit, best = (ag.fit_pair(made.samples, STRENGTH) for made in (bad, clean))
     assert fit.left_out.tolist() == bad.bad.tolist()
     assert f"shot {bad.bad[0] + 1} does not fit" in fit.status.lower()
@@ -169,7 +169,7 @@ def test_one_bad_shot_is_named_and_does_no_harm(seed: int) -> None:
 def test_of_several_bad_shots_no_harm_is_left() -> None:
     square = []
     for seed in range(100, 106):
-        made = ag.simulate_shots(seed=seed, bad=3)
+        made = ag.inertial.simulate_shots(seed=seed, bad=3)
         fit = ag.fit_pair(made.samples, STRENGTH)
         if fit.verdict != "refused":
             square.append(np.mean(errors(fit, made) ** 2))
@@ -178,7 +178,7 @@ def test_of_several_bad_shots_no_harm_is_left() -> None:
 
 
 def test_arrays_and_numbers_will_do() -> None:
-    samples = ag.simulate_shots(seed=1).samples
+    samples = ag.inertial.simulate_shots(seed=1).samples
     table = {"mag_x_nT": samples.field[:, 0], "mag_y_nT": samples.field[:, 1]}
     table |= {"mag_z_nT": samples.field[:, 2], "target": samples.target}
     table |= {f"acc_{a}_m_s2": samples.acceleration[:, k] for k, a in enumerate("xyz")}
@@ -189,16 +189,16 @@ def test_arrays_and_numbers_will_do() -> None:
 
 
 def test_shots_among_iron_are_refused() -> None:
-    fit = ag.fit_pair(ag.simulate_shots(seed=4, bad=14).samples)
+    fit = ag.fit_pair(ag.inertial.simulate_shots(seed=4, bad=14).samples)
     assert fit.verdict == "refused"
     assert {"field varies", "shots disagree"} & {f.name for f in fit.findings}
 
 
 def test_few_shots_are_refused_with_what_to_add() -> None:
-    few = ag.simulate_shots(attitudes=8, targets=0).samples
+    few = ag.inertial.simulate_shots(attitudes=8, targets=0).samples
     with pytest.raises(ag.CoverageError, match=r"8 attitudes.*12 are needed.*nose up"):
         ag.fit_pair(few)
-    level = ag.simulate_shots(attitudes=20, targets=0, tilt_deg=3.0, noise=300.0).samples
+    level = ag.inertial.simulate_shots(attitudes=20, targets=0, tilt_deg=3.0, noise=300.0).samples
     fit = ag.fit_pair(level)
     assert fit.verdict == "refused"
     assert "attitudes missing" in [f.name for f in fit.findings]
@@ -208,26 +208,26 @@ def test_few_shots_are_refused_with_what_to_add() -> None:
 
 
 def test_what_is_to_be_added_helps_more_than_what_is_there() -> None:
-    made = ag.simulate_shots(attitudes=12, targets=0, tilt_deg=20.0)
-    spread = ag.simulate_shots(attitudes=18, targets=0)
+    made = ag.inertial.simulate_shots(attitudes=12, targets=0, tilt_deg=20.0)
+    spread = ag.inertial.simulate_shots(attitudes=18, targets=0)
     wide, narrow = ag.fit_pair(spread.samples), ag.fit_pair(made.samples)
     assert narrow.heading_sd_deg > 2 * wide.heading_sd_deg
 
 
 def test_shots_that_miss_their_target_are_found_out() -> None:
-    made = ag.simulate_shots(targets=0, attitudes=24, seed=1)
+    made = ag.inertial.simulate_shots(targets=0, attitudes=24, seed=1)
     wrong = made.samples.with_columns(target=np.repeat([1.0, 2.0, 3.0], 8))
     fit = ag.fit_pair(wrong)
     assert fit.verdict == "check"
     assert "not kept on target" in fit.status
     assert fit.sight is None
     np.testing.assert_allclose(fit.calibration.bias, ag.fit_pair(made.samples).calibration.bias)
-    loose = ag.fit_pair(ag.simulate_shots(pointing_deg=2.0, seed=1).samples)
+    loose = ag.fit_pair(ag.inertial.simulate_shots(pointing_deg=2.0, seed=1).samples)
     assert "sight not kept" in [f.name for f in loose.findings]
 
 
 def test_the_sign_of_gravity_is_told_by_the_place() -> None:
-    made = ag.simulate_shots(seed=5)
+    made = ag.inertial.simulate_shots(seed=5)
     turned = made.samples.with_columns(acceleration=-made.samples.acceleration)
     doubted = ag.fit_pair(turned)
     assert doubted.verdict == "check"
@@ -241,7 +241,7 @@ def test_the_sign_of_gravity_is_told_by_the_place() -> None:
 
 
 def test_a_magnetometer_that_is_mounted_the_other_way_round_is_found() -> None:
-    made = ag.simulate_shots(seed=6)
+    made = ag.inertial.simulate_shots(seed=6)
     turn = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     fit = ag.fit_pair(made.samples.with_columns(field=made.samples.field @ turn.T))
     straight = ag.fit_pair(made.samples)
@@ -252,7 +252,7 @@ def test_a_magnetometer_that_is_mounted_the_other_way_round_is_found() -> None:
 
 
 def test_rows_of_a_station_are_one_shot() -> None:
-    made = ag.simulate_shots(attitudes=20, targets=0, seed=7)
+    made = ag.inertial.simulate_shots(attitudes=20, targets=0, seed=7)
     rows = np.repeat(np.arange(20), 5)
     numbered = made.samples.select(rows).with_columns(station=rows + 1.0)
     fit = ag.fit_pair(numbered)
@@ -271,7 +271,7 @@ def test_stretches_at_rest_are_found_in_a_recording() -> None:
 
 def test_without_acceleration_nothing_can_be_done() -> None:
     with pytest.raises(ag.LogError, match="without acceleration"):
-        ag.fit_pair(ag.simulate_shots().samples.with_columns(acceleration=None))
+        ag.fit_pair(ag.inertial.simulate_shots().samples.with_columns(acceleration=None))
 
 
 @pytest.mark.recordings

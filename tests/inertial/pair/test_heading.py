@@ -27,7 +27,7 @@ def look_around(made: SimulatedShots, seed: int, n: int = 150) -> tuple[ag.Sampl
 def test_headings_are_right_and_their_errors_honest(settings: dict) -> None:
     square, off = [], []
     for seed in range(12):
-        made = ag.simulate_shots(seed=seed, **settings)
+        made = ag.inertial.simulate_shots(seed=seed, **settings)
         setup = ag.fit_pair(made.samples).make_setup(declination_deg=0.0)
         samples, truth = look_around(made, seed)
         found = ag.heading(samples, setup)
@@ -39,7 +39,7 @@ def test_headings_are_right_and_their_errors_honest(settings: dict) -> None:
 
 
 def test_the_accelerometer_s_calibration_matters() -> None:
-    made = ag.simulate_shots(seed=1)
+    made = ag.inertial.simulate_shots(seed=1)
     setup = ag.fit_pair(made.samples).make_setup(declination_deg=0.0)
     bare = ag.Setup(compasses=setup.compasses, tilt="accelerometer", declination_deg=0.0)
     samples, truth = look_around(made, 1)
@@ -51,7 +51,7 @@ def test_the_accelerometer_s_calibration_matters() -> None:
 
 
 def test_gyro_and_accelerometer_are_turned_into_the_same_axes() -> None:
-    made = ag.simulate_shots(seed=2)
+    made = ag.inertial.simulate_shots(seed=2)
     setup = ag.fit_pair(made.samples).make_setup(declination_deg=0.0)
     samples, _ = look_around(made, 2)
     from agonic.headings.attitude import calibrate_acceleration

@@ -53,7 +53,7 @@ def fit_pair(
     samples : with `acceleration`, a row a shot, or rows by `station`, or a recording with times
         whose stretches at rest are the shots; twelve attitudes or more, 24 are good. `target`
         numbers the target of each shot, 0 for none.
-    reference : the field of the place, for its magnitude and dip; a magnitude in nT; or `None`.
+    reference : the magnitude, one or (n,), nT, or the field of the place with its dip; or `None`.
     accelerometer_bias_sd, accelerometer_shape_sd : standard deviations of the priors on the
         accelerometer's biases, in g, and on its scales and cross terms.
     soft_iron_sd : that of the prior on the magnetometer's matrix. turn_sd_deg : that of the turn
