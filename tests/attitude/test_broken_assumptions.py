@@ -13,6 +13,7 @@ from benchmarks.faults import (
     Recording,
     quantised,
     record,
+    saturation_across,
     tilts,
     with_attitude,
 )
@@ -20,6 +21,7 @@ from scipy.linalg import polar
 
 import agonic as ag
 from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.health.adequacy.examine import CAUSES
 
 PLACE = ag.Reference.vector(FIELD_N, frame="n")
 FITS = {"levelled": ag.fit_levelled, "vector": ag.fit_vector}
@@ -91,3 +93,22 @@ def test_errors_of_the_attitude_that_last(kind: str) -> None:
 def test_few_levels_an_axis_are_told(kind: str) -> None:
     draws = draw(kind, quantised(5000.0), k=3, n=1000)
     assert set(draws.verdicts) == {"check"}
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_a_model_error_shows_in_all_kinds_of_residuals(kind: str) -> None:
+    """Compression by length keeps magnitudes within a band of directions; only the dip shows it."""
+    draws = draw(kind, saturation_across(200_000.0), k=5, n=2000)
+    assert draws.own.max() < 3.0  # 30 where only the magnitude was looked at
+    assert np.sqrt(np.mean(draws.bias**2)) < 2.0
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_noise_of_the_attitude_is_no_model_error(kind: str) -> None:
+    """Noise is in the residuals and in what they are compared with: it must not look like both."""
+    for sd, tilt, n in ((0.5, 15, 1500), (2.0, 60, 1500)):
+        attitude = with_attitude(sd, heading=kind == "vector")
+        for seed in range(4):
+            fit = FITS[kind](record(seed, tilts(tilt), (attitude,), n=n).samples, PLACE)
+            assert fit.verdict == "good"
+            assert not {finding.name for finding in fit.findings} & set(CAUSES)

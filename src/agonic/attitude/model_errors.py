@@ -8,9 +8,9 @@ from agonic.arrays import Array, Mask
 from agonic.attitude.problem import Scale
 from agonic.calibration.affine import Affine
 from agonic.health import Fitted, examine_model
-from agonic.health.adequacy import ModelError
-from agonic.maths.equation.affine import magnitude_residual, model_basis
-from agonic.maths.equation.channels import Problem, field_of_terms
+from agonic.health.adequacy import Again, ModelError, Residuals
+from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation.channels import Problem, field_of_terms, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.unmodelled import tilt_signals
 from agonic.maths.estimation.leastsq import inverse
@@ -34,6 +34,9 @@ def find_model_errors(
     _, local = magnitude_residual(readings, affine.bias, affine.matrix, magnitudes, affine.noise)
     jacobian = local @ model_basis("full", affine.gauge) / affine.noise
     own = (jacobian * estimate.weights[:, None]).T @ jacobian / of_magnitude.correlation
+    units = _units(part, scale)
+    # what an inertial unit feels is wrong as the vehicle moves, which is no error of the sensor
+    more = part.dip is not None and part.shared is None
     fitted = Fitted(
         calibration=affine,
         readings=readings,
@@ -44,9 +47,73 @@ def find_model_errors(
         correlation=of_magnitude.correlation,
         prior=_known_otherwise(inverse(affine.covariance) - own, np.sqrt(np.diag(own))),
         signals=_list_signals(part),
+        kinds=_list_kinds(estimate, part, units) if more else (),
+        own_prior=_prior_information(estimate, part, units),
+        again=_draw_again(estimate, part, units, readings, scale) if more else (),
     )
     found = examine_model(fitted)
     return tuple(one for one in found if one.cause != "prior")
+
+
+def _units(part: Problem, scale: Scale) -> Array:
+    """What the normalised parameters are times, in the units of the readings; 1 for further ones
+    than bias and matrix."""
+    m = part.basis.shape[1]
+    return np.asarray(np.r_[np.full(3, scale.size), np.full(m - 3, scale.magnitude / scale.size)])
+
+
+def _list_kinds(estimate: Estimate, part: Problem, units: Array) -> tuple[Residuals, ...]:
+    """All kinds of residuals, over their noise."""
+    params, m, kinds = estimate.solution.params, len(units), []
+    for channel, noise in estimate.noise.items():
+        sides = zip(*pieces(part, channel, estimate.noise["magnitude"].sd)(params), strict=True)
+        residuals, jacobian = (np.concatenate(side) / noise.sd for side in sides)
+        jacobian[:, :m] /= units
+        kinds.append(Residuals(residuals, jacobian, -jacobian[:, :3], noise.correlation))
+    return tuple(kinds)
+
+
+def _draw_again(
+    estimate: Estimate, part: Problem, units: Array, readings: Array, scale: Scale
+) -> tuple[Again, Again]:
+    """All kinds of residuals with a further draw of noise of the readings, and of the attitude."""
+    sd = estimate.noise["magnitude"].sd
+    blur = sd * np.random.default_rng(0).normal(size=part.points.shape)
+    blurred = part._replace(points=part.points + blur)
+    return (
+        Again(readings + blur * scale.size, _list_kinds(estimate, blurred, units)),
+        Again(readings, _list_kinds(estimate, _blur_attitude(estimate, part), units)),
+    )
+
+
+def _blur_attitude(estimate: Estimate, part: Problem) -> Problem:
+    """The problem with a further draw of errors of tilt and heading, as residuals have them."""
+    assert part.dip is not None
+    rng, noise, params = np.random.default_rng(1), estimate.noise, estimate.solution.params
+    _, matrix = split(part.basis @ params[: part.basis.shape[1]])
+    radius = 1.0 / np.cbrt(abs(float(np.linalg.det(matrix))))
+    down, read = part.dip.down, noise["magnitude"].sd ** 2
+    tilted = np.sqrt(max(noise["dip"].sd ** 2 - read, 0.0)) / radius
+    turn = tilted * np.cross(rng.normal(size=down.shape), down)
+    again = down + np.cross(turn, down)
+    again /= np.linalg.norm(again, axis=1, keepdims=True)
+    blurred = part._replace(dip=part.dip._replace(down=again))
+    if part.across is None:
+        return blurred
+    below, level = (radius * float(of.mean()) for of in (part.dip.vertical, part.dip.horizontal))
+    headed = max(noise["azimuth"].sd ** 2 - read - (tilted * below) ** 2, 0.0)
+    turn += np.sqrt(headed) / level * rng.normal(size=(len(down), 1)) * down
+    return blurred._replace(across=part.across + np.cross(turn, part.across))
+
+
+def _prior_information(estimate: Estimate, part: Problem, units: Array) -> Array:
+    params = estimate.solution.params
+    by = np.r_[units, np.ones(len(params) - len(units))]
+    prior = part.prior(part.soft_iron_sd)
+    if prior is None:
+        return np.zeros((len(params), len(params)))
+    jacobian = prior(params)[1] / by
+    return np.asarray(jacobian.T @ jacobian)
 
 
 def _list_signals(part: Problem) -> dict[str, Array]:
@@ -62,8 +129,7 @@ def grow(estimate: Estimate, errors: tuple[ModelError, ...], scale: Scale) -> Es
     if not errors:
         return estimate
     growth = np.sum([error.growth for error in errors], axis=0)
-    units = np.full(len(growth), scale.magnitude / scale.size)
-    units[:3] = scale.size
+    units = np.r_[np.full(3, scale.size), np.full(len(growth) - 3, scale.magnitude / scale.size)]
     grown = estimate.solution.covariance.copy()
     grown[: len(units), : len(units)] += growth / np.outer(units, units)
     return estimate._replace(solution=estimate.solution._replace(covariance=grown))

@@ -8,6 +8,14 @@ cannot take it out.
 """
 
 from agonic.health.adequacy.examine import describe_model_errors, examine_model, widen
-from agonic.health.adequacy.fitted import Fitted, ModelError
+from agonic.health.adequacy.fitted import Again, Fitted, ModelError, Residuals
 
-__all__ = ["Fitted", "ModelError", "describe_model_errors", "examine_model", "widen"]
+__all__ = [
+    "Again",
+    "Fitted",
+    "ModelError",
+    "Residuals",
+    "describe_model_errors",
+    "examine_model",
+    "widen",
+]

@@ -14,20 +14,47 @@ from agonic.maths.equation.affine import magnitude_residual, model_basis
 from agonic.maths.equation.coverage import find_spread_rows, heading_sd_deg, level_directions
 from agonic.maths.estimation.score_test import Linearised, batches_of
 
+UNEVEN = 3.0
+"""Correlation lengths of two kinds of residuals that differ by this factor weigh the kinds."""
 MOST_ROWS, BLOCK = 20_000, 200
 FEWEST_ROWS = 60
 WORST_CONDITION = 1e12
 """Of the information over the scales: beyond it the fit itself is undetermined."""
 
 
+class Residuals(NamedTuple):
+    """What one kind of residual (magnitude, dip, azimuth) knows, all over its noise.
+
+    `residuals` (n,), their `jacobian` (n, p + q) by the calibration's p numbers and further q
+    unknowns, `by_reading` (n, 3) the normal along which an error of a reading shows, `correlation`.
+    """
+
+    residuals: Array
+    jacobian: Array
+    by_reading: Array
+    correlation: float
+
+
+class Again(NamedTuple):
+    """Readings (n, 3) and all kinds of residuals with a further draw of noise."""
+
+    readings: Array
+    kinds: tuple[Residuals, ...]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fitted:
-    """A fit by magnitude at its solution, in the units of the readings.
+    """A fit by magnitude, and perhaps more, at its solution, in the units of the readings.
 
     `readings` (n, 3), `time` (n,) or None, `weights` (n,), `calibration` with its covariance,
     `wanted` the magnitude (1,) or (n,), `noise` of a reading on one axis, `correlation` of the
     noise in rows, `prior` (9, 9) the prior's information. `signals` are those (n, k) that a bias
     may go with, by the cause that it would be; a level vehicle at rest has none of them.
+
+    Where more than the magnitude is known, `kinds` are all kinds of residuals, magnitude first, and
+    `own_prior` (p + q, p + q) is the information of the priors alone; `prior` is that of all else
+    than the magnitude. `again` are the same kinds with a further draw of the readings' noise, and
+    with one of the attitude's.
     """
 
     calibration: Affine
@@ -40,6 +67,9 @@ class Fitted:
     prior: Array
     inclination_deg: float = 60.0
     signals: Mapping[str, Array] = field(default_factory=dict)
+    kinds: tuple[Residuals, ...] = ()
+    own_prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    again: tuple[Again, ...] = ()
 
     @property
     def magnitude(self) -> float:
@@ -75,18 +105,37 @@ class ModelError:
     growth: Array
 
 
+class Seen(NamedTuple):
+    """Feet (n, 3) over the radius; of all residuals the normals (N, 3) over the noise, and they
+    themselves (N,)."""
+
+    feet: Array
+    by_reading: Array
+    residuals: Array
+
+
 class Work(NamedTuple):
-    """The rows that are tested: their numbers, unit normals, feet over the radius; scales."""
+    """The rows that are tested: their numbers, unit normals, feet over the radius; scales.
+
+    `linear` is the fit by magnitude alone; `whole` that by all kinds of residuals, one kind after
+    the other, `of` (N,) the row of each, and `even` that without regard to correlation, which an
+    error of the model makes as well as noise; `seen` what they see, `again` with more noise
+    of the readings, and of the attitude.
+    """
 
     fitted: Fitted
     rows: Index
     normals: Array
     feet: Array
-    blurred: Array
     radius: float
     scale: Array
     onto: Array
     linear: Linearised
+    whole: Linearised
+    even: Linearised
+    seen: Seen
+    again: tuple[Seen, ...]
+    of: Index
 
 
 def prepare(fitted: Fitted) -> Work | None:
@@ -103,15 +152,13 @@ def prepare(fitted: Fitted) -> Work | None:
     )
     onto = model_basis("full", fitted.calibration.gauge)
     scale = np.r_[np.full(3, radius), np.full(onto.shape[1] - 3, gain)]
-    normals = (
+    toward = (
         (readings - fitted.calibration.bias)
         @ fitted.calibration.matrix.T
         @ fitted.calibration.matrix
     )
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = toward / np.linalg.norm(toward, axis=1, keepdims=True)
     feet = readings - residuals[:, None] * normals
-    blur = fitted.noise * np.random.default_rng(0).normal(size=feet.shape)
-    blur -= np.sum(blur * normals, axis=1, keepdims=True) * normals
     linear = Linearised(
         residuals / fitted.noise,
         (local @ onto) * (scale / fitted.noise),
@@ -121,8 +168,72 @@ def prepare(fitted: Fitted) -> Work | None:
     )
     if np.linalg.cond(linear.information) > WORST_CONDITION:
         return None
-    blurred = (feet + blur) / radius
-    return Work(fitted, rows, normals, feet / radius, blurred, radius, scale, onto, linear)
+    whole, seen = linear, Seen(feet / radius, normals / fitted.noise, linear.residuals)
+    if fitted.kinds:
+        whole = _stack(fitted, rows, scale)
+        seen = _see(fitted.kinds, fitted.readings, rows, radius)
+    return Work(
+        fitted=fitted,
+        rows=rows,
+        normals=normals,
+        feet=feet / radius,
+        radius=radius,
+        scale=scale,
+        onto=onto,
+        linear=linear,
+        whole=whole,
+        even=_even(fitted, whole),
+        seen=seen,
+        again=tuple(_see(one.kinds, one.readings, rows, radius) for one in fitted.again)
+        or (_blur(fitted, seen, normals),),
+        of=np.tile(np.arange(len(rows)), max(len(fitted.kinds), 1)),
+    )
+
+
+def _blur(fitted: Fitted, seen: Seen, normals: Array) -> Seen:
+    """Feet with a further draw of noise across the normals, which the residuals do not have."""
+    radius = fitted.magnitude / fitted.gain
+    blur = fitted.noise / radius * np.random.default_rng(0).normal(size=normals.shape)
+    blur -= np.sum(blur * normals, axis=1, keepdims=True) * normals
+    return seen._replace(feet=seen.feet + blur)
+
+
+def _even(fitted: Fitted, whole: Linearised) -> Linearised:
+    """The same with weights that do not go by how residuals of a kind go together in time."""
+    lengths = [kind.correlation for kind in fitted.kinds] or [1.0]
+    if max(lengths) < UNEVEN * min(lengths):
+        return whole
+    weights = whole.weights * np.repeat(lengths, len(whole.weights) // len(lengths))
+    return whole._replace(weights=weights)
+
+
+def _see(kinds: tuple[Residuals, ...], readings: Array, rows: Index, radius: float) -> Seen:
+    """What all kinds see of some rows: feet on the ellipsoid, normals over the noise, residuals."""
+    by = kinds[0].by_reading[rows]
+    feet = readings[rows] - kinds[0].residuals[rows, None] * by / np.sum(by**2, axis=1)[:, None]
+    by_reading = np.vstack([kind.by_reading[rows] for kind in kinds])
+    return Seen(feet / radius, by_reading, np.concatenate([kind.residuals[rows] for kind in kinds]))
+
+
+def _stack(fitted: Fitted, rows: Index, scale: Array) -> Linearised:
+    """All kinds of residuals of some rows as one; those that go together in time count less."""
+    kinds, each = fitted.kinds, np.ones(len(rows))
+    more = np.r_[scale, np.ones(kinds[0].jacobian.shape[1] - len(scale))]
+    weights = fitted.weights[rows]
+    batch = batches_of(len(rows), max(kind.correlation for kind in kinds))
+    residuals = np.concatenate([kind.residuals[rows] for kind in kinds])
+    jacobian = np.vstack([kind.jacobian[rows] for kind in kinds])
+    by_attitude = fitted.again[-1].kinds
+    moved = np.vstack([kind.jacobian[rows] for kind in by_attitude]) - jacobian
+    turned = np.concatenate([kind.residuals[rows] for kind in by_attitude]) - residuals
+    return Linearised(
+        residuals,
+        jacobian * more,
+        np.concatenate([weights * each / kind.correlation for kind in kinds]),
+        fitted.own_prior * np.outer(more, more),
+        np.tile(batch, len(kinds)),
+        moved * more * turned[:, None],
+    )
 
 
 def _some(readings: Array) -> Index:

@@ -11,6 +11,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.health.adequacy.fitted import (
     ModelError,
+    Seen,
     Work,
     field_per_degree,
     level_readings,
@@ -19,7 +20,7 @@ from agonic.health.adequacy.fitted import (
 )
 from agonic.maths.equation import unmodelled
 from agonic.maths.equation.coverage import level_directions
-from agonic.maths.estimation.score_test import score_test, with_columns
+from agonic.maths.estimation.score_test import Linearised, score_test, with_columns
 
 SIGNIFICANT = 1e-3
 """Of all tests of a fit together (Bonferroni): clean logs alarm more rarely than this."""
@@ -28,7 +29,8 @@ MOST_CAUSES = 3
 
 
 class _Cause(NamedTuple):
-    """A cause: its columns over unit noise, what noise does to them, and the error itself.
+    """A cause: its columns over unit noise, what noise does to them and has in common with the
+    residuals, and the error itself.
 
     `at_rest` is false for an error that only a turning sensor has.
     """
@@ -36,27 +38,41 @@ class _Cause(NamedTuple):
     name: str
     columns: Array
     noise: Array | None
+    shared: Array | None
     error: Callable[[Array], Array]
     level: Callable[[Array], Array] | None
     at_rest: bool
 
+    def seen_by(self, fit: Linearised) -> tuple[Array, Array | None, Array | None]:
+        """Columns, their noise and what they share, of a fit to all kinds or the magnitude alone,
+        which comes first."""
+        n = len(fit.residuals)
+        noise = None if self.noise is None else self.noise[:n]
+        return self.columns[:n], noise, self.shared if fit.shared is not None else None
+
 
 def find_terms(work: Work) -> list[ModelError]:
     """Causes with terms, chosen one by one by how much they explain, each beside those before."""
-    causes = list(_causes(work))
-    linear, found = work.linear, list[ModelError]()
-    allowed = SIGNIFICANT / len(causes)
+    causes, found = list(_causes(work)), list[ModelError]()
+    fits = [work.whole, work.even, work.linear]
+    fits = [fit for k, fit in enumerate(fits) if not any(fit is other for other in fits[:k])]
+    allowed = SIGNIFICANT / len(causes)  # fits to the same readings say much the same
     while causes and len(found) < MOST_CAUSES:
-        scores = [(score_test(linear, c.columns, c.noise), c) for c in causes]
-        telling = [(s, c) for s, c in scores if s is not None and s.p_value < allowed]
+        scores = [(score_test(fit, *c.seen_by(fit)), c, fit.square) for c in causes for fit in fits]
+        telling = [(s, c, square) for s, c, square in scores if s and s.p_value < allowed]
         if not telling:
             break
-        score, cause = max(telling, key=lambda pair: pair[0].gain)
-        p = work.onto.shape[1]
-        found.append(_model_error(work, cause, score.p_value, score.size, score.move[:p]))
-        linear = with_columns(linear, cause.columns)
+        score, cause, _ = max(telling, key=lambda found: found[0].gain / found[2])
+        move = fits[0].find_move(cause.columns @ score.size)
+        found.append(_model_error(work, cause, score.p_value, score.size, move))
+        fits = [_beside(fit, cause) for fit in fits]
         causes = [other for other in causes if other is not cause]
     return found
+
+
+def _beside(fit: Linearised, cause: _Cause) -> Linearised:
+    columns, _, shared = cause.seen_by(fit)
+    return with_columns(fit, columns, shared)
 
 
 def _causes(work: Work) -> Iterator[_Cause]:
@@ -95,14 +111,19 @@ def _cause(
 
     `static` where the terms are a function of one reading, `moved` where its noise enters them.
     """
-    over_noise = work.radius / work.fitted.noise
     errors = terms(work.feet)
 
-    def seen(values: Array) -> Array:
-        return np.asarray(np.matmul(work.normals[:, None, :], values)[:, 0] * over_noise)
+    def column(seen: Seen, errors: Array) -> Array:
+        shown = np.matmul(seen.by_reading[:, None, :], errors[work.of])[:, 0]
+        return np.asarray(shown * work.radius)
 
-    columns = seen(errors)
-    noise = seen(terms(work.blurred)) - columns if moved else None
+    columns = column(work.seen, errors)
+    changes = [column(again, terms(again.feet)) - columns for again in work.again]
+    noise = np.sum(changes, axis=0) if moved else None
+    shared = None
+    if work.fitted.kinds:
+        moves = [(again.residuals - work.seen.residuals)[:, None] for again in work.again]
+        shared = np.sum([c * by for c, by in zip(changes, moves, strict=True)], axis=0)
 
     def error(size: Array) -> Array:
         return np.asarray(errors @ size) * work.radius
@@ -110,13 +131,13 @@ def _cause(
     def level(size: Array) -> Array:
         return np.asarray(terms(level_readings(work) / work.radius) @ size) * work.radius
 
-    return _Cause(name, columns, noise, error, level if static else None, at_rest)
+    return _Cause(name, columns, noise, shared, error, level if static else None, at_rest)
 
 
 def _model_error(work: Work, cause: _Cause, p_value: float, size: Array, move: Array) -> ModelError:
     """The error in the readings, the heading and the covariance."""
     fitted = work.fitted
-    shift = move * work.scale
+    shift = move[: len(work.scale)] * work.scale
     growth = np.outer(shift, shift)
     errors = cause.error(size)
     rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))

@@ -25,6 +25,8 @@ from agonic.arrays import Array, Index
 FEWEST_BATCHES, MOST_BATCHES = 24, 200
 SEEN = 4.0
 """A combination of columns must stand out of its own noise by this factor to be tested."""
+SEEN_APART = 2.0
+"""The same where what columns and residuals share is taken out of the score."""
 
 
 class Score(NamedTuple):
@@ -43,7 +45,8 @@ class Linearised(NamedTuple):
     """A fit at its solution: residuals (n,) over their noise, Jacobian (n, p), weights (n,).
 
     `prior` (p, p) is the information of the prior, `batch` (n,) the number of the batch of each
-    row, from zero.
+    row, from zero. `shared` (n, p) is the covariance of Jacobian and residuals by noise that is in
+    both, where the fit has not taken it out.
     """
 
     residuals: Array
@@ -51,11 +54,22 @@ class Linearised(NamedTuple):
     weights: Array
     prior: Array
     batch: Index
+    shared: Array | None = None
 
     @property
     def information(self) -> Array:
         """JᵀWJ + P, (p, p)."""
         return np.asarray((self.jacobian.T * self.weights) @ self.jacobian + self.prior)
+
+    @property
+    def square(self) -> float:
+        """The weighted sum of squares of the residuals."""
+        return float(self.weights @ self.residuals**2)
+
+    def find_move(self, error: Array) -> Array:
+        """How far an error (n,) of the residuals moves the estimate, (p,): A⁻¹ JᵀW e."""
+        pull = (self.jacobian.T * self.weights) @ error
+        return np.asarray(np.linalg.solve(self.information, pull))
 
 
 def batches_of(n: int, correlation: float) -> Index:
@@ -74,48 +88,67 @@ def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
     return np.stack([np.bincount(group, column, groups) for column in rows.T], axis=1)
 
 
-def score_test(fit: Linearised, columns: Array, noise: Array | None = None) -> Score | None:
+def score_test(
+    fit: Linearised,
+    columns: Array,
+    noise: Array | None = None,
+    shared: Array | None = None,
+) -> Score | None:
     """Whether `columns` (n, k) belong into the fit; None where the rows cannot tell.
 
     `noise` (n, k) is a draw of what noise in the readings does to the columns themselves:
     combinations that hardly stand out of it are left out, for there the noise of columns and
-    residuals is the same, and they would seem to agree.
+    residuals is the same, and they would seem to agree. `shared` (n, k) is their covariance with
+    the residuals by noise that is in both: it is taken out of the score.
     """
     weighted = fit.jacobian.T * fit.weights
     information = fit.information
-    projected = columns - fit.jacobian @ np.linalg.solve(information, weighted @ columns)
-    seen = _seen(projected, columns, noise, fit.weights)
+    taken = np.linalg.solve(information, weighted @ columns)
+    projected = columns - fit.jacobian @ taken
+    clear = SEEN if shared is None else SEEN_APART
+    seen = _seen(projected, columns, noise, fit.weights, clear)
     if seen is None:
         return None
     projected = projected @ seen
     gram = (projected.T * fit.weights) @ projected
-    scores = sums_by(fit.batch, projected * (fit.weights * fit.residuals)[:, None])
+    products = projected * fit.residuals[:, None]
+    if shared is not None:
+        products -= shared @ seen
+    if fit.shared is not None:
+        products += fit.shared @ taken @ seen
+    scores = sums_by(fit.batch, products * fit.weights[:, None])
     p_value = _hotelling(scores)
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
     size = np.asarray(seen @ found)
-    move = np.linalg.solve(information, weighted @ (columns @ size))
-    return Score(p_value, size, np.asarray(move), float(total @ found))
+    return Score(p_value, size, fit.find_move(columns @ size), float(total @ found))
 
 
-def with_columns(fit: Linearised, columns: Array) -> Linearised:
+def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -> Linearised:
     """The fit with further terms among its unknowns, so that what is left can be tested.
 
-    Columns are scaled to that of largest size; the residuals become those with the terms.
+    Columns are scaled to that of largest size; the residuals become those with the terms. `shared`
+    as for `score_test`.
     """
     size = np.sqrt(np.mean(columns**2, axis=0))
     kept = columns[:, size > 0] / size[size > 0]
+    both = fit.shared
+    if both is not None:
+        more = np.zeros_like(columns) if shared is None else shared
+        both = np.hstack([both, more[:, size > 0] / size[size > 0]])
     p, k = fit.jacobian.shape[1], kept.shape[1]
     prior = np.zeros((p + k, p + k))
     prior[:p, :p] = fit.prior
     prior[p:, p:] = 1e-9 * len(columns) * np.eye(k)
     jacobian = np.hstack([fit.jacobian, kept])
-    wider = Linearised(fit.residuals, jacobian, fit.weights, prior, fit.batch)
+    wider = Linearised(fit.residuals, jacobian, fit.weights, prior, fit.batch, both)
     step = np.linalg.solve(wider.information, (jacobian.T * fit.weights) @ fit.residuals)
     return wider._replace(residuals=fit.residuals - jacobian @ step)
 
 
-def _seen(projected: Array, columns: Array, noise: Array | None, weights: Array) -> Array | None:
+def _seen(
+    projected: Array, columns: Array, noise: Array | None, weights: Array, clear: float
+) -> Array | None:
     """Combinations (k, m) of columns that the fit does not hold already and the rows can show."""
     size = np.sqrt(np.sum(columns**2 * weights[:, None], axis=0))
     scale = 1 / np.where(size > 0, size, 1.0)
@@ -124,7 +157,7 @@ def _seen(projected: Array, columns: Array, noise: Array | None, weights: Array)
     keep = values > 1e-9
     if noise is not None:
         own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
-        keep &= values > SEEN**2 * own
+        keep &= values > clear**2 * own
     return scale[:, None] * vectors[:, keep] if keep.any() else None
 
 
