@@ -9,12 +9,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.attitude.disturbers import (
     SourceChoice,
     choose_sources,
     describe_gain,
-    describe_sources,
     list_moving,
 )
 from agonic.attitude.interference import fit_interference
@@ -22,11 +20,9 @@ from agonic.attitude.known_heading import is_known
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.mounted_heading import compute_mounted_heading
-from agonic.attitude.problem import find_terms
-from agonic.attitude.settings import Settings
+from agonic.attitude.source_names import describe_sources
 from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
-from agonic.calibration.interference import Interference
 from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.field.place import describe_missing
@@ -34,8 +30,8 @@ from agonic.fit import Fit
 from agonic.health import Finding
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
-from agonic.maths.estimation.wald import wald
 from agonic.recording.heading_source import check_heading_source
+from agonic.recording.sources import fit_with_sources, keep_common, list_sources
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -48,9 +44,6 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
     "interference": fit_interference,
 }
 
-MATTERS = 0.003
-"""A current joins the fit when its usual changes move the readings by this share of the field."""
-SIGNIFICANT = 1e-4
 SURER = 0.8
 """Of the heading's standard error: a fit that knows more has to be better by this much."""
 SURE_DEG = 0.3
@@ -170,10 +163,10 @@ def _join_disturbers(
     """The fit to the magnitude with what disturbs on board, where anything recorded does."""
     if not list_moving(samples):
         return alone
-    found = choose_sources(samples, reference, ("magnitude",), _keep_common(settings))
+    found = choose_sources(samples, reference, ("magnitude",), keep_common(settings))
     if not found.sources:
         return replace(alone, disturbers=found)
-    given = {**asdict(_keep_common(settings)), "sources": found.sources}
+    given = {**asdict(keep_common(settings)), "sources": found.sources}
     plain = samples.with_columns(roll_deg=None, pitch_deg=None)
     why = f"{reason}, and {describe_sources(found.sources)} the readings"
     joined = _fit_with_attitude(plain, reference, "interference", why, given)
@@ -181,12 +174,6 @@ def _join_disturbers(
     if fit.verdict == "refused" != alone.fit.verdict:
         return replace(alone, disturbers=found)
     return replace(joined, fit=fit, disturbers=found)
-
-
-def _keep_common(settings: Mapping[str, Any]) -> Settings:
-    """The settings of a fit that one with sources has too; the whole model."""
-    common = ("robust", "soft_iron_sd", "seed", "turn_sd_deg")
-    return Settings(**{name: settings[name] for name in common if name in settings})
 
 
 def _fit_with_attitude(
@@ -204,9 +191,9 @@ def _fit_with_attitude(
         reference = _select_reference(reference, late, samples)
     fit, tried = None, None
     if "sources" not in settings:
-        fit, tried = _fit_with_sources(samples, reference, method, settings)
+        fit, tried = fit_with_sources(run, samples, reference, method, settings)
         if fit is not None:
-            reason += f", and {describe_sources(_sources(fit))} the readings"
+            reason += f", and {describe_sources(list_sources(fit))} the readings"
     if fit is None:
         fit = run(samples, reference, **settings)
     if isinstance(fit, InertialFit):
@@ -215,7 +202,7 @@ def _fit_with_attitude(
     same = {
         **settings,
         "gauge": fit.calibration.gauge,
-        "sources": _sources(fit),
+        "sources": list_sources(fit),
     }
 
     def again(samples: Samples, reference: Reference) -> Calibration:
@@ -320,52 +307,3 @@ def _select_reference(reference: Reference, before: Samples, after: Samples) -> 
     assert after.time is not None
     rows = np.searchsorted(before.time, after.time)
     return reference.select(np.minimum(rows, len(before) - 1))
-
-
-def _fit_with_sources(
-    samples: Samples, reference: Reference, method: str, settings: Mapping[str, Any]
-) -> tuple[Fit | None, SourceChoice | None]:
-    """The fit with what disturbs on board, where anything recorded does; and what was compared.
-
-    What is better on unseen parts of the log is taken, or a current that moves the readings.
-    """
-    run = _FITS[method]
-    channels = ("magnitude", "dip", "azimuth")[: {"vector": 3, "levelled": 2}.get(method, 1)]
-    found = choose_sources(samples, reference, channels, _keep_common(settings))
-    if found.sources:
-        fit = run(samples, reference, **settings, sources=found.sources)
-        if _measure_sources(fit, samples) > MATTERS:
-            return fit.with_findings(describe_gain(found)), found
-    if not _varies(samples.current_A):
-        return None, found
-    fit = run(samples, reference, **settings, sources=("current_A",))
-    surely = _test_sources(fit) < SIGNIFICANT
-    matters = surely and _measure_sources(fit, samples) > MATTERS
-    return fit if matters else None, found
-
-
-def _sources(fit: Fit) -> tuple[str, ...]:
-    return getattr(fit.calibration, "sources", ())
-
-
-def _varies(current: Array | None) -> bool:
-    return current is not None and float(np.ptp(current)) > 0.0
-
-
-def _test_sources(joined: Fit) -> float:
-    """How likely chance would make what sources add."""
-    assert isinstance(joined.calibration, Interference)
-    slopes = joined.calibration.coefficients
-    known = joined.covariance[-slopes.size :, -slopes.size :]
-    return wald(slopes.ravel(), known, joined.n / joined.correlation).p_value
-
-
-def _measure_sources(joined: Fit, samples: Samples) -> float:
-    """By how much of the field the usual changes of sources move it."""
-    calibration = joined.calibration
-    assert isinstance(calibration, Interference)
-    assert calibration.magnitude is not None
-    added = calibration.matrix @ calibration.coefficients
-    moved = find_terms(samples, calibration.sources) @ added.T
-    low, high = np.percentile(moved, (5, 95), axis=0)
-    return float(np.linalg.norm(high - low)) / calibration.magnitude

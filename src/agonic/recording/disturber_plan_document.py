@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from agonic.attitude.disturber_plan import JudgedDisturber
-from agonic.attitude.disturbers import name_sources
+from agonic.attitude.source_names import name_sources
 from agonic.report.digits import quantity
 from agonic.report.document import Document, Section, Table
 from agonic.report.labels import per_label

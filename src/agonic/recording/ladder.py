@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.attitude.disturbers import name_sources
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.source_names import name_sources
 from agonic.attitude.vector import fit_vector
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns

@@ -43,4 +43,4 @@ def disturbers(
     samples = open_sensors(log, sensor, unit, between)[1][0]  # the same stands beside each sensor
     judged = judge_disturbers(samples, noise=noise)
     finish(describe_judged(samples.name, judged), as_json=as_json)
-    return 1 if any(one.move for one in judged) else 0
+    return 0

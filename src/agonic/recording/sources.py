@@ -1,0 +1,80 @@
+"""What disturbs on board, joined to a fit where it moves the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.attitude.disturbers import SourceChoice, choose_sources, describe_gain
+from agonic.attitude.problem import find_terms
+from agonic.attitude.settings import Settings
+from agonic.calibration.interference import Interference
+from agonic.fit import Fit
+from agonic.maths.estimation.wald import wald
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+MATTERS = 0.003
+"""A current joins the fit when its usual changes move the readings by this share of the field."""
+SIGNIFICANT = 1e-4
+
+
+def fit_with_sources(
+    run: Callable[..., Fit],
+    samples: Samples,
+    reference: Reference,
+    method: str,
+    settings: Mapping[str, Any],
+) -> tuple[Fit | None, SourceChoice | None]:
+    """The fit with what disturbs on board, where anything recorded does; and what was compared.
+
+    What is better on unseen parts of the log is taken, or a current that moves the readings.
+    """
+    channels = ("magnitude", "dip", "azimuth")[: {"vector": 3, "levelled": 2}.get(method, 1)]
+    found = choose_sources(samples, reference, channels, keep_common(settings))
+    if found.sources:
+        fit = run(samples, reference, **settings, sources=found.sources)
+        if _measure_sources(fit, samples) > MATTERS:
+            return fit.with_findings(describe_gain(found)), found
+    if not _varies(samples.current_A):
+        return None, found
+    fit = run(samples, reference, **settings, sources=("current_A",))
+    surely = _test_sources(fit) < SIGNIFICANT
+    matters = surely and _measure_sources(fit, samples) > MATTERS
+    return fit if matters else None, found
+
+
+def list_sources(fit: Fit) -> tuple[str, ...]:
+    return getattr(fit.calibration, "sources", ())
+
+
+def _varies(current: Array | None) -> bool:
+    return current is not None and float(np.ptp(current)) > 0.0
+
+
+def _test_sources(joined: Fit) -> float:
+    """How likely chance would make what sources add."""
+    assert isinstance(joined.calibration, Interference)
+    slopes = joined.calibration.coefficients
+    known = joined.covariance[-slopes.size :, -slopes.size :]
+    return wald(slopes.ravel(), known, joined.n / joined.correlation).p_value
+
+
+def _measure_sources(joined: Fit, samples: Samples) -> float:
+    """By how much of the field the usual changes of sources move it."""
+    calibration = joined.calibration
+    assert isinstance(calibration, Interference)
+    assert calibration.magnitude is not None
+    added = calibration.matrix @ calibration.coefficients
+    moved = find_terms(samples, calibration.sources) @ added.T
+    low, high = np.percentile(moved, (5, 95), axis=0)
+    return float(np.linalg.norm(high - low)) / calibration.magnitude
+
+
+def keep_common(settings: Mapping[str, Any]) -> Settings:
+    """The settings of a fit that one with sources has too; the whole model."""
+    common = ("robust", "soft_iron_sd", "seed", "turn_sd_deg")
+    return Settings(**{name: settings[name] for name in common if name in settings})
