@@ -20,6 +20,10 @@ class LogError(AgonicError):
         self.row = row
 
 
+class TwoAxisError(LogError):
+    """A log holds magnetometers of x and y alone, where three axes are needed."""
+
+
 class UnitError(AgonicError):
     """A unit is unknown, missing, or does not fit what it was given for."""
 

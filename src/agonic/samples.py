@@ -95,6 +95,7 @@ class Samples(Readable):
     target : (n,) number of the target that the sight was kept on, 0 for none (see `fit_pair`).
     scalar : (n,) reading of an absolute scalar magnetometer at the same moments, nT always.
     flagged : (n,) not 0 where a fit should leave the row out, as when torquers are on.
+    axes : "xyz"; "xy" of a two-axis compass, whose readings along z are written as zeros.
     name : the sensor. frame : the letter of its axes, "m" sensor or "b" body.
     device_id : the number by which an autopilot knows the sensor.
     heading_sd_deg : (n,) standard deviation of the heading; 180 in rows where it is not known.
@@ -135,6 +136,7 @@ class Samples(Readable):
     flagged: Array | None = None
     disturbers: Mapping[str, Array] = dataclass_field(default_factory=dict)
     name: str = "mag"
+    axes: str = "xyz"
     frame: str = "m"
     device_id: int | None = None
     second_sensor: str | None = None
@@ -157,6 +159,8 @@ class Samples(Readable):
         lengths = {name: len(c) for name, c in columns.items() if c is not None}
         if len(set(lengths.values())) > 1:
             raise LogError(f"columns differ in length: {lengths}; give one value a row in each")
+        if self.axes != "xyz":
+            _check_axes(self.axes, columns["field"])
         if not self.unit:
             _refuse_other_unit(columns["field"])
             self._put("unit", "nT")
@@ -339,6 +343,14 @@ def _column(name: str, values: ArrayLike | None) -> Array | None:
     if not fits:
         raise LogError(f"{name} has shape {array.shape}; it needs {wanted}, a row a sample")
     return array
+
+
+def _check_axes(axes: str, field: Array | None) -> None:
+    """Raise `LogError` for other axes than there can be, or readings along one that is not."""
+    if axes != "xy":
+        raise LogError(f'axes is {axes!r}; it is "xyz", or "xy" of a two-axis compass')
+    if field is not None and field[:, 2].any():
+        raise LogError("a two-axis compass reads nothing along z; write zeros there")
 
 
 def _disturber_name(name: str) -> str:

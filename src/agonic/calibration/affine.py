@@ -21,7 +21,7 @@ from agonic.maths.equation import affine as kernel
 from agonic.provenance import Provenance
 from agonic.units import RAW
 
-Model = Literal["sphere", "diagonal", "full"]
+Model = Literal["sphere", "diagonal", "full", "ellipse"]
 
 PARAMETERS = (
     "bias_x",
@@ -53,7 +53,7 @@ class Affine(Correction):
     unit_in, unit_out : "nT" or "raw".
     gauge : "symmetric", "triangular" or "free": how the rotation that magnitude alone leaves
         open was fixed; free where something else determined it.
-    model : "sphere", "diagonal" or "full".
+    model : "sphere", "diagonal" or "full"; "ellipse" of a two-axis compass: of z it says nothing.
     magnitude : the field magnitude it was scaled to, in `unit_out`.
     noise : standard deviation of one reading on one axis, in `unit_in`.
     sensor, frame_in, frame_out : whose readings, in which axes.

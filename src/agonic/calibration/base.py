@@ -178,6 +178,23 @@ def select_columns(calibration: Calibration, samples: Samples) -> dict[str, Arra
     return {name: at_rows[name] for name in calibration.needs}
 
 
+def has_two_axes(calibration: object) -> bool:
+    """Whether a calibration, or a step of it, is that of a two-axis compass."""
+    steps = getattr(calibration, "steps", (calibration,))
+    return any(getattr(step, "model", None) == "ellipse" for step in steps)
+
+
+def check_axes(calibration: Calibration, samples: Samples) -> None:
+    """Raise `FrameError` where readings of two axes meet a calibration of three, or the reverse."""
+    if has_two_axes(calibration) == (samples.axes == "xy"):
+        return
+    raise FrameError(
+        f"{samples.name} and the calibration of {calibration.sensor} differ in their axes",
+        left=samples.axes,
+        right="xy" if samples.axes == "xyz" else "xyz",
+    )
+
+
 def apply(calibration: Calibration, samples: Samples) -> Samples:
     """The samples with their field corrected, in the unit and frame that the calibration gives.
 
@@ -206,6 +223,7 @@ def apply(calibration: Calibration, samples: Samples) -> Samples:
             left=samples.frame,
             right=calibration.frame_in,
         )
+    check_axes(calibration, samples)
     return samples.with_columns(
         field=calibration.correct(samples.field, **select_columns(calibration, samples)),
         unit=calibration.unit_out,

@@ -83,7 +83,7 @@ class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="aff
     unit_out: Unit
     frame_in: Frame
     frame_out: Frame
-    model: Literal["sphere", "diagonal", "full"]
+    model: Literal["sphere", "diagonal", "full", "ellipse"]
     gauge: Gauge
     bias: Annotated[Vector, Meta(description="Subtracted from the readings, in unit_in.")]
     matrix: Annotated[Matrix, Meta(description="Row by row, unit_out per unit_in.")]

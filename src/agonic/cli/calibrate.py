@@ -78,26 +78,49 @@ def calibrate(
     """
     from agonic.cli.keep import keep_results
     from agonic.console.finish import finish
-    from agonic.errors import check_choice
+    from agonic.ellipse.command import calibrate_two_axes
+    from agonic.errors import TwoAxisError, check_choice
     from agonic.recording.document import describe_recording
     from agonic.recording.each_sensor import calibrate_each
     from agonic.recording.files import write_folder
     from agonic.recording.next_step import choose_command
 
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
-    recording, results, failures = calibrate_each(
-        log,
-        sensor,
-        unit,
-        between,
-        method,
-        at=at,
-        date=date,
-        field=field,
-        course=course,
-        second=second,
-    )
     folder = out or Path(f"{log.name}-agonic")
+    try:
+        recording, results, failures = calibrate_each(
+            log,
+            sensor,
+            unit,
+            between,
+            method,
+            at=at,
+            date=date,
+            field=field,
+            course=course,
+            second=second,
+        )
+    except TwoAxisError:
+        return calibrate_two_axes(
+            log,
+            folder,
+            sensor=sensor,
+            unit=unit,
+            between=between,
+            at=at,
+            date=date,
+            field=field,
+            asked={
+                f"--method {method}": method != "auto",
+                "--course": course,
+                "--second": second,
+                "--store": store,
+                "--as": name,
+            },
+            brief=not verbose,
+            as_json=as_json,
+            open_page=show,
+        )
     written = write_folder(
         results, folder, title=recording.source.name, stack=recording.stack, failures=failures
     )

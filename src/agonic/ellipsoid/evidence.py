@@ -55,6 +55,10 @@ def evaluate(
     """
     if calibration.covariance is None or calibration.magnitude is None:
         raise AgonicError("the calibration carries no covariance; fit it again with agonic")
+    if calibration.model == "ellipse":
+        raise AgonicError(
+            f"the calibration of {calibration.sensor} is of two axes; needed are three"
+        )
     usable = find_usable_rows(samples.field)
     magnitude = wanted_magnitude(calibration, reference, len(samples))
     residuals, _ = compute_distances(samples.field, calibration.bias, calibration.matrix, magnitude)

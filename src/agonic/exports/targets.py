@@ -83,7 +83,14 @@ def write(
     target that knows no temperature. The number is that of the sensor's name and the device id the
     calibration's own, unless given. `name` is what the identifiers of C begin with.
     """
+    from agonic.calibration.base import has_two_axes
+
     check_choice("target", target, tuple(TARGETS))
+    if has_two_axes(calibration):
+        raise AgonicError(
+            f"the calibration of {calibration.sensor} is that of a two-axis compass, and {target} "
+            "needs three; export the setup that agonic calibrate wrote beside it (--to c)"
+        )
     which = compass_number(calibration.sensor) if number is None else number
     device = getattr(calibration, "device_id", None) if device_id is None else device_id
     options: dict[str, Any] = {**TARGETS[target].options(which, device)}

@@ -11,7 +11,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, has_two_axes
 from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
@@ -79,7 +79,7 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
 
     "auto" takes what the log recorded, else the gyro filter, else the accelerometer.
     """
-    source, why = _automatic(samples) if setup.tilt == "auto" else (setup.tilt, ())
+    source, why = _choose_source(samples, setup, calibration)
     turn = find_mounting(calibration)
     felt: tuple[Array, Array] | None = None
     if setup.accelerometer is not None and samples.acceleration is not None:
@@ -119,6 +119,20 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
     speed, sds = _shaken(samples, setup, force, turn)
     found = FilteredDown(kernel.down_from_force(force), *sds)
     return _felt(found, setup, source, speed, why, felt)
+
+
+def _choose_source(
+    samples: Samples, setup: Setup, calibration: Calibration
+) -> tuple[str, tuple[str, ...]]:
+    """Where the tilt comes from, and why; a compass of two axes can only be level."""
+    if not has_two_axes(calibration):
+        return _automatic(samples) if setup.tilt == "auto" else (setup.tilt, ())
+    if setup.tilt not in ("auto", LEVEL):
+        raise LogError(
+            f"{samples.name} is a two-axis compass, whose field cannot be turned by a tilt from "
+            f'the {setup.tilt}: say source = "level" under [tilt]'
+        )
+    return LEVEL, ()
 
 
 def are_shots(samples: Samples, setup: Setup) -> bool:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.base import select_columns
+from agonic.calibration.base import check_axes, has_two_axes, select_columns
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass
 from agonic.errors import FrameError, LogError, UnitError
@@ -25,6 +25,10 @@ UNKNOWN_SD_DEG = 180.0 / 3**0.5
 """Standard deviation of a heading of which nothing is known."""
 LONGEST_BRIDGE = 3.0
 """Readings further apart than this many periods are not joined."""
+
+
+LIKELY_DIP_DEG = 65.0
+"""The dip where a compass of two axes is at no known place."""
 
 
 class Readings(NamedTuple):
@@ -95,6 +99,7 @@ def _check(samples: Samples, compass: Compass) -> None:
             left=samples.frame,
             right=calibration.frame_in,
         )
+    check_axes(calibration, samples)
 
 
 def _interpolated(wanted: Array, time: Array, values: Array) -> Array:
@@ -115,7 +120,13 @@ def compute_indication(
     notes = list(list_unknowns(steps, compass.sensor))
     if compass.deviation is not None and compass.deviation.covariance is None:
         notes.append(f"the deviation card of {compass.sensor} has no covariance: not in the sd")
-    if attitude.source == LEVEL and around.vertical is None and not readings.raw[:, 2].any():
+    two_axes = has_two_axes(compass.calibration)
+    if two_axes and around.vertical is None:
+        notes.append(
+            f"the dip of the place is not known and taken to be {LIKELY_DIP_DEG:g}°: give the "
+            "place (--at LAT,LON) for what a tilt does"
+        )
+    elif attitude.source == LEVEL and around.vertical is None and not readings.raw[:, 2].any():
         notes.append("the vertical intensity is not known, so errors of tilt are not in the sd")
     for start in range(0, n, PIECE):
         rows = slice(start, start + PIECE)
@@ -141,7 +152,9 @@ def _piece(
     values = apply_steps(steps, readings.raw[rows], columns)
     tilt = kernel.Tilt(*(select_rows(part, rows) for part in attitude.tilt))
     field = np.ascontiguousarray(values[-1].T)
-    if attitude.source == LEVEL and around.vertical is not None:
+    if has_two_axes(compass.calibration):
+        field[2] = np.hypot(field[0], field[1]) * _find_dip_tangent(around, rows)
+    elif attitude.source == LEVEL and around.vertical is not None:
         field[2] = select_rows(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
         turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
@@ -159,6 +172,14 @@ def _piece(
     return Indication(
         turned.heading_deg, magnetic, random, systematic, turned.horizontal, turned.vertical
     )
+
+
+def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | float:
+    """Of the place, or of a likely one: what a compass of two axes has instead of a vertical."""
+    if around.horizontal is None or around.vertical is None:
+        return float(np.tan(np.radians(LIKELY_DIP_DEG)))
+    level = np.maximum(select_rows(around.horizontal, rows), 1.0)
+    return np.asarray(select_rows(around.vertical, rows) / level)
 
 
 def _by_tilt(

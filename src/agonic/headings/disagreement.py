@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, has_two_axes
 from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.thermal import Thermal
@@ -35,7 +35,8 @@ def compare_with_expected(
     """The larger of the differences of magnitude and dip, each over its limit.
 
     A level compass knows its horizontal intensity only, one calibrated to a magnitude alone has no
-    dip to compare with, and one in raw units no magnitude.
+    dip to compare with, and one in raw units no magnitude. One of two axes that was calibrated
+    without a place knows the intensity of its own circle.
     """
     h, z = indicated.horizontal, indicated.vertical
     raw = compass.calibration.unit_out == RAW
@@ -47,7 +48,11 @@ def compare_with_expected(
     if tilt == LEVEL:
         if raw:
             return Comparison(None, (_unseen(compass, "its calibration gives raw units"),))
-        return Comparison(_over(h / around.horizontal - 1, setup.magnitude_limit))
+        off = _over(h / around.horizontal - 1, setup.magnitude_limit)
+        size = find_magnitude(compass.calibration)
+        if has_two_axes(compass.calibration) and size is not None:
+            off = np.minimum(off, _over(h / size - 1, setup.magnitude_limit))
+        return Comparison(off)
     dip = np.degrees(np.arctan2(z, h) - np.arctan2(around.vertical, around.horizontal))
     distance = _over(dip, setup.dip_limit_deg)
     if not raw:

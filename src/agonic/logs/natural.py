@@ -39,6 +39,11 @@ def as_samples(given: Given, unit: str | None = None) -> Samples:
             raise AgonicError(
                 f"unit={unit!r} was given with samples, which have theirs; leave it out"
             )
+        if given.axes != "xyz":
+            raise AgonicError(
+                f"{given.name} has x and y alone and this needs three axes; a two-axis compass is "
+                "calibrated with agonic calibrate, or agonic.ellipse.fit.fit_ellipse"
+            )
         return given
     if isinstance(given, str | Path):
         return read(given, unit=unit)

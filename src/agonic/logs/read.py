@@ -59,7 +59,7 @@ def open_log(
     except LogError as error:
         if error.path is not None:
             raise
-        raise LogError(str(error), path=file, row=error.row) from error
+        raise type(error)(str(error), path=file, row=error.row) from error
     except OSError as error:
         raise LogError(f"cannot be read: {error.strerror or error}", path=file) from error
 

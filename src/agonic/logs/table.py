@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from agonic.arrays import Index
-from agonic.errors import LogError
+from agonic.errors import LogError, TwoAxisError
 from agonic.logs.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.column_names import suggest_names
 from agonic.logs.columns import Identified, identify_column, identify_columns
@@ -20,11 +20,13 @@ from agonic.logs.resample import compute_rate_Hz
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time, pick
 from agonic.logs.rows.units import find_field_unit
+from agonic.logs.two_axes import are_two_axes_allowed
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 _MOST_SENSORS = 64
+TWO_AXES = "a two-axis compass, x and y alone, is calibrated with agonic calibrate"
 
 
 def build_log(
@@ -49,6 +51,8 @@ def build_log(
     others = tuple(others)
     found = identify_columns(table)
     fields = [n for n, axes in found.get("field", {}).items() if len(axes) == 3]
+    if not fields and are_two_axes_allowed():
+        fields = [n for n, axes in found.get("field", {}).items() if set(axes) == set("xy")]
     if not fields:
         refuse_no_magnetometer(table, others)
     found, documented = apply_conventions(found, [*table, *others], path.stem)
@@ -92,6 +96,8 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     """The samples of the magnetometer of that number, with the columns that go with it."""
     axes = part.found["field"][number]
     field = part.values(axes)
+    if len(axes) == 2:
+        field = np.column_stack([field, np.zeros(len(field))])
     unit, unit_notes = find_field_unit(axes, part.unit, field)
     time, epoch, time_notes = find_time(part.clocks[number], part.rows, field)
     readings = find_finite_rows(field)
@@ -111,6 +117,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         time=time,
         epoch=epoch,
         name=name,
+        axes="".join(sorted(axes)),
         frame=_find_frame(part),
         heading_estimated=estimated,
         disturbers=disturbers,
@@ -159,7 +166,10 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     parts = [c.header for axes in found.get("field", {}).values() for c in axes.values()]
     have = ", ".join(repr(h[:30]) for h in every[:10]) + (", …" if len(every) > 10 else "")
     part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
-    raise LogError(f"{part} found among {have}; say which they are: {suggest_names(every)}")
+    said = f"{part} found among {have}; say which they are: {suggest_names(every)}"
+    if any(set(axes) == set("xy") for axes in found.get("field", {}).values()):
+        raise TwoAxisError(f"{said}; {TWO_AXES}")
+    raise LogError(said)
 
 
 def _list_streams(

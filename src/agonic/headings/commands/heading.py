@@ -40,7 +40,9 @@ def heading(
     disagreement between sensors, the sensor that was used, and flags. Exit status 1 where no
     heading can be trusted at all.
     """
-    from agonic.calibration.base import apply
+    from contextlib import nullcontext
+
+    from agonic.calibration.base import apply, has_two_axes
     from agonic.console.finish import finish
     from agonic.console.sensors import add_second
     from agonic.files.setup import load_setup
@@ -48,9 +50,13 @@ def heading(
     from agonic.headings.document import describe_headings
     from agonic.headings.files.write_headings import write_headings
     from agonic.logs.read import open_log
+    from agonic.logs.two_axes import allow_two_axes
 
-    recording = open_log(log, unit=unit)
-    chosen, samples = pair_compasses(load_setup(setup), recording, sensor)
+    vehicle = load_setup(setup)
+    two = any(has_two_axes(compass.calibration) for compass in vehicle.compasses)
+    with allow_two_axes() if two else nullcontext():
+        recording = open_log(log, unit=unit)
+    chosen, samples = pair_compasses(vehicle, recording, sensor)
     samples = tuple(
         set_place(add_second(compass.calibration, one, recording), at, date)
         for compass, one in zip(chosen.compasses, samples, strict=True)

@@ -19,6 +19,7 @@ from agonic.arrays import Array
 
 SYMMETRIC = "symmetric"
 FREE = "free"
+ELLIPSE = "ellipse"
 
 _UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx yy zz xy xz yz
 _LOWER = ((1, 0), (2, 0), (2, 1))  # yx zx zy
@@ -33,7 +34,8 @@ def correct(raw: Array, bias: Array, matrix: Array) -> Array:
 def model_basis(model: str, gauge: str = SYMMETRIC) -> Array:
     """The map from a model's parameters to the twelve local numbers, (12, m).
 
-    `sphere` has bias and one gain, `diagonal` bias and three gains, `full` bias and the six
+    `ellipse` has what two axes show: bias x y and the entries xx yy xy of the matrix. `sphere` has
+    bias and one gain, `diagonal` bias and three gains, `full` bias and the six
     entries xx yy zz xy xz yz of a matrix that is symmetric or upper triangular (z axis kept); in
     the gauge `free` all nine, yx zx zy last.
     """
@@ -44,7 +46,9 @@ def model_basis(model: str, gauge: str = SYMMETRIC) -> Array:
         entries[3 + 3 * i + j, k] = 1.0
         if gauge == SYMMETRIC:
             entries[3 + 3 * j + i, k] = 1.0
-    if model == "sphere":
+    if model == ELLIPSE:
+        columns = [columns[0][:, :2], entries[:, [0, 1, 3]]]
+    elif model == "sphere":
         columns.append(entries[:, :3].sum(axis=1, keepdims=True))
     else:
         columns.append(entries[:, :3] if model == "diagonal" else entries)

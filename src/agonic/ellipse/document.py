@@ -1,0 +1,139 @@
+"""What is said and shown of a two-axis compass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from agonic.ellipse.figures import draw_circles, draw_residuals
+from agonic.ellipse.result import EllipseFit
+from agonic.report.digits import degrees, group_digits, percent, quantity, with_sd
+from agonic.report.document import Document, Section, Table
+from agonic.report.labels import unit_label
+from agonic.report.verdict import WHEN_GOOD
+
+_NAMES = ("bias x", "bias y", "matrix xx", "matrix yy", "matrix xy")
+
+
+def describe_two_axes(
+    fits: Sequence[EllipseFit],
+    *,
+    title: str,
+    files: Sequence[str] = (),
+    failures: Sequence[tuple[str, str]] = (),
+) -> Document:
+    """What is said and shown of the two-axis compasses of a log.
+
+    Parameters: the fits; what the page is about; the files that were written; the names of
+    sensors that could not be fitted at all, and why.
+    """
+    sensors = [describe_ellipse(fit, files) for fit in fits]
+    sensors += [
+        Document(
+            name=name,
+            verdict="refused",
+            status=why,
+            values={"sensor": name, "method": "ellipse", "verdict": "refused", "status": why},
+        )
+        for name, why in failures
+    ]
+    return Document(
+        schema="agonic/calibrate@1",
+        kind="Calibration of a two-axis compass",
+        name=title,
+        sensors=sensors,
+    )
+
+
+def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
+    """What is said and shown of one two-axis compass; `files` are those written of it."""
+    unit = unit_label(fit.calibration.unit_in)
+    rows = list_numbers(fit)
+    move = WHEN_GOOD if fit.verdict == "good" else None
+    spread = f"{percent(fit.spread_before)} → {percent(fit.spread_after)}"
+    return Document(
+        name=fit.samples.name,
+        method=f"ellipse of two axes, {group_digits(fit.n)} readings",
+        verdict=fit.verdict,
+        status=fit.status,
+        findings=fit.findings,
+        move=move,
+        key_figures=()
+        if fit.verdict == "refused"
+        else [
+            ("Spread of magnitude", spread, "before → after"),
+            ("Heading standard error", degrees(fit.heading_sd_deg), "level, of the calibration"),
+            ("Noise", quantity(fit.noise, unit, 2), "one reading on one axis"),
+            ("Circle", f"{fit.seen_deg:.0f}°", f"seen, from {group_digits(fit.n)} readings"),
+        ],
+        entries={
+            "Bias": f"x {rows[0][1]}   y {rows[1][1]} {unit}",
+            "Matrix": f"xx {rows[2][1]}   yy {rows[3][1]}   xy {rows[4][1]}",
+            "Spread": f"{spread} (before → after)   noise {quantity(fit.noise, unit, 2)}",
+            "Heading": f"{degrees(fit.heading_sd_deg)} (level, of the calibration)",
+            "Circle": f"{fit.seen_deg:.0f}° seen",
+        },
+        entries_title="",
+        refused_numbers=True,
+        sections=[
+            Section("Numbers", [Table(("Number", "This calibration"), _name_units(rows, unit))]),
+            Section("Before and after", [lambda: draw_circles(fit)]),
+            Section("Residuals", [lambda: draw_residuals(fit)]),
+            Section("What it does not know", [WITHOUT_Z]),
+        ],
+        values=_list_values(fit, files),
+        calibration=fit.calibration,
+        samples=fit.samples,
+    )
+
+
+WITHOUT_Z = (
+    "A two-axis compass knows its heading while it is level: a tilt lets the vertical field in, "
+    "and turns the heading by up to the tilt times the tangent of the dip. How the sensor is "
+    "turned about the vertical in the vehicle is not known either: swing the compass for that "
+    "(agonic fit deviation)."
+)
+
+
+def list_numbers(fit: EllipseFit) -> list[tuple[str, str]]:
+    """The five numbers, each with its standard error."""
+    values = [*fit.bias[:2], fit.matrix[0, 0], fit.matrix[1, 1], fit.matrix[0, 1]]
+    errors = fit.sd[[0, 1, 3, 4, 6]]
+    return [(n, with_sd(v, s)) for n, v, s in zip(_NAMES, values, errors, strict=True)]
+
+
+def _name_units(rows: list[tuple[str, str]], unit: str) -> list[tuple[str, str]]:
+    """The numbers with the unit of the bias in its name."""
+    return [(f"{n}, {unit}" if n.startswith("bias") else n, number) for n, number in rows]
+
+
+def _list_values(fit: EllipseFit, files: Sequence[str]) -> dict[str, Any]:
+    in_nt = fit.calibration.unit_in == "nT"
+    return {
+        "sensor": fit.samples.name,
+        "method": "ellipse",
+        "model": "ellipse",
+        "axes": "xy",
+        "verdict": fit.verdict,
+        "status": fit.status,
+        "n": fit.n,
+        "unit": fit.calibration.unit_in,
+        "bias_nT": fit.bias[:2] if in_nt else None,
+        "bias_sd_nT": fit.sd[:2] if in_nt else None,
+        "bias": fit.bias[:2],
+        "bias_sd": fit.sd[:2],
+        "matrix": fit.matrix[:2, :2],
+        "matrix_sd": fit.sd[[3, 4, 6]],
+        "magnitude": fit.calibration.magnitude,
+        "noise_nT": fit.noise if in_nt else None,
+        "noise": fit.noise,
+        "correlation": fit.correlation,
+        "spread_before": fit.spread_before,
+        "spread_after": fit.spread_after,
+        "heading_sd_deg": fit.heading_sd_deg,
+        "inclination_deg": fit.inclination_deg,
+        "coverage": float(np.count_nonzero(fit.sectors)) / len(fit.sectors),
+        "files": list(files),
+    }

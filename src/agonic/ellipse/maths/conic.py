@@ -1,0 +1,72 @@
+"""An ellipse through points of a plane: where a fit starts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array
+
+TRIALS = 60
+"""Small sets of points that are tried, so that one without outliers is among them."""
+_DRAWN = 8
+_MOST_READINGS = 3000
+_LONGEST = 20.0
+"""Over the other axis: a longer ellipse is a line."""
+
+
+def find_start(points: Array, seed: int = 0) -> Array:
+    """Bias x y and matrix xx yy xy of the ellipse that most points (n, 2) are near, (5,).
+
+    Of the conic through all points, those through small sets of them, and a circle: the one whose
+    median distance is the smallest, which outliers do not reach.
+    """
+    rng = np.random.default_rng(seed)
+    some = points
+    if len(points) > _MOST_READINGS:
+        some = points[rng.choice(len(points), _MOST_READINGS, replace=False)]
+    sets = [some, *(some[rng.choice(len(some), _DRAWN)] for _ in range(TRIALS))]
+    found = [one for one in map(fit_conic, sets) if one is not None] + [fit_circle(some)]
+    return min(found, key=lambda one: float(np.median(np.abs(compute_distances(some, one)))))
+
+
+def fit_conic(points: Array) -> Array | None:
+    """The ellipse a x² + b xy + c y² + d x + e y + f = 0 of least squares; None where it is none.
+
+    >>> angle = np.arange(8.0)
+    >>> found = fit_conic(np.stack([1 + np.cos(angle) / 2, 3 + np.sin(angle)], axis=1))
+    >>> found[:4].round(6).tolist()
+    [1.0, 3.0, 2.0, 1.0]
+    """
+    x, y = points.T
+    design = np.stack([x * x, x * y, y * y, x, y, np.ones(len(x))], axis=1)
+    a, b, c, d, e, f = np.linalg.eigh(design.T @ design)[1][:, 0]
+    m = np.array([[a, b / 2], [b / 2, c]])
+    if np.linalg.det(m) <= 1e-12:
+        return None
+    bias = np.linalg.solve(m, [-d / 2, -e / 2])
+    values, axes = np.linalg.eigh(m / (bias @ m @ bias - f))
+    if not values[0] > 0 or values[1] > _LONGEST**2 * values[0]:
+        return None
+    w = axes @ np.diag(np.sqrt(values)) @ axes.T
+    return np.array([*bias, w[0, 0], w[1, 1], w[0, 1]])
+
+
+def fit_circle(points: Array) -> Array:
+    """The circle x² + y² = 2 a x + 2 b y + c of least squares, as an ellipse."""
+    design = np.column_stack([2 * points, np.ones(len(points))])
+    a, b, c = np.linalg.lstsq(design, (points**2).sum(axis=1), rcond=None)[0]
+    gain = 1 / np.sqrt(max(c + a * a + b * b, 1e-12))
+    return np.array([a, b, gain, gain, 0.0])
+
+
+def compute_distances(points: Array, ellipse: Array) -> Array:
+    """How far points (n, 2) are from an ellipse, to first order, (n,)."""
+    bias, matrix = ellipse[:2], make_matrix(ellipse)
+    u = (points - bias) @ matrix
+    size = np.maximum(np.linalg.norm(u, axis=1), 1e-300)
+    return np.asarray((size - 1) / np.linalg.norm(u / size[:, None] @ matrix, axis=1))
+
+
+def make_matrix(ellipse: Array) -> Array:
+    """The matrix (2, 2) of bias x y and matrix xx yy xy."""
+    return np.array([[ellipse[2], ellipse[4]], [ellipse[4], ellipse[3]]])
