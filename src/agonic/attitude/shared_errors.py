@@ -44,7 +44,8 @@ def find_reference_moves(estimate: Estimate, problem: Problem, sd: float) -> lis
     Parameters: `sd` of each component of the field over its magnitude. That of the magnitude joins
     elsewhere, as it scales the matrix; here are the two across the field, of dip and azimuth.
     """
-    if sd == 0.0 or problem.dip is None:
+    of_dip = problem.shared is not None and problem.shared.dip_by.any()
+    if sd == 0.0 or problem.dip is None or of_dip:  # then the dip is among the unknowns
         return []
     small = _SMALL * sd
     dip = problem.dip

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
-from agonic.inertial.settings import Settings
+from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.inertial.start import Solved, find_field
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -48,7 +48,7 @@ def check_gravity(
         return None
     level, below = given.horizontal_and_vertical(len(samples)).mean(axis=0)
     magnitude = Reference.constant(float(np.hypot(level, below)))
-    found = find_field(samples, magnitude, replace(settings, inclination_free=True))
+    found = find_field(samples, magnitude, replace(settings, inclination_sd=INCLINATION_SD))
     seen = found.values.mean(axis=0)
     known, dip = np.degrees(np.arctan2([below, seen[1]], [level, seen[0]]))
     if abs(known) < OPPOSITE_DEG or abs(known + dip) > OPPOSITE_DEG:

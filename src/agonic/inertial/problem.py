@@ -21,8 +21,6 @@ NODDING_S = 1.0
 """Time constant of the turns that change the course of a vehicle: in a gust it only nods."""
 AZIMUTH_S = 10.0
 """Over which the azimuth of the field is smoothed where the joint estimate starts."""
-INCLINATION_SD = 0.5
-"""Prior of a dip that is not known, rad, about the one that was found first."""
 FEWEST = 30
 """Rows of a stretch whose azimuth is an unknown of its own."""
 
@@ -57,7 +55,7 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
     unit = azimuth_by.shape[1]
     down_by, dip_by = -felt.down_by * sds[:unit], np.zeros(len(sds))
     azimuth_by = azimuth_by * sds[:unit]
-    if settings.inclination_free:
+    if settings.inclination_sd:
         dip_by[-1] = sds[-1]
         down_by = np.pad(down_by, ((0, 0), (0, 0), (0, 1)))
         azimuth_by = np.pad(azimuth_by, ((0, 0), (0, 1)))
@@ -66,12 +64,12 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
 
 def standard_deviations(felt: Inertial, settings: Settings) -> Array:
     """Of the priors of the errors: of the accelerometer, of the gyro, and of the speed; and of the
-    dip, rad, where it is not known."""
+    dip, rad, where it is not known exactly."""
     sds = [settings.accelerometer_sd_m_s2]
     if felt.azimuth_by is not None:
         bias = float(np.radians(settings.gyro_bias_sd_deg_s))
         sds += [bias, settings.gyro_scale_sd, settings.speed_sd_m_s]
-    return np.append(np.repeat(sds, 3), [INCLINATION_SD] * settings.inclination_free)
+    return np.append(np.repeat(sds, 3), [settings.inclination_sd] * (settings.inclination_sd > 0))
 
 
 def without_errors(samples: Samples, errors: Array) -> Samples:

@@ -17,6 +17,10 @@ _POSITIVE = (
 )
 
 
+INCLINATION_SD = 0.5
+"""Prior of a dip that is not known, rad, about the one that was found first."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings(AttitudeSettings):
     """The settings of a fit; see `fit_inertial`."""
@@ -27,7 +31,7 @@ class Settings(AttitudeSettings):
     speed_sd_m_s: float = 10.0
     stretch_s: float = 30.0
     accelerometer_scale_sd: float | None = None
-    inclination_free: bool = False
+    inclination_sd: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -35,3 +39,8 @@ class Settings(AttitudeSettings):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise AgonicError(f"{name} is {value}; it has to be above zero")
+
+    @property
+    def inclination_free(self) -> bool:
+        """Whether nothing tells the dip."""
+        return self.inclination_sd >= INCLINATION_SD

@@ -12,7 +12,7 @@ from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.fresh import without_held
 from agonic.inertial.maths.joint import Joint, estimate_jointly
 from agonic.inertial.problem import make_log, orient, standard_deviations, without_errors
-from agonic.inertial.settings import Settings
+from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.inertial.start import (
     Solved,
     choose_speed,
@@ -32,12 +32,16 @@ from agonic.samples import Samples
 def solve(samples: Samples, reference: Reference | None, settings: Settings) -> Solved:
     """The estimate: first beside the attitude that is felt, then with the attitude free.
 
-    Without horizontal and vertical intensity these are found first.
+    Without horizontal and vertical intensity these are found first; an error of a known dip, of the
+    reference's standard deviation, is one unknown of all rows.
     """
     samples = without_held(samples)
     if reference is None or reference.values.ndim == 1:
-        settings = replace(settings, inclination_free=True)
+        settings = replace(settings, inclination_sd=INCLINATION_SD)
         reference = find_field(samples, reference, settings)
+    elif samples.rotation_rate is not None:
+        size = float(reference.magnitudes(len(samples)).mean())
+        settings = replace(settings, inclination_sd=reference.sd / size)
     solved = choose_speed(samples, reference, settings)
     return _free_attitude(solved) if solved.felt.ahead is not None else solved
 
@@ -81,9 +85,10 @@ def _free_attitude(solved: Solved) -> Solved:
     p = len(params)
     taken_out, reference = joint.params[p - q : p], solved.reference
     again = feel_attitude(without_errors(samples, taken_out * solved.sds))
-    if solved.settings.inclination_free:
-        reference = _steepen(reference, float(taken_out[-1] * solved.sds[-1]))
-        taken_out[-1] = 0.0
+    if solved.settings.inclination_sd:
+        if solved.settings.inclination_free:
+            reference = _steepen(reference, float(taken_out[-1] * solved.sds[-1]))
+        taken_out[-1] = 0.0  # of a reference that is known the offset stays among the unknowns
     posed = pose_felt(samples, reference, again, solved.settings, taken_out)
     tilted, _, problem, scale = posed
     solution = found.solution._replace(params=joint.params[:p], covariance=joint.covariance[:p, :p])

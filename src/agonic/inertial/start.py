@@ -15,13 +15,12 @@ from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.fresh import find_fresh
 from agonic.inertial.problem import (
-    INCLINATION_SD,
     pose,
     standard_deviations,
     with_tilt,
     without_errors,
 )
-from agonic.inertial.settings import Settings
+from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate

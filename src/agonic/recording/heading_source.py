@@ -19,8 +19,9 @@ from agonic.samples import Samples
 TELLS_DEG = 3.0
 """Where readings and calibrated field point apart by less, it cannot be told which one a heading
 follows, and it does not matter either."""
-NEARER = 0.5
-"""A heading follows what it scatters about by less than half as much as about the other."""
+NEARER, FOLLOWS_DEG = 0.5, 12.0
+"""A heading follows what it scatters about by less than half as much as about the other, and by no
+more than a filter does; one in other units or axes follows neither."""
 STRETCH_S, LEAST_ROWS = 20.0, 10
 CONTRADICTS = 5.0
 """Standard deviations by which the gyro must disagree within a stretch."""
@@ -37,6 +38,8 @@ def check_heading_source(samples: Samples, reference: Reference) -> Finding | No
     autopilot corrected it on board, and not with the calibrated field. One by a filter that has not
     settled turns otherwise than the gyro does.
     """
+    if samples.heading_deg is None or samples.roll_deg is None or samples.pitch_deg is None:
+        return None  # the fit says what is missing
     named = samples.heading_source or "the logged heading"
     if (followed := _find_followed(samples, reference)) is not None:
         what, own, other = followed
@@ -75,7 +78,7 @@ def _find_followed(samples: Samples, reference: Reference) -> tuple[str, float, 
     for what, field in _list_read(samples):
         read = kernel.heading_deg(field[rows], tilt)
         own = _scatter_deg(logged - read)
-        if _scatter_deg(read - calibrated) > TELLS_DEG and own < NEARER * other:
+        if _scatter_deg(read - calibrated) > TELLS_DEG and own < min(NEARER * other, FOLLOWS_DEG):
             return what, own, other
     return None
 
