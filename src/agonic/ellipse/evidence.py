@@ -63,17 +63,22 @@ def _fit_circle(readings: Array) -> Array:
 
 
 def examine(fit: EllipseFit, found: Found) -> Iterator[Finding]:
-    """What was seen of the circle, of its shape, of noise and tilt, as findings."""
-    yield from _examine_circle(fit, found)
+    """What was seen of the circle, of its shape, of noise and tilt, as findings.
+
+    Where too little of the circle was seen the numbers say nothing of the rest.
+    """
+    unseen = list(_examine_circle(fit, found))
+    yield from unseen
+    if unseen:
+        return
+    yield from _examine_shape(fit, found)
     yield from _examine_errors(fit)
     yield from _examine_tilt(fit)
     yield from _examine_turns(fit)
 
 
 def _examine_circle(fit: EllipseFit, found: Found) -> Iterator[Finding]:
-    values = np.linalg.eigvalsh(make_matrix(found.ellipse))
-    ratio = float(values[1] / values[0]) if values[0] > 0 else np.inf
-    shorter = float(1 / max(values[1], 1e-300))
+    shorter = float(1 / max(np.linalg.eigvalsh(make_matrix(found.ellipse))[1], 1e-300))
     if fit.noise > CLOUD * shorter:
         what = "the readings are a cloud and no circle: the sensor did not turn, or noise hides it"
         yield Finding("static", "refuse", what, TURN)
@@ -83,6 +88,11 @@ def _examine_circle(fit: EllipseFit, found: Found) -> Iterator[Finding]:
             "least"
         )
         yield Finding("coverage", "refuse", what, TURN)
+
+
+def _examine_shape(fit: EllipseFit, found: Found) -> Iterator[Finding]:
+    values = np.linalg.eigvalsh(make_matrix(found.ellipse))
+    ratio = float(values[1] / values[0]) if values[0] > 0 else np.inf
     if ratio > LONG:
         what = f"one axis of the ellipse is {figure(ratio)} times as long as the other"
         move = "look for iron beside the sensor, and for an axis in another unit"
