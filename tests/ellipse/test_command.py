@@ -62,6 +62,15 @@ def test_a_refused_log_writes_no_calibration(tmp_path, capsys) -> None:
     assert [file.name for file in out.iterdir()] == ["report.html"]
 
 
+def test_a_refused_log_names_what_an_earlier_run_left(tmp_path, capsys) -> None:
+    out = str(tmp_path / "out")
+    good = str(write_log(tmp_path / "whole.csv", record(0)))
+    arc = str(write_log(tmp_path / "arc.csv", record(0, turns=0.4)))
+    assert run(["calibrate", good, "-o", out]) == 0
+    assert run(["calibrate", arc, "-o", out, "-v"]) == 1
+    assert "mag.json: of an earlier run" in capsys.readouterr().out
+
+
 def test_what_needs_three_axes_says_so(tmp_path) -> None:
     log = write_log(tmp_path / "boat.csv", record(0))
     with pytest.raises(TwoAxisError, match="two-axis compass") as caught:

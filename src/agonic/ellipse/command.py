@@ -62,7 +62,11 @@ def calibrate_two_axes(
     make_folder(folder)
     files = _write_files(fits, folder)
     document = describe_two_axes(
-        fits, title=recording.source.name, files=[*files, str(page)], failures=failures
+        fits,
+        title=recording.source.name,
+        files=[*files, str(page)],
+        failures=failures,
+        stale=_find_stale(fits, folder),
     )
     write_atomically(page, document.to_html())
     if files and document.good:
@@ -70,6 +74,13 @@ def calibrate_two_axes(
             document, next_step=_choose_command(files[-1], log, at, date, sensors[0])
         )
     return finish(document, page=page, as_json=as_json, brief=brief, open_page=open_page)
+
+
+def _find_stale(fits: Sequence[EllipseFit], folder: Path) -> list[str]:
+    """Files of an earlier run in the folder, of sensors that are refused now."""
+    refused = [file_stem(fit.samples.name) for fit in fits if fit.verdict == "refused"]
+    old = [name for stem in refused if (folder / (name := f"{stem}.json")).exists()]
+    return [f"{name}: of an earlier run, not of this report" for name in old]
 
 
 def _choose_command(setup: str, log: Path, at: str | None, date: str | None, one: Samples) -> str:

@@ -23,11 +23,12 @@ def describe_two_axes(
     title: str,
     files: Sequence[str] = (),
     failures: Sequence[tuple[str, str]] = (),
+    stale: Sequence[str] = (),
 ) -> Document:
     """What is said and shown of the two-axis compasses of a log.
 
     Parameters: the fits; what the page is about; the files that were written; the names of
-    sensors that could not be fitted at all, and why.
+    sensors that could not be fitted at all, and why; what to say of files of an earlier run.
     """
     sensors = [describe_ellipse(fit, files) for fit in fits]
     sensors += [
@@ -44,6 +45,7 @@ def describe_two_axes(
         kind="Calibration of a two-axis compass",
         name=title,
         sensors=sensors,
+        remarks=stale,
     )
 
 
