@@ -93,6 +93,12 @@ def test_less_of_the_circle_is_refused(turns, noise) -> None:
     assert {one.name for one in fit.findings} & {"coverage", "static"}
 
 
+def test_few_readings_of_the_whole_circle_will_do() -> None:
+    fit = fit_ellipse(record(0, n=32, noise=8.0), PLACE)
+    assert fit.seen_deg == 360.0
+    assert fit.verdict == "good"
+
+
 def test_without_a_place_the_shape_is_the_same() -> None:
     known, alone = fit_ellipse(record(2), PLACE), fit_ellipse(record(2))
     assert np.trace(alone.matrix[:2, :2]) == pytest.approx(2.0)

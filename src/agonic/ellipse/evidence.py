@@ -44,7 +44,7 @@ TURN = "turn the vehicle level through the whole circle, slowly, once each way"
 
 
 def count_sectors(readings: Array, found: Found) -> Index:
-    """Readings in each sector, (24,), about the ellipse or about the circle of all readings.
+    """Readings in each sector of the circle about the ellipse or about the circle of all readings.
 
     Whichever has seen less: a small ellipse can close about the readings of a short arc.
     """

@@ -21,9 +21,10 @@ class EllipseFit(Estimated):
     `residuals` (n,) are distances from the ellipse in the unit of the readings, `weights` (n,) what
     the robust loss left of each; `noise` the standard deviation of one reading on one axis,
     `correlation` the correlation length in readings; `sectors` (24,) the readings in each 15° of
-    the circle; `heading_sd_deg` the standard error of a level heading that the calibration makes,
-    rms over all headings; `spread_before` and `spread_after` that of the magnitude, over its mean;
-    `inclination_deg` the dip of the place, None where it is not known.
+    the circle, of few readings (12,) in each 30°; `heading_sd_deg` the standard error of a level
+    heading that the calibration makes, rms over all headings; `spread_before` and `spread_after`
+    that of the magnitude, over its mean; `inclination_deg` the dip of the place, None where it is
+    not known.
     """
 
     samples: Samples
