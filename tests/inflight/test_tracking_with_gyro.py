@@ -69,6 +69,22 @@ def test_where_an_assumption_is_broken_the_band_grows_or_the_verdict_falls(broke
         assert far < most or tracker.verdict != "good"
 
 
+@pytest.mark.parametrize("hz", [0.5, 1, 2, 5])
+def test_rates_far_apart_widen_the_band_and_are_told(hz: float) -> None:
+    """Between readings the turn is not known, which once made errors of sixty standard errors."""
+    z = []
+    for seed in range(5):
+        made = turn_about(seed, n=600, step=1 / hz)
+        tracker = Tracker(params=PARAMS)
+        tracker.update(made.samples)
+        z.append((tracker.bias - made.bias[-1]) / tracker.state.bias_sd)
+        told = "turn between readings" in [finding.name for finding in tracker.findings]
+        assert told == (hz <= 1) or hz == 2  # at 2 Hz only where it is turned fast
+        assert not (told and tracker.verdict == "good")
+    assert np.sqrt(np.mean(np.square(z))) < 1.4  # 15 numbers: 1 and 2.2 of their own sd
+    assert np.abs(z).max() < 4.0
+
+
 def test_a_jump_is_dated_measured_and_does_not_move_the_field() -> None:
     for seed in range(3):
         made = turn_about(seed, jump=40_000.0)

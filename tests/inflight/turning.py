@@ -51,14 +51,15 @@ def turn_about(
     bias: float = 3000.0,
     jump: float = 0.0,
     at: int = 800,
+    step: float = 0.05,
 ) -> Turned:
-    """A sensor that is turned to and fro at 20 Hz in a field that wanders, by defaults as stated.
+    """A sensor turned to and fro in a field that wanders, read each `step` s; defaults as stated.
 
     `gyro_bias`, `delay`, `soft_iron` and `bias` are standard deviations of what is drawn; a `jump`
     comes in a direction of its own and stays.
     """
     rng = np.random.default_rng(seed)
-    step, finer = 0.05, 4
+    finer = max(4, round(step / 0.0125))
     time = np.arange(n * finer) * step / finer
     rate = np.zeros((len(time), 3))
     for _ in range(4):

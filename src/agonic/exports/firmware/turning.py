@@ -39,6 +39,8 @@ def describe_turn(
     }
     return {name: write_literal(value) for name, value in names.items()} | {
         "rate": write_array(turn.watch[reading.RATE : reading.RATE + 3]),
+        "change": write_array(turn.watch[reading.RATE + 3 : reading.RATE + 6]),
+        "bent": write_literal(turn.watch[reading.RATE + 6]),
         "axes": write_array(rotation),
         **_make_test(turn, model, rotation),
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from agonic.calibration.tracking import Jump, TrackerState
 from agonic.health import Finding, figure
 from agonic.inflight.tracking.opening import compute_nonlinearity
@@ -10,6 +12,8 @@ REFUSED = 0.1
 """Share of refused readings that is to be looked at."""
 INCONSISTENT = (0.5, 1.5)
 """Innovations over their stated sd, rms: outside of this the noise model is wrong."""
+UNSEEN = 0.05
+"""Turn between two readings, rad, that their rates leave open, from which it is to be looked at."""
 CORRELATED = 1.5
 """Standard errors over those of independent errors from which they are to be looked at."""
 
@@ -46,6 +50,7 @@ def list_findings(state: TrackerState) -> tuple[Finding, ...]:
                 "look for what disturbs, or give a larger noise",
             )
         )
+    found += _describe_unseen_turn(state)
     found += _describe_correlation(state)
     low, high = INCONSISTENT
     if state.n >= _ENOUGH and not low < state.consistency < high:
@@ -77,6 +82,22 @@ def _describe_correlation(state: TrackerState) -> list[Finding]:
             + (", and errors may last for longer than was seen" if growing else ""),
             "give the error of the reference and its time (external_sd, external_time_s), or "
             "follow a bias that moves (walk)",
+        )
+    ]
+
+
+def _describe_unseen_turn(state: TrackerState) -> list[Finding]:
+    """That readings are too far apart for their rates to tell how the sensor turned."""
+    if state.turn is None or not state.turn.unseen_turn > UNSEEN:
+        return []
+    return [
+        Finding(
+            "turn between readings",
+            "check",
+            f"how far the sensor turned between two readings is known to "
+            f"{np.degrees(state.turn.unseen_turn):.0f}° only, by the rates at both; "
+            "the bias allows for it, but the delay and with it the field may be further off",
+            "record readings and rates more often, or turn more slowly",
         )
     ]
 

@@ -7,9 +7,10 @@ in the sensor, and a late reading shows what it was,
     dh/dt = −(ω − β) × h,    raw = b + W⁻¹ (h + τ (ω − β) × h) + noise.
 
 Between readings h is turned as a whole, at the mean of the rates at both, and takes up the gyro's
-noise and what the field changes on the way; bias, gyro bias and matrix walk. The field stands
-first, so that turning it leaves U triangular but for three rows and columns, which one Gram–Schmidt
-mends. In field and bias alone all is linear, so nothing has to be known to begin with.
+noise, what the rates may leave unseen and what the field changes on the way; bias, gyro bias and
+matrix walk. The field stands first, so that turning it leaves U triangular but for three rows and
+columns, which one Gram–Schmidt mends. In field and bias alone all is linear, so nothing has to be
+known to begin with.
 
 Source: C. L. Thornton (1976), JPL Technical Memorandum 33-798, the propagation; G. J. Bierman
 (1977), Factorization Methods for Discrete Sequential Estimation, the measurement; the model:
@@ -63,7 +64,7 @@ class TurnModel(NamedTuple):
 
 
 class TurnState(kalman.FilterState):
-    """What the filter holds, as a `FilterState`: `state` (16,), and `watch` (16,)."""
+    """What the filter holds, as a `FilterState`: `state` (16,), and `watch` (21,)."""
 
     __slots__ = ()
 
@@ -91,6 +92,11 @@ class TurnState(kalman.FilterState):
     def delay_s(self) -> float:
         """How late the readings are behind the gyro's."""
         return float(self.state[9])
+
+    @property
+    def unseen_turn(self) -> float:
+        """Sd of what the sensor turns between two readings beside what both rates say, rad."""
+        return float(np.sqrt(self.watch[reading.UNSEEN]))
 
     @property
     def time(self) -> float:
@@ -201,12 +207,10 @@ def run(
     for done in range(len(rows)):
         row = rows[done]
         elapsed = row[0] - watch[reading.TIME]
-        a, b, c = watch[reading.RATE], watch[reading.RATE + 1], watch[reading.RATE + 2]
-        rate = (0.5 * (a + row[4]), 0.5 * (b + row[5]), 0.5 * (c + row[6]))
+        rate = motion.find_mean_rate(row, elapsed, watch, reading.RATE, x)
         watch[reading.TIME] = row[0]
-        for i in range(3):
-            watch[reading.RATE + i] = row[4 + i]
-        motion.turn(rate, elapsed, model, x, columns, diagonal, room)
+        unseen = motion.find_unseen_turn(row, elapsed, watch, reading.RATE)
+        motion.turn(rate, elapsed, unseen, model, x, columns, diagonal, room)
         if reading.take(row, elapsed, model, x, columns, diagonal, watch, seen[done], room):
             return done + 1, True
     return len(rows), False

@@ -7,17 +7,70 @@ from typing import Any
 
 from agonic.maths.estimation import ud_filter
 
+_RATES = 16.0  # readings over which what the rates leave unseen is averaged
+_TURNS = 256.0  # readings over which what turns unseen is averaged, to be told
+_UNRELATED = 12.0  # (Δ²)² of rates σ over the variance of the mean of two, 6 σ² / (σ² / 2)
+_ANYWHERE = 4.0  # rad²: nothing is known of a direction
+
+
+def find_mean_rate(
+    row: Any, elapsed: float, watch: Any, at: int, x: Any
+) -> tuple[float, float, float]:
+    """The rate at which the sensor turned as a whole from the last reading to this one.
+
+    (ω₀ + ω₁)/2 + Δt (ω₀ − β) × (ω₁ − β)/12: about an axis that moves the mean alone is not enough,
+    and what it leaves out would be taken for a delay (J. E. Bortz 1971, IEEE Transactions on
+    Aerospace and Electronic Systems AES-7(1), 61–66, for a rate that is a straight line in time).
+    """
+    ax, ay, az = watch[at], watch[at + 1], watch[at + 2]
+    bx, by, bz = row[4], row[5], row[6]
+    px, py, pz = ax - x[6], ay - x[7], az - x[8]
+    qx, qy, qz = bx - x[6], by - x[7], bz - x[8]
+    part = elapsed / 12.0
+    return (
+        0.5 * (ax + bx) + part * (py * qz - pz * qy),
+        0.5 * (ay + by) + part * (pz * qx - px * qz),
+        0.5 * (az + bz) + part * (px * qy - py * qx),
+    )
+
+
+def find_unseen_turn(row: Any, elapsed: float, watch: Any, at: int) -> float:
+    """Variance about each axis, rad², of what turns between two readings beside the mean rate.
+
+    The rate is known at the readings alone. Between them it is taken to be a straight line, and
+    what it does beside is as large as the second difference Δ² of the rates shows: Δt² E(Δ²)²/12
+    where successive rates have nothing to do with one another, half of that in a random walk, and
+    Δt² (Δ²)²/144 where they are smooth. The largest is taken. In `watch` from `at` on stand the
+    last rate, its last change, a mean of (Δ²)² and one of the variance; all are moved on.
+    """
+    total = 0.0
+    for i in range(3):
+        change = row[4 + i] - watch[at + i] if elapsed > 0.0 else 0.0
+        beyond = change - watch[at + 3 + i]
+        total += beyond * beyond
+        watch[at + i], watch[at + 3 + i] = row[4 + i], change
+    now = total / 3.0
+    watch[at + 6] += (now - watch[at + 6]) / _RATES
+    unseen = elapsed * elapsed * max(now, watch[at + 6]) / _UNRELATED
+    unseen = min(unseen, _ANYWHERE)
+    watch[at + 7] += (unseen - watch[at + 7]) / _TURNS
+    return float(unseen)
+
 
 def turn(
     rate: tuple[float, float, float],
     elapsed: float,
+    unseen: float,
     model: Any,
     x: Any,
     columns: Any,
     diagonal: Any,
     room: Any,
 ) -> None:
-    """What `elapsed` seconds at a rate do: the field turns in the sensor, and all of it walks."""
+    """What `elapsed` seconds at a rate do: the field turns in the sensor, and all of it walks.
+
+    `unseen` is the variance about each axis of what turned beside it, rad².
+    """
     m = len(diagonal)
     # the field turns against the sensor
     ax, ay, az = x[6] - rate[0], x[7] - rate[1], x[8] - rate[2]
@@ -38,8 +91,10 @@ def turn(
             column[0] += by * hz - bz * hy
             column[1] += bz * hx - bx * hz
             column[2] += bx * hy - by * hx
-    gyro = model[1] * model[1] * elapsed
-    _triangulate(columns, diagonal, gyro, model[2] * model[2] * elapsed, hx, hy, hz, room)
+    gyro = model[1] * model[1] * elapsed + unseen
+    bend = 2.0 * unseen * unseen * (hx * hx + hy * hy + hz * hz)  # of an arc beside its tangent
+    field = model[2] * model[2] * elapsed + bend
+    _triangulate(columns, diagonal, gyro, field, hx, hy, hz, room)
     walk(model[3], elapsed, 3, 6, columns, diagonal, room[0])
     walk(model[4], elapsed, 6, 9, columns, diagonal, room[0])
     walk(model[5], elapsed, 10, m, columns, diagonal, room[0])
@@ -122,5 +177,5 @@ def _triangulate(
                 line[k] -= shared * last[k]
 
 
-PARTS = (_find_rotation, walk, _rotate, _triangulate, turn)
+PARTS = (find_mean_rate, find_unseen_turn, _find_rotation, walk, _rotate, _triangulate, turn)
 """What numba has to compile, each after what it calls."""

@@ -13,10 +13,11 @@ from agonic.maths.estimation import ud_filter
 SEEN = 22
 """Numbers kept of each reading: residual x y z, its sd x y z, whether it was used, L⁻¹ of the
 residual's covariance L Lᵀ (six), innovation L⁻¹ r x y z, field x y z, bias x y z."""
-SCALE, USUAL, LOST, TIME, RATE, WATCHED = 9, 10, 11, 12, 13, 16
+SCALE, USUAL, LOST, TIME, RATE, UNSEEN, WATCHED = 9, 10, 11, 12, 13, 20, 21
 """Places in `watch`, after the nine sums of the jump test, and how many there are: mean square of
 the clipped innovations, what the test usually comes to, seconds since a reading fitted, time of the
-last reading, and its rate x y z."""
+last reading, its rate x y z, how that changed x y z, the mean square of its second difference, and
+the mean variance of what turns unseen between two readings."""
 CLIPPED_SQUARE = 0.9258
 """Mean of min(χ², 2.5²)/3, χ² of three degrees of freedom."""
 
