@@ -24,10 +24,9 @@ from scipy.special import stdtrit
 from agonic.arrays import Array, Mask
 from agonic.attitude.block_sums import BLOCKS, BlockSums, sum_blocks
 from agonic.attitude.fit import find_usable
-from agonic.attitude.problem import list_disturbers
 from agonic.attitude.settings import Settings
 from agonic.attitude.source_names import MEMBER, name_sources
-from agonic.calibration.inputs import list_columns
+from agonic.calibration.inputs import list_columns, list_disturbers
 from agonic.health import Finding
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -10,9 +10,9 @@ from agonic.arrays import Array
 from agonic.attitude.known_heading import weigh_rows
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import (
-    SOURCES,
     find_delays,
     list_columns,
+    list_disturbers,
     signals,
     stack_inputs,
     undelay,
@@ -114,15 +114,6 @@ def find_terms(samples: Samples, sources: tuple[str, ...]) -> Array:
     if "second" in known:
         known["second"] = known["second"] - samples.field
     return stack_inputs(sources, None, known)
-
-
-def list_disturbers(samples: Samples) -> tuple[str, ...]:
-    """The columns of samples that may tell of a disturbance.
-
-    >>> list_disturbers(Samples(field=np.ones((2, 3)), disturbers={"heater_A": [0.0, 1.0]}))
-    ('heater_A',)
-    """
-    return tuple(n for n in samples.columns() if n in SOURCES or n in samples.disturbers)
 
 
 def _angles(samples: Samples, channels: tuple[str, ...]) -> tuple[Array, Array, Array]:

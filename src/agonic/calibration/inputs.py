@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.errors import AgonicError
+from agonic.samples import Samples
 
 SOURCES = {"current_A": 1, "throttle": 1, "second": 3}
 """The sources that a log may hold whatever the vehicle, and how many numbers each has a row."""
@@ -103,6 +104,15 @@ def list_columns(sources: Iterable[str]) -> tuple[str, ...]:
     ('motor1_duty', 'heater_A')
     """
     return tuple(dict.fromkeys(name for one in sources for name in parse_source(one).columns))
+
+
+def list_disturbers(samples: Samples) -> tuple[str, ...]:
+    """The columns of samples that may tell of a disturbance.
+
+    >>> list_disturbers(Samples(field=np.ones((2, 3)), disturbers={"heater_A": [0.0, 1.0]}))
+    ('heater_A',)
+    """
+    return tuple(n for n in samples.columns() if n in SOURCES or n in samples.disturbers)
 
 
 def find_delays(sources: Iterable[str]) -> dict[str, float]:

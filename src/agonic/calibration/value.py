@@ -7,7 +7,6 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.readable import Readable
 
@@ -34,7 +33,7 @@ class Valued(Readable):
 
 def _key(value: Any) -> Any:
     """A value as what can be compared and hashed."""
-    if isinstance(value, Rotation):
+    if hasattr(value, "as_matrix"):  # a Rotation; what only reads a log loads no SciPy
         return _key(value.as_matrix().round(_DIGITS))
     if isinstance(value, np.ndarray):
         return value.shape, (value + 0.0).tobytes()  # the sum turns −0 into 0

@@ -49,7 +49,7 @@ def _described(log: Log) -> dict[str, Any]:
 def _sensor(samples: Samples) -> dict[str, Any]:
     import numpy as np
 
-    from agonic.attitude.problem import list_disturbers
+    from agonic.calibration.inputs import list_disturbers
     from agonic.health import describe, find_quantisation
 
     columns = samples.columns()
