@@ -91,7 +91,8 @@ def _axis(letter: str, direction: Direction, time: float | None) -> str:
     for name, angle in zip(names, direction.angles_deg, strict=False):
         words += f", {name} {group_digits(angle, 5)}°"
     if letter == "i" and time:
-        words += f" at {datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S UTC}"
+        when = datetime.fromtimestamp(time, UTC)  # the sky turns by 15″ a second
+        words += f" at {when:%Y-%m-%d %H:%M:%S}.{when.microsecond // 1000:03d} UTC"
     return words
 
 
