@@ -150,7 +150,8 @@ def test_two_compasses_of_a_quadrotor(recordings, tmp_path, capsys) -> None:
     log, cal = str(recordings / "vehicle/ardupilot/log171.bin"), tmp_path / "mix.json"
     asked = ("fit", "interference", log, "--sensor", "MAG2", "--between", "84,236")
     _, found = said(capsys, *asked, "--with", "second", "--second", "MAG3", "-o", str(cal))
-    assert (found["second_sensor"], found["verdict"]) == ("MAG3", "good")
+    # its heading is known to 2.3° by what dip and magnitude do not hold: to be looked at
+    assert (found["second_sensor"], found["verdict"]) == ("MAG3", "check")
     status, found = said(capsys, "heading", str(cal), log, "-o", str(tmp_path / "h.csv"))
     assert status == 0
     assert found["trusted"] > 0.8 * found["n"]
@@ -256,4 +257,4 @@ def test_the_screen_tells_method_latency_and_current(flown: Path, capsys) -> Non
     assert "ms late beside the attitude" in latency
     current = next(line for line in lines if line.startswith("Current"))
     assert current.endswith("nT per A (current_A)")
-    assert any(line.startswith("Method    vector: ") for line in lines)
+    assert any(line.split(maxsplit=1)[:1] == ["Method"] and " vector: " in line for line in lines)
