@@ -1,10 +1,14 @@
-"""What all tests share: examples in docstrings run where they are written."""
+"""What all tests share: one thread a process, and examples that run where they are written."""
 
 from __future__ import annotations
 
+import os
 import sys
 
 import pytest
+
+# a process for each core already works; threads of the linear algebra only wait for one another
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
