@@ -32,7 +32,7 @@ def with_course(samples: Samples, *, speed_sd_m_s: float = SPEED_SD_M_S) -> Samp
     >>> time = np.arange(0.0, 20.0, 0.5)
     >>> east = Samples(field=np.ones((40, 3)), time=time, latitude_deg=np.zeros(40),
     ...                longitude_deg=4e-5 * time, unit="nT")
-    >>> with_course(east).heading_deg[20].round(1)
+    >>> float(with_course(east).heading_deg[20].round(1))
     90.0
     """
     time, latitude, longitude = samples.time, samples.latitude_deg, samples.longitude_deg

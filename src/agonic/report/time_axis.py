@@ -22,7 +22,7 @@ def along_time(
 
     >>> import numpy as np
     >>> along_time(np.array([60.0, 660.0]), 60.0, 660.0)
-    (Axis(label='time since the first reading, min', low=0.0, high=10.0), array([ 0., 10.]))
+    (Axis(label='time since the first reading, min', low=0.0, high=10.0, logarithmic=False), array([ 0., 10.]))
     """
     seconds, name = next((s, n) for least, s, n in _TIME_UNITS if stop - start >= least)
     label = f"time since {since}, {name}"
@@ -39,7 +39,7 @@ def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
     >>> along_rows(np.array([11.5, 12.5]), np.arange(2))[0].label
     'time since the first reading (t = 11.5 s), s'
     >>> along_rows(None, np.arange(3))
-    (Axis(label='reading', low=0.0, high=2.0), array([0., 1., 2.]))
+    (Axis(label='reading', low=0.0, high=2.0, logarithmic=False), array([0., 1., 2.]))
     """
     if time is None or len(time) < 2:
         return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)
