@@ -26,8 +26,7 @@ FEWEST_BATCHES, MOST_BATCHES = 24, 200
 SEEN = 4.0
 """A combination of columns must stand out of its own noise by this factor to be tested."""
 SEEN_APART = 2.0
-"""The same where what columns and residuals share is taken out of the score, and for one column
-alone, which was not picked among many."""
+"""The same where what columns and residuals share is taken out of the score."""
 
 
 class Score(NamedTuple):
@@ -106,7 +105,7 @@ def score_test(
     information = fit.information
     taken = np.linalg.solve(information, weighted @ columns)
     projected = columns - fit.jacobian @ taken
-    clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
+    clear = SEEN if shared is None else SEEN_APART
     seen = _seen(projected, columns, noise, fit.weights, clear)
     if seen is None:
         return None
