@@ -104,7 +104,7 @@ def _needed(function: Callable[..., Any], name: str, hint: Any) -> str:
 def is_a(value: Any, hint: Any) -> bool:
     """Whether a value is of an annotated type, as far as that can be told.
 
-    >>> is_a(3, float), is_a("a", float | None), is_a([1, 2], Sequence[int]), is_a("ab", list[str])
+    >>> is_a(3, float), is_a("a", float | None), is_a([1, 2], Iterable[int]), is_a("ab", list[str])
     (True, False, True, False)
     """
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
