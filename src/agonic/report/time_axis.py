@@ -21,8 +21,9 @@ def along_time(
     """An axis of the time since `start` in a unit that fits, and times as they lie along it.
 
     >>> import numpy as np
-    >>> along_time(np.array([60.0, 660.0]), 60.0, 660.0)
-    (Axis(label='time since the first reading, min', low=0.0, high=10.0, logarithmic=False), array([ 0., 10.]))
+    >>> axis, at = along_time(np.array([60.0, 660.0]), 60.0, 660.0)
+    >>> axis.label, axis.low, axis.high, at.tolist()
+    ('time since the first reading, min', 0.0, 10.0, [0.0, 10.0])
     """
     seconds, name = next((s, n) for least, s, n in _TIME_UNITS if stop - start >= least)
     label = f"time since {since}, {name}"
