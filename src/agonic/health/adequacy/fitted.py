@@ -12,7 +12,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.maths.equation.affine import magnitude_residual, model_basis
 from agonic.maths.equation.coverage import find_spread_rows, heading_sd_deg, level_directions
-from agonic.maths.estimation.score_test import Linearised, batches_of
+from agonic.maths.estimation.score_test import Linearised, batches_of, find_captured
 
 UNEVEN = 3.0
 """Correlation lengths of two kinds of residuals that differ by this factor weigh the kinds."""
@@ -220,7 +220,8 @@ def _stack(fitted: Fitted, rows: Index, scale: Array) -> Linearised:
     kinds, each = fitted.kinds, np.ones(len(rows))
     more = np.r_[scale, np.ones(kinds[0].jacobian.shape[1] - len(scale))]
     weights = fitted.weights[rows]
-    batch = batches_of(len(rows), max(kind.correlation for kind in kinds))
+    longest = max(kind.correlation for kind in kinds)
+    batch = batches_of(len(rows), longest)
     residuals = np.concatenate([kind.residuals[rows] for kind in kinds])
     jacobian = np.vstack([kind.jacobian[rows] for kind in kinds])
     by_attitude = fitted.again[-1].kinds
@@ -233,6 +234,7 @@ def _stack(fitted: Fitted, rows: Index, scale: Array) -> Linearised:
         fitted.own_prior * np.outer(more, more),
         np.tile(batch, len(kinds)),
         moved * more * turned[:, None],
+        find_captured(batch, longest),
     )
 
 

@@ -46,7 +46,8 @@ class Linearised(NamedTuple):
 
     `prior` (p, p) is the information of the prior, `batch` (n,) the number of the batch of each
     row, from zero. `shared` (n, p) is the covariance of Jacobian and residuals by noise that is in
-    both, where the fit has not taken it out.
+    both, where the fit has not taken it out; `captured` the share of the scores' variance that
+    batches show, less than one where they are shorter than the noise lasts.
     """
 
     residuals: Array
@@ -55,6 +56,7 @@ class Linearised(NamedTuple):
     prior: Array
     batch: Index
     shared: Array | None = None
+    captured: float = 1.0
 
     @property
     def information(self) -> Array:
@@ -81,6 +83,22 @@ def batches_of(n: int, correlation: float) -> Index:
     wanted = int(n / max(3.0 * correlation, 1.0)) if correlation > 1 else n
     count = max(min(wanted, MOST_BATCHES, n), min(FEWEST_BATCHES, n))
     return np.asarray(np.arange(n) * count // n, dtype=np.intp)
+
+
+def find_captured(batch: Index, correlation: float) -> float:
+    """The share of the variance of sums that batches show, of what batches of three lengths do.
+
+    Of noise whose correlation falls with the time τ, batches of L rows show
+    1 − τ/L (1 − exp(−L/τ)); the correlation length is 2 τ.
+
+    >>> find_captured(batches_of(6000, 50.0), 50.0)
+    1.0
+    >>> find_captured(batches_of(600, 100.0), 100.0) < 0.3
+    True
+    """
+    length = len(batch) / (int(batch[-1]) + 1)
+    shown = [1 - lasts * (1 - np.exp(-1 / lasts)) for lasts in (correlation / 2 / length, 1 / 6)]
+    return float(min(shown[0] / shown[1], 1.0))
 
 
 def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
@@ -117,7 +135,7 @@ def score_test(
     if fit.shared is not None:
         products += fit.shared @ taken @ seen
     scores = sums_by(fit.batch, products * fit.weights[:, None])
-    p_value = _hotelling(scores)
+    p_value = _hotelling(scores, fit.captured)
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
     size = np.asarray(seen @ found)
@@ -141,7 +159,7 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
     prior[:p, :p] = fit.prior
     prior[p:, p:] = 1e-9 * len(columns) * np.eye(k)
     jacobian = np.hstack([fit.jacobian, kept])
-    wider = Linearised(fit.residuals, jacobian, fit.weights, prior, fit.batch, both)
+    wider = fit._replace(jacobian=jacobian, prior=prior, shared=both)
     step = np.linalg.solve(wider.information, (jacobian.T * fit.weights) @ fit.residuals)
     return wider._replace(residuals=fit.residuals - jacobian @ step)
 
@@ -161,7 +179,7 @@ def _seen(
     return scale[:, None] * vectors[:, keep] if keep.any() else None
 
 
-def _hotelling(scores: Array) -> float:
+def _hotelling(scores: Array, captured: float) -> float:
     """The p-value that the scores of batches (B, k) have mean zero."""
     from scipy.special import fdtrc  # here, so that what only reads a log loads no SciPy
 
@@ -174,5 +192,5 @@ def _hotelling(scores: Array) -> float:
     if rank in (0, batches):  # nothing is left to tell chance from
         return 1.0
     statistic = min(float(((left[:, :rank].sum(axis=0)) ** 2).sum()), batches * (1 - 1e-12))
-    ratio = (statistic / rank) / ((batches - statistic) / (batches - rank))
+    ratio = captured * (statistic / rank) / ((batches - statistic) / (batches - rank))
     return float(fdtrc(rank, batches - rank, ratio))
