@@ -206,8 +206,8 @@ def _describe_unseen(smaller: str) -> str:
     return f"{what} present (unseen parts of the log fit better with them)"
 
 
-def describe_test(smaller: str, p: float, discerned: bool, tilted: bool | None = None) -> str:
-    """What a test says, in a sentence; `tilted` whether cross-axis terms are seen, if it is known.
+def describe_test(smaller: str, p: float, discerned: bool, tilted: bool) -> str:
+    """What a test says, in a sentence; `tilted` whether cross-axis terms are seen.
 
     Unequal gains leave the ellipsoid of the readings upright; what tilts it is soft iron, or sensor
     axes that are not square, which look the same.
@@ -215,8 +215,7 @@ def describe_test(smaller: str, p: float, discerned: bool, tilted: bool | None =
     chance = "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
     present = p <= SIGNIFICANT
     if present:
-        which = smaller == "sphere" and tilted is not None
-        what = f"{_WHICH[bool(tilted)] if which else _PRESENT[smaller]} present"
+        what = f"{_WHICH[tilted] if smaller == 'sphere' else _PRESENT[smaller]} present"
     else:
         what = f"no sign of {'soft iron' if smaller == 'sphere' else 'cross-axis terms'}"
     doubt = "" if present or discerned else ", but too few directions to rule it out"

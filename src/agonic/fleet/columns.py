@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agonic.coverage import Coverage
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.ellipsoid.many_sensors import Fits
-from agonic.ellipsoid.solve import describe_test
+from agonic.ellipsoid.solve import SIGNIFICANT, describe_test
 from agonic.fit import describe_accuracy
 from agonic.health import Finding, check_coverage, check_scale, verdict_of
 from agonic.health.finding import sentences
@@ -123,9 +123,10 @@ def _describe(
             float(variance) ** 0.5, unit, float(fits.heading_sd_deg[k]), inclination_deg
         )
     ]
-    p = float(fits.p_values[k, 0])
+    p, upright = fits.p_values[k].tolist()
     if p == p:
-        said.append(describe_test("sphere", p, bool(fits.discerned[k])))
+        tilted = upright <= SIGNIFICANT
+        said.append(describe_test("sphere", p, bool(fits.discerned[k]), tilted))
     if not scaled:
         said.append(describe_missing_scale(float(fits.magnitude[k]), unit))
     return sentences(*grave, *said, *notes)
