@@ -21,9 +21,12 @@ from agonic.alignment.north import DiFluxFit as DiFluxFit
 from agonic.alignment.north import NorthFit as NorthFit
 from agonic.alignment.north import fit_di_flux as fit_di_flux
 from agonic.alignment.north import fit_north as fit_north
+from agonic.alignment.remanence import RemanenceFit as RemanenceFit
+from agonic.alignment.remanence import fit_remanence as fit_remanence
 from agonic.alignment.session import Session as Session
 from agonic.alignment.simulation.coil import simulate_coil as simulate_coil
 from agonic.alignment.simulation.north import simulate_north as simulate_north
+from agonic.alignment.simulation.remanence import simulate_remanence as simulate_remanence
 from agonic.alignment.simulation.session import simulate_session as simulate_session
 from agonic.alignment.star_sensor import AlignmentFit as AlignmentFit
 from agonic.alignment.star_sensor import AlignmentPlan as AlignmentPlan

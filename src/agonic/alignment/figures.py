@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.citations import find_citation
 from agonic.provenance import Input, Provenance
 from agonic.report.digits import MINUS, count
 from agonic.report.document import Section
@@ -79,10 +80,15 @@ def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: s
     ]
 
 
-def list_inputs(*inputs: Input | None) -> Section:
-    """Where a result came from: the files with their checksums, and the software."""
+def list_inputs(*inputs: Input | None, method: Sequence[str] = ()) -> Section:
+    """Where a result came from: files with their checksums, the software, published sources."""
     files = {one.sha256: one for one in inputs if one is not None}
-    said = "; ".join(
-        f"{one.name}, {count(one.count, 'row')}, SHA-256 {one.sha256}" for one in files.values()
-    )
-    return Section("Provenance", [{"Inputs": said, "Software": Provenance().software}])
+    made = Provenance()
+    entries = {
+        "Inputs": "; ".join(
+            f"{one.name}, {count(one.count, 'row')}, SHA-256 {one.sha256}" for one in files.values()
+        ),
+        "Software": f"{made.software}, {made.created}",
+        "Sources": "; ".join(map(find_citation, method)),
+    }
+    return Section("Provenance", [{name: said for name, said in entries.items() if said}])

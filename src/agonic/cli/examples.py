@@ -141,6 +141,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic fit coil session",
         "agonic fit coil session --report coil.html",
     ),
+    "agonic fit remanence": (
+        "agonic fit remanence turned.csv",
+        "agonic fit remanence turned.csv --reference variometer.csv --report remanence.html",
+    ),
     "agonic fit pair": (
         "agonic fit pair shots.csv --at 52.1,5.2 -o setup.toml --report shots.html",
         "agonic fit pair eight.csv --check setup.toml",

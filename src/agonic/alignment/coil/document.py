@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from agonic.alignment.coil.fit import METHOD
 from agonic.alignment.coil.result import CoilFit, Direction
 from agonic.alignment.figures import draw_series, list_inputs
 from agonic.report.digits import group_digits, quantity, significant, with_sd
@@ -57,6 +58,7 @@ def describe_coil(fit: CoilFit) -> Document:
             list_inputs(
                 fit.session.magnetometer.origin,
                 None if fit.session.reference is None else fit.session.reference.origin,
+                method=METHOD,
             ),
         ],
         values=_values(fit),

@@ -24,6 +24,9 @@ def alignment(
     orientations: Annotated[int, typer.Option(help="How many.", min=1)] = 24,
     readings: Annotated[int, typer.Option("-n", help="Readings in each.", min=1)] = 20,
     noise: Noise = 0.5,
+    remanence: Annotated[
+        float | None, typer.Option(metavar="NT", help="The platform's own field.", min=0)
+    ] = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
@@ -32,7 +35,9 @@ def alignment(
     from agonic.alignment.simulation.session import simulate_session
     from agonic.console.output import print_json, say
 
-    made = simulate_session(orientations=orientations, readings=readings, noise=noise, seed=seed)
+    made = simulate_session(
+        orientations=orientations, readings=readings, noise=noise, remanence=remanence, seed=seed
+    )
     files = write_session(made.session, out)
     truth = write_truth(made, out / "truth")
     if as_json:

@@ -14,6 +14,7 @@ from agonic.alignment.files.session_schema import (
     MagnetometerSection,
     PierSection,
     ReferenceSection,
+    RemanenceSection,
 )
 from agonic.alignment.session import Pier
 from agonic.calibration.base import Calibration
@@ -59,7 +60,9 @@ class Description:
         if self.mistakes or self.head is None:
             raise LogError("; ".join(self.mistakes), path=self.file)
 
-    def read_samples(self, part: MagnetometerSection | ReferenceSection) -> Samples:
+    def read_samples(
+        self, part: MagnetometerSection | ReferenceSection | RemanenceSection
+    ) -> Samples:
         """The readings of a magnetometer, whatever the kind of its file."""
         path = self.home / part.file
         log = open_log(path, unit=part.unit)

@@ -32,6 +32,9 @@ axes_sd_arcsec = 10             # how well its axes are known; without: exactly,
 difference_nT = [3.2, -1.0, 4.4]   # the field at the magnetometer less that at the reference
 sd_nT = 0.2
 
+[remanence]
+file = "remanence.csv"          # the platform turned to heading_deg, the magnetometer still
+
 [mounting]                      # nominal 3-2-3 angles from the star sensor to the magnetometer
 alpha_deg = 37
 beta_deg = 64
@@ -102,6 +105,7 @@ def read_session(path: Path | str) -> Session:
     reference = description.read_reference()
     assert reference is not None, "required above"
     reference = _turn_into_utc(reference, scale)
+    turned = parts["remanence"]
     return check_session(
         Session(
             name=description.head.name,
@@ -115,6 +119,7 @@ def read_session(path: Path | str) -> Session:
             noise=parts["magnetometer"].noise_nT,
             reference_noise=parts["reference"].noise_nT,
             reference_sd_arcsec=parts["reference"].axes_sd_arcsec,
+            remanence=None if turned is None else description.read_samples(turned),
             sources=tuple(description.sources),
             notes=(*magnetometer.notes, *reference.notes),
         )

@@ -68,6 +68,14 @@ class PierSection(Struct):
     sd_nT: float | None = None
 
 
+class RemanenceSection(Struct):
+    """[remanence]"""
+
+    file: str = "remanence.csv"
+    name: str = "magnetometer"
+    unit: str | None = None
+
+
 class MountingSection(Struct):
     """[mounting]"""
 
@@ -83,6 +91,7 @@ SECTIONS: dict[str, type[Struct]] = {
     "magnetometer": MagnetometerSection,
     "reference": ReferenceSection,
     "pier": PierSection,
+    "remanence": RemanenceSection,
     "mounting": MountingSection,
 }
 NEEDED = ("site", "star", "magnetometer", "reference")

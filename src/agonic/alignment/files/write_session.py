@@ -15,6 +15,7 @@ from agonic.alignment.files.write_description import (
 )
 from agonic.alignment.session import Session
 from agonic.atomic import make_folder, write_atomically
+from agonic.exports.csv import write_csv
 
 
 def write_session(session: Session, folder: Path | str) -> list[Path]:
@@ -35,6 +36,7 @@ def write_session(session: Session, folder: Path | str) -> list[Path]:
     return [
         write_atomically(home / "star.csv", format_stars(star)),
         *write_instruments(session, home),
+        *_write_remanence(session, home),
         write_toml(
             home / FILE_NAME,
             [
@@ -68,7 +70,18 @@ def write_session(session: Session, folder: Path | str) -> list[Path]:
                     },
                 ),
                 ("pier", pier_keys(session)),
+                (
+                    "remanence",
+                    None if session.remanence is None else {"file": "remanence.csv"},
+                ),
                 ("mounting", None if mounting is None else asdict(mounting)),
             ],
         ),
     ]
+
+
+def _write_remanence(session: Session, home: Path) -> list[Path]:
+    """The readings with the platform turned, where there are any."""
+    if session.remanence is None:
+        return []
+    return [write_csv(session.remanence, home / "remanence.csv")]

@@ -121,6 +121,8 @@ class Session(Readable):
         `None`: exactly, unless they are solved for.
     pier : difference of the field between the two. mounting : the nominal angles, if known.
     calibration : of the magnetometer, applied before everything else.
+    remanence : readings of a magnetometer that stood still while the platform was turned to the
+        angles in `heading_deg`, for `fit_remanence`.
     """
 
     site: Site
@@ -133,6 +135,7 @@ class Session(Readable):
     noise: float | None = None
     reference_noise: float | None = None
     reference_sd_arcsec: float | None = None
+    remanence: Samples | None = None
     name: str = ""
     sources: tuple[Input, ...] = ()
     notes: tuple[str, ...] = ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ from agonic.alignment.session import (
     load_earth_rotation,
 )
 from agonic.alignment.session.observed import compute_apparent_turn
+from agonic.alignment.simulation.remanence import simulate_remanence
 from agonic.arrays import Array
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.readable import Readable
@@ -63,6 +64,7 @@ def simulate_session(
     mounting_sd_deg: float = 0.3,
     reference_turn_arcsec: ArrayLike = (0.0, 0.0, 0.0),
     pier: ArrayLike = (0.0, 0.0, 0.0),
+    remanence: float | None = None,
     bias: ArrayLike = (0.0, 0.0, 0.0),
     matrix: ArrayLike | None = None,
     refraction: str = "present",
@@ -83,6 +85,8 @@ def simulate_session(
     field_n : (3,) mean field at the reference, nT; it varies by some tens of nT in the night.
     mounting_deg : the nominal 3-2-3 angles; the true ones differ by `mounting_sd_deg` at random.
     reference_turn_arcsec : (3,) of the reference's axes about north, east, down.
+    remanence : nT of the platform's own field across its axis, which adds to the bias; readings
+        with the platform turned are then in the session. `None`: none of either.
     pier : (3,) field at the magnetometer less that at the reference, nT. bias, matrix : (3,) nT and
         (3, 3), of the magnetometer, field = matrix @ (raw − bias), symmetric.
     refraction, aberration : "present" where the star sensor leaves them in its attitudes.
@@ -104,6 +108,8 @@ def simulate_session(
     seconds = clock.astype(np.float64)
     beside = np.asarray(field_n) + _varied(np.arange(clock[-1] + TURN_S, dtype=np.float64), rng)
     offset, zero = np.asarray(pier, dtype=np.float64), np.asarray(bias, dtype=np.float64)
+    if remanence:
+        zero = zero + remanence * np.array([0.6, -0.8, 0.0])
     true_c = np.einsum("nij,jk,nk->ni", rot[number], make_rotation(turn), beside[clock] + offset)
     raw = true_c @ rot_mc.T @ np.linalg.inv(w).T + zero
     session = Session(
@@ -134,6 +140,11 @@ def simulate_session(
             name="reference",
         ),
         pier=Pier(difference=offset),
+        remanence=None
+        if remanence is None
+        else simulate_remanence(
+            remanence=remanence, noise=noise, begins=begins - timedelta(hours=1), seed=seed
+        ),
         mounting=_mounting(mounting_deg),
         noise=noise or 1e-6,
         reference_noise=reference_noise or 1e-6,

@@ -162,9 +162,40 @@ def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
         Effect(
             name="difference between the piers",
             size_arcsec=pier,
-            treatment="solved for" if "pier" in fit.solution.groups else "corrected",
-            remark="standard error" if pier else "taken as exact: 0.24 nT are 1″ at 50 000 nT",
+            treatment=_about_pier(fit),
+            remark="standard error"
+            if pier
+            else "taken as exact: 0.24 nT are 1″ at 50 000 nT"
+            if session.pier.difference.any()
+            else "none was given: 0.24 nT are 1″ at 50 000 nT",
         ),
+        _of_the_platform(fit),
+    )
+
+
+def _about_pier(fit: AlignmentFit) -> Treatment:
+    """What was done about the difference between the piers: corrected only where one is given."""
+    if "pier" in fit.solution.groups:
+        return "solved for"
+    pier = fit.session.pier
+    return "corrected" if pier.difference.any() or pier.sd is not None else "not known"
+
+
+def _of_the_platform(fit: AlignmentFit) -> Effect:
+    """The platform's own field, by the readings with it turned."""
+    name, platform = "remanence of the platform", fit.platform
+    if platform is None:
+        return Effect(
+            name=name,
+            size_arcsec=0.0,
+            treatment="solved for" if "bias" in fit.solution.groups else "not known",
+            remark="turn it beneath a magnetometer that stands still: agonic fit remanence",
+        )
+    return Effect(
+        name=name,
+        size_arcsec=platform.size_arcsec + 2 * platform.sd_arcsec,
+        treatment="solved for" if "bias" in fit.solution.groups else "not corrected",
+        remark=f"at most, from {platform.n} settings; across the axis of the turn",
     )
 
 

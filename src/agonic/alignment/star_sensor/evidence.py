@@ -58,7 +58,7 @@ def examine(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
     if not doubts:  # else these are what the same cause does
         findings += [] if spoilt else _loose(known, wanted_sd_arcsec)
         findings += _below_horizon(known) + _scatter(known)
-    findings += _circumstances(known)
+    findings += _circumstances(known) + _platform(known)
     refused = any(finding.severity == "refuse" for finding in findings)
     return replace(known, findings=tuple(findings), remarks=() if refused else _remarks(known))
 
@@ -278,6 +278,17 @@ def _scatter(fit: AlignmentFit) -> list[Finding]:
             f"much {('across', 'about')[which]} the boresight as stated",
             "let the platform settle, check the numbers of the orientations, or state a larger sd",
         )
+    ]
+
+
+def _platform(fit: AlignmentFit) -> list[Finding]:
+    """What the platform adds by itself; a bias that is solved for contains it."""
+    if fit.platform is None:
+        return []
+    solved = {"platform remanence": "bias", "platform iron": "matrix"}
+    return [
+        replace(found, severity="note", move="") if solved.get(found.name) in fit.solve else found
+        for found in fit.platform.findings
     ]
 
 

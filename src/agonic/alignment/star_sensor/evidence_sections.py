@@ -113,7 +113,8 @@ def caption_axes(fit: AlignmentFit) -> Markup:
     """Both sets of axes with the turns between them, as a figure."""
     caption = (
         "Axes of the star sensor (x, y, z; z the boresight) and of the magnetometer (x₃, y₃, z₃): "
-        "turned by α about z, by β about the new y, by γ about the newest z"
+        "turned by α about z (x to x₁), by β about the new y (z to z₃), by γ about the newest z "
+        "(x₂ to x₃); seen from a side, the angles between the axes are true"
     )
     drawn = draw_axes(*map(float, fit.angles_deg))
     return element("figure", drawn, element("figcaption", caption))

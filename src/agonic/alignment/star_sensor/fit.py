@@ -73,6 +73,7 @@ def fit_alignment(
         observed=observed,
         solution=solution,
         solve=asked,
+        wanted_sd_arcsec=wanted_sd_arcsec,
     )
     return examine(fit, wanted_sd_arcsec)
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import session as kernel
 from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.remanence import RemanenceFit, fit_remanence
 from agonic.alignment.session import Observed, Session
 from agonic.alignment.star_sensor.solve import Solution, compute_rotation_vector
 from agonic.arrays import Array
@@ -37,6 +38,7 @@ class AlignmentFit(Judged):
     solution : the unknowns with their information. solve : the groups that were asked for.
     undetermined : the combinations that nothing determines, in words.
     add : orientations to add, (azimuth, elevation, roll) in degrees each, the most useful first.
+    wanted_sd_arcsec : what was wanted about every axis.
     """
 
     calibration: Alignment | Chain
@@ -46,8 +48,17 @@ class AlignmentFit(Judged):
     solve: tuple[str, ...]
     undetermined: tuple[str, ...] = ()
     add: tuple[tuple[float, float, float], ...] = ()
+    wanted_sd_arcsec: float = 2.0
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
+
+    @cached_property
+    def platform(self) -> RemanenceFit | None:
+        """The platform's own field, where the session has readings with it turned."""
+        session = self.session
+        if session.remanence is None:
+            return None
+        return fit_remanence(session.remanence, wanted_arcsec=self.wanted_sd_arcsec)
 
     @property
     def n(self) -> int:

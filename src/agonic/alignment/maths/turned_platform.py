@@ -1,0 +1,93 @@
+"""The field of a platform that is turned beneath a magnetometer: harmonics of the angle."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from agonic.arrays import Array
+
+
+class Harmonics(NamedTuple):
+    """What goes round with the platform, with covariances for each axis of the magnetometer.
+
+    `once` and `twice` (2, 3): cosine and sine of the angle and of twice the angle (`None` where
+    there are too few settings); `once_covariance`, `twice_covariance` (3, 2, 2), one an axis;
+    `residuals` (k, 3); `freedom` of an axis.
+    """
+
+    once: Array
+    once_covariance: Array
+    twice: Array | None
+    twice_covariance: Array | None
+    residuals: Array
+    freedom: int
+
+
+def fit_harmonics(
+    angle_rad: Array, field: Array, noise: Array, beside: Array, *, twice: bool
+) -> Harmonics:
+    """field = c0 + c1 cos ψ + s1 sin ψ (+ c2 cos 2ψ + s2 sin 2ψ) + what changes beside it.
+
+    A magnet on the platform goes round once in a turn, what the ambient field magnetizes in it
+    twice. Weighted least squares, an axis at a time; covariances are widened where residuals are
+    larger than the noise.
+
+    Parameters
+    ----------
+    angle_rad : (k,) of the platform. field : (k, 3) means. noise : (k, 3) their standard errors.
+    beside : (k, m) columns that the ambient field may follow: times, or a reference's departures.
+
+    Source: the magnet rotating on the axis of a turntable, by the expansion in angular harmonics.
+
+    >>> angle = np.radians(np.arange(0.0, 360.0, 30.0))
+    >>> field = 3.0 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    >>> found = fit_harmonics(angle, field, np.ones((12, 3)), np.zeros((12, 0)), twice=False)
+    >>> (found.once.round(6) + 0.0).tolist()
+    [[3.0, 0.0, 0.0], [0.0, 3.0, 0.0]]
+    """
+    columns = [np.cos(angle_rad), np.sin(angle_rad)]
+    if twice:
+        columns += [np.cos(2 * angle_rad), np.sin(2 * angle_rad)]
+    design = np.column_stack([*columns, np.ones(len(angle_rad)), beside])
+    size = np.maximum(np.abs(design).max(axis=0), 1e-12)
+    freedom = len(design) - design.shape[1]
+    found, spreads = np.empty((design.shape[1], 3)), np.empty((3, len(size), len(size)))
+    for axis in range(3):
+        weighted = design / size / noise[:, axis, None]
+        inverse = np.linalg.pinv(weighted, rcond=1e-10)
+        found[:, axis] = inverse @ (field[:, axis] / noise[:, axis]) / size
+        spreads[axis] = inverse @ inverse.T / np.outer(size, size)
+    residuals = field - design @ found
+    wide = np.maximum(((residuals / noise) ** 2).sum() / max(3 * freedom, 1), 1.0)
+    spreads *= wide
+    return Harmonics(
+        once=found[:2],
+        once_covariance=spreads[:, :2, :2],
+        twice=found[2:4] if twice else None,
+        twice_covariance=spreads[:, 2:4, 2:4] if twice else None,
+        residuals=residuals,
+        freedom=freedom,
+    )
+
+
+def compute_size(parts: Array, covariance: Array) -> tuple[float, float, float]:
+    """The size of a harmonic, its standard error, and how often chance makes one as large.
+
+    A vector of length r that goes round makes |c|² + |s|² = 2 r²; what noise adds on average is
+    taken off.
+    """
+    squares = float((parts**2).sum()) / 2
+    spread = float(np.trace(covariance, axis1=1, axis2=2).sum()) / 2
+    size = float(np.sqrt(max(squares - spread, 0.0)))
+    along = sum(
+        float(parts[:, axis] @ covariance[axis] @ parts[:, axis]) for axis in range(len(covariance))
+    )
+    sd = float(np.sqrt(along) / 2 / np.sqrt(squares)) if squares > 0 else 0.0
+    chi2 = sum(
+        float(parts[:, axis] @ np.linalg.solve(covariance[axis], parts[:, axis]))
+        for axis in range(len(covariance))
+    )
+    return size, max(sd, float(np.sqrt(spread / 6))), float(chdtrc(6, chi2))

@@ -1,0 +1,247 @@
+"""`fit_remanence`: what field a platform has of its own, from turning it beneath a magnetometer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from agonic.alignment.maths.turned_platform import Harmonics, compute_size, fit_harmonics
+from agonic.arrays import Array, Index
+from agonic.errors import LogError, UnitError
+from agonic.health import Finding, Judged, figure
+from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.samples import Samples
+from agonic.units import RAW
+
+METHOD = ("harbin-2018",)
+FEWEST, FOR_TWICE = 6, 10
+"""Settings of the platform: for a magnet on it, and for what the field induces in it as well."""
+WIDEST_GAP_DEG = 130.0
+SAME_DEG = 0.05
+RARE = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RemanenceFit(Judged):
+    """The result of `fit_remanence`.
+
+    Parameters
+    ----------
+    samples, reference : what was read. angle_deg : (k,) of the platform at each setting.
+    field : (k, 3) what is read there beside the mean and what changed meanwhile, nT. noise :
+        (k, 3) its standard deviations.
+    harmonics : what goes round with the platform. magnitude : of the field, nT.
+    size, sd : of the platform's own field across the axis of the turn, nT; chance : how often noise
+        alone makes one as large. induced, induced_sd, induced_chance : the same of what goes round
+        twice, `None` with too few settings.
+    """
+
+    samples: Samples
+    reference: Samples | None
+    angle_deg: Array
+    field: Array
+    noise: Array
+    harmonics: Harmonics
+    magnitude: float
+    size: float
+    sd: float
+    chance: float
+    induced: float | None = None
+    induced_sd: float | None = None
+    induced_chance: float | None = None
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """How many settings of the platform."""
+        return len(self.angle_deg)
+
+    @property
+    def size_arcsec(self) -> float:
+        """By how much it turns the field where it stands across it."""
+        return self.size / self.magnitude / ARCSEC_RAD
+
+    @property
+    def sd_arcsec(self) -> float:
+        """Its standard error."""
+        return self.sd / self.magnitude / ARCSEC_RAD
+
+
+def fit_remanence(
+    samples: Samples, reference: Samples | None = None, *, wanted_arcsec: float = 2.0
+) -> RemanenceFit:
+    """The field that a platform has of its own, from turning it beneath a fixed magnetometer.
+
+        field = c0 + c1 cos ψ + s1 sin ψ + c2 cos 2ψ + s2 sin 2ψ + the ambient field's changes
+
+    A magnet on the platform goes round once in a turn ψ, iron that the ambient field magnetizes
+    twice; nothing else does. What lies along the axis of the turn stays there and is not seen.
+
+    Parameters
+    ----------
+    samples : readings in nT of a magnetometer that stands still beside or above the platform, with
+        `heading_deg` the platform's angle, six settings or more over the whole circle.
+    reference : a magnetometer farther off, at the same times; its changes are taken out. Without
+        one a parabola in time is.
+    wanted_arcsec : what of it matters.
+
+    Returns a `RemanenceFit`. Raises `LogError` without angles or with too few settings, `UnitError`
+    for readings without a unit.
+
+    Source: patent CN 108871301 B, step 1: a platform without remanence.
+
+    >>> from agonic.alignment.simulation.remanence import simulate_remanence
+    >>> fit = fit_remanence(simulate_remanence(remanence=5.0, seed=1))
+    >>> fit.verdict, round(fit.size)
+    ('check', 5)
+    """
+    if samples.unit == RAW:
+        raise UnitError("name the unit of the readings: what the platform does is told in nT")
+    visits, angle = _visit(samples)
+    _check_circle(angle, len(visits))
+    field = np.array([samples.field[rows].mean(axis=0) for rows in visits])
+    noise = _noise(samples.field, visits)
+    beside = _beside(samples, reference, visits)
+    twice = len(visits) >= FOR_TWICE + beside.shape[1] - 2
+    found = fit_harmonics(np.radians(angle), field, noise, beside, twice=twice)
+    size, sd, chance = compute_size(found.once, found.once_covariance)
+    fit = RemanenceFit(
+        samples=samples,
+        reference=reference,
+        angle_deg=angle,
+        field=_shape(np.radians(angle), found) + found.residuals,
+        noise=noise,
+        harmonics=found,
+        magnitude=float(np.linalg.norm(samples.field, axis=1).mean()),
+        size=size,
+        sd=sd,
+        chance=chance,
+    )
+    if found.twice is not None and found.twice_covariance is not None:
+        induced, induced_sd, by_chance = compute_size(found.twice, found.twice_covariance)
+        fit = replace(fit, induced=induced, induced_sd=induced_sd, induced_chance=by_chance)
+    judged = replace(fit, findings=tuple(_findings(fit, wanted_arcsec)))
+    return replace(judged, remarks=_remarks(fit))
+
+
+def _visit(samples: Samples) -> tuple[list[Index], Array]:
+    """The rows of each setting of the platform in order, and its angle."""
+    if samples.heading_deg is None:
+        raise LogError(
+            f"{samples.name} has no angle of the platform; add a column heading_deg with the angle "
+            "to which it was turned"
+        )
+    heading = np.radians(samples.heading_deg)
+    moved = np.abs(np.degrees(np.angle(np.exp(1j * np.diff(heading))))) > SAME_DEG
+    visits = np.split(np.arange(len(heading)), np.flatnonzero(moved) + 1)
+    angle = [np.degrees(np.angle(np.exp(1j * heading[rows]).mean())) % 360 for rows in visits]
+    return visits, np.array(angle)
+
+
+def _check_circle(angle_deg: Array, count: int) -> None:
+    """Enough settings, all round."""
+    apart = np.unique(np.round(angle_deg, 1))
+    gaps = np.diff(np.append(apart, apart[0] + 360.0))
+    if count < FEWEST or len(apart) < 4 or gaps.max() > WIDEST_GAP_DEG:
+        raise LogError(
+            f"{count} settings of the platform at {len(apart)} angles leave "
+            f"{gaps.max():.0f}° of the circle empty; turn it in steps of 45° or less all round, "
+            "and leave the magnetometer where it is"
+        )
+
+
+def _noise(field: Array, visits: list[Index]) -> Array:
+    """Standard deviations (k, 3) of the means, by the scatter within all settings."""
+    freedom = sum(len(rows) - 1 for rows in visits)
+    if freedom < 3:
+        return np.ones((len(visits), 3))  # the residuals tell
+    squares = sum(((field[rows] - field[rows].mean(axis=0)) ** 2).sum(axis=0) for rows in visits)
+    sd = np.sqrt(np.maximum(squares / freedom, 1e-12))
+    return np.array([sd / np.sqrt(len(rows)) for rows in visits])
+
+
+def _beside(samples: Samples, reference: Samples | None, visits: list[Index]) -> Array:
+    """Columns (k, m) that the ambient field may follow."""
+    if samples.time is None:
+        return np.zeros((len(visits), 0))
+    time = np.array([samples.time[rows].mean() for rows in visits])
+    if reference is None or reference.time is None:
+        along = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
+        return np.stack([along, along**2], axis=1)
+    clock = samples.time + _ahead(samples, reference)
+    means = [
+        [np.interp(clock[rows], reference.time, one).mean() for one in reference.field.T]
+        for rows in visits
+    ]
+    return np.asarray(np.array(means) - np.mean(means, axis=0))
+
+
+def _ahead(samples: Samples, reference: Samples) -> float:
+    """What to add to the times of the one to have those of the other, s."""
+    if samples.epoch is None or reference.epoch is None:
+        return 0.0
+    return (samples.epoch - reference.epoch).total_seconds()
+
+
+def _shape(angle_rad: Array, found: Harmonics) -> Array:
+    """What goes round with the platform (k, 3) at angles, nT."""
+    shape = np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1) @ found.once
+    if found.twice is not None:
+        shape = shape + np.stack([np.cos(2 * angle_rad), np.sin(2 * angle_rad)], 1) @ found.twice
+    return np.asarray(shape)
+
+
+def _findings(fit: RemanenceFit, wanted_arcsec: float) -> list[Finding]:
+    """What is to be looked at."""
+    findings = []
+    matters = wanted_arcsec * ARCSEC_RAD * fit.magnitude
+    if fit.chance < RARE and fit.size > matters:
+        findings.append(
+            Finding(
+                "platform remanence",
+                "check",
+                f"the platform has a field of its own of {figure(fit.size)} nT across its axis, "
+                f"which turns a field by up to {figure(fit.size_arcsec)}″",
+                "demagnetize or replace what is magnetic on it, or solve for the bias (--solve "
+                "bias) with the magnetometer where it will stay",
+            )
+        )
+    induced, chance = fit.induced, fit.induced_chance
+    if induced is not None and chance is not None and chance < RARE and induced > matters:
+        findings.append(
+            Finding(
+                "platform iron",
+                "check",
+                f"something on the platform is magnetized by the field: {figure(induced)} nT go "
+                "round twice in a turn",
+                "find the screw or the motor, or solve for the matrix (--solve bias,matrix)",
+            )
+        )
+    if fit.sd > matters:
+        findings.append(
+            Finding(
+                "remanence loose",
+                "check",
+                f"the platform's own field is known to {figure(fit.sd)} nT only, and "
+                f"{figure(matters)} nT matter",
+                "take more readings at each setting, and a reference farther off",
+            )
+        )
+    return findings
+
+
+def _remarks(fit: RemanenceFit) -> tuple[str, ...]:
+    """What was found, in a sentence."""
+    if fit.chance < RARE:
+        return (
+            f"the platform's own field is {figure(fit.size)} ± {figure(fit.sd)} nT across the axis "
+            f"of the turn, {figure(fit.size_arcsec)}″",
+        )
+    most = fit.size + 2 * fit.sd
+    return (
+        "no field of the platform's own is seen: it has no more than "
+        f"{figure(most)} nT ({figure(most / fit.magnitude / ARCSEC_RAD)}″) across the axis of the "
+        "turn",
+    )
