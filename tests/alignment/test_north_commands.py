@@ -30,7 +30,7 @@ def test_from_a_simulated_gyro_to_a_calibration(capsys) -> None:
     )
     page = Path("pier.html").read_text()
     assert "The swing" in page
-    assert page.count('class="bars"') == 2
+    assert page.count('<figure class="strip"') == 3
 
 
 def test_north_for_people(capsys, monkeypatch) -> None:

@@ -162,7 +162,12 @@ def test_two_sensors_are_compared(capsys) -> None:
 def test_it_says_in_words_what_it_found(capsys) -> None:
     assert run(["heading", "mag.json", "flight.csv", "-o", "out.csv", "--date", WHEN]) == 0
     said = capsys.readouterr().out
-    for part in ("1500 of mag, 1500 to trust", "tilt: log", "true − logged heading", "out.csv"):
+    for part in (
+        "1\u202f500 of mag, 1\u202f500 to trust",
+        "Tilt         log",
+        "the logged heading: true − logged",
+        "out.csv",
+    ):
         assert part in said
 
 

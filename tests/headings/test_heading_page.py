@@ -26,7 +26,9 @@ def test_the_page_draws_heading_error_strength_and_dip(found: ag.Heading) -> Non
     for name in ("True heading", "Standard error", "Strength of the field", "Dip of the field"):
         assert f"{name} of the heading over time" in page or f"{name} over time" in page
     assert "NaN" not in page
-    assert "nan" not in page.split("</style>")[1].lower().replace("nanotesla", "")
+    assert "nan" not in page.split("</style>")[1].lower().replace("nanotesla", "").replace(
+        "provenance", ""
+    )
     assert "Strength of the field" not in describe_headings(found).to_html()
 
 

@@ -198,10 +198,14 @@ def test_what_lasts_is_told_from_what_does_not() -> None:
 def test_the_error_of_the_model_is_said_with_its_scale_and_time(fit, samples) -> None:
     told = replace(fit, noise=100.0, lasting_nT=60.0, lasting_s=600.0, correlation=12.0)
     said = words(describe_inflight(told, samples).to_html())
-    assert "Of this 80 nT is different in every reading; the other 60 nT last for about 10" in said
-    assert "12 readings count as one" in said
+    assert (
+        "Of this 80 nT is noise, new in every reading; the other 60 nT are correlated over" in said
+    )
+    assert "effective sample size is 1/12 of the readings" in said
     alone = replace(fit, lasting_nT=0.0, lasting_s=0.0)
-    assert "no error of the model that lasts" in words(describe_inflight(alone, samples).to_html())
+    assert "Successive residuals are uncorrelated" in words(
+        describe_inflight(alone, samples).to_html()
+    )
 
 
 def test_the_direction_and_the_currents_are_shown(made, samples) -> None:

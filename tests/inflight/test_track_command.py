@@ -53,8 +53,8 @@ def test_people_read_bias_with_its_band(capsys) -> None:
     assert run(["track", "log.csv", "--state", "state.json", *FIELD]) == 0
     text = capsys.readouterr().out
     assert "✓ mag: good" in text
-    assert " ± " in text
-    assert "3000 new; 3000 in all, 0 refused" in text
+    assert " ±\N{NO-BREAK SPACE}" in text
+    assert "3\u202f000 new; 3\u202f000 in all, 0 did not fit" in text
 
 
 def test_a_jump_is_named_and_fails_the_check(capsys) -> None:

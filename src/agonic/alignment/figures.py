@@ -1,4 +1,4 @@
-"""Residuals of a session as bars or over time, as SVG, and where they came from."""
+"""Residuals of a session as bars or over time, as SVG."""
 
 from __future__ import annotations
 
@@ -8,45 +8,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.citations import find_citation
-from agonic.provenance import Input, Provenance
-from agonic.report.digits import MINUS, count
-from agonic.report.document import Section
+from agonic.report.digits import MINUS
 from agonic.report.markup import Markup, element
-from agonic.report.strips import Axis, Columns, caption, level, line, plot
+from agonic.report.strips import Axis, Columns, caption, down, level, line, path, plot, right
 from agonic.report.time_axis import along_rows
 
-WIDE, HIGH, LEFT, FOOT = 760.0, 200.0, 52.0, 24.0
+LEAST_BARS = 5.0
+"""Bars that the axis of a session has room for at least, so that its ticks are whole numbers."""
 
 
-def draw_residuals(values: Array, sd: Array, numbers: NDArray[np.int64]) -> Markup:
+def draw_residuals(
+    values: Array, sd: Array, numbers: NDArray[np.int64], along: str = "orientation"
+) -> Markup:
     """Residuals (k, 3), nT, of the orientations `numbers` (k,), a bar an axis.
 
-    Bands reach to twice the standard deviations `sd` (k, 3), nT.
+    Bands reach to twice the standard deviations `sd` (k, 3), nT. `along` is what the numbers count.
 
     >>> drawn = draw_residuals(np.array([[1.0, -2.0, 0.5]]), np.ones((1, 3)), np.array([7]))
-    >>> drawn.count("<rect"), "−2" in drawn
-    (4, True)
+    >>> drawn.count('class="bar-'), "residual, nT" in drawn
+    (3, True)
     """
-    limit = 1.05 * max(float(np.abs(values).max()), 2 * float(sd.max()), 1e-12)
-    step = (WIDE - LEFT) / len(values)
+    limit = 1.1 * max(float(np.abs(values).max()), 2 * float(sd.max()), 1e-12)
+    at: Array = np.unique(numbers).astype(np.float64)
+    step = float(np.diff(at).min()) if len(at) > 1 else 1.0
+    last = max(at[-1], at[0] + step * (LEAST_BARS - 1))
+    x = Axis(along, float(at[0]) - step / 2, float(last) + step / 2)
+    y = Axis("residual, nT", -limit, limit)
+    at, reach = numbers.astype(np.float64), 2 * np.sqrt((sd**2).mean(axis=1))
+    layers = [_bars(x, y, at, 0.42 * step, -reach, reach, "band")]
+    for name, shift, one in zip("xyz", (-0.24, 0.0, 0.24), values.T, strict=True):
+        zero = np.zeros(len(one))
+        layers.append(_bars(x, y, at + shift * step, 0.1 * step, zero, one, f"bar-{name}"))
+    keys = {f"bar-{name}": name for name in "xyz"} | {"band": "± 2 standard deviations"}
+    drawn = plot(x, y, [*layers, level(y, 0.0, "zero")], "Residuals of each orientation in nT")
+    return caption("Residuals along the magnetometer’s axes", drawn, keys)
 
-    def place(value: float) -> float:
-        return (HIGH - FOOT) * (0.5 - value / (2 * limit)) + 4
 
-    parts = [element("path", d=f"M{LEFT} {place(0):.1f}H{WIDE}", class_="zero")]
-    for tick in (-limit / 1.05, limit / 1.05):
-        parts.append(svg_text(LEFT - 6, place(tick) + 4, f"{tick:.2g}", "tick"))
-    for k, number in enumerate(numbers.tolist()):
-        at = LEFT + step * k
-        reach = place(0) - place(2 * float(np.sqrt((sd[k] ** 2).mean())))
-        parts.append(_bar(at + 0.08 * step, place(0) - reach, 0.84 * step, 2 * reach, "band"))
-        for axis, value in zip("xyz", values[k].tolist(), strict=True):
-            left = at + (0.16 + 0.24 * "xyz".index(axis)) * step
-            high = max(abs(place(value) - place(0)), 0.5)
-            parts.append(_bar(left, place(max(value, 0.0)), 0.2 * step, high, f"bar-{axis}"))
-        parts.append(svg_text(at + step / 2, HIGH - 4, str(number), "tick middle"))
-    return svg(parts, "bars", WIDE, HIGH, "Residuals of each orientation in nT")
+def _bars(
+    x: Axis, y: Axis, middle: Array, half: float, start: Array, end: Array, name: str
+) -> Markup:
+    """Bars (k,) about the places `middle`, from one value to another."""
+    edges = right(x, middle - half), right(x, middle + half), down(y, start), down(y, end)
+    bars = (f"M{a:.1f} {c:.1f}H{b:.1f}V{d:.1f}H{a:.1f}Z" for a, b, c, d in zip(*edges, strict=True))
+    return path("".join(bars), name)
 
 
 def svg(parts: list[Markup], name: str, wide: float, high: float, label: str) -> Markup:
@@ -58,12 +62,6 @@ def svg(parts: list[Markup], name: str, wide: float, high: float, label: str) ->
 def svg_text(x: float, y: float, text: str, name: str) -> Markup:
     """Text of a class at a place."""
     return element("text", text.replace("-", MINUS), x=f"{x:.1f}", y=f"{y:.1f}", class_=name)
-
-
-def _bar(x: float, y: float, wide: float, high: float, name: str) -> Markup:
-    return element(
-        "rect", x=f"{x:.1f}", y=f"{y:.1f}", width=f"{wide:.1f}", height=f"{high:.1f}", class_=name
-    )
 
 
 def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: str) -> list[Markup]:
@@ -78,17 +76,3 @@ def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: s
         caption(name, plot(x, y, layers, f"Residuals {name}"))
         for name, layers in zip(names, strips, strict=True)
     ]
-
-
-def list_inputs(*inputs: Input | None, method: Sequence[str] = ()) -> Section:
-    """Where a result came from: files with their checksums, the software, published sources."""
-    files = {one.sha256: one for one in inputs if one is not None}
-    made = Provenance()
-    entries = {
-        "Inputs": "; ".join(
-            f"{one.name}, {count(one.count, 'row')}, SHA-256 {one.sha256}" for one in files.values()
-        ),
-        "Software": f"{made.software}, {made.created}",
-        "Sources": "; ".join(map(find_citation, method)),
-    }
-    return Section("Provenance", [{name: said for name, said in entries.items() if said}])

@@ -25,7 +25,7 @@ def apply(
 ) -> int:
     """Correct a log's readings and write them with everything recorded beside them."""
     from agonic.calibration.base import apply as correct
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
     from agonic.exports.csv import write_csv
     from agonic.recording.calibration_and_log import open_calibration_and_log
 
@@ -42,5 +42,5 @@ def apply(
             },
         )
     else:
-        say(f"{len(corrected)} readings of {corrected.name} corrected: {out}")
+        say_made(len(corrected), f"corrected readings of {corrected.name}", out)
     return 0

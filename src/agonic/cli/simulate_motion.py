@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -76,7 +77,7 @@ def tilted(
     as_json: Json = False,
 ) -> int:
     """Write the readings of one sensor, with a tilt that can be chosen."""
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
     from agonic.errors import AgonicError
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
@@ -111,7 +112,8 @@ def tilted(
             },
         )
     else:
-        say(f"{len(made.samples)} readings: {out}\nThe truth: {file}")
+        following = f"agonic calibrate {quote(str(out))} --field {field:g}"
+        say_made(len(made.samples), "readings", out, f"The truth: {file}", next_step=following)
     return 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
@@ -50,7 +51,7 @@ def orbit(
     as_json: Json = False,
 ) -> int:
     """A satellite: readings, the calibration from the ground, and what was true in each row."""
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.inflight.simulation.orbit import simulate_orbit
@@ -89,11 +90,20 @@ def orbit(
             },
         )
     else:
-        say(f"{len(made.samples)} readings: {out}\nThe calibration from the ground: {ground}")
-        say(f"The truth: {truth}, and row by row: {rows}")
+        said = [
+            f"The calibration from the ground: {ground}",
+            f"The truth: {truth}, and row by row: {rows}",
+        ]
+        following = (
+            f"agonic fit inflight {quote(str(out))} --ground {quote(str(ground))} -o now.json"
+        )
         if network:
-            say(f"The network from the ground: {files[-1]}")
-            say(f"\nNext      agonic retrain {out} --ground {files[-1]} --window 90min -o now.json")
+            said.append(f"The network from the ground: {files[-1]}")
+            following = (
+                f"agonic retrain {quote(str(out))} --ground {quote(str(files[-1]))} "
+                "--window 90min -o now.json"
+            )
+        say_made(len(made.samples), "readings", out, *said, next_step=following)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -39,7 +40,7 @@ def rover(
 
     import numpy as np
 
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
     from agonic.exports.csv import write_csv
     from agonic.field.place import choose_model
     from agonic.files.calibration import save
@@ -84,5 +85,6 @@ def rover(
             },
         )
     else:
-        say(f"{n} readings: {out}\nThe truth: {file}")
+        following = f"agonic calibrate {quote(str(out))}"
+        say_made(n, "readings", out, f"The truth: {file}", next_step=following)
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import Annotated, Any
 
 import typer
@@ -38,7 +39,7 @@ def vehicle(
     as_json: Json = False,
 ) -> int:
     """A flight with two magnetometers in one table, or those of one --truth or two."""
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
     from agonic.exports.csv import write_sensors
     from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle
@@ -77,7 +78,8 @@ def vehicle(
             },
         )
     else:
-        count = "one sensor" if len(made.samples) == 1 else "two sensors"
-        say(f"{len(made.heading_deg)} readings of {count}: {out}")
-        say(f"The truths: {', '.join(map(str, truths))}")
+        what = f"readings of {'one sensor' if len(made.samples) == 1 else 'two sensors'}"
+        said = f"The truths: {', '.join(map(str, truths))}"
+        following = f"agonic calibrate {quote(str(out))}"
+        say_made(len(made.heading_deg), what, out, said, next_step=following)
     return 0

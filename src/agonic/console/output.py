@@ -31,6 +31,17 @@ def plain(value: Any) -> Any:
     return value
 
 
+def say_made(n: int, what: str, out: object, *lines: str, next_step: str = "") -> None:
+    """That so many things were written to a file, what else is beside it, and a command to type."""
+    from agonic.console.width import find_width
+    from agonic.report.digits import group_digits
+    from agonic.report.text import wrap_command
+
+    say("\n".join([f"{group_digits(n)} {what}: {out}", *lines]))
+    if next_step:
+        say("\n" + wrap_command(next_step, width=find_width(), label="Next      "))
+
+
 def say(text: str) -> None:
     """A line or more for people, its verdicts coloured on a terminal."""
     if not sys.stdout.isatty():

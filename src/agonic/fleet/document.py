@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ from agonic.fleet.embedded_rows import embed_rows
 from agonic.fleet.group_section import describe_group
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.peers import Peers, find_peers
-from agonic.report.digits import count
+from agonic.report.digits import count, group_digits
 from agonic.report.document import Document, Section
 from agonic.report.markup import Markup, element, markup
 
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
     from agonic.fleet.result import FleetRun
 
 MOST_GROUPS = 4
+NAMED = 8
+"""Of the sensors unlike the others, how many are named."""
 REASONS = 5
 """How many reasons are told to people; programs are told all."""
 _SHOWN = ("bias", "axes")  # quantities that a figure of biases shows
@@ -150,7 +151,7 @@ def _describe_work(run: FleetRun) -> str:
 def _list_reasons(reasons: Sequence[tuple[str, int]]) -> list[Section]:
     if not reasons:
         return []
-    lines = [f"{rows:>6}  {_shorten(reason)}" for reason, rows in reasons[:REASONS]]
+    lines = [f"{rows:>6}  {reason}" for reason, rows in reasons[:REASONS]]
     others = sum(rows for _, rows in reasons[REASONS:])
     lines += [f"{others:>6}  other reasons"] if others else []
     return [Section("Not good, because of", lines, printed=True)]
@@ -160,15 +161,12 @@ def _list_unusual(run: FleetRun) -> list[Section]:
     sensors = sorted({outlier.sensor for outlier in run.outliers})
     lines = []
     if sensors:
-        names = _shorten(", ".join(sensors))
+        more = len(sensors) - NAMED
+        names = ", ".join(sensors[:NAMED]) + (f" and {group_digits(more)} more" if more > 0 else "")
         lines.append(f"{count(len(sensors), 'sensor')} unlike the others: {names}")
     if run.duplicates:
         lines.append(f"{count(len(run.duplicates), 'log')} more than once")
     return [Section("", lines, printed=True)] if lines else []
-
-
-def _shorten(text: str, most: int = 88) -> str:
-    return shorten(text, most, placeholder=" …")
 
 
 # ---- the page ------------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from textwrap import shorten
 
 import numpy as np
 
@@ -21,6 +20,7 @@ MOST_NAMED = 200
 """Sensors that stand out are listed up to here; the table has all."""
 
 MOST_REASONS = 30
+_FIRST = re.compile(r"(?<=\.)\s+(?=[A-Z])")  # where a second sentence begins
 _BEGIN = re.compile(r"[;:('\"\d]")  # before what differs from log to log
 MOST_DUPLICATES = 100
 
@@ -147,13 +147,9 @@ def _get_reason(population: Population, row: int) -> str:
 def _make_reason_row(population: Population, name: str, reason: _Reason) -> Sequence[str]:
     first = reason.examples[0]
     logs = ", ".join(dict.fromkeys(str(population["source"][row]) for row in reason.examples))
-    status = write_minus(sentence(_shorten(str(population["status"][first]))))
+    status = write_minus(sentence(_FIRST.split(str(population["status"][first]))[0]))
     example = markup(status, " ", element("span", logs, class_="source"))
     return (name, *(group_digits(reason.number[v]) for v in ("refused", "check")), example)
-
-
-def _shorten(text: str, most: int = 200) -> str:
-    return shorten(text, most, placeholder=" …")
 
 
 # ---- the rest ------------------------------------------------------------------------------------

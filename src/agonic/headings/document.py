@@ -10,8 +10,13 @@ from agonic.arrays import Array, Mask
 from agonic.headings import figures
 from agonic.headings.result import Heading
 from agonic.maths.rotations.angles import wrap_deg
+from agonic.provenance import Input
+from agonic.report.digits import group_digits, write_minus
 from agonic.report.document import Block, Document, Section, Table
+from agonic.report.origin import list_inputs
 from agonic.samples import Samples
+
+EQUATION = "magnetic = compass + deviation(compass); true = magnetic + declination"
 
 
 def describe_headings(
@@ -20,6 +25,7 @@ def describe_headings(
     *,
     field: Array | None = None,
     notes: Sequence[str] = (),
+    inputs: Sequence[Input | None] = (),
 ) -> Document:
     """How many headings can be trusted, how far, and why the others cannot.
 
@@ -27,7 +33,7 @@ def describe_headings(
     ----------
     found : the headings. samples : the readings of the first sensor, for the heading that was
         logged. field : (n, 3) that it gives, whose strength and dip the page draws.
-    notes : on what was assumed, beside those of the headings.
+    notes : on what was assumed, beside those of the headings. inputs : files that it rests on.
     """
     trusted = found.trusted
     sd, random_sd, tilt_sd = (
@@ -41,14 +47,12 @@ def describe_headings(
     against = _compare_with_log(found, samples, trusted)
     n = len(found)
     entries = {
-        "Headings": f"{n} of {', '.join(found.sensors)}, {int(trusted.sum())} to trust; tilt: "
-        f"{found.tilt}; declination {declination:.2f}°"
+        "Headings": f"{group_digits(n)} of {', '.join(found.sensors)}, "
+        f"{group_digits(int(trusted.sum()))} to trust",
+        "Error": "" if sd is None else f"{sd:.2f}° (median standard error), noise {random_sd:.2f}°",
+        "Tilt": found.tilt if sd is None else f"{found.tilt}, good to {tilt_sd:.2f}° (median)",
+        "Declination": f"{write_minus(f'{declination:.2f}')}°",
     }
-    if sd is not None:
-        entries["Sd"] = (
-            f"{sd:.2f}° in the middle, of which {random_sd:.2f}° is new in every reading; tilt to "
-            f"{tilt_sd:.2f}°"
-        )
     if flagged:
         shares = (f"{100 * rows / n:.1f} % {name}" for name, rows in flagged.items())
         entries["Flagged"] = ", ".join(shares)
@@ -56,8 +60,8 @@ def describe_headings(
         shares = (f"{name} {100 * rows / n:.0f} %" for name, rows in used.items())
         entries["Sensors"] = f"differ by {disagreement:.2f}° rms; used: {', '.join(shares)}"
     if against is not None:
-        entries["Logged"] = (
-            f"true − logged heading: mean {against['mean_deg']:+.2f}°, "
+        entries["Against"] = (
+            f"the logged heading: true − logged, mean {against['mean_deg']:+.2f}°, "
             f"rms {against['rms_deg']:.2f}°"
         )
     return Document(
@@ -66,7 +70,7 @@ def describe_headings(
         name=found.sensors[0] if samples is None else samples.name,
         entries=entries,
         entries_title="Headings",
-        sections=_list_sections(found, field),
+        sections=[*_list_sections(found, field), list_inputs(*inputs, equation=EQUATION)],
         remarks=(*found.notes, *notes),
         values={
             "sensors": found.sensors,

@@ -156,6 +156,13 @@ def describe_sensor(
     files, warnings, texts = written or Written([], [])
     refused = result.verdict == "refused"
     residuals = cache(lambda: compute_residuals(result))
+    figures_of_fit = [
+        Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
+        Section("Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]),
+        Section(
+            "Verification", [_describe_held_out(result), lambda: tables.checks(result.verification)]
+        ),
+    ]
     return Document(
         schema=schema,
         name=result.samples.name,
@@ -171,17 +178,11 @@ def describe_sensor(
         entries_title="",
         refused_numbers=True,
         sections=[
-            Section(*_show_numbers(result)),
+            *([] if refused else figures_of_fit[:1]),
             *describe_ladder(result, printed=alone),
             *describe_disturbers(result),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
-            Section(
-                "Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]
-            ),
-            Section(
-                "Verification",
-                [_describe_held_out(result), lambda: tables.checks(result.verification)],
-            ),
+            *([_fold(figures_of_fit)] if refused else figures_of_fit[1:]),
             Section("Method and model", [lambda: describe_method(result)]),
             Section("Coverage", _describe_coverage(result)),
             Section("Exports", [_list_files(files, texts)]),
@@ -227,14 +228,15 @@ def _list_key_figures(result: Calibrated) -> list[tuple[str, str, str]]:
     ]
 
 
-def _show_numbers(result: Calibrated) -> tuple[str, list[Block]]:
-    """Every number; of a refused fit folded away, for whoever looks for the cause."""
-    blocks: list[Block] = [lambda: list_numbers(result), _explain_numbers(result)]
-    if result.verdict != "refused":
-        return "Numbers", blocks
-    said = "Numbers of the refused fit: not to be used, but they may show the cause"
-    inside = markup(list_numbers(result), _explain_numbers(result))
-    return "", [element("details", element("summary", said), inside, class_="folded")]
+def _fold(sections: Sequence[Section]) -> Section:
+    """What a refused fit found, folded away: it fits its own readings, and is wrong beyond them."""
+    said = "Numbers, residuals and checks of the refused fit: not to be used"
+
+    def draw() -> Markup:
+        inside = (section.to_html("h3") for section in sections)
+        return element("details", element("summary", said), *inside, class_="folded")
+
+    return Section("", [draw])
 
 
 def _explain_numbers(result: Calibrated) -> Markup:

@@ -77,6 +77,11 @@ def _list_cells(q: Quantity, compared: bool) -> list[str]:
     return cells
 
 
+def _chance(p: float) -> str:
+    """A probability; one too small for a number of the machine is no zero."""
+    return f"= {p:.2g}" if p > 0.0 else "< 1e-300"
+
+
 def describe_method(result: Calibrated) -> Markup:
     """The method and why, and the choice of model in words with the statistics behind them."""
     fit, calibration = result.fit, result.fit.calibration
@@ -95,7 +100,7 @@ def describe_method(result: Calibrated) -> Markup:
             element(
                 "span",
                 f" {test.larger} against {test.smaller}: statistic "
-                f"{test.statistic:.3g}, p = {test.p_value:.2g}",
+                f"{test.statistic:.3g}, p {_chance(test.p_value)}",
                 class_="aside",
             ),
         )

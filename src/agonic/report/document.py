@@ -297,10 +297,18 @@ class Document:
                 self.verdict,
                 typeset(rest),
                 move=self.next_move,
-                found=[(tables.SEVERITIES[one.severity][0], typeset(says)) for one, says in found],
+                found=[
+                    (tables.SEVERITIES[one.severity][0], self._bullet(one, says))
+                    for one, says in found
+                ],
             )
         if self.key_figures and self._shows_numbers:
             yield blocks.key_figures(self.key_figures)
+
+    def _bullet(self, finding: Finding, says: str) -> str:
+        """A finding beside the verdict; its move is left to the line that says what to do next."""
+        own = finding.move and finding.move == self.next_move
+        return typeset(sentence(finding.what) if own else says)
 
     def _list_contents(self, within: str = "") -> Iterable[Markup]:
         """The parts of the page, or of a sensor within it, where contents are wanted."""

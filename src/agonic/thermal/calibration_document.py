@@ -72,8 +72,8 @@ def list_key_figures(calibration: Thermal, fit: ThermalFit | None) -> list[tuple
     low, high = calibration.range_C
     shown = [
         ("Range", write_minus(f"{low:.0f} … {high:.0f} °C"), "temperatures that were seen"),
-        ("Bias known to", quantity(bias, unit, 2), "standard error at the worst temperature"),
-        ("Matrix × field known to", quantity(matrix, unit_out, 2), "the same"),
+        ("Bias standard error", quantity(bias, unit, 2), "at the worst temperature"),
+        ("Matrix × field", quantity(matrix, unit_out, 2), "standard error, the same"),
     ]
     if fit is not None:
         shown.append(("Spread of |B|", tables.format_spread(fit), "largest of the stations"))

@@ -30,7 +30,7 @@ _MOST_TIMES = 5
 
 def list_sensors(result: CalibratedCampaign) -> Markup:
     """A row for every sensor, with a link to its part of the page."""
-    head = ["Sensor", "Verdict", "Readings", "Bias known to", "Spread of |B|", "Noise"]
+    head = ["Sensor", "Verdict", "Readings", "Bias standard error", "Spread of |B|", "Noise"]
     rows = [_list_sensor(k, sensor) for k, sensor in enumerate(result.sensors, start=1)]
     return table(head, rows, class_="sensors")
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from agonic.alignment.coil.fit import METHOD
 from agonic.alignment.coil.result import CoilFit, Direction
-from agonic.alignment.figures import draw_series, list_inputs
+from agonic.alignment.figures import draw_series
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document, Section, Table
 from agonic.report.markup import Markup
+from agonic.report.origin import list_inputs
 
 FRAMES = {
     "m": "magnetometer",
@@ -79,7 +80,7 @@ def _entries(fit: CoilFit) -> dict[str, str]:
         entries[f"Axis {letter}"] = _axis(letter, direction, fit.time)
     if fit.geometric_deg is not None and fit.geometric_sd_arcsec is not None:
         away = with_sd(3600 * fit.geometric_deg, fit.geometric_sd_arcsec)
-        entries["As drawn"] = f"{away} ″ away"
+        entries["As drawn"] = f"{away}″ away"
     noise = float(np.sqrt((fit.estimate.noise**2).mean()))
     entries["Noise"] = f"{quantity(noise, 'nT', 2)} of a reading, {fit.n} stretches"
     return entries

@@ -34,13 +34,14 @@ def examine(fit: CoilFit) -> tuple[Finding, ...]:
 def describe(fit: CoilFit) -> tuple[str, ...]:
     """How good it is, in sentences."""
     said = (
-        f"{figure(fit.constant, 7)} nT/A ± {figure(fit.constant_sd)}, the axis known to "
-        f"{figure(fit.axis_sd_arcsec)}″ in the magnetometer's axes from {fit.reversals} reversals",
+        f"constant {figure(fit.constant, 7)} ± {figure(fit.constant_sd)} nT/A from "
+        f"{fit.reversals} reversals",
+        f"standard error of the axis: {figure(fit.axis_sd_arcsec)}″ in the magnetometer's axes",
     )
     if fit.geometric_deg is None or fit.geometric_sd_arcsec is None:
         return said
     away = f"{figure(3600 * fit.geometric_deg, 4)}″ ± {figure(fit.geometric_sd_arcsec)}″"
-    return (*said, f"it is {away} from the axis as drawn")
+    return (*said, f"the axis is {away} from the one drawn")
 
 
 def _one_polarity(fit: CoilFit) -> Finding | None:

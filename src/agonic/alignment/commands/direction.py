@@ -87,7 +87,8 @@ def direction(
         attitudes = replace(attitudes, refraction=refraction, aberration=aberration)
     found = field_direction(known, samples, attitudes, site, noise=noise, gap_s=gap)
     files = [write_direction(found, out)]
-    return finish(describe_direction(found), files=files, report=report, as_json=as_json)
+    made = describe_direction(found, (samples.source, *known.provenance.inputs))
+    return finish(made, files=files, report=report, as_json=as_json)
 
 
 def _make_site(at: str | None) -> Site | None:

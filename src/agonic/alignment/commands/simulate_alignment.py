@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -33,7 +34,7 @@ def alignment(
     """A session with a star sensor: session.toml, its tables, and the truth in its own folder."""
     from agonic.alignment.files.write_session import write_session
     from agonic.alignment.simulation.session import simulate_session
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
 
     made = simulate_session(
         orientations=orientations, readings=readings, noise=noise, remanence=remanence, seed=seed
@@ -52,10 +53,9 @@ def alignment(
             },
         )
         return 0
-    say(
-        f"{len(made.session.orientations)} orientations, {len(made.session.magnetometer)} "
-        f"readings: {out}\nThe truth: {truth}"
-    )
+    what = f"readings in {len(made.session.orientations)} orientations"
+    following = f"agonic fit alignment {quote(str(out))} -o cal.json --report alignment.html"
+    say_made(len(made.session.magnetometer), what, out, f"The truth: {truth}", next_step=following)
     return 0
 
 

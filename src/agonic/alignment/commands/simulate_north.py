@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import typer
@@ -61,4 +62,5 @@ def _finish(kind: str, out: Path, files: list[Path], truth: dict[str, Any], as_j
         )
     else:
         say(f"A session: {out}\nThe truth: {written}")
+        say(f"\nNext      agonic fit {kind} {quote(str(out))} --report {kind}.html")
     return 0

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from agonic.alignment.direction.result import FieldDirection
 from agonic.arrays import Array
+from agonic.provenance import Input
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document, Section
 from agonic.report.markup import Markup
+from agonic.report.origin import list_inputs
 from agonic.report.strips import Axis, Columns, band, caption, line, plot
 from agonic.report.time_axis import along_time
 
@@ -23,8 +26,10 @@ ANGLES = {
 """What is drawn over time: its name, and where its standard error stands."""
 
 
-def describe_direction(found: FieldDirection) -> Document:
+def describe_direction(found: FieldDirection, inputs: Sequence[Input | None] = ()) -> Document:
     """The directions of a log as a whole: where the field points, and how surely.
+
+    `inputs` are the files that they rest on.
 
     >>> import agonic as ag
     >>> night = ag.alignment.simulate_session(seed=1).session
@@ -40,7 +45,7 @@ def describe_direction(found: FieldDirection) -> Document:
         name=found.sensor,
         entries=_describe(found),
         remarks=found.notes,
-        sections=(Section("Over time", [lambda: _draw_all(found)]),),
+        sections=(Section("Over time", [lambda: _draw_all(found)]), list_inputs(*inputs)),
         styles=("inflight.css",),
         values=_summarise(found),
     )

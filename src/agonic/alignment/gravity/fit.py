@@ -206,7 +206,7 @@ def _findings(fit: GravityFit, gravity: Array) -> list[Finding]:
             Finding(
                 "turn loose",
                 "check",
-                f"the turn about {_axis(fit)} is known to {figure(fit.worst_sd_deg)}° only",
+                f"the standard error of the turn about {_axis(fit)} is {figure(fit.worst_sd_deg)}°",
                 "add orientations far from the others",
             )
         )
@@ -235,7 +235,7 @@ def _axis(fit: GravityFit) -> str:
 
 def _remarks(fit: GravityFit) -> tuple[str, ...]:
     return (
-        f"the magnetometer is turned by {figure(fit.angle_deg, 3)}° against the accelerometer, "
-        f"known to {figure(fit.worst_sd_deg)}° about its worst axis from {fit.n} orientations",
+        f"the magnetometer is misaligned by {figure(fit.angle_deg, 3)}° from the accelerometer, ± "
+        f"{figure(fit.worst_sd_deg)}° about its worst axis, from {fit.n} orientations",
         f"the field dips by {fit.inclination_deg:.2f}°",
     )

@@ -12,6 +12,7 @@ from agonic.alignment.north.di_flux_result import DiFluxFit
 from agonic.alignment.north.document import format_angle
 from agonic.report.digits import group_digits, significant, with_sd
 from agonic.report.document import Document, Section, Table
+from agonic.report.origin import list_inputs
 
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
 
@@ -42,7 +43,9 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
         status=fit.status,
         findings=fit.findings,
         entries=_entries(fit),
-        sections=[] if fit.verdict == "refused" else [Section("Settings", [rows, drawn])],
+        sections=[]
+        if fit.verdict == "refused"
+        else [Section("Settings", [rows, drawn]), list_inputs(*sheet.sources)],
         values=_values(fit),
         styles=["alignment.css"],
     )
@@ -61,9 +64,9 @@ def _entries(fit: DiFluxFit) -> dict[str, str]:
         "Meridian": f"{meridian} on the circle",
         "Mark": f"{mark} on the circle, telescope's collimation "
         f"{group_digits(3600 * fit.mark.collimation_deg, 1)}″",
-        "δ": f"{with_sd(delta, delta_sd)} ″, fluxgate to the right of the telescope",
-        "ε": f"{with_sd(epsilon, epsilon_sd)} ″, to greater zenith angles",
-        "S₀/F": f"{with_sd(*fit.offset_arcsec)} ″, the fluxgate's offset as an angle",
+        "δ": f"{with_sd(delta, delta_sd)}″, fluxgate to the right of the telescope",
+        "ε": f"{with_sd(epsilon, epsilon_sd)}″, to greater zenith angles",
+        "S₀/F": f"{with_sd(*fit.offset_arcsec)}″, the fluxgate's offset as an angle",
     }
     if fit.scaled:
         entries["S₀"] = f"{with_sd(fit.offset, fit.offset_sd)} units of the fluxgate"

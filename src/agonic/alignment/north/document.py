@@ -26,8 +26,8 @@ def describe_north(fit: NorthFit) -> Document:
     >>> made = describe_north(fit_north(simulate_north().session))
     >>> print(made.to_text().splitlines()[0])
     ✓ simulated: good (north by a gyrotheodolite, damped sinusoid)
-    >>> made.to_html().count('<svg class="bars"')
-    2
+    >>> made.to_html().count('<figure class="strip"')
+    3
     """
     refused = fit.verdict == "refused"
     return Document(

@@ -265,6 +265,7 @@ def _remarks(fit: NorthFit) -> tuple[str, ...]:
     ]
     if fit.aligned is not None:
         said.append(
-            f"the alignment is known to {figure(fit.aligned.worst_sd_arcsec)}″ about its worst axis"
+            f"standard error of the alignment: {figure(fit.aligned.worst_sd_arcsec)}″ about its "
+            "worst axis"
         )
     return tuple(said)

@@ -6,18 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_residuals, list_inputs
+from agonic.alignment.figures import draw_residuals
 from agonic.alignment.remanence.fit import METHOD, RemanenceFit
 from agonic.provenance import Input
 from agonic.report.digits import with_sd
 from agonic.report.document import Document, Section
 from agonic.report.markup import Markup, element
+from agonic.report.origin import list_inputs
 
 WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
-CAPTION = (
-    "What is read at each angle of the platform beside the mean, nT, magnetometer axes; in grey "
-    "twice what the noise explains"
-)
+CAPTION = "What is read at each angle of the platform beside the mean"
 
 
 def describe_remanence(fit: RemanenceFit) -> Document:
@@ -61,7 +59,7 @@ def _inputs(fit: RemanenceFit) -> list[Input]:
 
 def _draw(fit: RemanenceFit) -> Markup:
     angles = np.round(fit.angle_deg).astype(np.int64)
-    drawn = draw_residuals(fit.field, fit.noise, angles)
+    drawn = draw_residuals(fit.field, fit.noise, angles, "angle of the platform, °")
     return element("figure", drawn, element("figcaption", CAPTION))
 
 

@@ -111,7 +111,7 @@ def _others(fit: AlignmentFit) -> dict[str, str]:
     found = {}
     if "reference" in groups:
         turn = _with_sds(fit.reference_turn_arcsec, sd[GROUPS["reference"]] / ARCSEC_RAD)
-        found["Reference"] = f"turned about north, east, down by {turn} ″"
+        found["Reference"] = f"turned about north, east, down by {turn}″"
     if "pier" in groups:
         found["Pier"] = f"{_with_sds(unknowns.offset, sd[GROUPS['pier']])} nT"
     if "bias" in groups:

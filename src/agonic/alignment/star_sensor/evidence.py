@@ -297,7 +297,7 @@ def _remarks(fit: AlignmentFit) -> tuple[str, ...]:
     readings = int(fit.observed.readings[:, 1].sum())
     size = float(np.sqrt((fit.residuals_arcsec**2).mean()))
     return (
-        f"the alignment is known to {figure(fit.worst_sd_arcsec)}″ about its worst axis",
-        f"{fit.n} orientations with {readings} readings leave {figure(fit.residual_rms)} nT a "
-        f"component, {figure(size)}″",
+        f"standard error: {figure(fit.worst_sd_arcsec)}″ about the worst axis",
+        f"residual of {fit.n} orientations ({readings} readings): {figure(fit.residual_rms)} nT a "
+        f"component, or {figure(size)}″",
     )

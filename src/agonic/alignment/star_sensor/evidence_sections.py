@@ -40,25 +40,14 @@ def list_evidence(fit: AlignmentFit) -> list[Section]:
     residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
     budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
     return [
-        Section("Residuals of each orientation", [lambda: _bars(fit), residuals]),
+        Section("Residuals of each orientation", [lambda: _draw(fit), residuals]),
         Section("Where the star sensor looked", [lambda: _skies(fit)], style="pair"),
         Section("Error budget", [BUDGET_NOTE, budget]),
     ]
 
 
-def _bars(fit: AlignmentFit) -> Markup:
-    legend = element(
-        "p",
-        *(element("span", element("span", class_=f"key bar-{a}"), a) for a in "xyz"),
-        element("span", element("span", class_="key band"), "twice what the noise explains"),
-        class_="legend",
-    )
-    return element(
-        "figure",
-        legend,
-        draw_residuals(fit.residuals, fit.residuals_sd, fit.observed.orientation),
-        element("figcaption", "Residuals by orientation, nT, magnetometer axes"),
-    )
+def _draw(fit: AlignmentFit) -> Markup:
+    return draw_residuals(fit.residuals, fit.residuals_sd, fit.observed.orientation)
 
 
 def _residual_rows(fit: AlignmentFit) -> list[list[str]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,8 @@ from agonic.report.markup import Markup, element
 SIZE, RADIUS = 320.0, 130.0
 LEAST, MOST = 3.0, 11.0
 """Radius of the dot of the smallest and the largest residual."""
+LETTER_WIDE, LETTER_HIGH = 5.6, 9.0
+"""Room for a figure of a dot's name."""
 
 
 def draw_dome(boresight_n: Array, numbers: NDArray[np.int64], residual_arcsec: Array) -> Markup:
@@ -101,17 +105,54 @@ def _dots(x: Array, y: Array, numbers: NDArray[np.int64], residual: Array) -> li
                 class_="dot",
             )
         )
-    return dots + _names(x, y, numbers)
+    return dots + _names(x, y, radius, numbers)
 
 
-def _names(x: Array, y: Array, numbers: NDArray[np.int64]) -> list[Markup]:
-    """The number of each orientation; where several look at the same place, how many."""
+def _names(x: Array, y: Array, radius: Array, numbers: NDArray[np.int64]) -> list[Markup]:
+    """The number of each orientation beside its dot; of several at one place, how many."""
     there: dict[tuple[int, int], list[int]] = {}
     for k in range(len(x)):
-        there.setdefault((round(x[k]), round(y[k])), []).append(int(numbers[k]))
-    return [
-        svg_text(
-            place[0], place[1] + 3, str(own[0]) if len(own) == 1 else f"{len(own)}×", "dot-name"
-        )
-        for place, own in there.items()
-    ]
+        there.setdefault((round(x[k]), round(y[k])), []).append(k)
+    groups = list(there.values())
+    names = [str(numbers[g[0]]) if len(g) == 1 else f"{len(g)}×" for g in groups]
+    first = np.array([g[0] for g in groups])
+    at = np.stack([x[first], y[first]], axis=1)
+    drawn: list[Markup] = []
+    for name, dot, place in zip(names, at, place_apart(at, radius[first], names), strict=True):
+        if np.hypot(*(place - dot)) > MOST:
+            lead = f"M{dot[0]:.1f} {dot[1]:.1f}L{place[0]:.1f} {place[1]:.1f}"
+            drawn.insert(0, element("path", d=lead, class_="lead"))
+        drawn.append(svg_text(place[0], place[1] + LETTER_HIGH / 3, name, "dot-name"))
+    return drawn
+
+
+def place_apart(at: Array, radius: Array, names: Sequence[str]) -> Array:
+    """Where the names of dots stand (k, 2), so that none covers another: those in the middle of a
+    crowd move farthest out of it.
+
+    >>> place_apart(np.array([[0.0, 0.0], [60.0, 0.0]]), np.ones(2), ["1", "2"]).tolist()
+    [[0.0, 0.0], [60.0, 0.0]]
+    """
+    box = np.array([[LETTER_WIDE * len(name) + 3, LETTER_HIGH] for name in names])
+    crowd = at.mean(axis=0)
+    order = np.argsort(-np.hypot(*(at - crowd).T), kind="stable")
+    placed: list[int] = []
+    places = at.copy()
+    for k in order:
+        for place in _trials(at[k], float(radius[k])):
+            apart = np.abs(places[placed] - place) >= (box[placed] + box[k]) / 2
+            others = np.delete(np.arange(len(at)), k)
+            clear = np.hypot(*(at[others] - place).T) > radius[others] + LETTER_HIGH / 3
+            if apart.any(axis=1).all() and clear.all():
+                places[k] = place
+                break
+        placed.append(int(k))
+    return places
+
+
+def _trials(dot: Array, radius: float) -> Iterator[Array]:
+    """On the dot, then round it farther and farther away."""
+    yield dot
+    for away in np.arange(radius + LETTER_HIGH * 0.8, 8 * LETTER_HIGH, LETTER_HIGH / 2):
+        for turn in np.radians(np.arange(0, 360, 30)):
+            yield dot + away * np.array([np.cos(turn), np.sin(turn)])

@@ -33,11 +33,11 @@ def describe_plan(plan: AlignmentPlan) -> Document:
         kind="Plan of a session",
         name="Alignment with a star sensor",
         status=f"{len(plan.orientations)} orientations of {plan.readings} readings each: the "
-        f"alignment known to {significant(plan.worst_sd_arcsec, 2)}″ about its worst axis",
+        f"alignment to ± {significant(plan.worst_sd_arcsec, 2)}″ about its worst axis",
         sections=[
             Section(
                 "Orientations",
-                [Table(HEAD, _rows(plan), "orientations"), lambda: _dome(plan)],
+                [Table(HEAD, _rows(plan), "orientations", scrolls=True), lambda: _dome(plan)],
                 printed=True,
                 style="pair plan",
             ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
@@ -79,6 +80,8 @@ def fleet(
     else:
         what = f"{len(made)} logs of {made.facts['n']} sensors"
         say(f"{what}: {where}\nThe truth, with {sum(planted.values())} faults: {truth}")
+        following = f"agonic fleet {quote(str(where))} --field {made.facts['magnitude']:g} -o fleet"
+        say(f"\nNext      {following}")
     return 0
 
 

@@ -65,7 +65,11 @@ def heading(
     assumed = _assumed(chosen, recording, samples, at, date)
     files = [write_headings(found, out)]
     field = apply(chosen.compasses[0].calibration, samples[0]).field if report else None
-    document = describe_headings(found, samples[0], field=field, notes=assumed)
+    inputs = [
+        *(one.source for one in samples),
+        *(i for compass in chosen.compasses for i in compass.calibration.provenance.inputs),
+    ]
+    document = describe_headings(found, samples[0], field=field, notes=assumed, inputs=inputs)
     finish(document, files=files, report=report, as_json=as_json)
     return 0 if found.trusted.any() else 1
 

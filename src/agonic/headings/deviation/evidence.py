@@ -144,7 +144,7 @@ def _uncertain(evidence: Evidence) -> Finding | None:
     if sd < CURVE_DOUBTFUL_DEG:
         return None
     length = evidence.solved.correlation
-    slow = f"; {figure(length)} readings in a row count as one" if length > 2 else ""
+    slow = f"; errors are correlated over {figure(length)} readings in a row" if length > 2 else ""
     return Finding(
         "uncertain",
         "refuse" if sd >= CURVE_REFUSED_DEG else "check",

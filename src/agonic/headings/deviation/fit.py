@@ -247,6 +247,6 @@ def _remarks(card: Deviation) -> tuple[str, ...]:
     return (
         f"the deviation is largest, {format_east_west(float(curve[worst]))}, at compass "
         f"{name_heading(float(circle[worst]))}",
-        f"a level heading corrected with this card is known to {figure(sd)}° (standard error of "
-        "the curve at the worst heading)",
+        f"standard error of a level heading corrected with this card: {figure(sd)}°, at the worst "
+        "heading",
     )

@@ -67,7 +67,7 @@ def pair(
     files = []
     if out is not None and fit.verdict != "refused":
         files.append(save_setup(fit.make_setup(**_of_place(samples, reference)), out))
-    document = describe_pair(fit, samples.name)
+    document = describe_pair(fit, samples.name, str(out or "setup.toml"))
     return finish(document, files=files, report=report, as_json=as_json)
 
 

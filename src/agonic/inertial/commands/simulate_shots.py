@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -30,7 +31,7 @@ def shots(
     as_json: Json = False,
 ) -> int:
     """Write shots of an instrument with an accelerometer and a magnetometer, all errors in."""
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
     from agonic.exports.csv import write_csv
     from agonic.files.setup import save_setup
     from agonic.inertial.pair.simulate import simulate_shots
@@ -63,5 +64,6 @@ def shots(
             },
         )
     else:
-        say(f"{len(made.samples)} shots: {out}\nThe truth: {file}")
+        following = f"agonic fit pair {quote(str(out))} -o setup.toml"
+        say_made(len(made.samples), "shots", out, f"The truth: {file}", next_step=following)
     return 0

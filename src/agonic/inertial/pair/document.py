@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ CHANGE_HEAD = ("", "By", "Standard errors", "Headings, rms", "Chance")
 TERM_HEAD = ("", "x", "y", "z")
 
 
-def describe_pair(fit: PairFit, sensor: str) -> Document:
+def describe_pair(fit: PairFit, sensor: str, setup: str = "setup.toml") -> Document:
     """The calibrations of a sensor and its accelerometer, how each shot fits, and what to add.
 
     >>> from agonic.inertial.pair import fit_pair
@@ -40,7 +41,8 @@ def describe_pair(fit: PairFit, sensor: str) -> Document:
         entries={} if refused else _entries(fit),
         sections=sections,
         values=_values(fit, sensor),
-        next_step="" if refused else "agonic heading setup.toml LOG -o headings.csv",
+        calibration=None if refused else fit.calibration,
+        next_step="" if refused else f"agonic heading {quote(setup)} LOG -o headings.csv",
     )
 
 

@@ -157,7 +157,7 @@ def _open(fit: PairFit) -> Finding | None:
     if fit.heading_sd_deg > OPEN_DEG:
         what = f"{fit.n} shots leave the heading open by {figure(fit.heading_sd_deg)}°"
         return Finding("attitudes missing", "refuse", what, f"add shots: {add}")
-    what = f"the heading is known to {figure(fit.heading_sd_deg)}° only"
+    what = f"the standard error of the heading is {figure(fit.heading_sd_deg)}°"
     return Finding("heading loose", "check", what, f"add shots: {add}")
 
 

@@ -101,7 +101,7 @@ def _undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
         Finding(
             "bias undetermined",
             "refuse" if worst > 5 * UNDETERMINED * magnitude else "check",
-            f"the bias near {axis} is known to {figure(worst)} nT only",
+            f"the standard error of the bias near {axis} is {figure(worst)} nT",
             "use a longer record, or one in which the spacecraft turns; solve for the bias alone",
         )
     ]
@@ -141,32 +141,34 @@ def _attitude(fit: InflightFit) -> list[Finding]:
 def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
     """How good the result is, in words."""
     sd = fit.sd
-    said = [f"the bias is known to {figure(float(sd[:3].max()))} nT"]
+    said = [f"standard error: bias {figure(float(sd[:3].max()))} nT"]
     if problem.ground is not None:
         said.append(
-            f"it has moved by {figure(float(np.linalg.norm(fit.change.bias)))} nT since the ground"
+            f"the bias is {figure(float(np.linalg.norm(fit.change.bias)))} nT from that of the "
+            "ground"
         )
         if not states_covariance(problem.ground):
-            said.append("the ground states no standard errors, so its gains count as exact")
+            said.append(
+                "the ground calibration states no standard errors, so its gains are taken as exact"
+            )
     if fit.drift.changes:
         ends, _ = fit.drift.at(np.array([fit.drift.start, fit.drift.stop]))
-        said.append(
-            f"it drifted by {figure(float(np.linalg.norm(ends[1] - ends[0])))} nT over the record"
-        )
+        moved = float(np.linalg.norm(ends[1] - ends[0]))
+        said.append(f"the bias drifted by {figure(moved)} nT over the record")
     if fit.direction_error_deg is not None:
         middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
         said.append(f"the field misses its direction by {figure(middle)}° (median)")
-    said.append(f"residuals are {figure(fit.noise)} nT{_lasts(fit)}")
+    said.append(f"residuals: {figure(fit.noise)} nT{_correlated(fit)}")
     return tuple(said)
 
 
-def _lasts(fit: InflightFit) -> str:
-    """How much of the residuals is correlated, and what that costs."""
+def _correlated(fit: InflightFit) -> str:
+    """How much of the residuals is correlated, for how long, and what that costs."""
     if fit.correlation < 1.05:
         return ""
     of = (
-        f", {figure(fit.lasting_nT)} of them lasting {figure(fit.lasting_s)} s,"
+        f", of which {figure(fit.lasting_nT)} nT are correlated over {figure(fit.lasting_s)} s"
         if fit.lasting_s
         else ""
     )
-    return f"{of} and {figure(fit.correlation)} readings count as one"
+    return f"{of} (effective sample size: 1/{figure(fit.correlation)} of the readings)"

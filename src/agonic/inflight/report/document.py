@@ -53,7 +53,7 @@ def describe_inflight(
         kind="Calibration in flight",
         name=fit.change.sensor,
         title=title,
-        method=f"in flight, {fit.solve}, {fit.n} readings",
+        method=f"in flight, {fit.solve}, {count(fit.n, 'reading')}",
         verdict=fit.verdict,
         status=fit.status,
         findings=fit.findings,
@@ -61,8 +61,7 @@ def describe_inflight(
             "Field": str(fit.calibration.provenance.settings.get("reference", "")),
             "Bias" if fit.ground is None else "Moved by": f"{bias} {fit.change.unit_in}",
             **(describe_decomposition(fit.change) if fit.solve != "bias" else {}),
-            "Residual": f"{quantity(rms, 'nT', 3)} rms; errors are correlated, "
-            f"{quantity(fit.correlation_s, 's', 2)} count as one reading",
+            "Residual": f"{quantity(rms, 'nT', 3)} rms{_describe_correlation(fit)}",
         },
         entries_title="",
         values={
@@ -92,6 +91,14 @@ def describe_inflight(
         calibration=fit.calibration,
     )
     return add_figures(document, flight_of_fit(fit, samples))
+
+
+def _describe_correlation(fit: InflightFit) -> str:
+    """What successive residuals have in common, in words; nothing where it is nothing."""
+    if fit.correlation < 1.05:
+        return ""
+    every = quantity(fit.correlation_s, "s", 2)
+    return f"; errors are correlated, as if one reading came every {every}"
 
 
 def _direction_values(fit: InflightFit) -> Mapping[str, Any]:
@@ -135,6 +142,7 @@ def add_figures(document: Document, flight: Flight) -> Document:
 def _key_figures(flight: Flight) -> list[tuple[str, str, str]]:
     """The four numbers to look at first."""
     course, used = flight.course, flight.used
+    n = int(np.count_nonzero(used))
     rms = float(np.sqrt(np.mean(flight.residuals[used] ** 2))) if used.any() else np.nan
     return [
         (
@@ -143,20 +151,16 @@ def _key_figures(flight: Flight) -> list[tuple[str, str, str]]:
             "rms, before each was used" if flight.predicted else "rms",
         ),
         (
-            "Bias known to",
+            "Bias standard error",
             quantity(float(course.sd[-1].max()), unit_label(course.unit), 2),
-            "standard error of the worst axis",
+            "of the worst axis",
         ),
         (
-            "Readings count as one",
-            quantity(flight.correlation, "", 2),
-            f"{quantity(flight.correlation * flight.step_s, 's', 2)} of them",
+            "Effective sample size",
+            group_digits(float(f"{n / max(flight.correlation, 1.0):.2g}")),
+            f"independent readings of {group_digits(n)}",
         ),
-        (
-            "Readings",
-            group_digits(int(np.count_nonzero(used))),
-            f"of {count(len(used), 'reading')}",
-        ),
+        ("Readings", group_digits(n), f"of {count(len(used), 'reading')}"),
     ]
 
 

@@ -51,7 +51,7 @@ def draw_over_time(flight: Flight, limit: float) -> Markup:
     columns = Columns(x, along)
     layers = [
         *draw_shadows(flight, x, along),
-        *_residuals(flight, columns, limit),
+        *_residuals(flight.residuals, columns, limit),
         mark_rows(columns, ~flight.used, "left-out"),
     ]
     signs = arrows(columns, _axis(limit), flight.residuals)
@@ -59,13 +59,20 @@ def draw_over_time(flight: Flight, limit: float) -> Markup:
 
 
 def draw_along(flight: Flight, values: Array, label: str, limit: float) -> Markup:
-    """Residuals along another quantity: of each column the extremes, the middle and the median."""
+    """Residuals along another quantity: of each column the extremes, the middle and the median.
+
+    What was left out, such as a filter's start, is drawn over time alone: here it would hide what
+    goes with the quantity.
+    """
+    residuals = flight.residuals
+    if flight.used.any():
+        values, residuals = values[flight.used], residuals[flight.used]
     low, high = float(values.min()), float(values.max())
     x = Axis(label, low, high if high > low else low + 1.0)
     most = int(np.clip(len(values) // PER_COLUMN, 8, 180))
     columns = Columns(x, values, most)
-    layers = _residuals(flight, columns, limit)
-    signs = arrows(columns, _axis(limit), flight.residuals)
+    layers = _residuals(residuals, columns, limit)
+    signs = arrows(columns, _axis(limit), residuals)
     return plot(x, _axis(limit), layers, f"Residuals along {label}", signs)
 
 
@@ -73,9 +80,9 @@ def _axis(limit: float) -> Axis:
     return Axis("residual, nT", -limit, limit)
 
 
-def _residuals(flight: Flight, columns: Columns, limit: float) -> list[Markup]:
+def _residuals(values: Array, columns: Columns, limit: float) -> list[Markup]:
     """Least to largest, the middle two thirds where there are enough readings, and the median."""
-    y, values = _axis(limit), flight.residuals
+    y = _axis(limit)
     low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
     return [
         spread(columns, y, values, "range"),

@@ -154,31 +154,32 @@ def list_held_out(flight: Flight) -> Markup:
 
 
 def describe_model_error(flight: Flight) -> Markup:
-    """The scale of what lasts and for how long, in words."""
+    """How large the residuals are, and how much of them is correlated, in words."""
     begin = "Predictions miss" if flight.predicted else "Residuals scatter"
     said = f"{begin} by {quantity(flight.noise, 'nT', 2)} (one standard deviation)."
     if not flight.lasting_s:
         said += (
-            " One does not tell of the next: no error of the model that lasts stands out of the "
-            "noise of single readings."
+            " Successive residuals are uncorrelated: errors of the field model are small "
+            "beside the noise of single readings."
         )
         return element("p", said)
     alone = float(np.sqrt(max(flight.noise**2 - flight.lasting_nT**2, 0.0)))
     said += (
-        f" Of this {quantity(alone, 'nT', 2)} is different in every reading; the other "
-        f"{quantity(flight.lasting_nT, 'nT', 2)} last for about {_lasting(flight.lasting_s)}, and "
-        f"{figure(flight.correlation)} readings count as one."
+        f" Of this {quantity(alone, 'nT', 2)} is noise, new in every reading; the other "
+        f"{quantity(flight.lasting_nT, 'nT', 2)} are correlated over about "
+        f"{_duration(flight.lasting_s)}, so that the effective sample size is 1/"
+        f"{figure(flight.correlation)} of the readings."
     )
     if not flight.predicted:
         said += " Every standard error on this page takes account of it."
     said += (
-        " What lasts is error of the model (crust, ring current, ionosphere), of currents on "
-        "board, or of a calibration that changes with temperature."
+        " Correlated errors come from the field model (crust, ring current, ionosphere), currents "
+        "on board, or a calibration that changes with temperature."
     )
     return element("p", said)
 
 
-def _lasting(seconds: float) -> str:
+def _duration(seconds: float) -> str:
     """A time in a unit that fits."""
     if seconds < 120:
         return quantity(max(seconds, 0.01), "s", 2)

@@ -9,6 +9,7 @@ from agonic.inflight.report.flight import flight_of_log
 from agonic.inflight.tracking.result import Coefficients
 from agonic.inflight.tracking.tracker import Tracker
 from agonic.maths.estimation.turning.filter import TurnState
+from agonic.report.digits import group_digits, quantity, with_sd
 from agonic.report.document import Document
 from agonic.samples import Samples
 
@@ -84,18 +85,22 @@ def _tracking_entries(
 ) -> dict[str, str]:
     state, unit = tracker.state, tracker.state.base.unit_in
     axes = zip("xyz", state.bias, state.bias_sd, strict=True)
-    bias = ", ".join(f"{axis} {value:.1f} ± {sd:.1f}" for axis, value, sd in axes)
-    passed = f", {passed_over} passed over" if passed_over else ""
+    bias = "   ".join(f"{axis} {with_sd(float(v), float(sd))}" for axis, v, sd in axes)
+    passed = f", {group_digits(passed_over)} passed over" if passed_over else ""
     jumps = (
         f"at {j.time:.1f} s by {', '.join(f'{v:.0f}' for v in j.shift)} {unit}, "
         f"seen at {j.seen:.1f} s"
         for j in state.jumps
     )
     return {
-        "Readings": f"{new} new{passed}; {state.n} in all, {state.refused} refused",
-        "Bias": f"{bias} {unit} (one standard error)",
-        "Model": f"noise {state.noise:.4g} {unit}, walk {tracker.params.walk:.3g} {unit} per √s",
-        "Residual": "" if rms is None else f"{rms:.4g} nT rms, each reading before it was used",
+        "Readings": f"{group_digits(new)} new{passed}; {group_digits(state.n)} in all, "
+        f"{group_digits(state.refused)} did not fit",
+        "Bias": f"{bias} {unit}",
+        "Model": f"noise {quantity(state.noise, unit)}, random walk "
+        f"{tracker.params.walk:.3g} {unit} per √s",
+        "Residual": ""
+        if rms is None
+        else f"{quantity(rms, 'nT')} rms, each reading before it was used",
         "Jump": "; ".join(jumps),
         "Gyro": "" if state.turn is None else _describe_gyro(state.turn),
     }

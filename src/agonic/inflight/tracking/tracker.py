@@ -13,7 +13,7 @@ from agonic.calibration.base import select_columns
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, UnitError
-from agonic.health import Finding, Judged
+from agonic.health import Finding, Judged, figure
 from agonic.inflight.tracking.evidence import list_findings
 from agonic.inflight.tracking.files import load_track, save_track
 from agonic.inflight.tracking.filter import start, update
@@ -185,8 +185,11 @@ class Tracker(Followed, Judged):
 
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
-        """That the bias is followed, where there is nothing to object."""
-        return () if self.findings else ("the bias is followed",)
+        """How well the bias is known, where there is nothing to object."""
+        if self.findings:
+            return ()
+        unit = self.state.base.unit_in
+        return (f"standard error: bias {figure(float(max(self.state.bias_sd)))} {unit}",)
 
     def save(self, path: Path | str) -> Path:
         """Write everything that `resume` needs to go on, in one step."""

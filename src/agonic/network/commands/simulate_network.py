@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import typer
@@ -70,14 +71,17 @@ def nonaffine(
 
 def _finish(kind: str, made: SimulatedField, out: Path, as_json: bool) -> int:
     """The readings as one table, and the known field as another, FILE.reference.csv."""
-    from agonic.console.output import print_json, say
+    from agonic.console.output import print_json, say_made
 
     files = _write(made, out)
     if as_json:
         facts = {"kind": kind, "n": len(made.samples), "files": [str(file) for file in files]}
         print_json("agonic/simulate@1", facts)
     else:
-        say(f"{len(made.samples)} readings: {out}\nThe known field: {files[1]}")
+        known = quote(str(files[1]))
+        following = f"agonic fit network {quote(str(out))} --reference {known} -o mag.json"
+        said = f"The known field: {files[1]}"
+        say_made(len(made.samples), "readings", out, said, next_step=following)
     return 0
 
 

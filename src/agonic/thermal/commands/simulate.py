@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -68,6 +69,7 @@ def campaign(
         )
     else:
         say(f"{len(files) - 1} stations, {len(made.truth)} sensors: {out}\nThe truth: {truth[0]}")
+        say(f"\nNext      agonic fit thermal {quote(str(out))} -o results")
     return 0
 
 

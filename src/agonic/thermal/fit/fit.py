@@ -236,8 +236,9 @@ def _make_remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ..
     low, high = calibration.range_C
     bias, matrix = evidence.find_worst_sd(calibration)
     said = [
-        f"bias known to {figure(bias)} {calibration.unit_in} and the matrix to {figure(matrix)} "
-        f"{calibration.unit_out} of field at every temperature from {low:.0f} to {high:.0f} °C",
+        f"standard error: bias {figure(bias)} {calibration.unit_in}, matrix {figure(matrix)} "
+        f"{calibration.unit_out} of field (at the worst temperature from {low:.0f} to "
+        f"{high:.0f} °C)",
     ]
     if fit.fixture is not None:
         sd_deg = fit.fixture.sd_deg
