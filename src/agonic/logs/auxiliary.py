@@ -109,11 +109,14 @@ def convert_column(
     values: Array,
     time: Array | None,
     readings: Mask,
+    *,
+    keep_holes: bool = False,
 ) -> tuple[Array | None, tuple[str, ...]]:
     """The values of one quantity in our unit, (n,) or (n, 3), or `None`; and notes on them.
 
     `axes` are its columns and `values` (n, k) what they hold, in that order; `readings` marks the
-    rows that have a magnetometer reading.
+    rows that have a magnetometer reading. With `keep_holes` a column with many holes is not given
+    up: they stay NaN.
     """
     quantity = next(iter(axes.values())).quantity
     scale, remark = _find_scale(axes, values)
@@ -125,7 +128,7 @@ def convert_column(
         return None, (f"{quantity.name} left out: it is without gravity",)
     low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
     ours[(ours < low) | (ours > high)] = np.nan
-    filled, gaps = fill_holes(quantity.column, ours, time, readings)
+    filled, gaps = fill_holes(quantity.column, ours, time, readings, keep_holes=keep_holes)
     notes = tuple(f"{quantity.name} {text}" for text in (remark, gaps) if text)
     return (filled if filled is None or quantity.vector else filled[:, 0]), notes
 
@@ -171,9 +174,12 @@ def _find_scale_by_gravity(values: Array) -> tuple[Linear | None, str]:
 
 
 def fill_holes(
-    column: str, values: Array, time: Array | None, readings: Mask
+    column: str, values: Array, time: Array | None, readings: Mask, *, keep_holes: bool = False
 ) -> tuple[Array | None, str]:
-    """The values (n, k) with short holes filled, or `None` where too many would be missing."""
+    """The values (n, k) with short holes filled, or `None` where too many would be missing.
+
+    With `keep_holes` they are returned however many are missing.
+    """
     known = np.asarray(np.isfinite(values).all(axis=1))
     holes = readings & ~known
     if not holes.any():
@@ -192,7 +198,7 @@ def fill_holes(
         values = values.copy()
         values[near] = np.stack([v for v in fresh if v is not None], axis=1)
     left = int((holes & ~near).sum())
-    if left > _FEW * readings.sum():
+    if left > _FEW * readings.sum() and not keep_holes:
         return None, f"left out: missing in {holes.sum()} of {readings.sum()} rows"
     return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
 

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.logs.dates import AMBIGUOUS, find_order, has_slashes, read_duration_s, write_iso
+from agonic.logs.numbered_dates import read_digits_s
 
 Clock = tuple[Array | None, datetime | None, tuple[str, ...]]
 """Seconds, the UTC moment of second zero where it is known, and notes."""
@@ -21,6 +23,8 @@ _UNIX_SECONDS = (1e9, 4.1e9)
 _LONGEST_STEP_S = 1000.0
 _DAY_S = 86400.0
 _NONE_READ = "times left out: none could be read"
+TIMES_OF_DAY = "times of day"
+"""How the note on a clock without a date begins."""
 _TIED_SHARE = 0.01
 """Share of rows with an unchanged clock but other readings, above which the clock is coarse."""
 
@@ -48,6 +52,9 @@ def _without_unit(numbers: Array) -> Clock:
         if _is_unix(numbers / per_second):
             note = f"times have no unit; by their size they are Unix times in {name}"
             return _since_first_second(numbers / per_second, (note,))
+    if (digits := read_digits_s(numbers)) is not None:
+        seconds, dated, note = digits
+        return _since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
     steps = np.diff(numbers[np.isfinite(numbers)])
     if len(steps) and np.median(steps) > 1 and (steps == np.round(steps)).all():
         note = (
@@ -87,7 +94,12 @@ def _of_moments(values: NDArray[Any]) -> Clock:
 
 def _of_texts(texts: list[str]) -> Clock:
     """Date-times of ISO 8601 (or with slashes), or times of day without a date."""
-    moments = [_moment(text) for text in texts]
+    if texts and read_duration_s(texts[0]) is not None:
+        spans = [read_duration_s(text) for text in texts]
+        return np.array([np.nan if s is None else s for s in spans]), None, ()
+    slashes = any(map(has_slashes, texts))
+    order = find_order(texts) if slashes else None
+    moments = [_moment(text, order) for text in texts]
     known = [moment for moment in moments if moment is not None]
     if not known:
         example = next((text for text in texts if text.strip()), "")
@@ -103,13 +115,20 @@ def _of_texts(texts: list[str]) -> Clock:
         return seconds, epoch, zone
     finite = np.isfinite(seconds)
     seconds[finite] = np.unwrap(seconds[finite], period=_DAY_S)
-    return seconds, None, ("times of day without a date",)
+    return seconds, None, (AMBIGUOUS if slashes else f"{TIMES_OF_DAY} without a date",)
 
 
-def _moment(text: str) -> datetime | None:
+def _moment(text: str, order: str | None) -> datetime | None:
     """The UTC moment of a text; a time of day alone falls on day one of year one."""
     plain = text.strip().strip("\"'").replace("/", "-")
-    for dated in (plain, f"0001-01-01 {plain}"):
+    found = _of_iso(plain)
+    if found is None and (iso := write_iso(text, order)) is not None:
+        found = _of_iso(iso)
+    return found
+
+
+def _of_iso(text: str) -> datetime | None:
+    for dated in (text, f"0001-01-01 {text}"):
         with suppress(ValueError, OverflowError):
             moment = datetime.fromisoformat(dated)
             return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
@@ -118,7 +137,7 @@ def _moment(text: str) -> datetime | None:
 
 def _names_zone(text: str) -> bool:
     tail = text.strip()[10:]
-    return tail.endswith(("Z", "z")) or "+" in tail or "-" in tail
+    return tail.upper().endswith(("Z", "UTC", "GMT")) or "+" in tail or "-" in tail
 
 
 def spread_ties(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:

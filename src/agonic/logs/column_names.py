@@ -24,11 +24,12 @@ from os.path import isfile
 from pathlib import Path
 
 from agonic.errors import LogError
-from agonic.logs.columns import identify_column
+from agonic.logs.columns import Column, identify_column
 
 _BESIDE = ".toml"
 _AXES = "xyz"
 _UNIT_BEHIND = re.compile(r"[,;(\[{]\s*([^,;(\[{}\])]+)[)\]}]?\s*$")
+_FIELD_BEHIND = re.compile(r"_(nT|uT|[µμ]T|mT|mG|Gauss|gauss)$")
 _CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
 
 
@@ -77,16 +78,28 @@ def _canonical(name: str, unit: str | None, theirs: str = "") -> str:
 
     >>> _canonical("x", None, "Channel 1 [mG]"), _canonical("temperature", None, "T2, K")
     ('mag_x_mG', 'temperature_k')
+    >>> _canonical("x", None, "mag_x_nT"), _canonical("x", "mG", "S0_uT")
+    ('mag_x_nT', 'mag_x_uT')
     """
     ours = f"mag_{name}" if name in _AXES else name
     column = identify_column(ours)
     if column is None or column.unit is not None:
         return ours
-    tail = _UNIT_BEHIND.search(theirs)
-    written = None if tail is None else identify_column(f"{ours} [{tail[1].strip()}]")
-    if written is not None and written.unit is not None:
-        return f"{ours}_{written.unit}"
+    if written := _read_unit(ours, theirs, column):
+        return f"{ours}_{written}"
     return f"{ours}_{unit}" if column.quantity.column == "field" and unit else ours
+
+
+def _read_unit(ours: str, theirs: str, column: Column) -> str | None:
+    """The unit that a header names: in brackets, as one that is understood, or behind its name."""
+    tail = _UNIT_BEHIND.search(theirs)
+    named = [identify_column(f"{ours} [{tail[1].strip()}]")] if tail else []
+    own = identify_column(theirs)
+    if own is not None and own.quantity == column.quantity:
+        named.append(own)
+    if _FIELD_BEHIND.search(theirs) and column.quantity.column == "field":
+        named.append(identify_column(f"{ours}_{theirs.rpartition('_')[2]}"))
+    return next((one.unit for one in named if one is not None and one.unit is not None), None)
 
 
 def _sensor(header: str) -> str:
@@ -154,7 +167,7 @@ def _read_beside(path: Path) -> ColumnNames | None:
         return None
     try:
         told = tomllib.loads(beside.read_text("utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise LogError(f"{beside.name} cannot be read: {error}") from None
     columns, unit = told.get("columns"), told.get("unit")
     if not isinstance(columns, dict) or not isinstance(unit, str | None):

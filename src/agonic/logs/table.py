@@ -18,6 +18,7 @@ from agonic.logs.conventions import apply_conventions
 from agonic.logs.log import Log, Stream
 from agonic.logs.resample import compute_rate_Hz
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
+from agonic.logs.rows.order import order_rows
 from agonic.logs.rows.times import find_clocks, find_time, pick
 from agonic.logs.rows.units import find_field_unit
 from agonic.logs.two_axes import are_two_axes_allowed
@@ -95,6 +96,7 @@ def _read_sensors(whole: Part, fields: list[str]) -> tuple[tuple[Samples, ...], 
 def _read_sensor(part: Part, name: str, number: str) -> Samples:
     """The samples of the magnetometer of that number, with the columns that go with it."""
     axes = part.found["field"][number]
+    part, sorted_notes = _put_in_order(part, number)
     field = part.values(axes)
     if len(axes) == 2:
         field = np.column_stack([field, np.zeros(len(field))])
@@ -121,10 +123,17 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         frame=_find_frame(part),
         heading_estimated=estimated,
         disturbers=disturbers,
-        notes=(*part.remarks, *unit_notes, *time_notes, *remarks, *told),
+        notes=(*part.remarks, *unit_notes, *time_notes, *sorted_notes, *remarks, *told),
         source=replace(part.source, count=len(field)),
         **columns,
     )
+
+
+def _put_in_order(part: Part, number: str) -> tuple[Part, tuple[str, ...]]:
+    """The part with its rows in the order of their times, where that is easily done; and a note."""
+    time = part.clocks[number][0]
+    order, notes = (None, ()) if time is None else order_rows(time[part.rows])
+    return (part if order is None else replace(part, rows=part.rows[order])), notes
 
 
 def _find_frame(part: Part) -> str:

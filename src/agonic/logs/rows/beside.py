@@ -12,11 +12,16 @@ from agonic.arrays import Array, Index, Mask
 from agonic.logs.auxiliary import Table, convert_column, fill_holes, find_finite_rows, to_numbers
 from agonic.logs.clock import Clock
 from agonic.logs.columns import Column, Identified
+from agonic.logs.heading_source import UNKNOWN_SD_DEG
 from agonic.logs.rows.times import pick
 from agonic.provenance import Input
 from agonic.samples import COLUMNS
 
 AUXILIARY = tuple(name for name in COLUMNS if name not in ("time", "field"))
+_HEADING = ("heading_deg", "heading_sd_deg")
+_FEWEST_HEADINGS = 10
+STATED_SD_DEG = 1.0
+"""Of a heading that is known in some rows and states no error: all its rows count alike."""
 YAW = "a heading called yaw was taken for the estimate of a filter, which follows its magnetometer"
 
 
@@ -35,7 +40,7 @@ class Part:
     def values(self, axes: Mapping[str, Column]) -> Array:
         """The numbers in the columns of a quantity, (n, k), axes in alphabetical order."""
         columns = (to_numbers(self.table[axes[axis].header]) for axis in sorted(axes))
-        return np.stack([c if len(c) == len(self.rows) else c[self.rows] for c in columns], 1)
+        return np.stack([c[self.rows] for c in columns], 1)
 
 
 def find_foreign_rows(part: Part, field: Array) -> Index:
@@ -49,7 +54,7 @@ def find_foreign_rows(part: Part, field: Array) -> Index:
         for column in (axes[min(axes)] for axes in groups.values() if name != "field"):
             values = part.table[column.header]
             if values.dtype.kind == "f":
-                known = np.isfinite(values if len(values) == len(part.rows) else values[part.rows])
+                known = np.isfinite(values[part.rows])
                 if known[empty].mean() > 0.5 > known[~empty].mean():
                     return np.flatnonzero(empty)
     return np.empty(0, np.int64)
@@ -66,12 +71,18 @@ def read_columns(
     estimated = False
     notes: list[str] = []
     for column in AUXILIARY:
-        if group := pick(part.found.get(column, {}), number):
-            columns[column], remarks = convert_column(group, part.values(group), time, readings)
+        group = pick(part.found.get(column, {}), number)
+        if group and column in _HEADING:
+            values, remarks = _read_heading(part, group, time, readings)
+            columns |= {column: values}
             notes.extend(remarks)
             if column == "heading_deg" and _of_a_filter(group):
                 estimated = True
                 notes.append(YAW)
+        elif group:
+            columns[column], remarks = convert_column(group, part.values(group), time, readings)
+            notes.extend(remarks)
+    notes.extend(_mark_unknown_headings(columns, readings))
     if columns.get("roll_deg") is None and (
         group := pick(part.found.get("quaternion", {}), number)
     ):
@@ -80,6 +91,42 @@ def read_columns(
         estimated = estimated or "heading_deg" in angles
         notes.extend(remarks)
     return columns, estimated, tuple(notes)
+
+
+def _read_heading(
+    part: Part, group: Mapping[str, Column], time: Array | None, readings: Mask
+) -> tuple[Array | None, tuple[str, ...]]:
+    """A heading or its sd, NaN where it is not known: one of few rows is of use for those."""
+    values, remarks = convert_column(group, part.values(group), time, readings, keep_holes=True)
+    rows = readings if values is not None and readings.any() else np.empty(0, np.int64)
+    if len(rows) and values is not None and not _is_of_use(values[rows]):
+        name = next(iter(group.values())).quantity.name
+        return None, (*remarks, f"{name} left out: hardly any row has one")
+    return values, remarks
+
+
+def _is_of_use(values: Array) -> bool:
+    known = np.isfinite(values)
+    return bool(known.all() or known.sum() >= _FEWEST_HEADINGS)
+
+
+def _mark_unknown_headings(columns: dict[str, Any], readings: Mask) -> tuple[str, ...]:
+    """Give headings that are missing an sd of 180° and, for a number, the one before; a note."""
+    heading, sd = (columns.get(name) for name in _HEADING)
+    if heading is None:
+        if sd is not None:
+            columns["heading_sd_deg"] = None
+        return ()
+    known = np.isfinite(heading) & (np.isfinite(sd) if sd is not None else True)
+    missing = int((readings & ~known).sum())
+    if not missing:
+        return ()
+    at = np.flatnonzero(known)
+    last = at[np.clip(np.searchsorted(at, np.arange(len(known)), "right") - 1, 0, None)]
+    columns["heading_deg"] = heading[last]
+    stated = np.full(len(known), STATED_SD_DEG) if sd is None else sd
+    columns["heading_sd_deg"] = np.where(known, stated, UNKNOWN_SD_DEG)
+    return (f"heading known in {int((readings & known).sum())} of {int(readings.sum())} rows",)
 
 
 def read_disturbers(

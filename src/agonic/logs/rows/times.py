@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index
 from agonic.logs.auxiliary import Table, find_finite_rows, to_numbers
-from agonic.logs.clock import UNIX, Clock, read_clock, spread_ties
+from agonic.logs.clock import TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
 from agonic.logs.columns import FRACTION, Column, Identified
 from agonic.logs.resample import find_misplaced
+from agonic.logs.rows.order import continue_time
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
@@ -68,7 +71,7 @@ def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) ->
     factor = time.quantity.units[time.unit][0] if time.unit else None
     if FRACTION in group:
         return _join_clock(to_numbers(values), to_numbers(table[group[FRACTION].header]))
-    if start is not None:
+    if start is not None and values.dtype.kind in "fiu":
         moment = to_numbers(table[start.header])
         known = moment[(moment >= 0) & (moment < _YEAR_9999)]
         if len(known):
@@ -78,9 +81,18 @@ def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) ->
         texts = zip(table[date.header], values, strict=True)
         values = np.array([f"{day} {clock}" for day, clock in texts])
     clock = read_clock(values, factor)
+    if date is not None and any(note.startswith(TIMES_OF_DAY) for note in clock[2]):
+        clock = _date_clock(clock, table[date.header])
     if not time.documented:
         return clock
     return *clock[:2], (*clock[2], f"times in units of {factor:g} s, as {time.documented} says")
+
+
+def _date_clock(clock: Clock, dates: NDArray[Any]) -> Clock:
+    """The clock of times of day with the date of the first row."""
+    _, day, notes = read_clock(dates[:1], None)
+    time, _, said = clock
+    return time, day, notes if day is not None else said
 
 
 def _join_clock(seconds: Array, nanoseconds: Array) -> Clock:
@@ -99,8 +111,9 @@ def find_time(
     time = whole[rows]
     read = find_finite_rows(field)
     time[find_misplaced(time)] = np.nan
+    time, restarts = continue_time(time, field)
     known = time[np.isfinite(time) & read]
     if len(known) < _CLOCK_SHARE * read.sum() or (len(known) > 1 and np.ptp(known) == 0):
         return None, None, (*notes, "times left out: the clock stands still or is mostly missing")
     time, remarks = spread_ties(time, field)
-    return time, epoch, (*notes, *remarks)
+    return time, epoch, (*notes, *restarts, *remarks)

@@ -1,0 +1,114 @@
+"""Moments as people and programs write them, made into ISO 8601.
+
+What is not ISO 8601 already: day, month, year with dots (`3.5.2026 8:15`), month names
+(`03-May-2026 08:15:30`), AM and PM, a colon before the milliseconds, `UTC` behind, and dates with
+slashes, whose order of day and month the whole column must show.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+_MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec".split()  # noqa: SIM905
+_CLOCK = re.compile(
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,:](?P<part>\d{1,9}))?)?"
+    r"\s*(?P<half>[ap]\.?m\.?)?\s*(?P<zone>z|utc|gmt|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+_YEAR_FIRST = re.compile(r"(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})")
+_NAMED = re.compile(r"(?P<day>\d{1,2})[- .]+(?P<month>[a-z]{3})[a-z]*[- .,]+(?P<year>\d{4})", re.I)
+_DOTS = re.compile(r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})")
+_SLASHES = re.compile(r"(?P<first>\d{1,2})[-/](?P<other>\d{1,2})[-/](?P<year>\d{4})")
+_DATE = re.compile(r"(?P<date>[^:]*?)[T ,_]*(?P<clock>\d{1,2}:\d\d.*)", re.IGNORECASE)
+_DURATION = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(s|secs?|seconds?|ms|min)", re.IGNORECASE)
+_SECONDS = {"ms": 1e-3, "min": 60.0}
+
+DAY_FIRST, MONTH_FIRST = "day first", "month first"
+AMBIGUOUS = "dates left out: they may be day/month or month/day; write 2026-03-01"
+
+
+def find_order(texts: Iterable[str]) -> str | None:
+    """Whether dates with slashes have the day or the month first; `None` where nothing shows it.
+
+    >>> find_order(["03/05/2026 8:15", "03/14/2026 8:15"])
+    'month first'
+    """
+    for text in texts:
+        if match := _SLASHES.match(text.strip()):
+            if int(match["first"]) > 12:
+                return DAY_FIRST
+            if int(match["other"]) > 12:
+                return MONTH_FIRST
+    return None
+
+
+def has_slashes(text: str) -> bool:
+    """Whether a text begins with a date whose order must be found.
+
+    >>> has_slashes("03/05/2026 8:15"), has_slashes("2026/05/03 8:15")
+    (True, False)
+    """
+    return _SLASHES.match(text.strip()) is not None
+
+
+def write_iso(text: str, order: str | None) -> str | None:
+    """A moment, or a time of day, as ISO 8601; `None` where it is neither.
+
+    `order` is that of day and month in dates with slashes; without, those lose their date.
+
+    >>> write_iso("3.5.2026 08:15:30,250", None), write_iso("05/03/2026 1:02:03.5 PM", MONTH_FIRST)
+    ('2026-05-03T08:15:30.250000', '2026-05-03T13:02:03.500000')
+    """
+    plain = text.strip().strip("\"'")
+    split = _DATE.fullmatch(plain)
+    clock = _CLOCK.fullmatch(split["clock"].strip()) if split else None
+    if split is None or clock is None:
+        return None
+    day = _write_date(split["date"].strip(), order)
+    if day is None:
+        return None
+    hour = int(clock["hour"])
+    if half := (clock["half"] or "").lower():
+        hour = hour % 12 + (12 if half.startswith("p") else 0)
+    part = (clock["part"] or "0").ljust(6, "0")[:6]
+    zone = (clock["zone"] or "").lower()
+    zone = "+00:00" if zone in ("z", "utc", "gmt") else zone
+    moment = f"{hour:02}:{clock['minute']}:{clock['second'] or '00'}.{part}{zone}"
+    return f"{day}T{moment}" if day else moment
+
+
+def _write_date(text: str, order: str | None) -> str | None:
+    """A date as ISO 8601; "" for none, `None` for what is no date."""
+    if not text:
+        return ""
+    if match := _YEAR_FIRST.fullmatch(text) or _DOTS.fullmatch(text):
+        month, day = match["month"], match["day"]
+    elif match := _NAMED.fullmatch(text):
+        name = match["month"].lower()
+        if name not in _MONTHS:
+            return None
+        month, day = str(_MONTHS.index(name) + 1), match["day"]
+    elif match := _SLASHES.fullmatch(text):
+        if order is None:
+            return ""
+        first, other = match["first"], match["other"]
+        month, day = (other, first) if order == DAY_FIRST else (first, other)
+    else:
+        return None
+    return f"{match['year']}-{int(month):02}-{int(day):02}"
+
+
+def read_duration_s(text: str) -> float | None:
+    """Seconds of a number with a unit of time behind it; `None` for anything else.
+
+    >>> read_duration_s("0.020 sec"), read_duration_s("20 ms"), read_duration_s("8:15")
+    (0.02, 0.02, None)
+    """
+    match = _DURATION.fullmatch(text.strip())
+    if match is None:
+        return None
+    try:
+        return float(match[1]) * _SECONDS.get(match[2].lower(), 1.0)
+    except ValueError:
+        return None

@@ -1,0 +1,89 @@
+"""Numbers that are dates or times of day by their digits: 81530.25 for 08:15:30.25, days of Excel.
+
+Taken as seconds they would run wrong without a word: after 81559 comes 81600.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array
+
+_DAY_S = 86400.0
+_MINUTE, _HOUR = 100.0, 10_000.0
+_FEWEST = 3
+_DAYS_OF_1970 = {"Excel": (25569.0, (36526.0, 49674.0)), "MATLAB": (719529.0, (730486.0, 743634.0))}
+"""Day 1970-01-01 as these count days, and their days from 2000 to 2035."""
+_LONGEST_STEP_DAYS = 1e-3
+_CALENDAR = ((1.0, 2e13), (1e3, 2e16))
+"""YYYYMMDDhhmmss, and the same with milliseconds."""
+
+
+def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
+    """Seconds of numbers that are calendar dates or times of day, whether since 1970, and a note.
+
+    `None` where they are plain numbers. A time of day is told by its minutes: no number has more
+    than 59 seconds, and from one minute to the next it leaps by 40 more than otherwise.
+
+    >>> seconds, dated, _ = read_digits_s(np.array([81558.0, 81559.0, 81600.0, 81601.0]))
+    >>> np.diff(seconds).tolist(), dated
+    ([1.0, 1.0, 1.0], False)
+    >>> read_digits_s(np.array([58.0, 59.0, 60.0, 61.0])) is None
+    True
+    """
+    finite = numbers[np.isfinite(numbers)]
+    if len(finite) < _FEWEST or finite.min() < 0.0:
+        return None
+    for factor, size in _CALENDAR:
+        if size * 0.99 < finite.min() and finite.max() < size * 1.06:
+            whole = numbers / factor
+            day = np.floor(whole / 1e6)
+            if _are_times_of_day(whole - day * 1e6, leaps=False):
+                since = _count_days(day) * _DAY_S + _of_day_s(whole - day * 1e6)
+                return since, True, "times are dates by their digits, YYYYMMDDhhmmss"
+    for program, (zero, (first, last)) in _DAYS_OF_1970.items():
+        within = first < finite.min() and finite.max() < last
+        if within and 0.0 < np.median(np.abs(np.diff(finite))) < _LONGEST_STEP_DAYS:
+            unix = np.round((numbers - zero) * _DAY_S, 4)
+            return unix, True, f"times are days as {program} counts them"
+    if finite.max() < 24 * _HOUR and _are_times_of_day(numbers, leaps=True):
+        day_s = _of_day_s(numbers)
+        known = np.isfinite(day_s)
+        day_s[known] = np.unwrap(day_s[known], period=_DAY_S)
+        return day_s, False, "times of day without a date, by their digits hhmmss"
+    return None
+
+
+def _are_times_of_day(numbers: Array, *, leaps: bool) -> bool:
+    """Whether all may be hhmmss, and, with `leaps`, show it where a minute ends."""
+    known = numbers[np.isfinite(numbers)]
+    if (known % _MINUTE >= 60.0).any() or (known // _MINUTE % 100 >= 60).any():
+        return False
+    if (known >= 24 * _HOUR).any():
+        return False
+    if not leaps:
+        return True
+    ends = np.diff(known // _MINUTE) > 0
+    leap, step = np.diff(known), np.diff(_of_day_s(known))
+    usual = float(np.median(np.abs(step)))
+    if not ends.any() or (leap[ends] < 40.0).any() or usual >= 20.0:
+        return False
+    return bool(np.median(step[ends]) <= max(3.0 * usual, 1.5))
+
+
+def _of_day_s(numbers: Array) -> Array:
+    hours, minutes = numbers // _HOUR, numbers // _MINUTE % 100
+    return np.asarray(3600.0 * hours + 60.0 * minutes + numbers % _MINUTE)
+
+
+def _count_days(calendar: Array) -> Array:
+    """Days from 1970-01-01 to dates YYYYMMDD; NaN for what is no date."""
+    days = np.full(len(calendar), np.nan)
+    for date in np.unique(calendar[np.isfinite(calendar)]):
+        text = f"{int(date):08}"
+        try:
+            day = np.datetime64(f"{text[:4]}-{text[4:6]}-{text[6:]}", "D")
+        except ValueError:
+            continue
+        days[calendar == date] = float(day.astype(np.int64))
+    return days

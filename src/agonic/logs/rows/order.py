@@ -1,0 +1,117 @@
+"""Rows in the order of their times: turned round, sorted, or put in line after a restart.
+
+Times must increase, and what does not would be left out. A table may be written newest first, by
+several threads a few rows out of order, by a counter that wraps, or by a logger that starts again
+and counts from zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.logs.resample import find_misplaced
+
+_MOSTLY = 0.9
+"""Share of the steps that lead back in a table written newest first."""
+_NEAR = 20
+"""Rows that threads may be out of order by, a tenth of a short table."""
+_SHARE = 0.01
+"""Share of the rows at which a clock may begin anew; more often it is broken."""
+_LEAST = 10
+"""Rows that a part after a restart has at least."""
+_WRAPS_S = {
+    "16 bits of ms": 65.536, "32 bits of µs": 4294.967296, "32 bits of ms": 4294967.296,
+    "31 bits of µs": 2147.483648, "24 bits of ms": 16777.216, "16 bits of µs": 0.065536,
+}  # fmt: skip
+
+
+def order_rows(time: Array) -> tuple[Index | None, tuple[str, ...]]:
+    """The rows (k,) of a table in the order of their times (n,), and a note; `None` as they are.
+
+    >>> order, notes = order_rows(np.array([3.0, 2.0, 1.0, 0.0]))
+    >>> order.tolist(), notes
+    ([3, 2, 1, 0], ('the table is written newest first: its rows are turned round',))
+    """
+    known = np.flatnonzero(np.isfinite(time))
+    steps = np.diff(time[known])
+    back = int((steps < 0).sum())
+    if not back:
+        return None, ()
+    if back > _MOSTLY * np.count_nonzero(steps) and len(known) > 2:
+        note = "the table is written newest first: its rows are turned round"
+        return np.arange(len(time))[::-1], (note,)
+    near = min(_NEAR, len(known) // 10)
+    far = np.abs(_rank(time[known]) - np.arange(len(known))) > near
+    kept = known[~(far & find_misplaced(time[known]))]
+    moved = _rank(time[kept]) - np.arange(len(kept))
+    if not moved.any() or np.abs(moved).max() > near:
+        return None, ()
+    order = np.arange(len(time))
+    order[kept] = kept[np.argsort(time[kept], kind="stable")]
+    return order, (f"{np.count_nonzero(moved)} rows were not in the order of their times: sorted",)
+
+
+def _rank(values: Array) -> Index:
+    """The place of each value in their order."""
+    ranks = np.empty(len(values), np.int64)
+    ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
+    return ranks
+
+
+def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
+    """Times (n,) that go on where the clock begins anew or wraps, and a note.
+
+    Rows that repeat earlier ones, time and reading (n, 3), stay behind and are left out later.
+
+    >>> field = np.arange(72.0).reshape(24, 3)
+    >>> time, notes = continue_time(np.r_[0.0:12.0, 0.0:12.0], field)
+    >>> float(time[-1]), notes[0].partition(":")[0]
+    (23.0, 'the clock begins anew once')
+    """
+    known = np.flatnonzero(np.isfinite(time))
+    t = time[known]
+    backward = np.flatnonzero(np.diff(t) < 0) + 1
+    if not len(backward) or len(backward) > max(_SHARE * len(t), 1):
+        return time, ()
+    if repeats := _find_repeats(t, field[known]):
+        known = np.delete(known, sorted(repeats))
+        t = time[known]
+        backward = np.flatnonzero(np.diff(t) < 0) + 1
+        if not len(backward):
+            return time, ()
+    ends = np.append(backward[1:], len(t))
+    if (ends - backward).min() < _LEAST or backward[0] < _LEAST:
+        return time, ()
+    steps = np.diff(t)
+    step = float(np.median(steps[steps > 0]))
+    later = np.zeros(len(t))
+    wraps = []
+    for at in backward:
+        leap, wrapped = _find_leap(float(t[at - 1] - t[at]), step)
+        later[at:] += leap
+        wraps.append(wrapped)
+    placed = time.copy()
+    placed[known] = t + later
+    if len(set(wraps)) == 1 and wraps[0]:
+        return placed, (f"the clock has {wraps[0]} and wraps: it is counted on",)
+    times = "once" if len(wraps) == 1 else f"{len(wraps)} times"
+    return placed, (
+        f"the clock begins anew {times}: what follows goes on after one step; how long the log "
+        "stood still is not known",
+    )
+
+
+def _find_leap(fall: float, step: float) -> tuple[float, str]:
+    """Seconds to add after a fall of the clock, and the counter whose wrap explains it."""
+    for name, size in _WRAPS_S.items():
+        if 0.0 < size - fall <= max(20.0 * step, 1e-3 * size):
+            return size, name
+    return fall + step, ""
+
+
+def _find_repeats(time: Array, field: Array) -> set[int]:
+    """The rows with the time and the reading of an earlier row."""
+    rows = np.column_stack([time, field])
+    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return set(np.flatnonzero(first[which.ravel()] != np.arange(len(rows))).tolist())
