@@ -10,6 +10,7 @@ from benchmarks.faults import (
     cubic,
     outliers,
     record,
+    saturation_across,
     second_sensor,
     slow_step,
     soft_saturation,
@@ -68,6 +69,30 @@ def test_a_broken_model_is_named_and_the_stated_error_covers_the_true_one(fault,
         over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
     assert max(over, default=0.0) < 3.0
     assert np.median(over) > 0.2  # and not by stating any error at all
+
+
+@pytest.mark.parametrize(
+    ("fault", "motion", "cause", "seeds"),
+    [
+        (cubic(0.005), tilts(30), "non-linear", range(8)),
+        (saturation_across(100_000.0), tumble, "compressed", range(9000, 9004)),
+    ],
+    ids=["cubic", "compression"],
+)
+def test_what_all_axes_share_is_seen_where_each_alone_hides(fault, motion, cause, seeds) -> None:
+    seen, over = 0, []
+    for seed in seeds:
+        recording, fit = fitted(seed, fault, motion=motion)
+        seen += cause in causes(fit)
+        over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
+    assert seen >= len(seeds) - 1
+    assert max(over) < 3.0
+    assert np.median(over) > 0.2
+
+
+def test_clean_readings_of_few_tilts_show_no_common_bend() -> None:
+    clean = [fitted(seed, motion=tilts(30), n=300 + 90 * seed)[1] for seed in range(12)]
+    assert not any(causes(fit) & {"non-linear", "compressed"} for fit in clean)
 
 
 def test_non_linearity_that_matters_is_a_check() -> None:

@@ -25,6 +25,11 @@ def non_linearity(x: Array) -> Array:
     return np.concatenate([_by_axis(x * np.abs(x)), _by_axis(x**3)], axis=2)
 
 
+def common_bend(x: Array) -> Array:
+    """All axes bend alike, as those of one type of sensor and amplifier do: x³, one unknown."""
+    return np.asarray((x**3)[:, :, None])
+
+
 def compression(x: Array) -> Array:
     """The whole vector shrinks with its length: x|x|²."""
     return np.asarray((x * np.sum(x**2, axis=1, keepdims=True))[:, :, None])

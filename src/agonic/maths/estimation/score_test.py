@@ -26,7 +26,8 @@ FEWEST_BATCHES, MOST_BATCHES = 24, 200
 SEEN = 4.0
 """A combination of columns must stand out of its own noise by this factor to be tested."""
 SEEN_APART = 2.0
-"""The same where what columns and residuals share is taken out of the score."""
+"""The same where what columns and residuals share is taken out of the score, and for one column
+alone, which was not picked among many."""
 
 
 class Score(NamedTuple):
@@ -123,7 +124,7 @@ def score_test(
     information = fit.information
     taken = np.linalg.solve(information, weighted @ columns)
     projected = columns - fit.jacobian @ taken
-    clear = SEEN if shared is None else SEEN_APART
+    clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
     seen = _seen(projected, columns, noise, fit.weights, clear)
     if seen is None:
         return None
