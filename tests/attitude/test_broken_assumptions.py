@@ -21,7 +21,11 @@ from scipy.linalg import polar
 
 import agonic as ag
 from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.health.adequacy import examine
 from agonic.health.adequacy.examine import CAUSES
+from agonic.health.adequacy.fitted import Work
+from agonic.health.adequacy.terms import list_causes
+from agonic.maths.estimation.score_test import score_test
 
 PLACE = ag.Reference.vector(FIELD_N, frame="n")
 FITS = {"levelled": ag.fit_levelled, "vector": ag.fit_vector}
@@ -112,3 +116,20 @@ def test_noise_of_the_attitude_is_no_model_error(kind: str) -> None:
             fit = FITS[kind](record(seed, tilts(tilt), (attitude,), n=n).samples, PLACE)
             assert fit.verdict == "good"
             assert not {finding.name for finding in fit.findings} & set(CAUSES)
+
+
+def test_errors_of_roll_and_pitch_do_not_look_like_a_disturbance_that_follows_them(
+    monkeypatch,
+) -> None:
+    works: list[Work] = []
+    monkeypatch.setattr(examine, "find_terms", lambda work: works.append(work) or [])
+    attitude = with_attitude(1.0, heading=True)
+    for seed in range(30):
+        ag.fit_vector(record(seed, tilts(15), (attitude,), n=600).samples, PLACE)
+    low = sum(
+        score_test(work.whole, *cause.seen_by(work.whole)).p_value < 0.1
+        for work in works
+        for cause in list_causes(work)
+        if cause.name.startswith("follows")
+    )
+    assert low <= 12  # of 60, where chance has 6; 23 with the angles taken for exact

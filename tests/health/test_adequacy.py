@@ -14,6 +14,7 @@ from benchmarks.faults import (
     second_sensor,
     slow_step,
     soft_saturation,
+    still_then,
     switching,
     tilts,
     tumble,
@@ -23,6 +24,7 @@ from benchmarks.torture import heading_error_deg
 
 import agonic as ag
 from agonic.health.adequacy.examine import CAUSES
+from agonic.health.adequacy.rows import choose_rows
 
 KNOWN = ag.Reference.constant(MAGNITUDE)
 
@@ -74,7 +76,7 @@ def test_a_broken_model_is_named_and_the_stated_error_covers_the_true_one(fault,
 @pytest.mark.parametrize(
     ("fault", "motion", "cause", "seeds"),
     [
-        (cubic(0.005), tilts(30), "non-linear", range(8)),
+        (cubic(0.005), tilts(30), "non-linear", [*range(4), *range(100, 105)]),
         (saturation_across(100_000.0), tumble, "compressed", range(9000, 9004)),
     ],
     ids=["cubic", "compression"],
@@ -87,7 +89,16 @@ def test_what_all_axes_share_is_seen_where_each_alone_hides(fault, motion, cause
         over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
     assert seen >= len(seeds) - 1
     assert max(over) < 3.0
+    assert min(over) > 0.1  # and by no more than is there
     assert np.median(over) > 0.2
+
+
+def test_of_a_long_rest_few_rows_are_looked_at_and_all_of_a_vehicle_that_comes_by_again() -> None:
+    for motion, fewest, most in ((tilts(30), 3000, 3000), (still_then(0.9, tumble), 280, 420)):
+        for seed in range(101, 104):
+            readings = record(seed, motion, (outliers(0.05, 20_000.0),)).samples.field
+            rows = choose_rows(readings, MAGNITUDE)
+            assert fewest <= len(rows) <= most
 
 
 def test_clean_readings_of_few_tilts_show_no_common_bend() -> None:

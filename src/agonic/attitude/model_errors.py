@@ -79,10 +79,14 @@ def _draw_again(
     """All kinds of residuals with a further draw of noise of the readings, and of the attitude."""
     sd = estimate.noise["magnitude"].sd
     blur = sd * np.random.default_rng(0).normal(size=part.points.shape)
-    blurred = part._replace(points=part.points + blur)
+    blurred, tilted = part._replace(points=part.points + blur), _blur_attitude(estimate, part)
     return (
-        Again(readings + blur * scale.size, _list_kinds(estimate, blurred, units)),
-        Again(readings, _list_kinds(estimate, _blur_attitude(estimate, part), units)),
+        Again(
+            readings + blur * scale.size,
+            _list_kinds(estimate, blurred, units),
+            _list_signals(blurred),
+        ),
+        Again(readings, _list_kinds(estimate, tilted, units), _list_signals(tilted)),
     )
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
+from agonic.health.adequacy.rows import choose_rows
 from agonic.maths.equation.affine import magnitude_residual, model_basis
-from agonic.maths.equation.coverage import find_spread_rows, heading_sd_deg, level_directions
+from agonic.maths.equation.coverage import heading_sd_deg, level_directions
 from agonic.maths.estimation.score_test import Linearised, batches_of, find_captured
 
 UNEVEN = 3.0
 """Correlation lengths of two kinds of residuals that differ by this factor weigh the kinds."""
-MOST_ROWS, BLOCK = 20_000, 200
 FEWEST_ROWS = 60
 WORST_CONDITION = 1e12
 """Of the information over the scales: beyond it the fit itself is undetermined."""
@@ -36,10 +36,11 @@ class Residuals(NamedTuple):
 
 
 class Again(NamedTuple):
-    """Readings (n, 3) and all kinds of residuals with a further draw of noise."""
+    """Readings (n, 3), all kinds of residuals and the signals with a further draw of noise."""
 
     readings: Array
     kinds: tuple[Residuals, ...]
+    signals: Mapping[str, Array]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,11 +108,12 @@ class ModelError:
 
 class Seen(NamedTuple):
     """Feet (n, 3) over the radius; of all residuals the normals (N, 3) over the noise, and they
-    themselves (N,)."""
+    themselves (N,); signals (n, k) that a bias may go with."""
 
     feet: Array
     by_reading: Array
     residuals: Array
+    signals: Mapping[str, Array]
 
 
 class Work(NamedTuple):
@@ -144,7 +146,7 @@ def prepare(fitted: Fitted) -> Work | None:
     radius = fitted.magnitude / gain
     if n < FEWEST_ROWS or not 0 < fitted.noise < 0.2 * radius:
         return None
-    rows = _some(fitted.readings)
+    rows = choose_rows(fitted.readings, radius)
     readings = fitted.readings[rows]
     wanted = fitted.wanted if len(fitted.wanted) == 1 else fitted.wanted[rows]
     residuals, local = magnitude_residual(
@@ -168,10 +170,11 @@ def prepare(fitted: Fitted) -> Work | None:
     )
     if np.linalg.cond(linear.information) > WORST_CONDITION:
         return None
-    whole, seen = linear, Seen(feet / radius, normals / fitted.noise, linear.residuals)
+    signals = _of_rows(fitted.signals, rows)
+    whole, seen = linear, Seen(feet / radius, normals / fitted.noise, linear.residuals, signals)
     if fitted.kinds:
         whole = _stack(fitted, rows, scale)
-        seen = _see(fitted.kinds, fitted.readings, rows, radius)
+        seen = _see(Again(fitted.readings, fitted.kinds, fitted.signals), rows, radius)
     return Work(
         fitted=fitted,
         rows=rows,
@@ -184,7 +187,7 @@ def prepare(fitted: Fitted) -> Work | None:
         whole=whole,
         even=_even(fitted, whole),
         seen=seen,
-        again=tuple(_see(one.kinds, one.readings, rows, radius) for one in fitted.again)
+        again=tuple(_see(one, rows, radius) for one in fitted.again)
         or (_blur(fitted, seen, normals),),
         of=np.tile(np.arange(len(rows)), max(len(fitted.kinds), 1)),
     )
@@ -207,12 +210,18 @@ def _even(fitted: Fitted, whole: Linearised) -> Linearised:
     return whole._replace(weights=weights)
 
 
-def _see(kinds: tuple[Residuals, ...], readings: Array, rows: Index, radius: float) -> Seen:
+def _see(all_rows: Again, rows: Index, radius: float) -> Seen:
     """What all kinds see of some rows: feet on the ellipsoid, normals over the noise, residuals."""
+    readings, kinds, signals = all_rows
     by = kinds[0].by_reading[rows]
     feet = readings[rows] - kinds[0].residuals[rows, None] * by / np.sum(by**2, axis=1)[:, None]
     by_reading = np.vstack([kind.by_reading[rows] for kind in kinds])
-    return Seen(feet / radius, by_reading, np.concatenate([kind.residuals[rows] for kind in kinds]))
+    residuals = np.concatenate([kind.residuals[rows] for kind in kinds])
+    return Seen(feet / radius, by_reading, residuals, _of_rows(signals, rows))
+
+
+def _of_rows(signals: Mapping[str, Array], rows: Index) -> dict[str, Array]:
+    return {name: values[rows] for name, values in signals.items()}
 
 
 def _stack(fitted: Fitted, rows: Index, scale: Array) -> Linearised:
@@ -236,18 +245,6 @@ def _stack(fitted: Fitted, rows: Index, scale: Array) -> Linearised:
         moved * more * turned[:, None],
         find_captured(batch, longest),
     )
-
-
-def _some(readings: Array) -> Index:
-    """All rows, or blocks of consecutive ones spread evenly; few of those that say the same."""
-    n = len(readings)
-    spread = find_spread_rows(readings)
-    if len(spread) < min(n, MOST_ROWS):  # at rest for most of the log
-        return spread
-    if n <= MOST_ROWS:
-        return np.arange(n)
-    starts = np.linspace(0, n - BLOCK, MOST_ROWS // BLOCK).astype(np.intp)
-    return np.unique((starts[:, None] + np.arange(BLOCK)).ravel())
 
 
 def make_error(work: Work, cause: str, p_value: float, size: float, growth: Array) -> ModelError:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +54,7 @@ class _Cause(NamedTuple):
 
 def find_terms(work: Work) -> list[ModelError]:
     """Causes with terms, chosen one by one by how much they explain, each beside those before."""
-    causes, found = list(_causes(work)), list[ModelError]()
+    causes, found = list(list_causes(work)), list[ModelError]()
     fits = [work.whole, work.even, work.linear]
     fits = [fit for k, fit in enumerate(fits) if not any(fit is other for other in fits[:k])]
     family = sum(not cause.alone for cause in causes)  # fits to the same readings say the same
@@ -81,7 +80,7 @@ def _beside(fit: Linearised, cause: _Cause) -> Linearised:
     return with_columns(fit, columns, shared)
 
 
-def _causes(work: Work) -> Iterator[_Cause]:
+def list_causes(work: Work) -> Iterator[_Cause]:
     """Every cause that can be written as an error of the readings."""
     n, rows, time = len(work.fitted.readings), work.rows, work.fitted.time
     t = (rows + 0.5) / n if time is None else (time[rows] - time[0]) / max(np.ptp(time), 1e-9)
@@ -97,38 +96,36 @@ def _causes(work: Work) -> Iterator[_Cause]:
     yield _cause(work, "bias drift", lambda x: unmodelled.drift(t), moved=False)
     yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
     yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)
-    for name, signals in work.fitted.signals.items():
-        values = unmodelled.proportional(signals[rows])
-        yield _cause(work, name, partial(_same, values), moved=False, at_rest=False)
-
-
-def _same(values: Array, _: Array) -> Array:
-    """Terms that do not depend on the readings."""
-    return values
+    for name in work.seen.signals:
+        yield _cause(work, name, moved=False, at_rest=False)
 
 
 def _cause(
     work: Work,
     name: str,
-    terms: unmodelled.Terms,
+    terms: unmodelled.Terms | None = None,
     *,
     static: bool = False,
     moved: bool = True,
     at_rest: bool = True,
     alone: bool = False,
 ) -> _Cause:
-    """A cause from its terms at the feet.
+    """A cause from its terms at the feet, or a bias that goes with the signals of that name.
 
     `static` where the terms are a function of one reading, `moved` where its noise enters them.
     """
-    errors = terms(work.feet)
 
-    def column(seen: Seen, errors: Array) -> Array:
+    def errors_at(feet: Array, signals: Mapping[str, Array]) -> Array:
+        return unmodelled.proportional(signals[name]) if terms is None else terms(feet)
+
+    def column(seen: Seen) -> Array:
+        errors = errors_at(seen.feet, seen.signals)
         shown = np.matmul(seen.by_reading[:, None, :], errors[work.of])[:, 0]
         return np.asarray(shown * work.radius)
 
-    columns = column(work.seen, errors)
-    changes = [column(again, terms(again.feet)) - columns for again in work.again]
+    errors = errors_at(work.feet, work.seen.signals)
+    columns = column(work.seen)
+    changes = [column(again) - columns for again in work.again]
     noise = np.sum(changes, axis=0) if moved else None
     shared = None
     if work.fitted.kinds:
@@ -139,7 +136,7 @@ def _cause(
         return np.asarray(errors @ size) * work.radius
 
     def level(size: Array) -> Array:
-        return np.asarray(terms(level_readings(work) / work.radius) @ size) * work.radius
+        return np.asarray(errors_at(level_readings(work) / work.radius, {}) @ size) * work.radius
 
     return _Cause(name, columns, noise, shared, error, level if static else None, at_rest, alone)
 

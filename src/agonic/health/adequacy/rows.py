@@ -1,0 +1,47 @@
+"""The rows of a fit that are tested."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.maths.equation.coverage import weigh_crowded
+
+MOST_ROWS, BLOCK = 20_000, 200
+STAY, THINNED = 0.1, 0.5
+"""A rest stays within this share of the radius; fewer of its rows are taken where less
+than this share of all would stay."""
+
+
+def choose_rows(readings: Array, radius: float) -> Index:
+    """All rows, or blocks of consecutive ones spread evenly; few of a long rest.
+
+    `radius` is that of the field in the units of the readings.
+    """
+    n = len(readings)
+    weights = weigh_crowded(_find_stays(readings, STAY * radius))
+    if weights.mean() < THINNED:  # at rest for most of the log
+        spread = np.flatnonzero(np.random.default_rng(0).random(n) < weights)
+        if len(spread) < MOST_ROWS:
+            return spread
+    if n <= MOST_ROWS:
+        return np.arange(n)
+    starts = np.linspace(0, n - BLOCK, MOST_ROWS // BLOCK).astype(np.intp)
+    return np.unique((starts[:, None] + np.arange(BLOCK)).ravel())
+
+
+def _find_stays(readings: Array, reach: float) -> Index:
+    """Numbers (n,) of stretches of rows that stay close to where they began.
+
+    Only a rest is long. A vehicle comes by the same direction many times, and each time tells.
+    """
+    n = len(readings)
+    size = min(max(10, -(-n // MOST_ROWS)), n)
+    whole = readings[: n // size * size].reshape(-1, size, 3)
+    middles = np.median(whole, axis=1)  # so that outliers end no rest
+    stay, number, began = np.zeros(len(middles), dtype=np.intp), 0, middles[0]
+    for k, middle in enumerate(middles):
+        if float(np.abs(middle - began).max()) > reach:
+            number, began = number + 1, middle
+        stay[k] = number
+    return np.asarray(stay[np.minimum(np.arange(n) // size, len(middles) - 1)])
