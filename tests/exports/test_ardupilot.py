@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.calibration.affine import Affine
+from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, LogError
 from agonic.exports.ardupilot import compute_ardupilot_parameters, write_ardupilot
 from tests.exports.read_back import apply_ardupilot, parse_ardupilot
@@ -107,3 +108,53 @@ def test_a_damaged_row_is_named(tmp_path):
     path.write_text("COMPASS_OFS_X,1\nCOMPASS_OFS_Y,one\n")
     with pytest.raises(LogError, match="row 2"):
         parse_ardupilot(path)
+
+
+def test_each_motor_of_the_first_compass_has_its_own_term(tmp_path) -> None:
+    """By the formula of Compass_PerMotor.cpp: duty times voltage, to a power, milligauss."""
+    rng = np.random.default_rng(5)
+    names = tuple(f"motor{k}_duty^1.5" for k in range(1, 5))
+    mag = Interference(
+        bias=[2000.0, -3000.0, 1000.0],
+        matrix=1.1 * np.eye(3) + 0.02,
+        frame_in="b",
+        frame_out="b",
+        sources=names,
+        coefficients=rng.normal(0, 3000, (3, 4)),
+        typical=np.full(4, 0.3),
+    )
+    export = write_ardupilot(mag, tmp_path / "mag.param", voltage_V=15.2)
+    parameters = parse_ardupilot(export.path)
+    raw, duty = rng.normal(0, 30_000, (50, 3)), rng.uniform(0, 1, (50, 4))
+    field = apply_ardupilot(parameters, raw / 100)
+    for k in range(4):
+        c = np.array([parameters[f"COMPASS_PMOT{k + 1}_{axis}"] for axis in "XYZ"])
+        field += c * ((15.2 * duty[:, [k]]) ** parameters["COMPASS_PMOT_EXP"])
+    wanted = mag.correct(raw, **{f"motor{k + 1}_duty": duty[:, k] for k in range(4)})
+    assert np.abs(field * 100 - wanted).max() < 0.5
+    assert parameters["COMPASS_PMOT_EN"] == 1
+    assert "COMPASS_MOTCT" not in parameters
+    assert any("first compass only" in warning for warning in export.warnings)
+
+
+def test_motors_are_held_where_the_voltage_or_another_compass_leaves_no_term() -> None:
+    mag = Interference(
+        bias=np.zeros(3),
+        matrix=np.eye(3),
+        frame_in="b",
+        frame_out="b",
+        sources=("motor1_duty+motor2_duty^1.5",),
+        coefficients=[[1000.0], [0.0], [0.0]],
+        typical=[0.5],
+    )
+    parameters, warnings = compute_ardupilot_parameters(mag)
+    assert parameters["COMPASS_OFS_X"] == pytest.approx(-5.0)
+    assert any("--voltage" in warning for warning in warnings)
+    second, said = compute_ardupilot_parameters(mag, compass=2, voltage_V=15.0)
+    assert not any("PMOT" in name for name in second)
+    assert any("held at their average" in warning for warning in said)
+    both, _ = compute_ardupilot_parameters(mag, voltage_V=4.0)
+    assert both["COMPASS_PMOT1_X"] == both["COMPASS_PMOT2_X"] == pytest.approx(-10 / 8)
+    assert both["COMPASS_PMOT3_X"] == 0
+    with pytest.raises(AgonicError, match="battery"):
+        compute_ardupilot_parameters(mag, voltage_V=-1.0)

@@ -58,6 +58,12 @@ def export(
             help="Where to hold a calibration that changes with temperature; for px4 TREF.",
         ),
     ] = None,
+    voltage: Annotated[
+        float | None,
+        typer.Option(
+            metavar="V", help="ardupilot: the battery's in the log, for the terms of each motor."
+        ),
+    ] = None,
     whole: Annotated[
         bool, typer.Option("--whole", help="c: from readings to heading, also for a CAL alone.")
     ] = False,
@@ -127,6 +133,7 @@ def export(
         written = write_firmware(setup, out or cal.with_suffix(""), name=prefix, declination=source)
     else:
         options = {"number": number, "device_id": device_id, "temperature_C": temperature}
+        options["voltage_V"] = voltage
         written = _export_calibration(cal, to, out, name, library is not None, options)
     files: tuple[Path, ...] = getattr(written, "files", (written.path,))
     if library is not None:

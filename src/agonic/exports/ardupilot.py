@@ -5,7 +5,8 @@
 Source: ArduPilot/ardupilot, libraries/AP_Compass/AP_Compass_Backend.cpp (`correct_field`) and
 AP_Compass.cpp (`have_scale_factor`). OFS is added, so it is minus the bias; MOT is added last, so
 it is minus the matrix times what a unit of x adds to the readings. x is the battery's current in A
-(COMPASS_MOTCT 2) or the throttle 0…1 (1), one kind for all compasses.
+(COMPASS_MOTCT 2) or the throttle 0…1 (1), one kind for all compasses. Each motor of the first
+compass: see `ardupilot_motors`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,12 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
+from agonic.exports.ardupilot_motors import (
+    ASK_VOLTAGE,
+    about_motors,
+    compute_motor_parameters,
+    find_motor_terms,
+)
 from agonic.exports.convert import (
     Export,
     find_source_term,
@@ -45,6 +52,7 @@ def write_ardupilot(
     compass: int = 1,
     rotation_bm: Rotation | None = None,
     temperature_C: float | None = None,
+    voltage_V: float | None = None,
 ) -> Export:
     """Write the COMPASS_* parameters that make ArduPilot apply a calibration.
 
@@ -56,6 +64,8 @@ def write_ardupilot(
         only needed for a calibration in sensor axes.
     temperature_C : at which a calibration is held that changes with temperature: ArduPilot has
         parameters for the temperature of its inertial sensors and barometer, none for a compass.
+    voltage_V : of the battery during the log, with which ArduPilot's compensation of each motor
+        grows: with it a calibration by the duty of motors 1 to 4 becomes COMPASS_PMOT*.
 
     Raises `UnitError` for a calibration in raw units, and `AgonicError` for one that mixes two
     magnetometers or takes both current and throttle. Motor compensation is written where the
@@ -71,10 +81,11 @@ def write_ardupilot(
     """
     one, lost = hold_temperature(calibration, temperature_C)
     parameters, warnings = compute_ardupilot_parameters(
-        one, compass=compass, rotation_bm=rotation_bm
+        one, compass=compass, rotation_bm=rotation_bm, voltage_V=voltage_V
     )
     warnings = (*lost, *warnings)
     motor = " + MOT x" if "COMPASS_MOTCT" in parameters else ""
+    motor += " + PMOTn (V duty_n)^EXP" if "COMPASS_PMOT_EN" in parameters else ""
     formula = f"field = M (SCALE (raw + OFS)){motor}, milligauss, body axes, M of DIA and ODI"
     notes = (
         *write_banner(calibration, formula, warnings),
@@ -88,7 +99,11 @@ def write_ardupilot(
 
 
 def compute_ardupilot_parameters(
-    calibration: Calibration, *, compass: int = 1, rotation_bm: Rotation | None = None
+    calibration: Calibration,
+    *,
+    compass: int = 1,
+    rotation_bm: Rotation | None = None,
+    voltage_V: float | None = None,
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The parameters by name, and warnings; SCALE = trace(matrix)/3, DIA and ODI the rest.
 
@@ -98,7 +113,14 @@ def compute_ardupilot_parameters(
     >>> parameters["COMPASS_OFS_X"], round(parameters["COMPASS_SCALE"], 9)
     (-30.0, 1.1)
     """
-    calibration, held = hold_sources(calibration, MOTOR_KIND)
+    motors = find_motor_terms(calibration, rotation_bm=rotation_bm) if compass == 1 else None
+    if motors is not None and voltage_V is not None:
+        if not 1.0 <= voltage_V <= 100.0:
+            raise AgonicError(f"a battery of {voltage_V:g} V is none; give its voltage in flight")
+        calibration, held = motors.rest, about_motors(motors)
+    else:
+        calibration, held = hold_sources(calibration, MOTOR_KIND)
+        held += () if motors is None else (ASK_VOLTAGE,)
     bias, six, warnings = take_symmetric(
         calibration, "b", unit="milligauss", rotation_bm=rotation_bm
     )
@@ -113,6 +135,8 @@ def compute_ardupilot_parameters(
         scale = 1.0
     values = [*offset, *(six / scale), scale]
     parameters = dict(zip(ardupilot_names(compass), map(float, values), strict=True))
+    if motors is not None and voltage_V is not None:
+        parameters |= compute_motor_parameters(motors, unpack_symmetric(six), voltage_V)
     term = find_source_term(calibration, "b", rotation_bm=rotation_bm)
     if term is not None:
         source, added = term

@@ -41,7 +41,7 @@ DEAD_BAND = 0.01
 
 SCALE = (0.1, 3.0)  # limits of CAL_MAGn_*SCALE in src/modules/sensors/module.yaml
 POWER = "CAL_MAG_COMP_TYP"
-POWER_KIND = {"throttle": 1, "current_A": 2}  # CAL_MAG_COMP_TYP
+POWER_KIND = {"throttle": 1, "current_A": 2, "battery2_A": 3}  # CAL_MAG_COMP_TYP
 AMPERES = {1: 1.0, 2: 1000.0, 3: 1000.0}  # x per unit of P
 INT32, FLOAT = 6, 9  # MAV_PARAM_TYPE
 

@@ -75,13 +75,15 @@ def write(
     number: int | None = None,
     device_id: int | None = None,
     temperature_C: float | None = None,
+    voltage_V: float | None = None,
     name: str | None = None,
 ) -> Export:
     """Write a calibration for a target, for the vehicle's compass of that number, from 1.
 
     `temperature_C` is where one that changes with temperature is held: it must be given for a
     target that knows no temperature. The number is that of the sensor's name and the device id the
-    calibration's own, unless given. `name` is what the identifiers of C begin with.
+    calibration's own, unless given. `voltage_V` is the battery's in the log, for ArduPilot's terms
+    of each motor. `name` is what the identifiers of C begin with.
     """
     from agonic.calibration.base import has_two_axes
 
@@ -94,6 +96,12 @@ def write(
     which = compass_number(calibration.sensor) if number is None else number
     device = getattr(calibration, "device_id", None) if device_id is None else device_id
     options: dict[str, Any] = {**TARGETS[target].options(which, device)}
+    if voltage_V is not None:
+        if target != "ardupilot":
+            raise AgonicError(
+                f"{target} has no terms that go with the voltage; it is for ardupilot"
+            )
+        options["voltage_V"] = voltage_V
     if name is not None:
         if target != "c":
             raise AgonicError(f"{target} has no identifiers to name {name}; --name is for c")
