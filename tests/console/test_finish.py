@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agonic.calibration.affine import Affine
-from agonic.console.finish import finish
+from agonic.console.finish import finish, require_table
 from agonic.errors import AgonicError
 from agonic.report.document import Document
 
@@ -42,8 +42,23 @@ def test_people_are_told_what_was_written(
 
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(AgonicError, match=r"-o .*a\.pdf is no kind of page; name it .html or .txt"):
+    with pytest.raises(
+        AgonicError, match=r"-o .*a\.pdf is no kind of file for this; name it .html or .txt"
+    ):
         finish(GOOD, report=tmp_path / "a.pdf", option="-o")
+
+
+def test_a_table_is_not_given_the_name_of_a_page(tmp_path: Path) -> None:
+    require_table(tmp_path / "out.csv")
+    with pytest.raises(AgonicError, match=r"a table of text, not a page; name it \.csv"):
+        require_table(tmp_path / "out.html")
+
+
+def test_a_plan_is_a_form_or_a_page_by_its_name(tmp_path: Path) -> None:
+    finish(GOOD, report=tmp_path / "a.csv", option="-o", forms={".csv": lambda: "compass_deg\n"})
+    assert (tmp_path / "a.csv").read_text(encoding="utf-8") == "compass_deg\n"
+    finish(GOOD, report=tmp_path / "a.html", option="-o", forms={".csv": lambda: ""})
+    assert (tmp_path / "a.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
 def test_a_calibration_is_saved_unless_it_is_refused(

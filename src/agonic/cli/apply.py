@@ -25,10 +25,12 @@ def apply(
 ) -> int:
     """Correct a log's readings and write them with everything recorded beside them."""
     from agonic.calibration.base import apply as correct
+    from agonic.console.finish import require_table
     from agonic.console.output import print_json, say_made
     from agonic.exports.csv import write_csv
     from agonic.recording.calibration_and_log import open_calibration_and_log
 
+    require_table(out)
     corrected = correct(*open_calibration_and_log(cal, log, sensor, unit))
     write_csv(corrected, out)
     if as_json:

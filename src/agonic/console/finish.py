@@ -30,6 +30,7 @@ def finish(
     files: Sequence[Path | str] = (),
     report: Path | None = None,
     option: str = "--report",
+    forms: Mapping[str, Callable[[], str]] | None = None,
     page: Path | None = None,
     as_json: bool = False,
     brief: bool = False,
@@ -38,7 +39,8 @@ def finish(
     """Save the calibration, write the report, say the result, and return the exit status.
 
     The document's calibration is saved to `out`, unless it is refused. `files` are written already.
-    `option` is the one that `report` was given by. `page` is a report that is written already, and
+    `option` is the one that `report` was given by, `forms` what it may be beside a page and text,
+    by the ending of its name. `page` is a report that is written already, and
     that the documents of the sensors have among their files; `open_page` shows it in a browser.
     `brief` leaves out what only `--verbose` says. The status is 0 where nothing is objected to.
     """
@@ -52,6 +54,7 @@ def finish(
     written += map(str, files)
     if report is not None:
         made = {".html": document.to_html, ".txt": lambda: document.to_text() + "\n"}
+        made |= forms or {}
         written.append(write_as_named(report, option, made))
     if as_json:
         own = {} if page is not None else {"files": written}
@@ -110,6 +113,14 @@ def show_in_browser(page: Path) -> None:
         print(f"agonic: no browser could be opened; the page is {page}", file=sys.stderr)
 
 
+def require_table(out: Path) -> None:
+    """Refuse the name of a page for what will be a table."""
+    from agonic.errors import AgonicError
+
+    if out.suffix.lower() in (".html", ".htm"):
+        raise AgonicError(f"-o {out} would be a table of text, not a page; name it .csv")
+
+
 def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]]) -> str:
     """Write a file in the form that its name asks for, and return its name.
 
@@ -123,5 +134,5 @@ def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]
     if make is None:
         *others, last = made
         named = f"{', '.join(others)} or {last}"
-        raise AgonicError(f"{option} {file} is no kind of page; name it {named}")
+        raise AgonicError(f"{option} {file} is no kind of file for this; name it {named}")
     return str(write_atomically(file, make()))

@@ -71,10 +71,11 @@ def direction(
     from agonic.alignment.files.read_session import FILE_NAME, read_session
     from agonic.alignment.files.write_direction import write_direction
     from agonic.calibration.chain import require_calibration
-    from agonic.console.finish import finish
+    from agonic.console.finish import finish, require_table
     from agonic.console.sensors import open_sensor
     from agonic.files.calibration import load
 
+    require_table(out)
     known = require_calibration(load(alignment))
     site: Site | None
     if log.is_dir() or log.name == FILE_NAME:

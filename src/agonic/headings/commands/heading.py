@@ -43,7 +43,7 @@ def heading(
     from contextlib import nullcontext
 
     from agonic.calibration.base import apply, has_two_axes
-    from agonic.console.finish import finish
+    from agonic.console.finish import finish, require_table
     from agonic.console.sensors import add_second
     from agonic.files.setup import load_setup
     from agonic.headings.compute import heading as compute
@@ -52,6 +52,7 @@ def heading(
     from agonic.logs.read import open_log
     from agonic.logs.two_axes import allow_two_axes
 
+    require_table(out)
     vehicle = load_setup(setup)
     two = any(has_two_axes(compass.calibration) for compass in vehicle.compasses)
     with allow_two_axes() if two else nullcontext():

@@ -26,7 +26,10 @@ def swing(
     terms: Annotated[str, typer.Option(help="Terms that will be fitted.")] = "ABCDE",
     rounds: Annotated[int, typer.Option(help="Times round, each the other way.")] = 1,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="Form to fill in, CSV.")
+        Path | None,
+        typer.Option(
+            "-o", "--out", metavar="FILE", help="Form to fill in, .csv; a page to print, .html."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> int:
@@ -34,9 +37,10 @@ def swing(
     from agonic.console.finish import finish
     from agonic.headings.deviation import plan_swing
     from agonic.headings.deviation.plan_document import describe_plan
-    from agonic.headings.files.swing import write_form
+    from agonic.headings.files.swing import make_form
 
     plan = plan_swing(headings, heel_deg=heel, noise_deg=noise_deg, terms=terms, rounds=rounds)
     tilts = None if heel is None else plan.roll_deg
-    files = [] if out is None else [write_form(plan.compass_deg, out, roll_deg=tilts)]
-    return finish(describe_plan(plan, heeled=heel is not None), files=files, as_json=as_json)
+    made = describe_plan(plan, heeled=heel is not None)
+    forms = {".csv": lambda: make_form(plan.compass_deg, roll_deg=tilts)}
+    return finish(made, report=out, option="-o", forms=forms, as_json=as_json)

@@ -18,11 +18,12 @@ def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:
     """
     sd = {name: s for name, s in zip(PARAMETERS, plan.sd.tolist(), strict=True) if s > 0.0}
     steps = [
-        [str(k), name_heading(float(compass)), f"{roll:+g}°" if heeled else ""]
+        [str(k), name_heading(float(compass)), *([f"{roll:+g}°"] if heeled else []), ""]
         for k, (compass, roll) in enumerate(
             zip(plan.compass_deg, plan.roll_deg, strict=True), start=1
         )
     ]
+    head = ["", "Compass", *(["Roll"] if heeled else []), "Magnetic, by the better source"]
     expected = {
         name.replace("_", " "): f"{error:.3f}{'° per °' if '_' in name else '°'}"
         for name, error in sd.items()
@@ -35,7 +36,7 @@ def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:
         status="Steer in this order, hold each until the compass is at rest "
         f"({plan.noise_deg:g}° a reading). Fill in the form, then: agonic fit deviation FORM.",
         sections=[
-            Section("", [Table(["", "Compass", "Roll"], steps)], printed=True),
+            Section("", [Table(head, steps, "form")], printed=True),
             Section("Standard errors to expect", [expected], printed=True),
         ],
         values={

@@ -137,7 +137,12 @@ def read_swing(path: Path | str) -> Swing:
 def write_form(
     compass_deg: ArrayLike, path: Path | str, *, roll_deg: ArrayLike | None = None
 ) -> Path:
-    """Write the form of a swing to fill in, a row a heading, and return the path.
+    """Write the form of a swing to fill in, and return the path."""
+    return write_atomically(path, make_form(compass_deg, roll_deg=roll_deg))
+
+
+def make_form(compass_deg: ArrayLike, *, roll_deg: ArrayLike | None = None) -> str:
+    """The form of a swing to fill in, a row a heading.
 
     `read_swing` reads it back once it is filled in; rows left blank are passed over.
     """
@@ -153,7 +158,7 @@ def write_form(
         tilt = np.asarray(roll_deg, dtype=np.float64).tolist()
         rows = ["compass_deg,roll_deg,magnetic_deg"]
         rows += [f"{c:g},{r:g}," for c, r in zip(compass, tilt, strict=True)]
-    return write_atomically(path, "\n".join([*head, *rows]) + "\n")
+    return "\n".join([*head, *rows]) + "\n"
 
 
 def _rows(numbered: Sequence[tuple[int, str]], separator: str) -> Iterator[tuple[int, list[str]]]:

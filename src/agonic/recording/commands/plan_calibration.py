@@ -30,7 +30,8 @@ def calibration(
     field: Annotated[float, typer.Option(metavar="NT", help="Magnitude to expect.")] = 48_000.0,
     dip: Annotated[float, typer.Option(metavar="DEG", help="Inclination to expect.")] = 65.0,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="The positions, CSV.")
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE", help="The positions, .csv; a page, .html."),
     ] = None,
     as_json: Json = False,
 ) -> int:
@@ -48,19 +49,18 @@ def calibration(
         wanted_deg=wanted,
     )
     chosen = choose_sets(sets, wanted)
-    files = [] if out is None or chosen is None else [_write_positions(chosen.attitudes_deg, out)]
-    finish(describe_plan(sets, wanted_deg=wanted), files=files, as_json=as_json)
-    return 0 if chosen is not None else 1
+    made = describe_plan(sets, wanted_deg=wanted)
+    if chosen is None:
+        finish(made, as_json=as_json)
+        return 1
+    forms = {".csv": lambda: _list_positions(chosen.attitudes_deg)}
+    return finish(made, report=out, option="-o", forms=forms, as_json=as_json)
 
 
-def _write_positions(attitudes_deg: object, out: Path) -> Path:
-    """The positions in their order, a row each."""
+def _list_positions(attitudes_deg: object) -> str:
+    """The positions in their order, a row each, as text."""
     import numpy as np
-
-    from agonic.atomic import write_atomically
 
     rows = np.asarray(attitudes_deg).tolist()
     lines = [f"{k},{r:g},{p:g},{h:g}" for k, (r, p, h) in enumerate(rows, start=1)]
-    return write_atomically(
-        out, "\n".join(["position,roll_deg,pitch_deg,heading_deg", *lines]) + "\n"
-    )
+    return "\n".join(["position,roll_deg,pitch_deg,heading_deg", *lines]) + "\n"
