@@ -107,6 +107,22 @@ def test_the_speed_of_a_port_is_its_last_part():
     assert (link.device, link.baud) == ("COM3", 9600)
 
 
+@pytest.mark.parametrize(
+    ("text", "port"),
+    [
+        ("/dev/ttyUSB0", ("/dev/ttyUSB0", 115_200)),
+        ("/dev/cu.usbserial-10:57600", ("/dev/cu.usbserial-10", 57_600)),
+        ("COM3", ("COM3", 115_200)),
+        ("com12:9600", ("com12", 9600)),
+        ("mavlink+/dev/ttyACM0", ("/dev/ttyACM0", 115_200)),
+    ],
+)
+def test_a_serial_port_goes_by_its_own_name(text, port):
+    link = open_source(text).link
+    assert isinstance(link, SerialLink)
+    assert (link.device, link.baud) == port
+
+
 def test_tcp_is_connected_again(running):
     server = socket.create_server(("127.0.0.1", 0))
     heard = running(open_source(f"tcp://127.0.0.1:{server.getsockname()[1]}", unit="uT"))

@@ -26,6 +26,18 @@ def test_in_the_terminal_with_the_same_words(tmp_path, capsys):
     assert (tmp_path / "mag.json").is_file()
 
 
+def test_without_a_source_the_ports_are_listed(monkeypatch, capsys):
+    found = [("/dev/ttyUSB0", "CP2102"), ("/dev/ttyUSB1", "")]
+    monkeypatch.setattr("agonic.live.streams.links.list_ports", lambda: found)
+    assert run(["live"]) == 2
+    said = capsys.readouterr().out
+    assert "/dev/ttyUSB0  CP2102\n" in said
+    assert said.endswith("Next      agonic live /dev/ttyUSB0\n")
+    monkeypatch.setattr("agonic.live.streams.links.list_ports", list)
+    assert run(["live"]) == 2
+    assert "No serial port was found." in capsys.readouterr().out
+
+
 def test_one_object_for_programs(tmp_path, capsys):
     made = ag.simulate("tumble", n=1500, rate_Hz=50.0, seed=4)
     log = ag.write_csv(made.samples, tmp_path / "log.csv")

@@ -14,7 +14,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic calibrate bench.csv --unit uT --at 52.1,5.2,10 --date 2026-05-01",
     ),
     "agonic live": (
-        "agonic live serial:/dev/ttyUSB0 --unit uT --at 52.1,5.2",
+        "agonic live /dev/ttyUSB0 --unit uT --at 52.1,5.2",
         "agonic live sim --text --speed 0",
     ),
     "agonic fit": (

@@ -28,13 +28,14 @@ def add_to(app: typer.Typer) -> None:
 
 def live(
     source: Annotated[
-        str,
+        str | None,
         typer.Argument(
             metavar="SOURCE",
-            help="serial:DEVICE[:BAUD], udp://[HOST]:PORT, tcp://HOST:PORT, each also after "
-            "mavlink+, a log to replay, or sim.",
+            show_default=False,
+            help="A serial port (/dev/ttyUSB0, COM3:57600), udp://[HOST]:PORT, tcp://HOST:PORT, "
+            "each also after mavlink+, a log to replay, or sim. Without it: the ports there are.",
         ),
-    ],
+    ] = None,
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")
     ] = Path("live-agonic"),
@@ -62,6 +63,9 @@ def live(
         bool,
         typer.Option("--fresh", help="Begin anew, where a session was not finished in DIR."),
     ] = False,
+    browser: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
+    ] = True,
     text: Annotated[bool, typer.Option("--text", help="In the terminal, without a page.")] = False,
     as_json: Json = False,
 ) -> int:
@@ -76,6 +80,8 @@ def live(
     from agonic.live.web.plan import Plan
     from agonic.live.web.session import Session
 
+    if source is None:
+        return _list_ports()
     if not 0 < target < 180:
         raise AgonicError(f"a --target of {target:g}° is none; give one above zero")
     opened = open_source(source, unit=unit, speed=speed)
@@ -93,7 +99,7 @@ def live(
     session = Session(opened, plan)
     if text or as_json:
         return _run_in_terminal(session, as_json)
-    return _run_on_page(session, listen, port)
+    return _run_on_page(session, listen, port, browser)
 
 
 def _find_reference(
@@ -149,8 +155,28 @@ def _load_before(paths: list[Path]) -> dict[str, Affine]:
     return found
 
 
-def _run_on_page(session: Session, listen: str | None, port: int) -> int:
-    """Serve the page until interrupted."""
+def _list_ports() -> int:
+    """Say which serial ports there are, and what else can be a source; nothing was done."""
+    from agonic.console.output import say
+    from agonic.live.streams.links import list_ports
+    from agonic.live.streams.source import FORMS
+
+    ports = list_ports()
+    for device, what in ports:
+        say(f"{device}  {what}")
+    first = ports[0][0] if ports else "sim"
+    if not ports:
+        say("No serial port was found.")
+    say(f"\nSources   {FORMS}")
+    say(f"\nNext      agonic live {first}")
+    return 2
+
+
+def _run_on_page(session: Session, listen: str | None, port: int, browser: bool) -> int:
+    """Serve the page until interrupted; what the source does is said in the terminal too."""
+    import sys
+    import threading
+
     try:
         from agonic.live.web.server import serve
     except ImportError:
@@ -160,10 +186,36 @@ def _run_on_page(session: Session, listen: str | None, port: int) -> int:
     def ready(address: str) -> None:
         say(f"Live      {address}")
         say(f"Writes to {session.plan.folder}; Ctrl-C stops")
+        for task in (tell, show) if browser and _has_screen() else (tell,):
+            threading.Thread(target=task, args=(address,), daemon=True).start()
 
+    def tell(address: str) -> None:
+        lines = _Lines(sys.stderr)
+        while not stopped.wait(0.5):
+            lines.show_source(session.status)
+
+    def show(address: str) -> None:
+        import webbrowser
+
+        webbrowser.open(address)
+
+    stopped = threading.Event()
     serve(session, listen=listen, port=port, ready=ready)
+    stopped.set()
     say(session.parting)
     return 0
+
+
+def _has_screen() -> bool:
+    """Whether somebody sits before a screen that can show a browser: not a script, not a server."""
+    import os
+    import sys
+
+    if not sys.stdout.isatty():
+        return False
+    return sys.platform in ("win32", "darwin") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
 
 
 def _run_in_terminal(session: Session, as_json: bool) -> int:
@@ -209,14 +261,20 @@ class _Lines:
     def __init__(self, stream: Any) -> None:
         self._stream, self._said, self._at = stream, {}, {}  # type: ignore[var-annotated]
 
-    def show(self, status: Any) -> None:
-        """Print what is new in a status."""
+    def show_source(self, status: Any) -> None:
+        """Print what is new of the source: what is heard of it, notes, trouble."""
         import re
         import time
 
         self._line("", status.heard, status.heard, 0.0)
         for note in [*status.notes, *filter(None, [status.trouble])]:
             self._line(re.sub(r"[\d,]+", "", note), note, note, time.monotonic())
+
+    def show(self, status: Any) -> None:
+        """Print what is new in a status."""
+        import time
+
+        self.show_source(status)
         for one in status.sensors:
             error = "" if one.heading_sd_deg is None else f"  heading ±{one.heading_sd_deg:.2f}°"
             wrong = "".join(f"  ! {problem.text}" for problem in one.problems)

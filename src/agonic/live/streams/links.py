@@ -22,6 +22,15 @@ class Packet(NamedTuple):
     whole: bool = False
 
 
+def list_ports() -> list[tuple[str, str]]:
+    """The serial ports of this machine: device, and what is plugged in."""
+    try:
+        from serial.tools.list_ports import comports
+    except ImportError:
+        raise MissingExtraError("reading a serial port", "live") from None
+    return sorted((port.device, port.description or "") for port in comports())
+
+
 class Link(Protocol):
     """A wire: `open` and `read` raise `OSError` where it is cut."""
 

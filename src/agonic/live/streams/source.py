@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event as Flag
@@ -23,6 +24,8 @@ FORMS = (
     "mavlink+udp://[HOST]:PORT, mavlink+tcp://HOST:PORT, mavlink+serial:/dev/ttyACM0[:115200], "
     "a log, or sim"
 )
+_PORT = re.compile(r"(/dev/(?:tty|cu\.|serial/)[^:]*|COM\d+)(:\d+)?", re.IGNORECASE)
+"""A serial port by its own name, and a speed."""
 _SETTINGS = {"kind": str, "rate": float, "sensors": int, "seed": int, "minutes": float}
 
 
@@ -48,7 +51,8 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
     Parameters
     ----------
     text : `serial:DEVICE[:BAUD]`, `udp://[HOST]:PORT`, `tcp://HOST:PORT`, the same after
-        `mavlink+`, the path of a log, or `sim`.
+        `mavlink+`, the path of a log, or `sim`. A serial port may go by its name alone:
+        `/dev/ttyUSB0`, `COM3`.
     unit : of readings that come without one; "raw" by default.
     speed : of a log or simulation, over its own; 0 is as fast as possible.
 
@@ -56,12 +60,17 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
 
     >>> open_source("udp://:14550").name, open_source("sim", speed=0).name
     ('UDP port 14550', 'the simulation')
+    >>> open_source("COM3").name
+    'serial port COM3'
     """
     find_unit(unit or RAW)
     if not 0 <= speed < math.inf:
         raise AgonicError(f"a speed of {speed:g} is none: 1 is its own, 0 as fast as possible")
-    scheme, _, rest = text.partition(":")
-    mavlink, wire = scheme.startswith("mavlink+"), scheme.removeprefix("mavlink+")
+    mavlink = text.startswith("mavlink+")
+    named = text.removeprefix("mavlink+")
+    wire, _, rest = (
+        f"serial:{named}".partition(":") if _PORT.fullmatch(named) else named.partition(":")
+    )
     if wire in ("serial", "udp", "tcp") and rest:
         link = (
             _parse_serial(rest) if wire == "serial" else _parse_network(text, urlsplit(text), wire)

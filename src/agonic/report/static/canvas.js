@@ -141,13 +141,14 @@ const sphere = (() => {
     context.globalCompositeOperation = "source-over";
   }
 
-  function drawAxes(context, view, colours, ratio) {
+  // The axes with their names, which stay inside the picture.
+  function drawAxes(context, view, colours, ratio, names = ["x", "y", "z"]) {
     const { width, height } = context.canvas;
     context.font = `600 ${12 * ratio}px system-ui, sans-serif`;
     context.textAlign = "center";
     context.textBaseline = "middle";
     context.lineWidth = ratio;
-    ["x", "y", "z"].forEach((letter, i) => {
+    names.forEach((name, i) => {
       const [right, up, towards] = [view[i], view[3 + i], view[6 + i]];
       const at = (r) => [width / 2 + r * FILL * width * right, height / 2 - r * FILL * width * up];
       context.globalAlpha = towards < 0 ? 0.5 : 1;
@@ -156,7 +157,9 @@ const sphere = (() => {
       context.moveTo(...at(1));
       context.lineTo(...at(1.1));
       context.stroke();
-      context.fillText(letter, ...at(1.17));
+      const [x, y] = at(1.17);
+      const half = context.measureText(name).width / 2;
+      context.fillText(name, Math.max(half, Math.min(width - half, x)), y);
     });
     context.globalAlpha = 1;
   }

@@ -7,6 +7,7 @@
   const STRIP_MS = 100;       // between two drawings of it
   const WORST_DEG = 90;       // heading error that is still drawn
   const SPOKEN_MS = 4000;     // between two sentences for a screen reader
+  const AXES = ["+x nose", "+y right", "+z down"];
   const EASE = 0.12;          // share of the way that the view follows in a frame
 
   const {
@@ -261,7 +262,7 @@
       drawPoints(context, points.centred, points.shade, product(view, points.shape), colours, dot);
       const cells = told && told.cells.length ? told.cells : new Array(80).fill(0);
       drawCoverage(context, hello.corners, view, cells, colours, ratio);
-      drawAxes(context, view, colours, ratio);
+      drawAxes(context, view, colours, ratio, AXES);
       if (told && told.present && told.wanted && !told.done) {
         drawArrow(context, view, unit(told.present), unit(told.wanted), ratio);
       }
@@ -378,6 +379,14 @@
     if (!dialog.open) dialog.showModal();
   }
 
+  // What is to be done now, in a few words.
+  function headline(now, good) {
+    if (now.sensors.length === 0) return now.ended ? "The source has ended" : "Waiting for readings";
+    if (now.outcomes.some((one) => one.files.length)) return "Calibrated: the files are written";
+    if (good) return "Enough: accept the calibration";
+    return now.ended ? "The source has ended: accept, or start again" : "Turn the sensor";
+  }
+
   function take(now) {
     status = now;
     heard(now.heard, now.ended ? "ended" : now.connected ? "on" : "");
@@ -391,6 +400,7 @@
     find("waiting").hidden = sensors.length > 0;
     find("finish").hidden = sensors.length === 0;
     const good = now.sensors.length > 0 && now.sensors.every((one) => one.done);
+    text(find("state"), headline(now, good));
     text(find("accept"), now.busy ? "Working …" : "Accept and write the files");
     text(find("enough"), good ? "Enough: the target is reached." : "You can go on turning: the target is not reached yet.");
     find("trouble").hidden = !now.trouble;
