@@ -83,6 +83,14 @@ def mark_input(path: Path | str) -> None:
         _protection.inputs[status.st_dev, status.st_ino] = Path(path)
 
 
+def allow_replacing(path: Path | str) -> None:
+    """Take back that a file was read: what it held is shown beside what takes its place."""
+    if _protection is not None:
+        with suppress(OSError, ValueError):
+            status = os.stat(path)
+            _protection.inputs.pop((status.st_dev, status.st_ino), None)
+
+
 def check_target(path: Path | str, content: bytes | None = None) -> None:
     """Raise `AgonicError` where `path` must not be written, with `content` if it is known already.
 

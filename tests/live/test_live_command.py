@@ -18,7 +18,7 @@ from agonic.live.web.watch import WatchedSensor
 
 
 def test_in_the_terminal_with_the_same_words(tmp_path, capsys):
-    assert run(["live", "sim?seed=2", "--speed", "20", "--text", "-o", str(tmp_path)]) == 0
+    assert run(["live", "sim?seed=2", "--speed", "8", "--text", "-o", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     assert "% covered" in said
     assert "enough: accept the result" in said
@@ -36,6 +36,16 @@ def test_without_a_source_the_ports_are_listed(monkeypatch, capsys):
     monkeypatch.setattr("agonic.live.streams.links.list_ports", list)
     assert run(["live"]) == 2
     assert "No serial port was found." in capsys.readouterr().out
+
+
+def test_a_second_session_replaces_what_the_first_wrote(tmp_path, capsys):
+    command = ["live", "sim", "--speed", "0", "--text", "--fresh", "-o", str(tmp_path)]
+    biases = []
+    for seed in (1, 2):
+        command[1] = f"sim?seed={seed}"
+        assert run(command) == 0, capsys.readouterr().err
+        biases.append(ag.load(tmp_path / "mag.json").bias)
+    assert np.abs(biases[0] - biases[1]).max() > 1000.0
 
 
 def test_one_object_for_programs(tmp_path, capsys):

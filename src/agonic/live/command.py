@@ -236,6 +236,7 @@ def _run_in_terminal(session: Session, as_json: bool) -> int:
             lines.show(status)
             reached = bool(status.sensors) and all(one.done for one in status.sensors)
             if status.ended or reached:
+                lines.show(status, last=True)
                 break
     except KeyboardInterrupt:
         session.stop()
@@ -270,8 +271,8 @@ class _Lines:
         for note in [*status.notes, *filter(None, [status.trouble])]:
             self._line(re.sub(r"[\d,]+", "", note), note, note, time.monotonic())
 
-    def show(self, status: Any) -> None:
-        """Print what is new in a status."""
+    def show(self, status: Any, last: bool = False) -> None:
+        """Print what is new in a status; of the `last` at once."""
         import time
 
         self.show_source(status)
@@ -280,7 +281,7 @@ class _Lines:
             wrong = "".join(f"  ! {problem.text}" for problem in one.problems)
             words = f"{one.say}{wrong}"
             told = f"{one.name}: {100 * one.progress:3.0f} % covered{error}  {words}"
-            self._line(one.name, words, told, time.monotonic())
+            self._line(one.name, words, told, float("inf") if last else time.monotonic())
 
     def _line(self, who: str, words: str, line: str, now: float) -> None:
         if self._said.get(who) == words or (now - self._at.get(who, -9.0) < 1.0 and who):

@@ -20,6 +20,10 @@ STEP_S = 0.02
 RATE_HZ = 50.0
 """Of readings that were logged without times."""
 
+SLOWER = 2.0
+"""How many times slower than in a simulated log a sensor is turned, so that the guidance can be
+watched."""
+
 LONGEST_PAUSE_S = 10.0
 """Of the log; nobody waits for longer ones, and a clock in other units than seconds has them
 between any two readings."""
@@ -95,17 +99,26 @@ def make_simulated(
 
     rng = np.random.default_rng(seed)
     made = [
-        simulate(
-            kind,
-            n=int(minutes * 60 * rate_Hz),
-            rate_Hz=rate_Hz,
-            seed=seed,
-            noise=150.0,
-            calibration=replace(random_calibration(rng), sensor=f"mag{k or ''}"),
-        ).samples
+        _slow_down(
+            simulate(
+                kind,
+                n=int(minutes * 60 * rate_Hz),
+                rate_Hz=SLOWER * rate_Hz,
+                seed=seed,
+                noise=150.0,
+                calibration=replace(random_calibration(rng), sensor=f"mag{k or ''}"),
+            ).samples
+        )
         for k in range(sensors)
     ]
     return Replay(made, "the simulation", speed)
+
+
+def _slow_down(samples: Samples) -> Samples:
+    """The same readings, made in `SLOWER` times the time."""
+    rate = samples.rotation_rate
+    turning = {} if rate is None else {"rotation_rate": rate / SLOWER}
+    return samples.with_columns(time=SLOWER * _get_times(samples), **turning)
 
 
 def _get_times(samples: Samples) -> np.ndarray:

@@ -33,6 +33,7 @@ from agonic.live.web.messages import (
 from agonic.live.web.session import Session
 from agonic.live.web.view import MOST
 from agonic.maths.equation.coverage import icosphere
+from agonic.report.digits import group_digits
 from agonic.report.page_file import read_static as of_report
 
 FRAME_S = 1 / 30
@@ -210,7 +211,7 @@ def make_hello(session: Session) -> Hello:
     reference = session.plan.reference
     told = "unknown: bias and shape are found all the same, the scale is that of the sensor"
     if reference is not None:
-        told = f"{float(reference.magnitudes(1)[0]):.0f} nT ({reference.source})"
+        told = f"{group_digits(float(reference.magnitudes(1)[0]))} nT ({reference.source})"
     return Hello(
         source=session.source.name,
         folder=str(session.plan.folder),

@@ -209,6 +209,7 @@ class WatchedSensor:
 
 def find_calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Affine | None:
     """The calibration of a sensor that was given, or was written to the folder before."""
+    from agonic.atomic import allow_replacing
     from agonic.errors import AgonicError
     from agonic.files.calibration import load
     from agonic.files.names import file_stem
@@ -222,6 +223,7 @@ def find_calibration_before(folder: Path, name: str, given: dict[str, Affine]) -
         found = load(path)
     except AgonicError:
         return None
+    allow_replacing(path)
     return found if isinstance(found, Affine) else None
 
 

@@ -148,7 +148,9 @@
   const digits = (value) => {
     if (value === null || value === undefined) return "";
     const size = Math.abs(value);
-    return strips.minus(value.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : size >= 0.1 ? 3 : 5));
+    const places = size >= 100 ? 0 : size >= 10 ? 1 : size >= 0.1 ? 3 : 5;
+    const shown = { minimumFractionDigits: places, maximumFractionDigits: places };
+    return strips.minus(value.toLocaleString("en", shown).replaceAll(",", "\u202f"));
   };
 
   function sensor(name) {
