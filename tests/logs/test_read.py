@@ -75,13 +75,16 @@ def test_well_known_files_are_named(tmp_path):
     path = tmp_path / "log.csv"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("log.csv", TWO)
-    with pytest.raises(LogError, match="this is a ZIP archive"):
+    assert len(open_log(path).sensors[0]) == len(TWO.splitlines()) - 1
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+    with pytest.raises(LogError, match="save the sheet as CSV"):
         open_log(path)
     path.write_bytes(gzip.compress(TWO.encode()))
     with pytest.raises(LogError, match="this is a gzip archive"):
         open_log(path)
     path.write_text('{"mag": 1}')
-    with pytest.raises(LogError, match="this is JSON"):
+    with pytest.raises(LogError, match="no magnetometer columns"):
         open_log(path)
     path.write_text("<!DOCTYPE html>\n<p>not found</p>")
     with pytest.raises(LogError, match="this is a web page"):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
-from agonic.logs.columns import FALLBACK, Column, Identified
+from agonic.logs.columns import Column, Identified
 from agonic.logs.quantities import Linear
 from agonic.logs.resample import resample
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -124,7 +124,7 @@ def convert_column(
         return None, (f"{quantity.name} left out: {remark}",)
     factor, offset = scale
     ours = values * factor + offset
-    if axes[min(axes)].rank == FALLBACK and _lacks_gravity(quantity.column, ours):
+    if _lacks_gravity(quantity.column, ours):
         return None, (f"{quantity.name} left out: it is without gravity",)
     low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
     ours[(ours < low) | (ours > high)] = np.nan

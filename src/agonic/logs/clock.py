@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.logs.dates import AMBIGUOUS, find_order, has_slashes, read_duration_s, write_iso
-from agonic.logs.numbered_dates import read_digits_s
 
 Clock = tuple[Array | None, datetime | None, tuple[str, ...]]
 """Seconds, the UTC moment of second zero where it is known, and notes."""
@@ -52,6 +50,8 @@ def _without_unit(numbers: Array) -> Clock:
         if _is_unix(numbers / per_second):
             note = f"times have no unit; by their size they are Unix times in {name}"
             return _since_first_second(numbers / per_second, (note,))
+    from agonic.logs.numbered_dates import read_digits_s
+
     if (digits := read_digits_s(numbers)) is not None:
         seconds, dated, note = digits
         return _since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
@@ -94,6 +94,8 @@ def _of_moments(values: NDArray[Any]) -> Clock:
 
 def _of_texts(texts: list[str]) -> Clock:
     """Date-times of ISO 8601 (or with slashes), or times of day without a date."""
+    from agonic.logs.dates import AMBIGUOUS, find_order, has_slashes, read_duration_s
+
     if texts and read_duration_s(texts[0]) is not None:
         spans = [read_duration_s(text) for text in texts]
         return np.array([np.nan if s is None else s for s in spans]), None, ()
@@ -120,6 +122,8 @@ def _of_texts(texts: list[str]) -> Clock:
 
 def _moment(text: str, order: str | None) -> datetime | None:
     """The UTC moment of a text; a time of day alone falls on day one of year one."""
+    from agonic.logs.dates import write_iso
+
     plain = text.strip().strip("\"'").replace("/", "-")
     found = _of_iso(plain)
     if found is None and (iso := write_iso(text, order)) is not None:

@@ -11,8 +11,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from agonic.errors import LogError
-from agonic.logs.columns import Column, Identified, identify_column
+from agonic.logs.columns import FALLBACK, Column, Identified, identify_column
+from agonic.logs.quantities import BY_COLUMN
 
+_OTHERS = (
+    r"^(gravity|orientation|linear[ _-]?acc|gamerotation|rotation[ _-]?vector|location|velocity)"
+)
+"""Files of phones with x, y and z of something else."""
 _SI = {"acceleration": "ms2", "rotation_rate": "rads", "quaternion": "enu"}
 """What `sensor_msgs` documents, with the axes of REP-103 and REP-145."""
 
@@ -104,6 +109,12 @@ CONVENTIONS = (
         file="^magnetometer",
         source="tszheichoi/awesome-sensor-logger: units of the sensors",
     ),
+    Convention(
+        name="Sensor Logger",
+        marks=(r"^seconds_elapsed$", r"(?i:\bgyro\w*) [xyz]$"),
+        units={"rotation_rate": "rads"},
+        source="tszheichoi/awesome-sensor-logger: units of the sensors",
+    ),
 )  # fmt: skip
 
 
@@ -159,10 +170,31 @@ def _refuse_other_sensor(found: Identified, stem: str) -> None:
     axes = found.get("field", {}).get("", {})
     if not axes or any(len(column.header) > 1 for column in axes.values()):
         return
-    for word in re.split(r"[\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", stem)):
-        other = identify_column(f"{word} x") if len(word) > 2 else None
-        if other is not None and other.quantity.column in ("acceleration", "rotation_rate"):
-            raise LogError(
-                f"its x, y and z are of the {other.quantity.name} that the file is named for, and "
-                "no magnetometer; name the file of the magnetometer"
-            )
+    if re.search(_OTHERS, stem, re.IGNORECASE):
+        raise LogError(
+            f"its x, y and z are of no magnetometer, by the name of the file ({stem[:40]}); name "
+            "the file of the magnetometer, or the folder of both"
+        )
+    other = find_named_quantity(stem)
+    if other in ("acceleration", "rotation_rate"):
+        name = BY_COLUMN[other].name
+        raise LogError(
+            f"its x, y and z are of the {name} that the file is named for, and no magnetometer; "
+            "name the file of the magnetometer, or the folder of both"
+        )
+
+
+def find_named_quantity(name: str) -> str:
+    """The vector quantity that a file, a table or a row is named for; "" where it is none.
+
+    >>> find_named_quantity("mpu6050_accelerometer"), find_named_quantity("TotalAcceleration")
+    ('acceleration', 'acceleration')
+    >>> find_named_quantity("Magnetometer"), find_named_quantity("Gravity")
+    ('field', '')
+    """
+    words = re.split(r"[\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name))
+    for text in (name, *words):
+        column = identify_column(f"{text} x") if len(text) > 2 else None
+        if column is not None and column.axis == "x" and column.rank != FALLBACK:
+            return column.quantity.column
+    return ""

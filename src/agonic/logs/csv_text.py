@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.column_names import rename_headers
-from agonic.logs.columns import find_columns, identify_column
+from agonic.logs.columns import find_columns, find_quantities, identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
 from agonic.logs.text.encoding import Text, load
@@ -71,9 +71,12 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
         return read_tagged(data[:], tags, path, source, unit, notes)
     table, facts = _read_lines(data, head, sample)
-    return build_log(
-        table, path=path, source=source, unit=unit, **{**facts, "notes": (*notes, *facts["notes"])}
-    )
+    facts["notes"] = (*notes, *facts["notes"])
+    if "sensor" in find_quantities(table).values():
+        from agonic.logs.long_table import build_tables_log
+
+        return build_tables_log(table, path=path, source=source, unit=unit, **facts)
+    return build_log(table, path=path, source=source, unit=unit, **facts)
 
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

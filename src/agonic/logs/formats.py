@@ -94,6 +94,13 @@ def _is_bag(head: bytes) -> bool:
     return database or head.startswith((b"#ROSBAG V2", b"\x89MCAP0\r\n"))
 
 
+def _is_json(head: bytes) -> bool:
+    """Whether it begins like an object, or a list of objects."""
+    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None
+
+
+JSON = Format("JSON (.json, .jsonl)", "json_text", _is_json)
+FOLDER = Format("ZIP archives and folders of tables", "folder", _starts(b"PK\x03\x04"))
 ROS = Format("ROS bags (.bag, .db3, .mcap, a folder of ROS 2)", "ros.bag", _is_bag)
 PARQUET = Format("Parquet", "parquet", _starts(b"PAR1"))
 TEXT = Format("text tables (.csv, .tsv, .txt)", "csv_text", _is_text)
@@ -104,6 +111,8 @@ FORMATS = (
     ROS,
     Format("MATLAB (.mat)", "matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")),
     Format("NumPy (.npz)", "numpy_archive", _is_numpy_archive),
+    FOLDER,
+    JSON,
     Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
     Format("netCDF", "space.netcdf", _starts(b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02")),
     Format("IAGA-2002", "space.iaga2002", _starts(b" Format                 IAGA-2002")),
@@ -133,7 +142,6 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"\x93NUMPY", "a single NumPy array (save it with numpy.savez and name it mag_uT)"),
     (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
     (0, b"<", "a web page or XML"),
-    (0, b"{", "JSON"),
 )
 """Where the mark of a kind of file that is not read stands, the mark, and what such a file is."""
 

@@ -56,10 +56,11 @@ def build_groups_log(
     others: Iterable[str] = (),
     notes: tuple[str, ...] = (),
     remarks: tuple[str, ...] = (),
+    paths: Mapping[str, Path] | None = None,
 ) -> Log:
     """The log that tables are, by the name of each, or a number where they have none.
 
-    The rest as for `build_log`.
+    `paths` are files of the tables, where they have their own. The rest as for `build_log`.
 
     Raises `LogError` where none of them holds a magnetometer.
     """
@@ -68,12 +69,13 @@ def build_groups_log(
         name = key if isinstance(key, str) else ""
         if not table:
             continue
+        own = (paths or {}).get(name, path)
         try:
             if not _holds_field(table):
-                beside.append(_read_beside(name, table, path))
+                beside.append(_read_beside(name, table, own))
                 continue
             log = build_log(
-                table, path=path, source=source, format=format, unit=unit, remarks=remarks
+                table, path=own, source=source, format=format, unit=unit, remarks=remarks
             )
         except LogError as error:
             failures.append(f"{name or 'a table'}: {error}")
@@ -140,6 +142,8 @@ def _complete(samples: Samples, group: str, beside: Iterable[_Beside]) -> Sample
         have = samples.columns().keys() | columns.keys()
         wanted = sorted(other.columns.keys() - have, key=list(other.columns).index)
         if not wanted:
+            left_out = () if other.columns else other.notes
+            notes.extend(f"{other.name}: {n}" for n in left_out if "left out" in n and other.name)
             continue
         shift = _find_shift(samples, other)
         if isinstance(shift, str):

@@ -20,7 +20,7 @@ from agonic.logs.ardupilot import labelled
 from agonic.logs.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.log import Log
 from agonic.logs.matlab_5 import read_version_5
-from agonic.logs.stacked import build_arrays_log
+from agonic.logs.stacked import build_arrays_log, build_tables
 from agonic.provenance import Input
 
 VERSION_7_3 = b"MATLAB 7.3 MAT-file"
@@ -41,6 +41,13 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     return build_arrays_log(
         arrays, path=path, source=source, format="MATLAB file", unit=unit, remarks=remarks
     )
+
+
+def read_tables(path: Path) -> list[dict[str, NDArray[Any]]]:
+    """The columns that are understood, a table for each length; a lone matrix as bare axes."""
+    with path.open("rb") as stream:
+        hdf = stream.read(len(VERSION_7_3)) == VERSION_7_3
+    return build_tables(_flat(_version_7_3(path) if hdf else read_version_5(path)))[0]
 
 
 def _version_7_3(path: Path) -> dict[str, Any]:

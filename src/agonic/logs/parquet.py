@@ -15,7 +15,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.logs.column_names import rename_headers
 from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.log import Log
-from agonic.logs.table import build_log
+from agonic.logs.long_table import build_tables_log
 from agonic.provenance import Input
 
 _LARGEST_FOOTER = 16_000_000
@@ -30,7 +30,7 @@ _AHEAD = 2
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a Parquet table is; `unit` is that of the field where no column names one."""
     table, facts = read_table(path)
-    return build_log(table, path=path, source=source, unit=unit, **facts)
+    return build_tables_log(table, path=path, source=source, unit=unit, **facts)
 
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

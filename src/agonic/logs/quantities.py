@@ -111,7 +111,8 @@ QUANTITIES: tuple[Quantity, ...] = (
     ),
     Quantity(
         column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, axes="x y z",
-        aliases="a acce accel accelerometer acceleration specificforce gforce gf",
+        aliases="a acce accel accelerometer acceleration specificforce gforce gf totalacceleration "
+        "totalaccel",
         weak="linearacceleration",
     ),
     Quantity(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
 from agonic.logs.column_names import names_for
-from agonic.logs.formats import HEAD_BYTES, ROS, Format, format_of
+from agonic.logs.formats import FOLDER, HEAD_BYTES, ROS, Format, format_of
 from agonic.logs.log import Log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
@@ -109,8 +109,10 @@ def read(
 
 
 def _identify(file: Path) -> Format:
-    """The kind of a recording; a folder may be a ROS 2 bag."""
-    return ROS if (file / METADATA).is_file() else format_of(_head(file))
+    """The kind of a recording; a folder may be a ROS 2 bag, or hold a file for each sensor."""
+    if (file / METADATA).is_file():
+        return ROS
+    return FOLDER if file.is_dir() else format_of(_head(file))
 
 
 def _hash(file: Path) -> str:
@@ -132,8 +134,6 @@ def _sign(log: Log, sha256: str) -> Log:
 
 def _head(file: Path) -> bytes:
     """The first bytes of a file, or a clear error where there is nothing to read."""
-    if file.is_dir():
-        raise LogError("this is a folder; name a file in it")
     if not file.exists():
         raise LogError("there is no such file")
     if not file.is_file():

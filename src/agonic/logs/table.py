@@ -18,8 +18,7 @@ from agonic.logs.conventions import apply_conventions
 from agonic.logs.log import Log, Stream
 from agonic.logs.resample import compute_rate_Hz
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
-from agonic.logs.rows.order import order_rows
-from agonic.logs.rows.times import find_clocks, find_time, pick
+from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
 from agonic.logs.rows.units import find_field_unit
 from agonic.logs.two_axes import are_two_axes_allowed
 from agonic.provenance import Input
@@ -132,7 +131,11 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
 def _put_in_order(part: Part, number: str) -> tuple[Part, tuple[str, ...]]:
     """The part with its rows in the order of their times, where that is easily done; and a note."""
     time = part.clocks[number][0]
-    order, notes = (None, ()) if time is None else order_rows(time[part.rows])
+    if time is None or not leads_back(time[part.rows]):
+        return part, ()
+    from agonic.logs.rows.order import order_rows
+
+    order, notes = order_rows(time[part.rows])
     return (part if order is None else replace(part, rows=part.rows[order])), notes
 
 

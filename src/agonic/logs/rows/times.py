@@ -14,7 +14,6 @@ from agonic.logs.auxiliary import Table, find_finite_rows, to_numbers
 from agonic.logs.clock import TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
 from agonic.logs.columns import FRACTION, Column, Identified
 from agonic.logs.resample import find_misplaced
-from agonic.logs.rows.order import continue_time
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
@@ -101,6 +100,11 @@ def _join_clock(seconds: Array, nanoseconds: Array) -> Clock:
     return None if whole is None else whole + nanoseconds * 1e-9, epoch, notes
 
 
+def leads_back(time: Array) -> bool:
+    """Whether a time is earlier than the one before it."""
+    return bool((np.diff(time[np.isfinite(time)]) < 0).any())
+
+
 def find_time(
     clock: Clock, rows: Index, field: Array
 ) -> tuple[Array | None, datetime | None, tuple[str, ...]]:
@@ -111,7 +115,11 @@ def find_time(
     time = whole[rows]
     read = find_finite_rows(field)
     time[find_misplaced(time)] = np.nan
-    time, restarts = continue_time(time, field)
+    restarts: tuple[str, ...] = ()
+    if leads_back(time):
+        from agonic.logs.rows.order import continue_time
+
+        time, restarts = continue_time(time, field)
     known = time[np.isfinite(time) & read]
     if len(known) < _CLOCK_SHARE * read.sum() or (len(known) > 1 and np.ptp(known) == 0):
         return None, None, (*notes, "times left out: the clock stands still or is mostly missing")

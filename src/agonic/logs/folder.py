@@ -1,0 +1,158 @@
+"""Folders and ZIP archives that hold one recording, a file for each sensor, as phones write them.
+
+The tables are brought together by their times, as those of a bag are. What bare x, y and z are is
+told by the name of their file: `Gyroscope.csv`, `mpu6050_accelerometer.mat`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.logs.columns import FALLBACK, identify_column, identify_columns
+from agonic.logs.conventions import find_named_quantity
+from agonic.logs.formats import HEAD_BYTES, JSON, TEXT, Format, format_of
+from agonic.logs.groups import build_groups_log
+from agonic.logs.limits import check_declared
+from agonic.logs.log import Log
+from agonic.provenance import Input
+
+_MOST_FILES = 64
+_MOST_FIELDS = 4
+_MATLAB = "matlab"
+_OFFICE = "[Content_Types].xml"
+_NO_RECORDING = (
+    "this is a folder; name a file in it, or give it to agonic fleet where each file is a "
+    "recording of its own"
+)
+_BESIDE = ("acceleration", "rotation_rate")
+
+Table = dict[str, NDArray[Any]]
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a folder or an archive is; `unit` is that of the field where none is named.
+
+    Raises `LogError` where its files are not the sensors of one recording.
+    """
+    if path.is_dir():
+        return _read_folder(path, path, source, unit)
+    with TemporaryDirectory(prefix=".agonic-") as made:
+        _unpack(path, Path(made))
+        return _read_folder(Path(made), path, source, unit)
+
+
+def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> Log:
+    files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+    if not files or len(files) > _MOST_FILES:
+        raise LogError(_NO_RECORDING)
+    tables: dict[str, Table] = {}
+    notes: list[str] = []
+    for file in files:
+        try:
+            tables |= _read_tables(file, alone=len(files) == 1)
+        except LogError as error:
+            notes.append(f"{file.name} was not read: {error}")
+    fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
+    if not fields:
+        raise LogError(f"no file in it holds a magnetometer ({_list_files(files)})")
+    if len(files) > 1 and not _is_one_recording(tables, fields):
+        raise LogError(_NO_RECORDING)
+    return build_groups_log(
+        tables,
+        path=path,
+        source=source,
+        format="a file for each sensor",
+        unit=unit,
+        notes=tuple(notes),
+        paths={name: Path(name) for name in tables},
+    )
+
+
+def _is_one_recording(tables: dict[str, Table], fields: list[str]) -> bool:
+    """Whether what stands beside the magnetometers is in files of its own."""
+    apart = any(identify_columns(table) for name, table in tables.items() if name not in fields)
+    whole = any(q in identify_columns(tables[name]) for name in fields for q in _BESIDE)
+    return apart and not whole and len(fields) <= _MOST_FIELDS
+
+
+def _list_files(files: Iterable[Path]) -> str:
+    names = [file.name for file in files]
+    return ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
+
+
+def _read_tables(file: Path, *, alone: bool) -> dict[str, Table]:
+    """The tables in a file by its name; bare axes of another sensor get the name of that."""
+    with file.open("rb") as stream:
+        kind = format_of(stream.read(HEAD_BYTES))
+    quantity = find_named_quantity(file.stem)
+    found = {}
+    for number, table in enumerate(_read_kind(file, kind)):
+        name = file.stem if not number else f"{file.stem} {number + 1}"
+        named = {_name_axis(header, quantity): values for header, values in table.items()}
+        if not alone and quantity != "field":  # x, y and z of something else
+            named = {h: values for h, values in named.items() if not _is_bare(h)}
+        if identify_columns(named):
+            found[name] = named
+    return found
+
+
+def _read_kind(file: Path, kind: Format) -> list[Table]:
+    """The columns that are understood in a file, a table for each clock."""
+    if kind == TEXT:
+        from agonic.logs.csv_text import read_table
+
+        return [read_table(file)[0]]
+    if kind == JSON:
+        from agonic.logs.json_text import read_table as read_json
+
+        return [read_json(file)[0]]
+    if kind.module == _MATLAB:
+        from agonic.logs.matlab import read_tables
+
+        return read_tables(file)
+    raise LogError(f"{kind.name} are recordings of their own")
+
+
+def _name_axis(header: str, quantity: str) -> str:
+    """A header with bare axes under the name of the sensor that the file is named for."""
+    if quantity not in _BESIDE:
+        return header
+    return f"{'acc' if quantity == _BESIDE[0] else 'gyro'} {header}" if _is_bare(header) else header
+
+
+def _is_bare(header: str) -> bool:
+    """Whether a header is x, y or z alone, perhaps with a unit."""
+    column = identify_column(header)
+    return column is not None and column.quantity.column == "field" and column.rank == FALLBACK
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """The files of an archive by their last names; folders in it, links and sizes do no harm."""
+    try:
+        with ZipFile(path) as archive:
+            members = [m for m in archive.infolist() if not m.is_dir() and m.file_size]
+            if _OFFICE in archive.namelist():
+                raise LogError("this is a workbook or a document; save the sheet as CSV")
+            if len(members) > _MOST_FILES:
+                raise LogError(f"{len(members)} files in it; unpack it and name one")
+            check_declared(sum(m.file_size for m in members), path.stat().st_size)
+            for member in members:
+                name = Path(member.filename).name
+                if name and not name.startswith(".") and "__MACOSX" not in member.filename:
+                    _write(archive, member, folder / name[-100:])
+    except (BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise LogError(
+            f"the archive cannot be unpacked ({error}); unpack it and name a file"
+        ) from None
+
+
+def _write(archive: ZipFile, member: Any, path: Path) -> None:
+    with archive.open(member) as packed, path.open("wb") as plain:
+        plain.write(packed.read(member.file_size))
