@@ -21,7 +21,11 @@ from agonic.health.moments import describe_moments
 from agonic.health.outliers import find_stretches
 from agonic.maths.equation.bias_states import find_bias_states
 from agonic.maths.equation.coverage import find_spread_rows
-from agonic.maths.estimation.bias_change import find_bias_change, refit_residuals
+from agonic.maths.estimation.bias_change import (
+    find_bias_change,
+    find_seen_shift,
+    refit_residuals,
+)
 from agonic.maths.estimation.least_median import Pair, fit_two_spheres
 
 SIGNIFICANT = 30.0
@@ -34,6 +38,8 @@ CROWDED = 0.6
 """Outliers of which that share comes in stretches are no accidents."""
 
 
+HOLDS = 0.03
+"""Noise over the field below which a fit holds for most of the readings."""
 AT_END = 0.01
 """Of the log: a stretch that ends so near to the end of the log ends with it."""
 GAP = 0.05
@@ -48,11 +54,18 @@ class Changed(NamedTuple):
 
 
 class _Change(NamedTuple):
-    """The rows between which the bias was another, how far off it was, and the noise without."""
+    """The rows between which the bias was another, how far off it was, what of that no other
+    ellipsoid for all rows takes up, and the noise without."""
 
     edges: Index
     shift: float
+    seen: float
     noise: float
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether readings, not the fit alone, show so large a shift."""
+        return self.seen >= SHIFT_OVER_NOISE * self.noise
 
 
 def find_change(e: Evidence, *, attitude_aided: bool = False) -> Changed | None:
@@ -75,12 +88,13 @@ def find_change(e: Evidence, *, attitude_aided: bool = False) -> Changed | None:
 def _describe(e: Evidence, change: _Change) -> Finding:
     """The finding that the bias was another between two rows, or from one row on."""
     n = len(e.readings)
+    size = change.shift if change.stands_out else min(change.seen, change.shift)
     inner = change.edges[(change.edges > AT_END * n) & (change.edges < (1 - AT_END) * n)]
     return Finding(
         "field changed",
-        "refuse" if change.shift >= SHIFT_REFUSED * e.radius else "check",
-        f"the bias moved by about {figure(change.shift)} {e.unit} "
-        f"({100 * change.shift / e.radius:.0f} % of the field) "
+        "refuse" if change.stands_out and size >= SHIFT_REFUSED * e.radius else "check",
+        f"the bias moved by about {figure(size)} {e.unit} "
+        f"({100 * size / e.radius:.0f} % of the field) "
         f"{describe_moments(inner, e.time)}: something magnetic, or a current, was added or "
         "removed",
         "calibrate the stretches before and after separately, with everything in its final place",
@@ -94,20 +108,21 @@ def _place(e: Evidence, rough: _Change) -> _Change:
     yet another bias stands out then.
     """
     rows = draw_rows(len(e.readings))
-    if e.noise < 0.03 * e.radius:  # the fit holds for most of the readings
+    holds = e.noise < HOLDS * e.radius
+    if holds:
         points = (e.readings[rows] - e.bias) @ e.shape.T / e.radius
     else:
         points = e.readings[rows] / e.radius
     changed = np.zeros(len(rows), dtype=bool)
     guess = (rows >= rough.edges[0]) & (rows < rough.edges[1])
-    shifts, noise = list[float](), rough.noise
-    while len(shifts) < MOST_STRETCHES:
+    shift, noise = 0.0, rough.noise
+    for _ in range(MOST_STRETCHES):
         rest = np.flatnonzero(~changed)
         states = find_bias_states(points[rest], guess[rest])
         if states is None:
             break
         changed[rest[states.changed]] = True
-        shifts.append(states.shift * e.radius)
+        shift = max(shift, states.shift * e.radius)
         noise = states.noise * e.radius
         rest = rest[~states.changed]
         more = _find_stretch(*states.most.measure(points[rest]))
@@ -115,11 +130,12 @@ def _place(e: Evidence, rough: _Change) -> _Change:
             break
         guess = np.zeros(len(rows), dtype=bool)
         guess[rest[more.edges[0] : more.edges[1]]] = True
-    if not shifts:
+    if not shift:
         return rough
+    seen = find_seen_shift(*_on_the_surface(e, rows), changed) if holds else shift
     edges = np.flatnonzero(np.diff(changed.astype(np.int8), prepend=0, append=0))
     edges = _bridge(edges, len(changed))
-    return _Change(np.append(rows, len(e.readings))[edges], max(shifts), noise)
+    return _Change(np.append(rows, len(e.readings))[edges], shift, seen, noise)
 
 
 def _bridge(edges: Index, n: int) -> Index:
@@ -148,6 +164,7 @@ def _stretch_of_its_own(e: Evidence) -> _Change | None:
     return _Change(
         np.append(rows, len(e.readings))[found.edges],
         found.shift * e.radius,
+        found.seen * e.radius,
         found.noise * e.radius,
     )
 
@@ -159,7 +176,7 @@ def _find_stretch(residuals: Array, normals: Array, places: Array) -> _Change | 
         return None
     if found.shift < max(SHIFT_DOUBTFUL, SHIFT_OVER_NOISE * found.noise):
         return None
-    return _Change(np.array([found.start, found.stop]), found.shift, found.noise)
+    return _Change(np.array([found.start, found.stop]), found.shift, found.seen, found.noise)
 
 
 def _on_the_surface(e: Evidence, rows: Index) -> tuple[Array, Array, Array]:
@@ -179,7 +196,7 @@ def _crowded_outliers(e: Evidence) -> _Change | None:
         return None
     longest = stretches[np.argmax(np.diff(stretches, axis=1))] + [0, 1]
     size = np.sqrt(3) * float(np.median(np.abs(e.residuals[outlier])))
-    return _Change(longest, size, e.noise)
+    return _Change(longest, size, size, e.noise)
 
 
 def _mixed(pair: Pair) -> Finding | None:
@@ -204,7 +221,8 @@ def _second_population(e: Evidence, rows: Index, pair: Pair | None) -> _Change |
     edges, crowding = _stretch(pair.side[pair.side != 0] > 0)
     if crowding < 0.3:
         return None
-    return _Change(rows[pair.side != 0][edges], pair.shift * e.radius, e.noise)
+    shift = pair.shift * e.radius
+    return _Change(rows[pair.side != 0][edges], shift, shift, e.noise)
 
 
 def _pair(e: Evidence, rows: Index) -> Pair | None:
@@ -214,7 +232,7 @@ def _pair(e: Evidence, rows: Index) -> Pair | None:
     ones; accepted where the pair leaves much less than one full ellipsoid (noise alone makes the
     nearer of any two spheres 0.7 times as far as one, or more).
     """
-    holds = e.noise < 0.03 * e.radius
+    holds = e.noise < HOLDS * e.radius
     if holds and (e.weights == 0.0).mean() < 0.12:
         return None
     readings = (e.readings[rows] - e.bias) / e.radius

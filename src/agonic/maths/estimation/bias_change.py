@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.maths.estimation.leastsq import MAD_TO_SD, correlation_length
 
 _BLOCKS = 64  # edges are sought on this grid
@@ -19,13 +19,15 @@ class BiasChange(NamedTuple):
     """Rows start…stop have their bias elsewhere; stop is n when it never came back.
 
     `shift` how far, as seen from the directions there: √3 times the rms of the residuals that it
-    makes; `noise` the scatter that is left; `significance` how much Σr² falls in units of that
-    scatter, per independent reading (for white noise a χ² with three degrees of freedom).
+    makes; `seen` what is left of it where the ellipsoid follows it as well as it can; `noise` the
+    scatter that is left; `significance` how much Σr² falls in units of that scatter, per
+    independent reading (for white noise a χ² with three degrees of freedom).
     """
 
     start: int
     stop: int
     shift: float
+    seen: float
     noise: float
     significance: float
 
@@ -50,14 +52,19 @@ def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasCha
     moves = _moves(normals, places)
     drawn_in = np.clip(residuals, -reach, reach)
     start, stop, gain = _find_stretch(drawn_in, moves, blocks)
-    away, left = _refit(residuals, moves, slice(start, stop))
-    shift = float(np.sqrt(3 * np.mean(away**2)))
+    inside = np.zeros(n, dtype=bool)
+    inside[start:stop] = True
+    away, left = _refit(residuals, moves, inside)
+    shift = float(np.sqrt(3 * np.mean(away[inside] ** 2)))
+    seen = _see(away, moves, inside)
     noise = MAD_TO_SD * float(np.median(np.abs(left)))
     scatter = np.clip(left, -_OUTLYING * noise, _OUTLYING * noise)
     independent = float(scatter @ scatter) / n * correlation_length(scatter, np.ones(n))
     if start == 0:  # before and after are the same thing
         start, stop = stop, n
-    return BiasChange(start, stop, shift, noise, gain / max(independent, np.finfo(float).tiny))
+    return BiasChange(
+        start, stop, shift, seen, noise, gain / max(independent, np.finfo(float).tiny)
+    )
 
 
 def refit_residuals(residuals: Array, normals: Array, places: Array) -> Array:
@@ -66,7 +73,25 @@ def refit_residuals(residuals: Array, normals: Array, places: Array) -> Array:
     Parameters as in `find_bias_change`: a fit of a smaller model does not tell what a full one
     leaves.
     """
-    return _refit(residuals, _moves(normals, places), slice(0))[1]
+    return _refit(residuals, _moves(normals, places), np.zeros(len(residuals), dtype=bool))[1]
+
+
+def find_seen_shift(residuals: Array, normals: Array, places: Array, changed: Mask) -> float:
+    """How far the bias of rows `changed` (n,) lies from that of the others, as far as readings show
+    it: √(3 Σa²/k), a what no move of the whole ellipsoid makes of it and k = n₁n₂/n.
+
+    A stretch that saw few directions fits a bias far away as well as one nearby, together with
+    another ellipsoid for all rows. Parameters as in `find_bias_change`.
+    """
+    moves = _moves(normals, places)
+    return _see(_refit(residuals, moves, changed)[0], moves, changed)
+
+
+def _see(away: Array, moves: Array, changed: Mask) -> float:
+    own = away - moves @ (
+        np.linalg.pinv(moves.T @ moves, rcond=1e-12, hermitian=True) @ (away @ moves)
+    )
+    return float(np.sqrt(3 * (own @ own) / (len(away) * changed.mean() * (1 - changed.mean()))))
 
 
 def _moves(normals: Array, places: Array) -> Array:
@@ -100,13 +125,12 @@ def _find_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int
     return int(edges[first[best]]), int(edges[last[best]]), float(fall[best])
 
 
-def _refit(residuals: Array, moves: Array, stretch: slice) -> tuple[Array, Array]:
-    """What the shift makes of the residuals in the stretch, and what is left of all.
+def _refit(residuals: Array, moves: Array, changed: Mask) -> tuple[Array, Array]:
+    """What the shift of the changed rows makes of the residuals, and what is left of them.
 
     Least squares with residuals drawn in to a few median distances, step by step (Huber 1981).
     """
-    own = np.zeros((len(residuals), 3))
-    own[stretch] = moves[stretch, :3]
+    own = moves[:, :3] * changed[:, None]
     design = np.hstack([own, moves])
     solve = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True) @ design.T
     estimate, left = np.zeros(design.shape[1]), residuals
@@ -114,4 +138,4 @@ def _refit(residuals: Array, moves: Array, stretch: slice) -> tuple[Array, Array
         reach = _OUTLYING * float(np.median(np.abs(left)))
         estimate = estimate + solve @ np.clip(left, -reach, reach)
         left = residuals - design @ estimate
-    return own[stretch] @ estimate[:3], left
+    return own @ estimate[:3], left
