@@ -18,8 +18,8 @@ from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.batch_means import STRETCHES, compute_scatter
 from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussian
-from agonic.maths.estimation.robust_spread import weighted_median
 
+_LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
 _ALONE = 0.5  # leverage by which a reading decides more than all others together
@@ -60,7 +60,7 @@ def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimat
             tried.append(refine(problem, found.solution.params, robust) if again else found)
         if agreed or len(rows) == min(n, _ENOUGH):
             break
-    return min(tried, key=lambda found: _compute_spread(problem, found))
+    return min(tried, key=lambda found: _compute_surprise(problem, found))
 
 
 def _draw(n: int, seed: int) -> Index:
@@ -82,7 +82,7 @@ def _search(few: Problem, robust: bool, seed: int) -> Estimate:
         tried.append(refine(few, start, robust))
         if _agrees(few, tried[-1]):
             break
-    return min(tried, key=lambda found: _compute_spread(few, found))
+    return min(tried, key=lambda found: _compute_surprise(few, found))
 
 
 def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
@@ -124,7 +124,9 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
         weights = _weigh(residuals, assumed)
         used = counted
         if problem.magnitude_only:
-            fewer = counted & find_corroborated(problem, solution, weights, sd)
+            fewer = counted & find_corroborated(
+                problem, solution, weights, sd * np.sqrt(assumed["magnitude"].correlation)
+            )
             counted = fewer if fewer.any() else counted
         settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
         if settled and np.array_equal(used, counted):
@@ -165,6 +167,7 @@ def find_corroborated(
     readings are outliers (weight zero), none counts in a cell of directions where outliers are
     the majority. Readings of unusual leverage J C Jᵀ/σ² are a cell of their own, for just off the
     visited directions outliers hide among honest readings; and none counts that decides alone.
+    `sd` is that of a reading as it was weighed, times the root of the correlation length.
     """
     outlier = weights == 0.0
     if not outlier.any() or outlier.all():
@@ -191,17 +194,26 @@ def _weigh(residuals: dict[str, Array], noise: dict[str, Noise]) -> Array:
     return np.asarray(np.minimum.reduce(weights))
 
 
-def _compute_spread(problem: Problem, found: Estimate) -> float:
-    """How much readings scatter about a minimum: Σ log of the noise of each channel.
+def _compute_surprise(problem: Problem, found: Estimate) -> float:
+    """How unlikely the readings are about a minimum: Σ mean min(log σ + z²/2 + log √2π, 0) over the
+    channels, z the residual over its noise σ; a reading that does not fit is one that may lie
+    anywhere within the field.
 
-    Where the magnitude is alone it is that of the median residual, which no outlier reaches, over
-    directions rather than readings.
+    A minimum that holds for fewer of the readings has to hold for them by so much better. Where the
+    magnitude is alone the mean is over directions rather than readings.
     """
+    n = len(problem.points)
+    weights = np.full(n, 1.0 / n)
     if problem.magnitude_only:
         bias, matrix = split(problem.basis @ found.solution.params)
         weights = weigh_crowded(find_cells((problem.points - bias) @ matrix.T))
-        return weighted_median(np.abs(found.residuals["magnitude"]), weights)
-    return sum(float(np.log(noise.sd)) for noise in found.noise.values())
+        weights = weights / weights.sum()
+    surprise = 0.0
+    for channel, noise in found.noise.items():
+        sd = max(noise.sd, np.finfo(float).tiny)
+        fits = np.log(sd) + (found.residuals[channel] / sd) ** 2 / 2 + _LOG_ROOT_2_PI
+        surprise += float(weights @ np.minimum(fits, 0.0))
+    return surprise
 
 
 def _agrees(problem: Problem, found: Estimate) -> bool:
