@@ -32,10 +32,10 @@ def choose_intervals(
 ) -> tuple[int, dict[int, float]]:
     """How many intervals of drift, and the held-out error, nT, by the number of intervals tried.
 
-    Each doubling is tried up to the most that the rows allow, for a swing shows only once knots are
-    closer than half of it. A drift is there where unseen readings fit better by `CERTAIN` standard
-    errors; once there is one, as many intervals as they do not contradict by `DOUBT`, for what a
-    stiff spline misses is in no standard error.
+    Until a drift is found each doubling is tried, up to the most that the rows allow, for a swing
+    shows only once knots are closer than half of it. A drift is there where unseen readings fit
+    better by `CERTAIN` standard errors; then as many intervals as they do not contradict by
+    `DOUBT`, for what a stiff spline misses is in no standard error.
 
     Raises `AgonicError` for a number below zero.
     """
@@ -46,9 +46,9 @@ def choose_intervals(
     candidates = list_candidates(int(used.sum()))
     count = max(BLOCKS_AN_INTERVAL * candidates[-1], _FEWEST_BLOCKS)
     block = np.arange(len(used)) * count // len(used)
-    errors = {k: _residuals_unseen(held_out, used, block, k) for k in candidates}
-    best = 0
+    best, errors = 0, {0: _residuals_unseen(held_out, used, block, 0)}
     for k in candidates[1:]:
+        errors[k] = _residuals_unseen(held_out, used, block, k)
         if compute_certainty(errors[best], errors[k], block[used]) > (-DOUBT if best else CERTAIN):
             best = k
         elif best:  # more than these would be worse, and still more a matter of chance

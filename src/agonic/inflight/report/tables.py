@@ -146,8 +146,8 @@ def list_held_out(flight: Flight) -> Markup:
         for n, error in flight.held_out.items()
     ]
     said = (
-        "Every second block of time was left out of the fit and then predicted. More intervals "
-        "are kept only where they bring the error down by 2 % or more."
+        "Every second block of time was left out of the fit and then predicted. Intervals are "
+        "doubled until readings not seen fit clearly better, then as long as they fit no worse."
     )
     head = ["Bias in time", "Residual not seen, rms", "Above the least", ""]
     return Markup(element("p", said) + table(head, rows, class_="numbers choices"))
