@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M
@@ -167,6 +166,8 @@ def estimate_shaking(
 
 def smooth(values: Array, width: int) -> Array:
     """The moving average over `width` rows, of each column by itself."""
+    from scipy.ndimage import uniform_filter1d  # slow to load
+
     return np.asarray(uniform_filter1d(values, width, axis=0, mode="nearest"))
 
 

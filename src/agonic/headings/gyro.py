@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
@@ -151,6 +150,8 @@ def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Ar
 
 def _lasting(level: Array, step: float, settling_s: float) -> Array:
     """What the filter's own low-pass leaves (n, 2): Butterworth, forwards and backwards."""
+    from scipy.signal import butter, sosfiltfilt  # slow to load, and not needed by most commands
+
     corner_Hz = np.sqrt(2.0) / (2 * np.pi * settling_s)
     sos = butter(2, min(corner_Hz * step * 2, 0.99), output="sos")
     return np.asarray(sosfiltfilt(sos, level, axis=0, padlen=0, padtype=None))

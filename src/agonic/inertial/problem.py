@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index
 from agonic.attitude.problem import Scale, normalise
@@ -106,6 +105,8 @@ def make_log(samples: Samples, felt: Inertial, sds: Array, scale_sd: float | Non
 
 def orient(problem: Problem, samples: Samples, felt: Inertial, params: Array) -> Array:
     """Attitudes (n, 3, 3) to magnetic north, east and down: the azimuth of the field, smoothed."""
+    from scipy.ndimage import uniform_filter1d  # slow to load
+
     assert samples.time is not None
     assert felt.ahead is not None
     bias, matrix = split(problem.basis @ params[: problem.basis.shape[1]])

@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from scipy.signal import lfilter
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError, check_choice
+from agonic.maths.estimation.autoregression import autoregress
 from agonic.readable import Readable
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -177,7 +177,7 @@ def _swing(time: Array, rate_Hz: float, phase: float) -> tuple[Array, Array]:
     before = np.arange(-round(5 * lag_s * rate_Hz), 0) / rate_Hz
     whole = half_C * np.sin(2 * np.pi * np.concatenate([before, time]) / period_s + phase)
     kept = np.exp(-1.0 / (lag_s * rate_Hz))
-    behind = lfilter([1 - kept], [1, -kept], whole - whole[0]) + whole[0]
+    behind = autoregress((1 - kept) * (whole - whole[0]), kept) + whole[0]
     away = (whole - behind)[len(before) :]
     turns = 2 * np.pi * lag_s / period_s
     return 15.0 + whole[len(before) :], away / (half_C * turns / np.hypot(1.0, turns))

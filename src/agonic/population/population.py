@@ -14,7 +14,8 @@ from agonic.errors import AgonicError
 from agonic.population.row import Row
 from agonic.readable import Readable
 
-COLUMNS: Mapping[str, Any] = {field.name: get_type_hints(Row)[field.name] for field in fields(Row)}
+_HINTS = get_type_hints(Row)
+COLUMNS: Mapping[str, Any] = {field.name: _HINTS[field.name] for field in fields(Row)}
 """The columns of a population and the types of `Row` that they hold."""
 
 AXES = ("x", "y", "z")

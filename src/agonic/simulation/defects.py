@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError
+from agonic.maths.estimation.autoregression import autoregress
 from agonic.samples import Samples
 from agonic.simulation.draws import draw_directions
 
@@ -155,7 +155,7 @@ def with_correlated_noise(sd: float, correlation_s: float, *, seed: int = 0) -> 
         kept = np.exp(-np.median(np.diff(_time(samples))) / correlation_s)
         white = np.random.default_rng(seed).standard_normal((len(samples), 3))
         white[1:] *= np.sqrt(1 - kept**2)  # so that the noise is stationary from the first row
-        noise = sd * lfilter([1.0], [1.0, -kept], white, axis=0)
+        noise = sd * autoregress(white, kept)
         return samples.with_columns(field=samples.field + noise)
 
     return defect

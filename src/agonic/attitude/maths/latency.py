@@ -12,15 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from agonic.arrays import Array, Index
 from agonic.attitude.maths.score_variance import compute_score_variance
 from agonic.maths.estimation.leastsq import MAD_TO_SD, tukey
 from agonic.maths.rotations.attitude import integrate_rates
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 _SUPPORTED = 1e-8  # part of a stretch's largest mean square; 5 nT of 50 000 are below the noise
 _MEDIAN_NORM = 1.5382  # median length of three Gaussian numbers, √(median of χ²₃)
@@ -82,11 +84,15 @@ def attitude_path(time: Array, rot_nb: Array) -> Path:
     Index are smoothed by the weights 1, 4, 6, 4, 1, and their times with them: what noise is left
     is well below the Nyquist frequency, where a spline is as noisy between rows as on them.
     """
+    from scipy.interpolate import CubicSpline  # slow to load
+
     return Path(CubicSpline(_smooth(time), _smooth(rot_nb.reshape(-1, 9))))
 
 
 def gyro_path(time: Array, rotation_rate: Array) -> Path:
     """The path that a gyro (n, 3) rad/s integrates to, and what a bias on each axis adds to it."""
+    from scipy.interpolate import CubicSpline  # slow to load
+
     rot_nb = integrate_rates(rotation_rate, time).as_matrix()
     turned = CubicSpline(time, rot_nb).antiderivative()(time)  # ∫R dt: columns turn n per bias
     drifts = np.einsum("nkj,kab,nbc->jnac", turned, _SKEW, rot_nb).reshape(3, -1, 9)

@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Mask
@@ -16,6 +15,7 @@ from agonic.inflight.simulation.kepler import Orbit, compute_state_i
 from agonic.maths.earth.earth_rotation import is_in_shadow, rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
 from agonic.maths.earth.geodesy import directions as place
+from agonic.maths.estimation.autoregression import autoregress
 from agonic.simulation.draws import draw_directions, draw_smooth, make_knots
 
 Pointing = Literal["nadir", "tumble"]
@@ -113,7 +113,7 @@ def gauss_markov(rng: np.random.Generator, time: Array, correlation_s: float) ->
     kept = np.exp(-_interval(time) / correlation_s)
     white = rng.standard_normal((len(time), 3))
     white[1:] *= np.sqrt(1 - kept**2)
-    return np.asarray(lfilter([1.0], [1.0, -kept], white, axis=0))
+    return autoregress(white, kept)
 
 
 def follow_temperature(
@@ -127,8 +127,7 @@ def follow_temperature(
     heading_for = np.where(way.eclipse, shadow, sunlight)
     kept = np.exp(-_interval(time) / settling_s)
     start = (shadow + sunlight) / 2
-    followed, _ = lfilter([1 - kept], [1.0, -kept], heading_for, zi=[kept * start])
-    return np.asarray(followed)
+    return start + autoregress((1 - kept) * (heading_for - start), kept)
 
 
 def draw_drift(

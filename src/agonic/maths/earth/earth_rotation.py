@@ -13,7 +13,6 @@ from collections.abc import Callable
 import erfa
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from agonic.arrays import Array, Mask
 
@@ -71,6 +70,8 @@ def spline_series(tt_s: Array, series: Callable[[Array], Array]) -> Array:
     `series` takes days of TT since 1970 and is called for the moments themselves where there are
     fewer of them than nodes.
     """
+    from scipy.interpolate import CubicSpline  # slow to load
+
     first, last = np.floor(tt_s.min() / _NODE_S) - 2, np.ceil(tt_s.max() / _NODE_S) + 2
     if last - first >= len(tt_s):
         return series(tt_s / _DAY_S)

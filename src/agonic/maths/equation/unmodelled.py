@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
+from agonic.maths.estimation.autoregression import autoregress
 
 Terms = Callable[[Array], Array]
 """Readings over the radius, (n, 3), to E (n, 3, k)."""
@@ -47,10 +48,8 @@ def lag(x: Array, apart: Mask) -> Array:
 
 def memory(x: Array) -> Array:
     """The reading holds something of those before it: an average that fades, own reading apart."""
-    from scipy.signal import lfilter  # slow to import, and not needed by most commands
-
     share = 1.0 / MEMORY_ROWS
-    faded = lfilter([share], [1.0, share - 1.0], x - x[0], axis=0) + x[0]
+    faded = autoregress(share * (x - x[0]), 1.0 - share) + x[0]
     return _by_axis(np.vstack([x[:1], faded[:-1]]))
 
 

@@ -21,10 +21,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from agonic.arrays import Array, Index
+from agonic.maths.estimation.autoregression import autoregress
 
 STRETCHES = 20_000
 """Stretches of time that a record is summed up in; within one nothing turns much."""
@@ -98,6 +97,8 @@ def find_correlated_errors(sums: Sums, white: float, step_s: float) -> tuple[Cor
     >>> find_correlated_errors(quiet, 1.0, 1.0)
     ()
     """
+    from scipy.optimize import nnls  # slow to load
+
     k = len(sums.weight)
     longest = max(int(k * _LONGEST), 1)
     if k < 3 * _GROUPS:
@@ -148,7 +149,7 @@ def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float
         kept = np.exp(-step_s / error.time_s)
         for column in sums.directions[error.geometry].T:
             scores = sums.jacobian * (column[:, None] / weight)
-            followed = scores.T @ lfilter([1.0], [1.0, -kept], scores, axis=0)
+            followed = scores.T @ autoregress(scores, kept)
             added += error.variance * (followed + followed.T - scores.T @ scores)
     return added
 

@@ -25,7 +25,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from agonic.arrays import Array
 from agonic.maths.estimation.student import compute_widening
@@ -98,6 +97,8 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
     >>> find_memory(Stretches.of(noise, one, one[:, 0], one, 1), mean, (slice(0, 1),)) is None
     True
     """
+    from scipy.optimize import nnls  # slow to load
+
     k = len(sums.seen)
     if k < FEWEST:
         return None

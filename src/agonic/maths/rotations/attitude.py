@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
@@ -82,6 +81,8 @@ def integrate_rates(rotation_rate: Array, time: Array) -> Rotation:
     >>> (quarter.as_rotvec(degrees=True) + 0).round(9).tolist()
     [0.0, 0.0, 90.0]
     """
+    from scipy.interpolate import CubicSpline  # slow to load
+
     turned = np.diff(CubicSpline(time, rotation_rate).antiderivative()(time), axis=0)
     coning = np.cross(rotation_rate[:-1], rotation_rate[1:]) * np.diff(time)[:, None] ** 2 / 12
     steps = Rotation.from_rotvec(np.concatenate([np.zeros((1, 3)), turned + coning]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
@@ -29,6 +28,8 @@ def low_pass(values: Array, step: float, settling_s: float) -> Array:
     >>> low_pass(np.array([1.0, 1.0, 1.0, 1.0]), 0.1, 1.0).round(9).tolist()
     [1.0, 1.0, 1.0, 1.0]
     """
+    from scipy.signal import butter, sosfiltfilt  # slow to load, and not needed by most commands
+
     sos = butter(2, min(2 * find_corner_Hz(settling_s) * step, 0.99), output="sos")
     length = min(len(values) - 1, round(BLIND * settling_s / step))
     return np.asarray(sosfiltfilt(sos, values, axis=0, padtype="even", padlen=length))

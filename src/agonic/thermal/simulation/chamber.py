@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from agonic.arrays import Array
+from agonic.maths.estimation.autoregression import autoregress
 from agonic.simulation.draws import draw_directions, make_knots
 from agonic.thermal.plan.plan import ThermalPlan
 
@@ -32,8 +32,7 @@ def apply_lag(level: Array, lag_s: float) -> Array:
     if lag_s <= 0.0:
         return level
     share = 1.0 - np.exp(-TICK_S / lag_s)
-    rest = (1.0 - share) * level[:1]
-    return np.asarray(lfilter([share], [1.0, share - 1.0], level, zi=rest)[0])
+    return np.asarray(level[0] + autoregress(share * (level - level[0]), 1.0 - share))
 
 
 def add_spikes(raw: Array, share: float, rng: np.random.Generator) -> None:
