@@ -172,6 +172,7 @@ def find_nearest_axis(direction: Array) -> str:
 
 _CELL_SHARE = 1 / 32  # of all that counts, in one cell of many
 _FEWEST_CELLS = 12
+_FINEST = 21  # so often cubes are halved at most
 _THINNED = 0.5  # of the rows; where more are left all stay
 
 
@@ -188,7 +189,9 @@ def weigh_crowded(cells: Index) -> Array:
     visited = max(int(np.count_nonzero(counts >= min(3, counts.max(initial=1)))), 1)
     share, cap = max(_CELL_SHARE, 2 / visited), float(counts.max(initial=1))
     for _ in range(60):
-        cap = min(cap, max(share * float(np.minimum(counts, cap).sum()), 1.0))
+        before, cap = cap, min(cap, max(share * float(np.minimum(counts, cap).sum()), 1.0))
+        if cap == before:
+            break
     return np.asarray(np.minimum(1.0, cap / counts)[where])
 
 
@@ -197,20 +200,31 @@ def find_places(points: Array) -> Index:
 
     Cubes are halved until a dozen hold points in succession; so far outliers do not set them.
     """
-    n, middle = len(points), np.median(points, axis=0)
+    middle = np.median(points, axis=0)
     size = 2 * float(np.abs(points - middle).max(initial=0.0))
-    cells = np.zeros(n, dtype=np.intp)
-    for halved in range(2, 22):
+    cells = np.zeros(len(points), dtype=np.intp)
+    apart = np.sort(np.abs(np.diff(points, axis=0)).max(axis=1))
+    least = float(apart[_FEWEST_CELLS - 1]) if len(apart) >= _FEWEST_CELLS else np.inf
+    for halved in range(2, _FINEST + 1):
         if size == 0.0:
             break
-        cube = np.floor((points - middle) / (size / 2**halved) + 0.5) + 2.0**halved
-        key = (cube[:, 0] * 2.0**31 + cube[:, 1]).astype(np.int64)
-        key = np.unique(key, return_inverse=True)[1] * 2**31 + cube[:, 2].astype(np.int64)
-        cells = np.unique(key, return_inverse=True)[1]
+        if size / 2**halved < least and halved < _FINEST:
+            continue  # a dozen pairs of successive points are too far apart for one cube each
+        cells = _number_cubes(points - middle, size, halved)
         stays = np.bincount(cells[1:][cells[1:] == cells[:-1]], minlength=cells.max(initial=0) + 1)
         if np.count_nonzero((np.bincount(cells) >= 3) & (stays > 0)) >= _FEWEST_CELLS:
             break
     return cells
+
+
+def _number_cubes(points: Array, size: float, halved: int) -> Index:
+    """The number of the cube of points (n, 3), of a `size` that is halved so many times."""
+    bits = halved + 2
+    cube = (np.floor(points / (size / 2**halved) + 0.5) + 2.0**halved).astype(np.int64)
+    key = (cube[:, 0] << bits) + cube[:, 1]
+    if 3 * bits > 62:
+        key = np.unique(key, return_inverse=True)[1]
+    return np.unique((key << bits) + cube[:, 2], return_inverse=True)[1]
 
 
 def find_spread_rows(points: Array, *, most: int | None = None, seed: int = 0) -> Index:
