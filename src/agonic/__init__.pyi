@@ -28,6 +28,8 @@ from agonic.calibration.interference import mean_of as mean_of
 from agonic.calibration.setup import Compass as Compass
 from agonic.calibration.setup import Setup as Setup
 from agonic.coverage import Coverage as Coverage
+from agonic.ellipse.fit import fit_ellipse as fit_ellipse
+from agonic.ellipse.result import EllipseFit as EllipseFit
 from agonic.ellipsoid import fit_ellipsoid as fit_ellipsoid
 from agonic.ellipsoid import fit_moments as fit_moments
 from agonic.ellipsoid import fit_recording as fit_recording

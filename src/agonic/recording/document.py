@@ -15,7 +15,7 @@ from agonic.recording.calibrated import Calibrated, list_failed
 from agonic.recording.choice import describe_latency
 from agonic.recording.disturber_section import describe_disturbers
 from agonic.recording.entries import describe_heading, describe_origin, list_details, list_entries
-from agonic.recording.ladder_section import describe_ladder
+from agonic.recording.ladder_section import describe_ladder, summarise_ladder
 from agonic.recording.quantities import mixes_sensors
 from agonic.recording.residuals import compute_residuals, find_held_out
 from agonic.recording.tables import describe_method, list_numbers
@@ -173,7 +173,7 @@ def describe_sensor(
         move=choose_move(result),
         remarks=warnings,
         key_figures=() if refused else _list_key_figures(result),
-        entries=list_entries(result),
+        entries=list_entries(result) | ({} if alone else summarise_ladder(result)),
         details=list_details(result),
         entries_title="",
         refused_numbers=True,

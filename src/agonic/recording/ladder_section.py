@@ -33,12 +33,19 @@ def describe_ladder(result: Calibrated, *, printed: bool) -> list[Section]:
             [
                 Table(HEAD, rows, style="numbers ladder", scrolls=True),
                 _say_why(rungs),
-                element("p", _say_of_network(result)),
+                _say_of_network(result),
                 _explain(),
             ],
             printed=printed,
         )
     ]
+
+
+def summarise_ladder(result: Calibrated) -> dict[str, str]:
+    """The ladder as one line, for the text of several sensors: what unseen magnitudes leave."""
+    rungs = [rung for rung in result.ladder if np.isfinite(rung.spread)]
+    steps = (f"{'✓ ' if one.chosen else ''}{one.name} {percent(one.spread)}" for one in rungs)
+    return {"Ladder": f"spread, unseen: {', '.join(steps)}"} if rungs else {}
 
 
 def list_rungs(result: Calibrated) -> list[dict[str, Any]]:
@@ -75,17 +82,19 @@ def _say_why(rungs: tuple[Rung, ...]) -> str:
 
 
 def _say_of_network(result: Calibrated) -> str:
+    """Whether anything is left for a network; that nothing is, is said on the page alone."""
     fit = result.fit
     gain = float(np.trace(fit.calibration.matrix) / 3)
     ratio = result.verification.residual_rms / max(fit.noise * gain, 1e-12)
     if ratio < LEFT:
-        return (
+        return element(
+            "p",
             f"Nothing is left for a network: unseen residuals are {ratio:.1f} times the noise of "
-            "the readings."
+            "the readings.",
         )
     return (
         f"Unseen residuals are {ratio:.1f} times the noise: with a known field, "
-        "agonic fit network tells whether a network finds more."
+        "agonic fit network LOG --reference TABLE tells whether a network finds more."
     )
 
 
