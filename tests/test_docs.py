@@ -2,6 +2,7 @@
 
 import ast
 import doctest
+import inspect
 import re
 import runpy
 import shutil
@@ -11,6 +12,7 @@ import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
@@ -234,9 +236,23 @@ def test_examples_run(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_docstrings_become_markup(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(DOCS / "_ext")
-    tested = doctest.testmod(import_module("docstrings"))
-    assert tested.attempted > 0
-    assert tested.failed == 0
+    for name in ("docstrings", "formulas"):
+        tested = doctest.testmod(import_module(name))
+        assert tested.attempted > 0
+        assert tested.failed == 0
+
+
+def test_every_formula_of_the_api_is_markup_that_closes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(DOCS / "_ext")
+    restructured = import_module("docstrings").restructured
+    shown = 0
+    for name in ag.__all__:
+        lines = (inspect.getdoc(getattr(ag, name)) or "").splitlines()
+        for line in restructured(lines):
+            if "<math" in line:
+                fromstring(line.strip())  # XML that is whole
+                shown += 1
+    assert shown > 12
 
 
 def test_pages_hold_what_is_generated(site: Path) -> None:

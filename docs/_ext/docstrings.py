@@ -1,7 +1,8 @@
 """Docstrings of agonic as reStructuredText: plain text with `names`, sections and formulas.
 
 They are written to be read with `help()`. Here the signs that would mean markup are escaped, and
-entries `name : what it is` below an underlined heading become a definition list.
+entries `name : what it is` below an underlined heading become a definition list, and indented lines
+with an equation before the first heading a typeset formula.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from formulas import typeset_formula
 from sphinx.application import Sphinx
 
 _ENTRY = re.compile(r"^(?P<names>[A-Za-z_][\w, ]*?) : (?P<rest>.+)$")
+_FORMULA = re.compile(r"    [^`\"]*[=Σ≤][^`\"]*$")
 _PARTS = re.compile(r"(`[^`]*`)")
 _MARKS = re.compile(r"([*|\\]|_\b)")
 
@@ -24,12 +27,15 @@ def restructured(lines: list[str]) -> Iterator[str]:
     ['.. rubric:: Parameters', '', '``bias``', '    (3,), \\\\|b\\\\|', '    in nT.']
     """
     after = [*lines[1:], ""]
-    doctest = False
+    doctest, prose = False, True
     for line, following in zip(lines, after, strict=True):
         doctest = line.lstrip().startswith(">>>") or (doctest and bool(line.strip()))
         if doctest:
             yield line
+        elif prose and _FORMULA.match(line):
+            yield from (".. raw:: html", "", f"    {typeset_formula(line)}", "")
         elif line and set(following) == {"-"}:
+            prose = False
             yield from (f".. rubric:: {line}", "")
         elif set(line) != {"-"}:
             yield from _entry(line)

@@ -20,7 +20,9 @@ _LAYOUT = struct.Struct("<4s8s4d35d")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moments(Readable):
-    """Σ x^a y^b z^c, a+b+c ≤ 4, of (readings − centre)/scale.
+    """Sums of powers of (readings − centre)/scale, up to the fourth.
+
+        Σ x^a y^b z^c,   a + b + c ≤ 4
 
     Sums of chunks, workers or days: `a + b` moves b to a's centre and adds. Constant memory.
 

@@ -64,8 +64,10 @@ def fit_latency(
 ) -> LatencyFit:
     """The delay of raw readings beside the recorded attitude or rotation rate.
 
-    raw(t) = Γ vec R(t − τ) + b, R = rot_nb, with Γ (3, 9) and b (3,) free in every stretch of time,
-    so that neither a calibration nor the field need be known.
+        raw(t) = Γ vec R(t − τ) + b,   R = rot_nb
+
+    Γ (3, 9) and b (3,) are free in every stretch of time, so that neither a calibration nor the
+    field need be known.
 
     Parameters
     ----------

@@ -28,8 +28,12 @@ def fit_vector(
 ) -> Fit:
     """Bias and matrix that turn every reading into the field of the place in body axes.
 
-    Beside magnitude and dip as in `fit_levelled`, the azimuth: u·e = 0 with e horizontal, in body
-    axes by the known attitude, and square to the field. Each kind of residual is weighted by its
+    Beside magnitude and dip as in `fit_levelled`, the azimuth, with e horizontal, in body axes by
+    the known attitude, and square to the field:
+
+        u·e = 0
+
+    Each kind of residual is weighted by its
     own scatter, so a heading of poor quality does no harm to what roll and pitch determine.
 
     Parameters

@@ -42,7 +42,9 @@ FREE_PARAMETERS = (*PARAMETERS, "matrix_yx", "matrix_zx", "matrix_zy")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Affine(Correction):
-    """The correction field = matrix @ (raw − bias).
+    """The correction by a bias and a matrix.
+
+        field = matrix @ (raw − bias)
 
     Parameters
     ----------

@@ -19,7 +19,9 @@ from agonic.maths.equation import affine as kernel
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Interference(Affine):
-    """The correction field = matrix @ (raw − bias − coefficients @ x).
+    """The correction by a bias, a matrix and what recorded sources add.
+
+        field = matrix @ (raw − bias − coefficients @ x)
 
     x is what was recorded of the sources: currents in amperes, the duty of motors, the throttle,
     the dipole of a torquer, or the readings of a second magnetometer. With the latter this is the

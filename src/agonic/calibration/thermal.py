@@ -25,8 +25,9 @@ MARGIN_C = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Thermal(Correction):
-    """The correction field = matrix(T) @ (raw − bias(T)), T the sensor's own temperature.
+    """The correction over T, the sensor's own temperature.
 
+        field = matrix(T) @ (raw − bias(T))
         bias(T) = Σ_k bias[k] xᵏ + rate dT/dt,   matrix(T) = Σ_k matrix[k] xᵏ,
         x = (T − centre_C) / half_range_C
 

@@ -41,8 +41,11 @@ def fit_ellipse(
 ) -> EllipseFit:
     """Bias and matrix in the plane that put the readings of a level two-axis compass on a circle.
 
-    Minimises Σ ρ(r_i/σ), r = (|W(raw − bias)| − H)/|Wᵀû| the distance from the ellipse, with the
-    five unknowns bias x y and W xx yy xy, W symmetric.
+    Minimises, with r the distance from the ellipse,
+
+        Σ ρ(r_i/σ),   r = (|W(raw − bias)| − H)/|Wᵀû|
+
+    by the five unknowns bias x y and W xx yy xy, W symmetric.
 
     Parameters
     ----------

@@ -57,8 +57,9 @@ def fit_ellipsoid(
 ) -> Fit:
     """Bias and matrix that put every calibrated reading at the field's magnitude.
 
-    Minimises Σ ρ(r_i/σ) + |prior|²/2, r = (|W(raw − bias)| − F)/|Wᵀû| the distance from the
-    ellipsoid in raw space.
+    Minimises, with r the distance from the ellipsoid in raw space,
+
+        Σ ρ(r_i/σ) + |prior|²/2,   r = (|W(raw − bias)| − F)/|Wᵀû|
 
     Parameters
     ----------

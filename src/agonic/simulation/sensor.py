@@ -78,7 +78,9 @@ def simulate(
     seed: int = 0,
     **settings: Any,
 ) -> Simulated:
-    """Readings of a known magnetometer in a known field: raw = matrix⁻¹ @ field_b + bias + noise.
+    """Readings of a known magnetometer in a known field.
+
+        raw = matrix⁻¹ @ field_b + bias + noise
 
     Parameters
     ----------
