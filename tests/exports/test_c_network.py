@@ -57,13 +57,18 @@ def trained() -> dict[str, Network | Chain]:
         half_range_C=30.0,
     )
     current = np.sin(np.arange(3000) / 40.0)
+    duty = np.abs(np.cos(np.arange(3000) / 55.0))
     aboard = Interference(
         bias=[100.0, -50.0, 20.0],
         matrix=np.eye(3),
         sources=("current_A", "second"),
         coefficients=np.hstack([[[90.0], [-40.0], [10.0]], 0.01 * np.eye(3)]),
     )
-    samples = made.samples.with_columns(current_A=current, second=made.samples.field[:, [1, 2, 0]])
+    samples = made.samples.with_columns(
+        current_A=current,
+        second=made.samples.field[:, [1, 2, 0]],
+        disturbers={"motor1_duty": duty},
+    )
 
     def fit(**settings) -> Network:
         known = settings.pop("reference", made.reference)
@@ -76,6 +81,7 @@ def trained() -> dict[str, Network | Chain]:
         "two layers": fit(hidden=(4, 3)),
         "thermal": fit(base=hot, inputs=("field", "temperature"), hidden=4),
         "thermal alone": fit(base=hot, hidden=3),
+        "motor": fit(inputs=("field", "motor1_duty"), hidden=3),
         "aboard": fit(base=aboard, inputs=("field", "current_A"), hidden=3),
         "magnitude": fit(reference=length, target="magnitude", hidden=3),
         "none": fit(base=None, hidden=5, inputs=("field", "temperature")),
@@ -92,6 +98,7 @@ KINDS = (
     "two layers",
     "thermal",
     "thermal alone",
+    "motor",
     "aboard",
     "magnitude",
     "none",
@@ -130,6 +137,7 @@ def readings(calibration, n: int = 400, spread: float = 1.0) -> tuple[np.ndarray
     columns = {
         "temperature": rng.uniform(-5.0, 35.0, n),
         "current_A": rng.uniform(-1.0, 1.0, n),
+        "motor1_duty": rng.uniform(0.0, 1.0, n),
         "second": 50_000.0 * rng.uniform(-1.0, 1.0, (n, 3)),
     }
     raw = raw.astype(np.float32).astype(float)

@@ -97,6 +97,29 @@ def parse_source(text: str) -> Source:
     return source
 
 
+def measure_width(name: str) -> int:
+    """How many numbers a row an input is: three for vectors, one for any other column.
+
+    >>> measure_width("field"), measure_width("motor1_duty")
+    (3, 1)
+    """
+    return parse_source(name).width
+
+
+def check_inputs(inputs: tuple[str, ...]) -> None:
+    """Raise `AgonicError` where inputs of a network are none, named twice, or no columns.
+
+    Beside those of `WIDTH` any column that tells what the vehicle does can be one. A network finds
+    the form by itself, so powers, sums and delays have no place in it.
+    """
+    plain = all(n in WIDTH or ("_" in n and re.fullmatch(_NAME, n, re.ASCII)) for n in inputs)
+    if not inputs or not plain or len(set(inputs)) < len(inputs):
+        raise AgonicError(
+            f"inputs must be some of {', '.join(WIDTH)}, or columns such as motor1_duty, each "
+            f"once; given: {', '.join(inputs) or 'none'}"
+        )
+
+
 def list_columns(sources: Iterable[str]) -> tuple[str, ...]:
     """The columns that sources need, each once.
 

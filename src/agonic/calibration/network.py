@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Correction, Validity, read_only, require_covariance
-from agonic.calibration.inputs import WIDTH, stack_inputs
+from agonic.calibration.inputs import check_inputs, measure_width, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
 from agonic.maths.equation import network as kernel
@@ -39,7 +39,7 @@ class Network(Correction):
     ----------
     base : an `Affine` (or `Interference`), a `Thermal`, or None.
     inputs : names of what goes in: "field" (the readings), "temperature", "temperature_rate",
-        "current_A", "throttle", "second".
+        "current_A", "throttle", "second", or a disturber's column, as "motor1_duty".
     input_middle, input_half : (i,) x = (input − middle) / half.
     output_middle, output_half : (o,) and a number, nT; o is 3, or 1 along the field.
     hidden : (h, i+1) U: the weights of each node and, last, its constant.
@@ -102,14 +102,12 @@ class Network(Correction):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.inputs if name not in WIDTH]
-        if unknown or not self.inputs or len(set(self.inputs)) < len(self.inputs):
-            raise AgonicError(
-                f"inputs must be some of {', '.join(WIDTH)}, each once; "
-                f"given: {', '.join(self.inputs) or 'none'}"
-            )
         object.__setattr__(self, "inputs", tuple(self.inputs))
-        i, (h, o) = sum(WIDTH[name] for name in self.inputs), (len(self.hidden), len(self.output))
+        check_inputs(self.inputs)
+        i, (h, o) = (
+            sum(measure_width(name) for name in self.inputs),
+            (len(self.hidden), len(self.output)),
+        )
         if o not in (1, 3) or (o == 1 and self.base is None):
             raise AgonicError(f"{o} outputs: a network gives three, or one along a base's field")
         shapes = {

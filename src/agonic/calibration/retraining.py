@@ -12,7 +12,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import WIDTH
+from agonic.calibration.inputs import check_inputs
 from agonic.calibration.network import Along, Network, require_nodes
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
@@ -78,9 +78,7 @@ class RetrainerParams:
         check_choice("target", self.target, get_args(Along))
         object.__setattr__(self, "inputs", tuple(self.inputs))
         object.__setattr__(self, "hidden", require_nodes(self.hidden))
-        unknown = [name for name in self.inputs if name not in WIDTH]
-        if unknown or not self.inputs:
-            raise AgonicError(f"inputs must be some of {', '.join(WIDTH)}")
+        check_inputs(self.inputs)
         if self.base is None and self.target == "magnitude":
             raise AgonicError('target="magnitude" teaches a length only, so it needs a base')
         for name in (

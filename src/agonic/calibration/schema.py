@@ -177,11 +177,12 @@ class NetworkRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="ne
         Meta(description="What corrects alone far from the training; null: nothing."),
     ]
     inputs: Annotated[
-        tuple[
-            Literal["field", "temperature", "temperature_rate", "current_A", "throttle", "second"],
-            ...,
-        ],
-        Meta(min_length=1, description="What goes in, in order; field is the reading, unit_in."),
+        tuple[str, ...],
+        Meta(
+            min_length=1,
+            description="What goes in, in order: field (the reading, unit_in), temperature, "
+            "temperature_rate, current_A, throttle, second, or a column such as motor1_duty.",
+        ),
     ]
     input_middle: Annotated[Row, Meta(description="x = (input − middle) / half.")]
     input_half: Annotated[Row, Meta(description="x = (input − middle) / half.")]

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
+from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracker_params import TrackerParams as TrackerParams
 from agonic.maths.equation import gauge
@@ -75,11 +76,12 @@ class TrackerState:
     """Where a followed calibration stands: everything that the next reading needs.
 
     `base` is the calibration it started from; where that changed with temperature, `ground` is it
-    and `base` what it is at its middle temperature. `estimate` is the filter's, with its
-    covariance, `noise` of one reading on one axis; `n` readings were seen, `refused` of them not
-    used; `jumps` are all jumps so far; `epoch` is the UTC moment of time zero, if known;
-    `magnitude` the last reference magnitude, nT; `external_sd`, nT, and `external_time_s` of errors
-    with memory, as the reference states them or as the readings show.
+    and `base` what it is at its middle temperature; where it took out what disturbs on board,
+    `aboard` is it and `base` what it is with all of that switched off. `estimate` is the
+    filter's, with its covariance, `noise` of one reading on one axis; `n` readings were seen,
+    `refused` of them not used; `jumps` are all jumps so far; `epoch` is the UTC moment of time
+    zero, if known; `magnitude` the last reference magnitude, nT; `external_sd`, nT, and
+    `external_time_s` of errors with memory, as the reference states them or as the readings show.
     """
 
     base: Affine
@@ -95,6 +97,7 @@ class TrackerState:
     epoch: datetime | None = None
     magnitude: float | None = None
     ground: Thermal | None = None
+    aboard: Interference | None = None
     external_sd: float = 0.0
     external_time_s: float = 600.0
     gyro_unused: str = ""
@@ -181,7 +184,10 @@ class TrackerState:
         Parameters: raw (n, 3) in the unit of the ground calibration; columns (n,) that it needs.
 
         matrix(T₀)⁻¹ field + bias(T₀): what it knows of the temperature stays, its constant moves.
+        What disturbs on board is taken out of the readings.
         """
+        if self.aboard is not None:
+            return self.aboard.cleaned(raw, **columns)
         if self.ground is None:
             return np.asarray(raw, dtype=np.float64)
         field = self.ground.correct(raw, **columns)
@@ -208,5 +214,30 @@ class TrackerState:
             matrix=np.stack([now.matrix, *ground.matrix[1:]]),
             covariance=covariance,
             noise=now.noise,
+            provenance=now.provenance,
+        )
+
+    @property
+    def interference(self) -> Interference | None:
+        """The calibration now with what disturbs on board; `None` where it knew of nothing.
+
+        The covariance of bias and matrix is the tracker's, that of the coefficients the first's.
+        """
+        if self.aboard is None:
+            return None
+        now, first = self.calibration, self.aboard
+        covariance = None
+        if first.covariance is not None and now.covariance is not None:
+            covariance, m = np.array(first.covariance), len(now.covariance)
+            covariance[:m] = covariance[:, :m] = 0.0
+            covariance[:m, :m] = now.covariance
+        return replace(
+            first,
+            bias=now.bias,
+            matrix=now.matrix,
+            covariance=covariance,
+            noise=now.noise,
+            magnitude=now.magnitude,
+            unit_out=now.unit_out,
             provenance=now.provenance,
         )

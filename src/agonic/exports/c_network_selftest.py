@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import WIDTH, signals
+from agonic.calibration.inputs import measure_width, signals
 from agonic.errors import AgonicWarning
 from agonic.exports.c_network_parts import Parts
 
@@ -103,9 +103,9 @@ def _exact(parts: Parts, known: _Readings) -> tuple[Array, Array]:
     """The field (n, 3) in double precision, and 1 or 0 (n,) as the C returns it."""
     columns, at = {}, 0
     for name in parts.network.needs:
-        columns[name] = known.beside[:, at : at + WIDTH[name]]
-        at += WIDTH[name]
-    columns = {n: v if WIDTH[n] == 3 else v[:, 0] for n, v in columns.items()}
+        columns[name] = known.beside[:, at : at + measure_width(name)]
+        at += measure_width(name)
+    columns = {n: v if measure_width(n) == 3 else v[:, 0] for n, v in columns.items()}
     raw = known.raw if parts.before is None else parts.before.correct(known.raw)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AgonicWarning)

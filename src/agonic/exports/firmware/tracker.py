@@ -124,6 +124,12 @@ def _require_settled(state: TrackerState) -> None:
             "the calibration that the tracker started from changes with temperature, which its C "
             "does not hold; apply that calibration to the readings and follow what remains"
         )
+    if state.aboard is not None:
+        raise AgonicError(
+            "the calibration that the tracker started from takes out what disturbs on board, which "
+            "its C does not hold; take that out of the readings before they are passed on, and "
+            "follow what remains"
+        )
     if not state.settled:
         raise AgonicError(
             f"the tracker has not settled after {state.n} readings; pass on more, in more "

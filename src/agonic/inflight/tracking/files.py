@@ -15,10 +15,12 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
+from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
 from agonic.inflight.tracking.schema import (
+    AboardRecord,
     BaseRecord,
     BatchesRecord,
     FilterRecord,
@@ -48,6 +50,7 @@ _NAMES = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame
 _RECORDS: dict[type, type[Struct]] = {
     Affine: BaseRecord,
     Thermal: ThermalRecord,
+    Interference: AboardRecord,
     FilterState: FilterRecord,
     turning.TurnState: FilterRecord,
     RunningBatchMeans: BatchesRecord,
@@ -116,6 +119,7 @@ def _restore_state(record: StateRecord) -> TrackerState:
     return TrackerState(
         base=base,
         ground=_restore_ground(record.ground, base),
+        aboard=_restore_aboard(record.aboard, base),
         turned=split_rotation(base.matrix, base.covariance, base.gauge)[1],
         estimate=_restore_filter(record.estimate),
         noise=record.noise,
@@ -163,6 +167,13 @@ def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | Non
     validity = Validity(temperature_C=values.pop("temperature_C"))
     named = {name: getattr(base, name) for name in _NAMES}
     return Thermal(**values, **named, validity=validity)
+
+
+def _restore_aboard(record: AboardRecord | None, base: Affine) -> Interference | None:
+    if record is None:
+        return None
+    named = {name: getattr(base, name) for name in _NAMES}
+    return Interference(**msgspec.structs.asdict(record), **named)
 
 
 def _restore_filter(record: FilterRecord) -> FilterState:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
+from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError
@@ -27,7 +28,7 @@ _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has 
 
 
 def start(
-    calibration: Affine | Thermal | None,
+    calibration: Affine | Thermal | Interference | None,
     params: TrackerParams,
     *,
     epoch: datetime | None = None,
@@ -38,8 +39,8 @@ def start(
     Parameters
     ----------
     calibration : the prior at the start; without covariance it is but a guess; `None`:
-        nothing, for readings in nT. Of a `Thermal` the constants move; `update` then takes readings
-        that went through `TrackerState.at_middle`.
+        nothing, for readings in nT. Of a `Thermal` the constants move, of an `Interference` bias
+        and matrix; `update` then takes readings that went through `TrackerState.at_middle`.
     params : how it is followed.
     epoch : UTC moment of time zero of the readings.
     gyro : whether readings come with the rates of a gyro.
@@ -55,12 +56,15 @@ def start(
         base = Affine(bias=np.zeros(3), matrix=np.eye(3))
     elif isinstance(calibration, Thermal):
         base = calibration.at(calibration.centre_C)
+    elif isinstance(calibration, Interference):
+        base = calibration.at(np.zeros(calibration.coefficients.shape[1]))
     elif type(calibration) is Affine:
         base = calibration
     else:
         raise AgonicError(
-            f"a tracker follows an Affine or a Thermal, not a {type(calibration).__name__}; apply "
-            "that to the readings first and follow what remains"
+            "a tracker follows an Affine, a Thermal or an Interference, not a "
+            f"{type(calibration).__name__}; apply that to the readings first and follow what "
+            "remains"
         )
     six, rest = split_rotation(base.matrix, base.covariance, base.gauge)
     noise = params.noise or base.noise
@@ -79,6 +83,7 @@ def start(
         noise_known=noise is not None,
         epoch=epoch,
         ground=calibration if isinstance(calibration, Thermal) else None,
+        aboard=calibration if isinstance(calibration, Interference) else None,
     )
 
 

@@ -77,7 +77,8 @@ def choose_walk(
     settings = params or TrackerParams()
     magnitude = reference.magnitudes(len(samples))
     begun = start(calibration, settings, epoch=samples.epoch)
-    columns = {} if begun.ground is None else select_columns(begun.ground, samples)
+    first = begun.ground or begun.aboard
+    columns = {} if first is None else select_columns(first, samples)
     raw = begun.at_middle(samples.field, **columns)
     tried = np.asarray(
         _usual_walks(samples, magnitude, begun) if candidates is None else candidates,

@@ -40,6 +40,18 @@ class ThermalRecord(Struct, frozen=True, kw_only=True):
     temperature_C: tuple[float, float] | None
 
 
+class AboardRecord(Struct, frozen=True, kw_only=True):
+    """What the calibration that was started from takes out of what disturbs on board."""
+
+    bias: Row
+    matrix: Rows
+    covariance: Rows | None
+    sources: tuple[str, ...]
+    coefficients: Rows
+    typical: Row | None
+    second_sensor: str | None
+
+
 class BatchesRecord(Struct, frozen=True):
     """Sums over batches of readings, by which errors that last show; lengths that were reached."""
 
@@ -108,6 +120,7 @@ class StateRecord(Struct, frozen=True, kw_only=True, rename={"estimate": "belief
     external_sd: float = 0.0
     external_time_s: float = 600.0
     gyro_unused: str = ""
+    aboard: AboardRecord | None = None
 
 
 class TrackFile(Struct, frozen=True):

@@ -10,6 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
+from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, UnitError
@@ -32,8 +33,9 @@ class Tracker(Followed, Judged):
 
     Parameters
     ----------
-    calibration : the prior at the start: an `Affine`, or a `Thermal`, whose constants then
-        move. Without covariance it is but a guess. `None`: nothing, for readings in nT.
+    calibration : the prior at the start: an `Affine`; a `Thermal`, whose constants then move; or
+        an `Interference`, whose bias and matrix move and whose disturbers are taken out. Without
+        covariance it is but a guess. `None`: nothing, for readings in nT.
     params : how it is followed; `None`: the defaults, a bias that does not move.
 
     Examples
@@ -47,7 +49,9 @@ class Tracker(Followed, Judged):
     """
 
     def __init__(
-        self, calibration: Affine | Thermal | None = None, params: TrackerParams | None = None
+        self,
+        calibration: Affine | Thermal | Interference | None = None,
+        params: TrackerParams | None = None,
     ) -> None:
         self.params = params or TrackerParams()
         self.state: TrackerState = start(calibration, self.params)
@@ -126,8 +130,8 @@ class Tracker(Followed, Judged):
 
     def _readings(self, samples: Samples) -> Array:
         """The readings, where the ground calibration knows of temperature as at its middle."""
-        ground = self.state.ground
-        columns = {} if ground is None else select_columns(ground, samples)
+        known = self.state.ground or self.state.aboard
+        columns = {} if known is None else select_columns(known, samples)
         return self.state.at_middle(samples.field, **columns)
 
     def seconds(self, samples: Samples) -> Array:
@@ -141,7 +145,9 @@ class Tracker(Followed, Judged):
             rate = rate @ self.state.turned.rotation
         own = samples.with_columns(rotation_rate=rate)
         gyro, unused = choose_gyro(own, magnitude, self.params.gyro)
-        begun = start(self.state.ground or self.state.base, self.params, gyro=gyro)
+        begun = start(
+            self.state.ground or self.state.aboard or self.state.base, self.params, gyro=gyro
+        )
         named = self._name_sensor(replace(begun, epoch=self.state.epoch), samples)
         return replace(
             named,
@@ -202,6 +208,6 @@ class Tracker(Followed, Judged):
         Raises `LogError` where the file is missing, damaged or something else.
         """
         params, state, history = load_track(path)
-        tracker = cls(state.ground or state.base, params)
+        tracker = cls(state.ground or state.aboard or state.base, params)
         tracker.state, tracker.history = state, history
         return tracker

@@ -44,7 +44,8 @@ def network(
         str,
         typer.Option(
             metavar="NAMES",
-            help="What goes in: field, temperature, temperature_rate, current_A, throttle, second.",
+            help="What goes in: field, temperature, temperature_rate, current_A, throttle, second, "
+            "or any column such as motor1_duty.",
         ),
     ] = "field",
     base: Annotated[

@@ -50,7 +50,7 @@ def fit_network(
         roll, pitch and heading in the samples; for "magnitude" any reference.
     hidden : nodes of the hidden layer; two numbers, (5, 3), are two layers.
     inputs : what goes in: "field" (the readings), "temperature", "temperature_rate", "current_A",
-        "throttle", "second".
+        "throttle", "second", or any disturber of the samples, as "motor1_duty".
     base : "affine" fits one from the same readings; an `Affine`, `Interference` or `Thermal` is
         kept as it is; None leaves everything to the network, as in the paper.
     target : "vector", or "magnitude": no attitude is needed, and only the length is corrected.

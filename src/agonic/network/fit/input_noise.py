@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import WIDTH
+from agonic.calibration.inputs import measure_width
 from agonic.calibration.thermal import Thermal
 from agonic.maths.estimation.leastsq import robust_scale
 from agonic.network.fit.problem import Problem
@@ -52,7 +52,7 @@ class Noiseless(NamedTuple):
         if isinstance(self.base, Affine | Thermal) and "field" in self.problem.settings.inputs:
             if error.shape[1] == 1:
                 error = error * self.field / np.linalg.norm(self.field, axis=1, keepdims=True)
-            at = sum(WIDTH[n] for n in self.problem.settings.inputs[: self._position])
+            at = sum(measure_width(n) for n in self.problem.settings.inputs[: self._position])
             inputs[:, at : at + 3] -= self._share(error) * self._back(error)
         return np.asarray((inputs - self.scale.input_middle) / self.scale.input_half)
 

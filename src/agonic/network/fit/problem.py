@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import WIDTH, stack_inputs
+from agonic.calibration.inputs import measure_width, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError
 from agonic.health import find_usable_rows
@@ -179,8 +179,8 @@ def _require_enough(rows: Mask, inputs: Array, settings: Settings) -> None:
         )
     at = 0
     for name in settings.inputs:
-        values = inputs[rows, at : at + WIDTH[name]]
-        at += WIDTH[name]
+        values = inputs[rows, at : at + measure_width(name)]
+        at += measure_width(name)
         if np.ptp(values, axis=0).max() <= 1e-12 * np.abs(values).max():
             raise CoverageError(
                 f"{name} never changes, so what it does to the readings cannot be learned",

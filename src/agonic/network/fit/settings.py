@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import WIDTH
+from agonic.calibration.inputs import check_inputs
 from agonic.calibration.network import require_nodes
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
@@ -37,10 +37,7 @@ class Settings:
         check_choice("stopping", self.stopping, get_args(Stopping))
         object.__setattr__(self, "inputs", tuple(self.inputs))
         object.__setattr__(self, "hidden", require_nodes(self.hidden))
-        unknown = [name for name in self.inputs if name not in WIDTH]
-        if unknown or not self.inputs or len(set(self.inputs)) < len(self.inputs):
-            given = ", ".join(self.inputs) or "none"
-            raise AgonicError(f"inputs must be some of {', '.join(WIDTH)}, once; given: {given}")
+        check_inputs(self.inputs)
         if not (self.base is None or isinstance(self.base, Affine | Thermal | str)):
             raise AgonicError(
                 f"base is a {type(self.base).__name__}; give an Affine, an Interference or a "

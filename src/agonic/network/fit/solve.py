@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.calibration.inputs import WIDTH
+from agonic.calibration.inputs import measure_width
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import network
@@ -115,9 +115,9 @@ def _find_scale(problem: Problem, rows: Index, target: Array) -> Scale:
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     half, at = (high - low) / 2, 0
     for name in problem.settings.inputs:
-        own = slice(at, at + WIDTH[name])
+        own = slice(at, at + measure_width(name))
         half[own] = half[own].max()
-        at += WIDTH[name]
+        at += measure_width(name)
     least, most = target.min(axis=0), target.max(axis=0)
     whole = float((most - least).max()) / 2
     return Scale((low + high) / 2, half, (least + most) / 2, whole or 1.0)

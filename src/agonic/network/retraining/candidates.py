@@ -11,7 +11,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import WIDTH
+from agonic.calibration.inputs import measure_width
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Running, Window
 from agonic.calibration.thermal import Thermal
@@ -61,7 +61,7 @@ def adapt(params: RetrainerParams, running: Running | None) -> RetrainerParams:
 def count_weights(params: RetrainerParams) -> int:
     """How many weights a network of these params has."""
     outputs = 3 if params.target == "vector" else 1
-    return Shape(sum(WIDTH[name] for name in params.inputs), params.hidden, outputs).size
+    return Shape(sum(measure_width(name) for name in params.inputs), params.hidden, outputs).size
 
 
 def train_candidates(
