@@ -34,6 +34,7 @@ _SPELLINGS = {
     "µt": "uT",
     "μt": "uT",
     "microtesla": "uT",
+    "utesla": "uT",
     "microt": "uT",
     "millitesla": "mT",
     "t": "T",

@@ -227,3 +227,27 @@ def test_what_is_left_out_before_the_fit_does_not_spoil_it(defect) -> None:
     assert finding.severity == "check"
     error = (fit.calibration.bias - made.truth.bias) / fit.sd[:3]
     assert np.abs(error).max() < 4
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1e3, "4.84e+07 nT"), (1.0, None)])
+def test_a_field_that_no_compass_was_ever_in_is_doubted(factor, said):
+    made = ag.simulate("tumble", n=600, seed=2)
+    readings = made.samples.field * factor
+    fit = ag.fit_ellipsoid(ag.Samples(field=readings, unit="nT"))
+    told = [f.what for f in fit.findings if f.name == "scale"]
+    if said is None:
+        assert not told
+    else:
+        assert fit.verdict == "check"
+        assert said in told[0]
+
+
+def test_a_plane_across_all_axes_is_not_named_by_one():
+    rng = np.random.default_rng(1)
+    normal = np.ones(3) / np.sqrt(3)
+    u = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+    angle = rng.uniform(0, 2 * np.pi, 2000)
+    flat = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * np.cross(normal, u)
+    fit = ag.fit_ellipsoid(ag.Samples(field=48e3 * flat + rng.normal(0, 100, (2000, 3)), unit="nT"))
+    assert fit.verdict == "refused"
+    assert "normal is near (0.58, 0.58, 0.58)" in fit.status

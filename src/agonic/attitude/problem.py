@@ -53,7 +53,9 @@ def normalise(
     size = float(np.linalg.norm(samples.field - centre) / np.sqrt(n))
     if size <= 1e-9 * float(np.linalg.norm(centre)):
         raise CoverageError(
-            "the readings never change: the sensor did not turn, or it is stuck",
+            "there is one usable reading only"
+            if n == 1
+            else "the readings never change: the sensor did not turn, or it is stuck",
             turns="turn the vehicle through all headings, banking both ways, while recording",
         )
     x = find_terms(samples, settings.sources)

@@ -15,6 +15,7 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest, gather_evidence
 from agonic.health import (
     Finding,
+    check_magnitude,
     check_resolution,
     check_scale,
     examine,
@@ -160,7 +161,11 @@ def assess(
     fit = fit.with_findings(*examine(evidence, attitude_aided=attitude_aided))
     if not any(finding.name == "static" for finding in fit.findings):
         fit = fit.with_findings(check_resolution(samples.field, evidence.radius, samples.unit))
-    return fit if fit.verdict == "refused" else fit.with_findings(find_wrong_scale(affine))
+    if fit.verdict == "refused":
+        return fit
+    stated = reference is not None or _states_reference(affine)
+    size = None if stated else check_magnitude(affine.magnitude, affine.unit_in)
+    return fit.with_findings(find_wrong_scale(affine), size)
 
 
 def find_wrong_scale(affine: Affine) -> Finding | None:

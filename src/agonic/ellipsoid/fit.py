@@ -215,7 +215,9 @@ def normalise(
     size = float(np.linalg.norm(readings - centre) / np.sqrt(len(readings)))
     if size <= 1e-9 * float(np.linalg.norm(centre)):
         raise CoverageError(
-            "the readings never change: the sensor did not turn, or it is stuck",
+            "there is one usable reading only"
+            if len(readings) == 1
+            else "the readings never change: the sensor did not turn, or it is stuck",
             turns="turn it about all three axes while recording",
         )
     if reference is None:

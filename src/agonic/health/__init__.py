@@ -23,7 +23,7 @@ from agonic.health.readings import (
     inspect,
 )
 from agonic.health.resolution import check_resolution, find_quantisation, find_rounding
-from agonic.health.scale import check_scale
+from agonic.health.scale import check_magnitude, check_scale
 
 __all__ = [
     "FEWEST",
@@ -37,6 +37,7 @@ __all__ = [
     "check_axes",
     "check_bias_drift",
     "check_coverage",
+    "check_magnitude",
     "check_mounting",
     "check_outliers",
     "check_rejected",

@@ -23,7 +23,7 @@ from agonic.health.finding import Finding, figure
 from agonic.health.outliers import find_outliers
 from agonic.maths.equation.coverage import (
     count_orientations,
-    find_nearest_axis,
+    describe_axis,
     find_spread_rows,
     measure_arc_deg,
     measure_thickness,
@@ -110,7 +110,7 @@ def _flat(e: Evidence) -> Finding | None:
     )
     if thick > 0.1:
         return None
-    axis = find_nearest_axis(normal)
+    axis = describe_axis(normal)
     noise_thickness = 2.4 * e.noise / e.radius
     in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
     arc = measure_arc_deg(used)

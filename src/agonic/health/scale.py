@@ -6,6 +6,8 @@ from agonic.health.finding import Finding, figure
 
 GAIN = (0.5, 2.0)
 """A gain outside is no error of a sensor."""
+MAGNITUDES_NT = (1_000.0, 200_000.0)
+"""Far outside what the Earth's field, or a coil that makes one like it, ever is."""
 
 
 def check_scale(gain: float, unit: str) -> Finding | None:
@@ -21,4 +23,25 @@ def check_scale(gain: float, unit: str) -> Finding | None:
         "check",
         f"readings had to be multiplied by {figure(gain)} to reach the stated field",
         "check the unit of the log and the reference magnitude",
+    )
+
+
+def check_magnitude(magnitude: float | None, unit: str) -> Finding | None:
+    """A magnitude in nT that no compass was ever in: most likely a wrong unit.
+
+    Only where no reference was given; a coil of any field can be stated.
+
+    >>> check_magnitude(48e6, "nT").what
+    'the field would be 4.8e+07 nT, where the Earth has 20 000 to 70 000 nT'
+    >>> check_magnitude(48_000.0, "nT"), check_magnitude(0.5, "raw")
+    (None, None)
+    """
+    low, high = MAGNITUDES_NT
+    if unit != "nT" or magnitude is None or low < magnitude < high:
+        return None
+    return Finding(
+        "scale",
+        "check",
+        f"the field would be {magnitude:.3g} nT, where the Earth has 20 000 to 70 000 nT",
+        "check the unit of the log; where the field was made by a coil, give it with --field",
     )

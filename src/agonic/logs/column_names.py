@@ -196,10 +196,20 @@ def suggest_names(headers: Iterable[str]) -> str:
     known = list(headers)
     free = [header for header in known if identify_column(header) is None]
     time = next((h for h in known if _quantity(h) == "time" or _CLOCK.search(h)), None)
+    free = sorted((h for h in free if _may_be_field(h)), key=lambda h: h[:1].lower() not in "mbh")
     x, y, z = next(filter(None, (_find_triple(h, free) for h in free)), ("…",) * 3)
     parts = [f"time={time}"] * (time is not None) + [f"x={x}", f"y={y}", f"z={z}"]
     columns = ",".join(parts)
     return f"--columns {repr(columns) if ' ' in columns else columns} --unit uT"
+
+
+def _may_be_field(header: str) -> bool:
+    """Whether the unit of a header, if it has one in brackets, can be that of a field."""
+    tail = _UNIT_BEHIND.search(header)
+    if tail is None:
+        return True
+    written = identify_column(f"mag_x [{tail[1].strip()}]")
+    return written is not None and written.unit is not None
 
 
 def _find_triple(first: str, headers: Sequence[str]) -> tuple[str, str, str] | None:

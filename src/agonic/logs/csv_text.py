@@ -12,7 +12,7 @@ mean. Lines of other kinds (MotionCal, NMEA-like, labelled, tagged) are in `text
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +50,6 @@ _MOTIONCAL_COLUMNS = {
 magnetic count is 0.1 µT)."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
-_LABELLED = re.compile(
-    rf"(?<![\w.])[\"']?([^\W\d][\w.\[\]/ ]{{0,40}}?)[\"']?\s*[:=]\s*({_NUMBER})(?![\w:])"
-)
-_QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -138,8 +134,11 @@ def _read_lines(
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
         return _read_motioncal(data[:]), {"format": "MotionCal text", "notes": ()}
-    if _most(rows[1:] or rows, lambda line: len(_LABELLED.findall(_QUOTED.sub("", line))) >= 3):
-        return _read_labelled(data[:]), {"format": "labelled text", "notes": ()}
+    if any(":" in row or "=" in row for row in rows):
+        from agonic.logs.text.labels import is_labelled, read_labelled
+
+        if is_labelled(rows[1:] or rows):
+            return read_labelled(split_rows(data[:])), {"format": "labelled text", "notes": ()}
     layout = find_layout(head, sample)
     table, others = _read_body(data, _skip_lines(data, layout.start), layout)
     return table, {"format": "text table", "others": others, "notes": layout.notes}
@@ -185,11 +184,15 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArra
 
 def _add_rate(table: dict[str, NDArray[Any]], layout: Layout) -> dict[str, NDArray[Any]]:
     """The columns, with times from the sampling rate where no column is a clock."""
-    clocks = (c for h in table if (c := identify_column(h)) and c.quantity.column == "time")
-    if layout.rate_Hz is None or not table or next(clocks, None) is not None:
+    if layout.rate_Hz is None or not table:
+        return table
+    clocks = {h for h, quantity in find_quantities(table).items() if quantity == "time"}
+    empty = {h for h in clocks if table[h].dtype.kind == "f" and np.isnan(table[h]).all()}
+    if clocks - empty:
         return table
     rows = len(next(iter(table.values())))
-    return {**table, "time_s": np.arange(rows) / layout.rate_Hz}
+    others = {header: values for header, values in table.items() if header not in empty}
+    return {**others, "time_s": np.arange(rows) / layout.rate_Hz}
 
 
 def _find_vectors(header: Sequence[str], rows: Sequence[Sequence[str]]) -> set[int]:
@@ -217,17 +220,6 @@ def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     if quantity in _TEXTUAL:
         return is_header([cell for row in rows for cell in row[at : at + 1]])
     return quantity in _LABELS
-
-
-def _read_labelled(data: bytes) -> dict[str, NDArray[Any]]:
-    """The columns of lines that name each of their numbers: `mx: 12.5, my=-3, mz: 44`."""
-    rows = [dict(_LABELLED.findall(line)) for line in split_rows(data)]
-    names: Mapping[str, None] = dict.fromkeys(name for row in rows[:SAMPLE] for name in row)
-    wanted = find_columns([name.strip() for name in names])
-    return {
-        name: np.array([float(row.get(name, "nan")) for row in rows if row])
-        for name in wanted.values()
-    }
 
 
 def _read_motioncal(data: bytes) -> dict[str, NDArray[Any]]:

@@ -83,7 +83,7 @@ _BARE = re.compile(
     re.IGNORECASE,
 )
 _TIME_OR_TEMPERATURE = re.compile(r"T|[tT]\d+")
-_TEMPERATURE = re.compile(r"t(?P<after>\d*)(?P<unit>c|degc|celsius|k|degf|f)", re.IGNORECASE)
+_TEMPERATURE = re.compile(r"t(?P<after>\d*)(?P<unit>c|degc|celsius|k|degf|f|deg)", re.IGNORECASE)
 """A letter that stands for time, temperature and tesla: the unit says which."""
 _BRACKET = re.compile(r"(?P<name>[^(\[{]*[^\s(\[{])\s*[(\[{](?P<unit>[^)\]}]*)[)\]}]\s*")
 _COMMA = re.compile(r"(?P<name>[^,;]*\w)\s*[,;]\s*(?P<unit>[^,;]+)")
@@ -92,6 +92,8 @@ _INDEX = re.compile(r"(?<!q)(?<!quat)\[([012])\]|(?<!q)(?<!quat)\.0([012])\s*$",
 _ORDERED = re.compile(r"_?(wxyz|xyzw)_?\[?([0-3])\]?\s*$", re.IGNORECASE)
 """A component of a quaternion whose name states the order."""
 _UNCORRECTED = re.compile(r"un_?(cal|comp)(ibrated|ensated)?", re.IGNORECASE)
+_SHIMMER = re.compile(r"Shimmer_\w{4}_(\w+?)(?:_LN)?((?:_[XYZ])?)_(?:CAL|RAW|UNCAL)(?=$|\s*\()")
+"""What the makers of Shimmer write around a name; of two accelerometers the one of low noise."""
 _TOKEN = re.compile(r"[A-Z]?[a-z][a-z0-9]*|[A-Z][A-Z0-9]*(?![a-z])|\d+|[^\W_]+")
 _NO_READING = frozenset(
     """
@@ -129,7 +131,7 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     """
     if len(header) > _LONGEST or _TIME_OR_TEMPERATURE.fullmatch(header.strip()):
         return None
-    text = _UNCORRECTED.sub(r"un\1", spell_out(header.strip()))
+    text = _UNCORRECTED.sub(r"un\1", spell_out(_SHIMMER.sub(r"\1\2", header.strip())))
     text = _INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)
     text = _ORDERED.sub(lambda index: f"_{index[1][int(index[2])]}", text)
     split = _BRACKET.fullmatch(text) or _COMMA.fullmatch(text) or _OVER.fullmatch(text)

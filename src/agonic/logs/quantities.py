@@ -40,14 +40,14 @@ TIMES: dict[str, Linear] = {
 }
 _TEMPERATURE: dict[str, Linear] = {
     "c": (1, 0), "degc": (1, 0), "celsius": (1, 0), "k": (1, -273.15),
-    "f": (1 / 1.8, -32 / 1.8), "degf": (1 / 1.8, -32 / 1.8),
+    "f": (1 / 1.8, -32 / 1.8), "degf": (1 / 1.8, -32 / 1.8), "deg": (1, 0),
 }
 _POSITION: dict[str, Linear] = {**_ANGLE, "e7": (1e-7, 0), "dege7": (1e-7, 0)}
 _HEIGHT: dict[str, Linear] = {"m": (1, 0), "mm": (1e-3, 0), "km": (1e3, 0), "ft": (0.3048, 0)}
 _CURRENT: dict[str, Linear] = {"a": (1, 0), "ma": (1e-3, 0), "amps": (1, 0)}
 FIELD_UNITS = (
     "nt", "nanotesla", "gamma", "ut", "microtesla", "mt", "millitesla", "t", "tesla", "g", "gs",
-    "gauss", "ga", "microt", "au", "mg", "mgauss", "milligauss", "mga",
+    "gauss", "ga", "microt", "utesla", "au", "mg", "mgauss", "milligauss", "mga",
     "raw", "counts", "count", "lsb",
 )
 # fmt: on
@@ -84,8 +84,8 @@ QUANTITIES: tuple[Quantity, ...] = (
         "tunix timeboot timesinceboot timesincestart systemtime localtime timestartup "
         "sampletimefine loggingtime stamp",
         weak="elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime "
-        "elapsedrealtime timestampsample",
-        preferred="headerstamp",
+        "elapsedrealtime timestampsample epoch offsettime clockoffsettime",
+        preferred="headerstamp epoc timestampunix",
     ),
     Quantity(column="date", name="date", aliases="day utcdate"),
     Quantity(column="epoch", name="epoch_unix", unit="s", units={"s": (1, 0)}),
@@ -127,7 +127,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     ),
     Quantity(
         column="current_A", name="current", unit="A", units=_CURRENT,
-        aliases="curr batterycurrent currentbattery motorcurrent",
+        aliases="curr batterycurrent currentbattery motorcurrent amperage amperagelatest",
     ),
     Quantity(
         column="throttle", name="throttle", aliases="thr", units={"percent": (0.01, 0)}

@@ -99,7 +99,7 @@ def _describe_shape(result: Calibrated) -> dict[str, str]:
     unit = unit_label(calibration.unit_in)
     axes = ", ".join(with_sd(*pair) for pair in zip(*found[1:3], strict=True))
     if found.shape == "sphere":
-        said = "a sphere: neither soft iron nor unequal gains are seen"
+        said = "a sphere within its standard errors: neither soft iron nor unequal gains stand out"
     elif found.shape == "upright":
         said = "upright: unequal gains; no soft iron across the axes is seen"
     else:

@@ -25,6 +25,7 @@ _RATE = re.compile(
     r"(?:\s*setting)?)\W*(?:\[?hz\]?\W*)?(\d+(?:[.,]\d+)?)\s*(k?hz)?[\W_]*",
     re.IGNORECASE,
 )
+_BRACKETS = str.maketrans("", "", "()[]{}")
 _SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
 
 
@@ -106,9 +107,19 @@ def _header_in_comment(before: Sequence[str], separator: str | None, width: int)
         raise LogError(
             f"{width} columns and no header; name them in a first line such as "
             "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z), or say "
-            "which are which: --columns time=1,x=2,y=3,z=4 --unit uT"
+            "by their numbers which are which, as in --columns "
+            f"{_example_of(width)} --unit uT"
         )
     return list("xyz")
+
+
+def _example_of(width: int) -> str:
+    """What to write of a table of so many columns."""
+    if width == 4:
+        return "time=1,x=2,y=3,z=4"
+    if width == 9:
+        return "acc_x_g=1,acc_y_g=2,acc_z_g=3,x=7,y=8,z=9"
+    return "time=…,x=…,y=…,z=…"
 
 
 def _find_rate(lines: Sequence[str]) -> float | None:
@@ -126,13 +137,12 @@ def _is_row_of_units(line: str, separator: str | None, header: Sequence[str]) ->
     units = split_cells(line, separator)
     if len(units) != len(header) or not is_header([unit.replace(",", ".") for unit in units]):
         return False
-    plain = [unit.strip("()[]{} ") for unit in units]
-    known = [identify_column(_with_unit(h, u)) for h, u in zip(header, plain, strict=True) if u]
+    known = [identify_column(_with_unit(h, u)) for h, u in zip(header, units, strict=True) if u]
     return sum(column is not None and column.unit is not None for column in known) >= 2
 
 
 def _with_unit(name: str, unit: str) -> str:
-    plain = unit.strip("()[]{} ")
+    plain = unit.translate(_BRACKETS).strip()
     return f"{name} ({plain})" if plain else name
 
 

@@ -11,8 +11,10 @@ import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
@@ -60,6 +62,7 @@ def read_sentences(data: bytes, path: Path, source: Input, notes: tuple[str, ...
     Raises `LogError` where none of them holds a field.
     """
     rows: dict[str, list[list[float]]] = {}
+    stamps: dict[str, list[str]] = {}
     wrong = 0
     seen: Counter[str] = Counter()
     for line in data.decode("utf-8", "replace").split("\n"):
@@ -72,16 +75,19 @@ def read_sentences(data: bytes, path: Path, source: Input, notes: tuple[str, ...
         if stated and stated.upper() not in (f"{compute_checksum(match['body']):02X}", "XX"):
             wrong += 1
             continue
-        before = to_number(match["before"].strip(" ,;:\t"))
-        rows.setdefault(name, []).append([before, *map(to_number, cells)])
+        before = match["before"].strip(" ,;:\t->[]")
+        rows.setdefault(name, []).append([to_number(before), *map(to_number, cells)])
+        stamps.setdefault(name, []).append(before)
     name = _choose(rows, seen, wrong)
     columns = ("t", *_columns(name))
-    table = {
+    table: dict[str, NDArray[Any]] = {
         column: np.array([row[k] if k < len(row) else np.nan for row in rows[name]])
         for k, column in enumerate(columns)
     }
     if not np.isfinite(table["t"]).any():
         del table["t"]
+        if 2 * sum(map(bool, stamps[name])) > len(stamps[name]):
+            table["time"] = np.array(stamps[name], dtype=object)
     damaged = (f"{wrong} sentences with a wrong checksum were left out",) * (wrong > 0)
     log = build_log(
         table,

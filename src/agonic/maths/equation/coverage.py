@@ -170,6 +170,21 @@ def find_nearest_axis(direction: Array) -> str:
     return "xyz"[int(np.argmax(np.abs(direction)))]
 
 
+def describe_axis(direction: Array) -> str:
+    """The letter of the axis that a direction (3,) is near, or its components where none is.
+
+    >>> describe_axis(np.array([0.1, 0.0, -0.99])), describe_axis(np.array([0.6, 0.0, -0.8]))
+    ('z', '(−0.6, 0, 0.8)')
+    """
+    nearest = int(np.argmax(np.abs(direction)))
+    unit = direction / np.linalg.norm(direction) * np.sign(direction[nearest])
+    if unit[nearest] > _NEAR_AXIS:
+        return "xyz"[nearest]
+    said = ", ".join(f"{value:.2g}" for value in np.round(unit, 2) + 0.0)
+    return f"({said})".replace("-", "−")
+
+
+_NEAR_AXIS = 0.9  # cosine; 26°
 _CELL_SHARE = 1 / 32  # of all that counts, in one cell of many
 _FEWEST_CELLS = 12
 _FINEST = 21  # so often cubes are halved at most
