@@ -40,6 +40,48 @@ GALLERY: dict[str, tuple[str, ...]] = {
     ),
     "north": ("simulate north -o pier", "fit north pier --report north.html", "north.html"),
     "coil": ("simulate coil -o coil", "fit coil coil --report coil.html", "coil.html"),
+    "pair": (
+        "simulate shots -o shots.csv --bad 1",
+        "fit pair shots.csv -o shots.toml --report pair.html",
+        "pair.html",
+    ),
+    "inflight": (
+        "simulate orbit -n 20000 --seed 5 --moved 1500 -o day.csv",
+        "fit inflight day.csv --ground day.ground.json -o now.json",
+        "now.html",
+    ),
+    "track": (
+        "simulate orbit -n 12000 --seed 5 -o pass1.csv",
+        "track pass1.csv --state state.json --walk 0.4 --report track.html",
+        "track.html",
+    ),
+    "retrain": (
+        "simulate paper -n 4500 -o paper.csv",
+        "fit network paper.csv --reference paper.reference.csv --between 0,14.99 --base none "
+        "-o ground.json",
+        "retrain paper.csv --reference paper.reference.csv --window 15s --every 15s "
+        "--ground ground.json --state retrained.json -o later.json --report retrain.html",
+        "retrain.html",
+    ),
+    "network": ("simulate network -o wang", "wang/network.html"),
+    "evaluate": (
+        "simulate vehicle -o vehicle.csv -n 6000",
+        "evaluate vehicle.csv --report evaluate.html",
+        "evaluate.html",
+    ),
+    "history": (
+        *(
+            f"simulate hand -o board-{month}.csv --seed 3 --noise {200 + 10 * month}"
+            for month in range(1, 8)
+        ),
+        *(
+            f"calibrate board-{month}.csv --field 50000 --store boards.sqlite --as board-7 "
+            f"--date 2026-{month:02}-12 -o board-{month}"
+            for month in range(1, 8)
+        ),
+        "history board-7 --store boards.sqlite -o history.html",
+        "history.html",
+    ),
     "fleet": (
         "simulate fleet -o boards --sensors 60",
         "fleet boards/logs --field 48000 -o boards-out",

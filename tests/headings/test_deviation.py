@@ -109,7 +109,7 @@ def test_a_slip_on_one_of_eight_headings_is_named() -> None:
     slipped = HANDBOOK.copy()
     slipped[1] = -20.0
     fit = fit_deviation(ROSE, ROSE + slipped)
-    assert names(fit) == {"stray headings": "refuse"}
+    assert names(fit) == {"outlying headings": "refuse"}
     assert "at compass 045° NE is 40° from the curve of the others" in fit.status
 
 

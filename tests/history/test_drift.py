@@ -169,7 +169,7 @@ def test_bias_without_bounds_takes_no_part_and_dates_are_needed() -> None:
 def test_stray_is_left_out_and_is_no_step() -> None:
     moved = np.outer(np.arange(20) == 8, [900.0, 900.0, 0.0])
     found = drift(in_order(rows_of(seed=2, moved=moved)), AT)
-    assert (found.verdict, names(found)) == ("good", ["stray calibration"])
+    assert (found.verdict, names(found)) == ("good", ["outlying calibration"])
     assert found.events[0].place == 8
     assert found.trend("bias x").scatter < 40.0
 

@@ -59,7 +59,7 @@ def test_all_sensors_of_a_campaign_come_near_the_truth(made) -> None:
 def test_the_magnitude_alone_does_it_too(made) -> None:
     result = calibrated(made.campaign, turns="unknown", only=["MPU-9255"], drift=False)
     (sensor,) = result.sensors
-    assert (result.turns, sensor.fit.taught_by) == ("unknown", "magnitude")
+    assert (result.turns, sensor.fit.reference_kind) == ("unknown", "magnitude")
     assert away(made, "MPU-9255", sensor.fit.calibration) < 2.0
 
 

@@ -109,7 +109,7 @@ def test_a_sensor_mounted_anywhere_is_found_with_its_mounting() -> None:
     mount = Rotation.from_euler("zyx", [100.0, -35.0, 160.0], degrees=True)
     made = campaign(3, mount=mount, fixture_deg=0.5)
     fit = fit_thermal(made.samples, KNOWN, stations="known", **WIDE)
-    assert fit.taught_by == "turns"
+    assert fit.reference_kind == "turns"
     assert fit.fixture is not None
     assert np.degrees((fit.fixture.mounting * mount.inv()).magnitude()) < 0.6
     assert fit.fixture.field_n == pytest.approx(made.field_n, abs=0.01 * FIELD)
@@ -271,7 +271,7 @@ def test_a_stuck_thermometer_is_named() -> None:
 def test_exchanged_stations_are_named_and_the_magnitude_used() -> None:
     samples, made = faulty(swapped=(3, 8))
     fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
-    assert fit.taught_by == "magnitude"
+    assert fit.reference_kind == "magnitude"
     assert "stations 3, 8 look exchanged" in fit.status.lower()
     assert worst(fit, made) < 60.0
 
@@ -415,7 +415,11 @@ def test_a_coil_gives_both_gain_and_bias_terms() -> None:
     left = ag.apply(fit.calibration, made.samples).field - known
     assert rms(made.samples.field - known) == pytest.approx(4310.0, rel=0.15)
     assert rms(left) < 72.0
-    assert (fit.taught_by, fit.calibration.gauge, fit.calibration.degree) == ("vector", "free", 1)
+    assert (fit.reference_kind, fit.calibration.gauge, fit.calibration.degree) == (
+        "vector",
+        "free",
+        1,
+    )
     assert fit.noise == pytest.approx(70.0, rel=0.03)
     assert fit.variances.shape == (1, 6)
     assert fit.variances[0, 0] > 50.0 * fit.variances[0, 1]

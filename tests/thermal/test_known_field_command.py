@@ -38,7 +38,7 @@ def test_the_field_may_be_columns_another_log_or_another_sensor(
     status, said = answer(capsys, *asked, "-o", str(tmp_path / "out"))
     assert status == 0
     assert said["verdict"] == "good"
-    assert said["taught_by"] == "vector"
+    assert said["reference_kind"] == "vector"
     found, truth = ag.load(tmp_path / "out" / "mag.json"), ag.load(logs / "truth.json")
     z = (found.bias_at([30.0, 60.0]) - truth.bias_at([30.0, 60.0])) / found.sd_at([30.0, 60.0])[
         :, :3

@@ -27,10 +27,10 @@ SHOWN = 12
 MOST = 200
 """Calibrations in the table of the page, the last ones."""
 _TITLES = {"bias": "Bias", "gain": "Gain along the axes", "cross": "Between the axes"}
-_EVENTS = {"step": "Step", "stray": "Outlier", "last": "Left its band"}
+_EVENTS = {"step": "Step", "outlier": "Outlier", "last": "Left its band"}
 _COLUMNS = (
     "Chance: how often scatter and walk alone make such a drift. Scatter: what calibrations "
-    "differ by beyond their standard errors. Walk: how far the parameter wanders in a year."
+    "differ by beyond their standard errors. Walk: the random walk of the parameter in a year."
 )
 
 
@@ -148,7 +148,7 @@ def _list_key_figures(drift: Drift, trends: Sequence[Trend]) -> list[tuple[str, 
     if trends:
         sd, worst = max(((one.predict(drift.at)[1], one) for one in trends), key=lambda k: k[0])
         known = f"± {round_to_sd(sd, sd)} {worst.unit}".rstrip()
-        entries.append(("Known to", known, f"{worst.name} on {drift.at:%Y-%m-%d}"))
+        entries.append(("Standard error", known, f"{worst.name} on {drift.at:%Y-%m-%d}"))
     steps = sum(event.kind == "step" for event in drift.events)
     return [*entries, ("Steps", str(steps), "told from drift and scatter")]
 

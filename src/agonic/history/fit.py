@@ -44,7 +44,7 @@ class ParameterChange:
 
 @dataclass(frozen=True)
 class Event:
-    """What happened: a "step" between two calibrations, a "stray", or a "last" one that is off.
+    """What happened: a "step" between two calibrations, an "outlier", or a "last" one that is off.
 
     It lies after `after` and not later than `before`, the moment of calibration number `place` (of
     those that are compared). `p_value` is how often chance makes one like it anywhere in the
@@ -82,7 +82,7 @@ class Drift(Judged):
 
 
 def drift(population: Population, at: datetime | None = None) -> Drift:
-    """How the calibration of a sensor drifts, wanders and steps, with bands.
+    """How the calibration of a sensor drifts, walks at random and steps, with bands.
 
         parameter = level + slope·t + steps + random walk + scatter + formal error
 
@@ -182,8 +182,8 @@ def _make_event(
                 names[k], units[k], float(posterior.mean(last)), float(posterior.sd(last))
             )
         )
-    kind = "step" if not shift.outlier else "last" if shift.place == len(time) - 1 else "stray"
-    after = _make_date(time[shift.place - (0 if kind == "stray" else 1)])
+    kind = "step" if not shift.outlier else "last" if shift.place == len(time) - 1 else "outlier"
+    after = _make_date(time[shift.place - (0 if kind == "outlier" else 1)])
     return Event(
         kind, shift.place, after, _make_date(time[shift.place]), shift.p_value, tuple(moved)
     )
@@ -248,9 +248,9 @@ def _describe_event(event: Event, n: int) -> Finding:
             f"predict: {moved}",
             "calibrate once more: a step stays, an outlier does not",
         )
-    if event.kind == "stray":
+    if event.kind == "outlier":
         return Finding(
-            "stray calibration",
+            "outlying calibration",
             "note",
             f"that of {event.before:%Y-%m-%d} lies off those before and after it: {moved}; it is "
             "left out of the drift",
@@ -265,8 +265,8 @@ def _describe_event(event: Event, n: int) -> Finding:
 
 
 def _make_remarks(trends: tuple[Trend, ...], at: datetime) -> tuple[str, ...]:
-    known = [f"{t.name} to ± {_format(t.predict(at)[1], t.unit)}" for t in trends[:3]]
-    return (f"known on {at:%Y-%m-%d}: {', '.join(known)}",) if known else ()
+    known = [f"{t.name} {_format(t.predict(at)[1], t.unit)}" for t in trends[:3]]
+    return (f"standard error on {at:%Y-%m-%d}: {', '.join(known)}",) if known else ()
 
 
 def _describe_slope(one: Trend) -> str:

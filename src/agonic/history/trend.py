@@ -32,7 +32,7 @@ class Trend:
 
     `time` (n,) in seconds since 1970, `value` and `sd` (n,) as calibrated. `slope` and `slope_sd`
     are a year's; `p_value` how often chance makes such a slope. `scatter` is what calibrations
-    differ by beyond their standard errors, `walk` how far the parameter wanders in a year, both
+    differ by beyond their standard errors, `walk` its random walk in a year, both
     as root mean squares over the posterior.
     """
 

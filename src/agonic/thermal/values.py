@@ -63,7 +63,7 @@ def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
     sd = calibration.sd_at(levels)
     return {
         "method": "thermal",
-        "taught_by": fit.taught_by,
+        "reference_kind": fit.reference_kind,
         "n": fit.n,
         "degree": calibration.degree,
         "range_C": list(calibration.range_C),

@@ -160,7 +160,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
         if share == 0.0:
             return None
         return Finding(
-            "stray headings",
+            "outlying headings",
             "check" if share > OUTLIERS_DOUBTFUL else "note",
             f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for moments when the vehicle turned or a current was switched",
@@ -169,7 +169,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
     if worst is None:
         return None
     return Finding(
-        "stray headings",
+        "outlying headings",
         "refuse" if off >= OUTLIER_REFUSED_DEG else "check",
         f"the reading at compass {name_heading(float(evidence.compass_deg[worst]))} is "
         f"{figure(off)}° from the curve of the others",

@@ -92,8 +92,8 @@ def cross_validate(samples: Samples, known: Known, predict: Predict) -> Unseen:
     parts: list[tuple[Index, dict[str, Array], Mapping[str, float]]] = []
     refused = np.zeros(len(samples), dtype=np.intp)
     for odd in (True, False):
-        taught, judged = (np.flatnonzero((block % 2 == 1) == side) for side in (odd, not odd))
-        made = predict(taught, judged)
+        fitted, judged = (np.flatnonzero((block % 2 == 1) == side) for side in (odd, not odd))
+        made = predict(fitted, judged)
         parts.append((judged, measure_errors(made.field, known.select(judged)), made.stated))
         refused[judged] = made.refused
     errors = {}
@@ -121,11 +121,11 @@ def predict_by_choice(
     kind: Kind = "auto",
     **settings: Any,
 ) -> Predict:
-    """Predicts by the calibration that the taught rows allow."""
+    """Predicts by the calibration that the fitted rows allow."""
 
-    def predict(taught: Index, unseen: Index) -> Prediction:
-        part = None if reference is None else reference.select(taught)
-        made = calibrate(samples.select(taught), part, kind=kind, **settings)
+    def predict(fitted: Index, unseen: Index) -> Prediction:
+        part = None if reference is None else reference.select(fitted)
+        made = calibrate(samples.select(fitted), part, kind=kind, **settings)
         judged = samples.select(unseen)
         field = apply(made.fit.calibration, judged).field
         stated = state_errors(made, judged, field, known.select(unseen))

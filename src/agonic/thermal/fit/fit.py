@@ -143,8 +143,8 @@ def _record_settings(
     words = "none: mean gain at the centre of the range set to 1"
     if reference is not None:
         words = f"{readings.scale.magnitude:g} nT ({reference.source})"
-    taught = "magnitude" if result.problem.rot_nb is None else "turns"
-    return {"fit": "thermal", "taught_by": taught, "reference": words, **settings.recorded()}
+    kind = "magnitude" if result.problem.rot_nb is None else "turns"
+    return {"fit": "thermal", "reference_kind": kind, "reference": words, **settings.recorded()}
 
 
 def _list_methods(result: Solution) -> tuple[str, ...]:
@@ -171,7 +171,7 @@ def _assemble(
     ageing = estimate.ageing * scale.size if result.aged else None
     return ThermalFit(
         calibration=calibration,
-        taught_by="magnitude" if result.problem.rot_nb is None else "turns",
+        reference_kind="magnitude" if result.problem.rot_nb is None else "turns",
         n=int(readings.cells.n.sum()),
         residuals=estimate.residuals * scale.size,
         weights=estimate.weights,

@@ -77,7 +77,7 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     )
     return ThermalFit(
         calibration=calibration,
-        taught_by="vector",
+        reference_kind="vector",
         n=len(samples),
         residuals=estimate.residuals * scale.size,
         weights=estimate.weights,
@@ -130,7 +130,7 @@ def _restore(
             inputs=facts.inputs,
             settings={
                 "fit": "thermal",
-                "taught_by": "vector",
+                "reference_kind": "vector",
                 "reference": reference.source,
                 **settings.recorded(),
             },

@@ -90,25 +90,25 @@ class Anomaly:
 class ThermalFit(Estimated):
     """A temperature calibration and what it rests on.
 
-    `taught_by` is "magnitude", "turns" or "vector". `residuals` are those of the means of bins,
-    (m,) along the normal of the ellipsoid or (m, 3), in the unit of the readings, at `temperature`
-    (m,) of `station` (m,), while `heating` (m,) or not; `weights` (m,) what the robust loss left of
-    each. With a vector reference they are those of the readings. `noise` is the standard deviation
-    of one reading on one axis, `excess` that by which means of bins scatter beyond it (misfit, and
-    changes of the chamber's field). `variances` (9, d) are the variances of the scaled residuals of
-    the coefficients by order 0…d−1; with a vector reference and `degree="auto"` (1, d), those of
-    the readings, nT² (raw units²). `drift` (1,) or (3,) is how much the field changed from the
-    first to the last reading, along itself or in the chamber's axes, with `drift_sd`; `None` where
-    that is not sure. So are `ageing` (3,) and `ageing_sd` of the bias, in the unit of the readings;
-    the calibration is that of the middle. `field_sd` is the standard deviation of its slow changes
-    (of its magnitude, or of each component), 0 where that they are there is not sure. With a vector
-    reference `unseen_rms` is what is left, nT on an axis, of readings that the fit has not seen,
-    and `alternatives` what would be with other models. The calibration and its covariance allow for
-    what is not sure too.
+    `reference_kind` is "magnitude", "turns" or "vector". `residuals` are those of the means of
+    bins, (m,) along the normal of the ellipsoid or (m, 3), in the unit of the readings, at
+    `temperature` (m,) of `station` (m,), while `heating` (m,) or not; `weights` (m,) what the
+    robust loss left of each. With a vector reference they are those of the readings. `noise` is the
+    standard deviation of one reading on one axis, `excess` that by which means of bins scatter
+    beyond it (misfit, and changes of the chamber's field). `variances` (9, d) are the variances of
+    the scaled residuals of the coefficients by order 0…d−1; with a vector reference and
+    `degree="auto"` (1, d), those of the readings, nT² (raw units²). `drift` (1,) or (3,) is how
+    much the field changed from the first to the last reading, along itself or in the chamber's
+    axes, with `drift_sd`; `None` where that is not sure. So are `ageing` (3,) and `ageing_sd` of
+    the bias, in the unit of the readings; the calibration is that of the middle. `field_sd` is the
+    standard deviation of its slow changes (of its magnitude, or of each component), 0 where that
+    they are there is not sure. With a vector reference `unseen_rms` is what is left, nT on an axis,
+    of readings that the fit has not seen, and `alternatives` what would be with other models. The
+    calibration and its covariance allow for what is not sure too.
     """
 
     calibration: Thermal
-    taught_by: str
+    reference_kind: str
     n: int
     residuals: Array
     weights: Array
