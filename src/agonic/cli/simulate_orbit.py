@@ -39,6 +39,12 @@ def orbit(
         float, typer.Option(metavar="NT", help="Standard deviation of the ring current's field.")
     ] = 20.0,
     torquer: Annotated[float, typer.Option(metavar="NT", help="Field of the torquers.")] = 0.0,
+    settling: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", help="Record what torquers are told; their field follows in so long."
+        ),
+    ] = None,
     scalar: Annotated[
         float | None, typer.Option(metavar="SD", help="Noise of a scalar sensor beside it, nT.")
     ] = None,
@@ -67,6 +73,7 @@ def orbit(
         jump=jump,
         external=external,
         torquer=torquer,
+        torquer_settling_s=settling,
         scalar_sd=scalar,
         pointing=cast(Any, pointing),
         seed=seed,

@@ -11,6 +11,7 @@ from agonic.health import Finding, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
 from agonic.inflight.fit.result import InflightFit
+from agonic.inflight.fit.torquers import list_torquer_findings
 from agonic.maths.equation.coverage import find_nearest_axis
 from agonic.samples import Samples
 
@@ -40,6 +41,7 @@ def examine(fit: InflightFit, problem: Problem, samples: Samples) -> InflightFit
         *_undetermined(fit, problem.magnitude),
         *_outliers(fit),
         *_attitude(fit),
+        *list_torquer_findings(problem.torquers),
     ]
     fit = replace(fit, findings=sort_findings(found))
     return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, problem))

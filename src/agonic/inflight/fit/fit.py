@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -23,7 +24,12 @@ from agonic.inflight.fit.problem import (
     select_rows,
 )
 from agonic.inflight.fit.result import InflightFit, build_result
-from agonic.inflight.fit.solve import find_estimate
+from agonic.inflight.fit.solve import Estimate, find_estimate
+from agonic.inflight.fit.torquers import (
+    find_settling_s,
+    leave_out_unmodelled,
+    measure_since_switch,
+)
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -60,7 +66,8 @@ def fit_inflight(
     Parameters
     ----------
     samples : readings with times; with a track and a date where no reference is given. Rows that
-        are `flagged` are left out.
+        are `flagged` are left out, and so are those in which a torquer is on (a disturber in A m²)
+        that `sources` do not name, or has not settled yet after it switched.
     reference : the field on the way, or a scalar instrument's reading (`Reference.magnitude`);
         default: the world model along the samples' own track. With the attitude directions are
         those of the world model where the reference is a magnitude.
@@ -94,7 +101,6 @@ def fit_inflight(
     --------
     >>> from agonic.simulation import simulate
     >>> made = simulate("tumble", n=4000, noise=50.0)
-    >>> from dataclasses import replace
     >>> ground = replace(made.truth, bias=made.truth.bias + [800.0, -300.0, 500.0])
     >>> fit = fit_inflight(made.samples, Reference.constant(50_000.0), ground=ground)
     >>> bool(np.abs(fit.calibration.bias - made.truth.bias).max() < 10.0)
@@ -118,6 +124,9 @@ def fit_inflight(
     )
     problem = _pose_problem(samples, reference, ground, exclude, settings)
     problem, estimate = find_estimate(problem)
+    settled = _without_settling(problem, estimate)
+    if settled is not problem:
+        problem, estimate = find_estimate(settled)
     return evidence.examine(build_result(problem, estimate, samples), problem, samples)
 
 
@@ -144,6 +153,7 @@ def _pose_problem(
     magnitude = float(wanted.mean())
     left_out = None if exclude is None else np.asarray(exclude, dtype=bool)
     used = select_rows(samples, left_out, settings.latitude_deg)
+    used, torquers = leave_out_unmodelled(samples, settings.sources, used)
     require_enough(used)
     return Problem(
         samples=samples if ground is None else apply(ground, samples),
@@ -156,7 +166,25 @@ def _pose_problem(
         direction=expect_direction(samples, along, settings.attitude),
         rotation=np.eye(3),
         direction_e=find_direction_e(samples, along),
+        torquers=torquers,
     )
+
+
+def _without_settling(problem: Problem, estimate: Estimate) -> Problem:
+    """The problem without readings that are taken while torquers settle, where that shows."""
+    torquers = problem.torquers
+    if not torquers.commands:
+        return problem
+    since = measure_since_switch(problem.samples, torquers.commands)
+    step = float(np.median(np.diff(problem.time)))
+    settling_s = find_settling_s(since[problem.used], estimate.residuals["magnitude"], step)
+    within = since < settling_s - 0.5 * step
+    if not (problem.used & within).any():
+        return problem
+    left = problem.used & ~within
+    require_enough(left)
+    known = replace(torquers, settling_s=settling_s, settling=int((problem.used & within).sum()))
+    return replace(problem, used=left, torquers=known)
 
 
 def _check(samples: Samples, ground: Calibration | None, settings: Settings) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from agonic.arrays import Array, Mask
@@ -12,6 +12,7 @@ from agonic.calibration.network import Network
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import FEWEST, find_usable_rows
 from agonic.inflight.fit.terms import Terms, build_terms
+from agonic.inflight.fit.torquers import Torquers
 from agonic.inflight.maths.residuals import Rows
 from agonic.samples import Samples
 
@@ -50,7 +51,7 @@ class Problem:
     """`samples` after the ground calibration; `wanted` (n,) over `magnitude`; rows `used`; where
     the fit is aided by attitude, the `direction` expected, and the `rotation` from sensor axes to
     those of the attitude; `direction_e` (n, 3) of the field in Earth-fixed axes, where known;
-    `source` says what told the field."""
+    `source` says what told the field; `torquers` what was left out for them."""
 
     samples: Samples
     wanted: Array
@@ -62,6 +63,7 @@ class Problem:
     source: str
     rotation: Array
     direction_e: Array | None
+    torquers: Torquers = field(default_factory=Torquers)
 
     @property
     def time(self) -> Array:

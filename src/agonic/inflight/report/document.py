@@ -18,7 +18,7 @@ from agonic.inflight.report.flight import Flight, flight_of_fit
 from agonic.report.decomposition import describe_decomposition
 from agonic.report.digits import count, group_digits, quantity, with_sd
 from agonic.report.document import Document, Section
-from agonic.report.labels import unit_label
+from agonic.report.labels import per_label, unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import beyond_words, caption
 from agonic.samples import Samples
@@ -61,6 +61,7 @@ def describe_inflight(
             "Field": str(fit.calibration.provenance.settings.get("reference", "")),
             "Bias" if fit.ground is None else "Moved by": f"{bias} {fit.change.unit_in}",
             **(describe_decomposition(fit.change) if fit.solve != "bias" else {}),
+            **_list_sources(fit),
             "Residual": f"{quantity(rms, 'nT', 3)} rms{_describe_correlation(fit)}",
         },
         entries_title="",
@@ -91,6 +92,19 @@ def describe_inflight(
         calibration=fit.calibration,
     )
     return add_figures(document, flight_of_fit(fit, samples))
+
+
+def _list_sources(fit: InflightFit) -> dict[str, str]:
+    """What a unit of each source adds to a reading, by its name."""
+    names = signals(fit.source_names)
+    return {
+        name: "   ".join(
+            f"{axis} {with_sd(float(value), float(sd))}"
+            for axis, value, sd in zip("xyz", values, sds, strict=True)
+        )
+        + f" {unit_label(fit.change.unit_in)} {per_label(name)}"
+        for name, values, sds in zip(names, fit.sources.T, fit.sources_sd.T, strict=True)
+    }
 
 
 def _describe_correlation(fit: InflightFit) -> str:

@@ -152,5 +152,15 @@ def draw_pulses(
     return on[number, None] * each[number], np.asarray(on[number])
 
 
+def settle(values: Array, time: Array, settling_s: float) -> Array:
+    """Values (n, 3) as they are reached after a switch: dy/dt = (x − y)/τ, begun at rest."""
+    if not settling_s:
+        return values
+    from scipy.signal import lfilter
+
+    kept = np.exp(-_interval(time) / settling_s)
+    return np.asarray(lfilter([1.0 - kept], [1.0, -kept], values, axis=0))
+
+
 def _interval(time: Array) -> float:
     return float(time[1] - time[0]) if len(time) > 1 else 1.0

@@ -27,6 +27,7 @@ from agonic.inflight.simulation.aboard import (
     draw_pulses,
     find_way,
     follow_temperature,
+    settle,
 )
 from agonic.inflight.simulation.kepler import Orbit
 from agonic.maths.rotations.attitude import angles_deg
@@ -37,6 +38,8 @@ from agonic.simulation.thermal import random_drifting
 from agonic.units import RAW
 
 POINTINGS = ("nadir", "tumble")
+DIPOLE_AM2 = 0.2
+"""Dipole of a simulated torquer in a pulse."""
 RANGE_C = (-30.0, 50.0)
 """Temperatures between which a drawn sensor's bias changes by as much as was asked."""
 
@@ -91,6 +94,7 @@ def simulate_orbit(
     correlation_s: float = 7_200.0,
     torquer: float = 0.0,
     torquer_share: float = 0.2,
+    torquer_settling_s: float | None = None,
     scalar_sd: float | None = None,
     attitude_sd_deg: float | None = 0.0,
     mounting_deg: float = 0.0,
@@ -121,7 +125,9 @@ def simulate_orbit(
     external : standard deviation of the field of the ring current along the axis of the Earth's
         dipole, nT, half of it across; Gauss–Markov over `correlation_s`.
     torquer : field of the magnetic torquers, nT, in pulses that fill a `torquer_share` of the
-        time and are marked in the column `flagged`; 0 for none.
+        time and are marked in the column `flagged`; 0 for none. With `torquer_settling_s` the
+        dipoles they are told to make are recorded instead, as torquer_x_Am2 and so on, 0.2 A m² in
+        a pulse, and the field follows a switch with this time constant, s.
     scalar_sd : noise of a scalar magnetometer beside it, nT; None for none.
     attitude_sd_deg : white noise of the recorded attitude about each axis; None: none recorded.
     mounting_deg : by how much the sensor is turned in the body, about a random axis.
@@ -164,6 +170,9 @@ def simulate_orbit(
     moving = draw_drift(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
     pulsed, on = draw_pulses(rngs.torquer, time, torquer, torquer_share)
+    dipole = pulsed * (DIPOLE_AM2 / (torquer or 1.0))
+    told = torquer > 0 and torquer_settling_s is not None
+    pulsed = settle(pulsed, time, torquer_settling_s or 0.0)
     raw = _simulate_readings(truth, field_m, temperature) + moving + pulsed
     raw = raw + noise * rngs.noise.standard_normal((n, 3))
     scalar = np.linalg.norm(field_n, axis=1) + (scalar_sd or 0) * rngs.scalar.standard_normal(n)
@@ -174,7 +183,8 @@ def simulate_orbit(
         epoch=epoch,
         temperature=temperature,
         scalar=None if scalar_sd is None else scalar,
-        flagged=on.astype(float) if torquer else None,
+        flagged=on.astype(float) if torquer and not told else None,
+        disturbers=_name_dipoles(dipole) if told else {},
         notes=("simulated",),
     )
     aside = {**way.columns, **_record_attitude(rngs.star, rot_nb, attitude_sd_deg)}
@@ -190,6 +200,11 @@ def simulate_orbit(
         eclipse=way.eclipse,
         facts=MappingProxyType(facts),
     )
+
+
+def _name_dipoles(dipole: Array) -> dict[str, Array]:
+    """Dipoles (n, 3), A m², as the columns of three torquers."""
+    return {f"torquer_{axis}_Am2": dipole[:, k] for k, axis in enumerate("xyz")}
 
 
 class _Generators(NamedTuple):
