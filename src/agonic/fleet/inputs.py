@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from glob import glob, has_magic
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from agonic.errors import AgonicError, LogError
 from agonic.fleet.settings import FleetSettings
 from agonic.logs.large.dataset import Dataset, find_dataset
 from agonic.logs.read import accepts
+from agonic.logs.remote import is_remote, list_remote
 from agonic.population import Row
 from agonic.provenance import escape_text
 
@@ -56,7 +58,9 @@ def find_inputs(named: Iterable[Path | str], settings: FleetSettings | None = No
     perhaps: set[str] = set()
     skipped = 0
     for path in (path for name in named for path in _expand(os.fspath(name))):
-        if os.path.isdir(path):
+        if is_remote(path):
+            explicit.setdefault(path, path)
+        elif os.path.isdir(path):
             files = list(_list_files(path))
             tables = [file for file in files if file.suffix.lower() == PARQUET]
             datasets |= {
@@ -182,6 +186,8 @@ def _get_group(match: re.Match[str] | None) -> str | None:
 
 def _expand(name: str) -> list[str]:
     """The files and folders that a name, which may be a pattern, stands for."""
+    if is_remote(name):
+        return _expand_remote(name)
     if os.path.lexists(name):
         return [name]
     if not has_magic(name):
@@ -190,6 +196,18 @@ def _expand(name: str) -> list[str]:
     if not found:
         raise AgonicError(f"{name}: no file matches this pattern")
     return found
+
+
+def _expand_remote(url: str) -> list[str]:
+    """The logs in object storage that a URL, a folder or a pattern with stars, names."""
+    if "*" not in url:
+        found = list_remote(url)
+        named = len(found) == 1 and found[0].url == url
+        return [file.url for file in found if named or file.suffix.lower() in LOG_SUFFIXES]
+    folder, mark, asked = url.partition("?")
+    below = folder.partition("*")[0].rpartition("/")[0]
+    found = list_remote(f"{below}{mark}{asked}")
+    return [file.url for file in found if fnmatchcase(file.url.partition("?")[0], folder)]
 
 
 def _list_files(folder: str) -> Iterator[Path]:

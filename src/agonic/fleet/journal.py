@@ -13,8 +13,9 @@ from typing import NamedTuple, Self
 
 import msgspec
 
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, LogError
 from agonic.fleet.settings import digest
+from agonic.logs.remote import Remote, locate
 from agonic.population import Population, Row
 from agonic.population.table import from_bytes, to_bytes
 from agonic.provenance import escape_text
@@ -51,9 +52,12 @@ class State(NamedTuple):
     @classmethod
     def of(cls, path: str) -> State | None:
         """Those of a file; None where there is none, or what is no file, as a pipe."""
+        file = locate(path)
         try:
-            found = Path(path).stat()
-        except OSError:
+            if isinstance(file, Remote):
+                return cls(*file.measure())
+            found = file.stat()
+        except (OSError, LogError):
             return None
         if not stat.S_ISREG(found.st_mode):
             return None

@@ -21,6 +21,7 @@ from agonic.fleet.settings import FleetSettings, digest
 from agonic.logs.large.mission import is_long, open_mission
 from agonic.logs.log import Log
 from agonic.logs.read import open_log
+from agonic.logs.remote import locate, name_locally
 from agonic.population import Row
 from agonic.provenance import escape_text, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate, calibrate_recording
@@ -78,7 +79,7 @@ def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
 
 def _is_long(path: str) -> bool:
     try:
-        return is_long([Path(path)])
+        return is_long([locate(path)])
     except Exception:  # opening it tells what is wrong with it
         return False
 
@@ -102,7 +103,10 @@ def _calibrate_long(
         heads.append(of_sensor.head())
         outcomes.append(try_calibrate(heads[-1], settings, partial(calibrate_recording, of_sensor)))
     log = Log(
-        path=Path(path), format="Parquet table", source=mission.inputs[0], sensors=tuple(heads)
+        path=name_locally(locate(path)),
+        format="Parquet table",
+        source=mission.inputs[0],
+        sensors=tuple(heads),
     )
     return log, outcomes
 
@@ -112,7 +116,7 @@ def describe_log(
 ) -> dict[str, Any]:
     """What a row of a log says beside its figures; the caller may know the sensor better."""
     return {
-        "sensor": escape_text(Path(path).stem),
+        "sensor": escape_text(locate(path).stem),
         "source": escape_text(path),
         "sha256": sha256,
         "key": digest(sha256, channel, settings.asked),

@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from agonic.errors import LogError
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Engine, Lost
 from agonic.fleet.inputs import Inputs, name_sensors
 from agonic.fleet.journal import Journal, State
 from agonic.fleet.one_log import Done, calibrate_log, explain, report_unread
 from agonic.fleet.settings import FleetSettings, digest
+from agonic.logs.remote import Remote, is_remote, locate
 from agonic.population import (
     Population,
     Row,
@@ -130,7 +132,9 @@ class Work:
                 if content is not None:
                     self.journal.note(path, state, content)
             if content is None or self._is_new(content, path):
-                task = os.path.abspath(path)  # wherever the process that works on it stands
+                task = (
+                    path if is_remote(path) else os.path.abspath(path)
+                )  # wherever the process that works on it stands
                 self.under_way[task] = path, state, content
                 yield task
 
@@ -189,6 +193,7 @@ class Work:
 
 def _hash_file(path: str) -> str | None:
     try:
-        return hash_file(Path(path))
-    except OSError:
+        file = locate(path)
+        return file.hash() if isinstance(file, Remote) else hash_file(file)
+    except (OSError, LogError):
         return None

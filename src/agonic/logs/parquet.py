@@ -16,6 +16,7 @@ from agonic.logs.column_names import rename_headers
 from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.log import Log
 from agonic.logs.long_table import build_tables_log
+from agonic.logs.remote import Remote
 from agonic.provenance import Input
 
 _LARGEST_FOOTER = 16_000_000
@@ -23,6 +24,8 @@ _LARGEST_FOOTER = 16_000_000
 
 
 _PLAIN = {"double", "float", *(f"{sign}int{8 << k}" for sign in ("", "u") for k in range(4))}
+_REQUEST = 8 << 20
+"""Bytes of a column that are asked of object storage at a time."""
 _AHEAD = 2
 """Batches that wait, decoded."""
 
@@ -49,13 +52,15 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     return table, {"format": "Parquet table", "others": others}
 
 
-def count_rows(path: Path) -> int:
+def count_rows(path: Path | Remote) -> int:
     """How many rows a Parquet table has, by its footer."""
     with _open_parquet(path) as file:
         return int(file.metadata.num_rows)
 
 
-def read_batches(path: Path, size: int, without: tuple[str, ...] = ()) -> Iterator[dict[str, Any]]:
+def read_batches(
+    path: Path | Remote, size: int, without: tuple[str, ...] = ()
+) -> Iterator[dict[str, Any]]:
     """The columns that are understood, `size` rows at a time.
 
     `without` are columns of `Samples` to leave out. Pages are decoded as they are needed, so that
@@ -72,7 +77,9 @@ def read_batches(path: Path, size: int, without: tuple[str, ...] = ()) -> Iterat
             yield _arrays(batch)
 
 
-def read_ahead(path: Path, size: int, headers: list[str]) -> Iterator[dict[str, NDArray[Any]]]:
+def read_ahead(
+    path: Path | Remote, size: int, headers: list[str]
+) -> Iterator[dict[str, NDArray[Any]]]:
     """Some columns, `size` rows at a time, decoded ahead of whoever works on them.
 
     A thread decodes the next few while the last are at work; nulls become NaN.
@@ -125,13 +132,16 @@ def _array(column: Any) -> NDArray[Any]:
     return np.asarray(column.to_numpy(zero_copy_only=False))
 
 
-def _open_parquet(path: Path) -> Any:
+def _open_parquet(path: Path | Remote) -> Any:
     try:
         from pyarrow.parquet import ParquetFile
     except ImportError:
         raise MissingExtraError("reading a Parquet file", "tables") from None
     with path.open("rb") as stream:
-        stream.seek(-min(8, path.stat().st_size), 2)
+        size = stream.seek(0, 2)
+        stream.seek(-min(8, size), 2)
         if int.from_bytes(stream.read(4), "little") > _LARGEST_FOOTER:
             raise LogError("its list of columns is too long for a log, or damaged")
+    if isinstance(path, Remote):
+        return ParquetFile(path.open(), pre_buffer=False, buffer_size=_REQUEST)
     return ParquetFile(path, pre_buffer=False, buffer_size=1 << 20)

@@ -13,6 +13,7 @@ from agonic.errors import AgonicError, LogError
 from agonic.logs.column_names import names_for
 from agonic.logs.formats import FOLDER, HEAD_BYTES, ROS, Format, format_of
 from agonic.logs.log import Log
+from agonic.logs.remote import Remote, fetch, locate
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 from agonic.units import find_unit
@@ -22,7 +23,7 @@ METADATA = "metadata.yaml"
 
 
 def open_log(
-    path: Path | str,
+    path: Path | Remote | str,
     *,
     unit: str | None = None,
     columns: str | Mapping[str, str] | None = None,
@@ -31,7 +32,7 @@ def open_log(
 
     Parameters
     ----------
-    path : the file; its content decides how it is read.
+    path : the file; its content decides how it is read. A URL (s3://bucket/log.bin) is fetched.
     unit : of the field, for files that do not say: "nT", "uT", "mT", "T", "G", "mG".
     columns : what the columns are, where headers do not say: "time=t,x=mx,y=my,z=mz", or a mapping;
         without, those in a file beside the log with its name and ".toml" behind it.
@@ -46,7 +47,9 @@ def open_log(
     ...     open_log(path).sensors[0].field[0].tolist()
     [20000.0, 0.0, 43000.0]
     """
-    file = Path(path)
+    file = locate(path)
+    if isinstance(file, Remote):
+        return _open_remote(file, unit=unit, columns=columns)
     if unit is not None:
         find_unit(unit)
     try:
@@ -62,6 +65,17 @@ def open_log(
         raise type(error)(str(error), path=file, row=error.row) from error
     except OSError as error:
         raise LogError(f"cannot be read: {error.strerror or error}", path=file) from error
+
+
+def _open_remote(file: Remote, *, unit: str | None, columns: str | Mapping[str, str] | None) -> Log:
+    """The log of a file in object storage, of which a copy is made for as long as it is read."""
+    with fetch(file) as copy:
+        try:
+            log = open_log(copy, unit=unit, columns=columns)
+        except LogError as error:
+            said = str(error).removeprefix(f"{copy}").lstrip(":, ")
+            raise type(error)(said, path=file.url) from error
+    return replace(log, path=Path(file.name))
 
 
 def sensors(path: Path | str) -> tuple[str, ...]:

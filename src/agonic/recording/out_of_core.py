@@ -55,9 +55,10 @@ def calibrate_mission(
 def make_log(mission: Mission, results: list[Calibrated]) -> Log:
     """The rows that were kept of a mission, as the log that they came from."""
     from agonic.logs.log import Log
+    from agonic.logs.remote import name_locally
 
     return Log(
-        path=mission.files[0],
+        path=name_locally(mission.files[0]),
         format="Parquet table",
         source=mission.inputs[0],
         sensors=tuple(result.samples for result in results),

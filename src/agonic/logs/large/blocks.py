@@ -18,6 +18,7 @@ from agonic.arrays import Array
 from agonic.logs import parquet
 from agonic.logs.clock import read_clock
 from agonic.logs.columns import identify_columns
+from agonic.logs.remote import Remote
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -114,7 +115,7 @@ def _numbers(stored: Column) -> Column:
     return stored.view(np.int64) if stored.dtype.kind == "M" else stored
 
 
-def sweep(path: Path, of: Layout, size: int, *, timed: bool) -> Iterator[Strip]:
+def sweep(path: Path | Remote, of: Layout, size: int, *, timed: bool) -> Iterator[Strip]:
     """The strips of a Parquet file; rows that are not finite, or whose time does not increase, are
     left out and counted."""
     time = of.time if timed else None

@@ -17,6 +17,7 @@ from agonic.logs.formats import PARQUET
 from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, find_layout, keep_usable, sweep
 from agonic.logs.read import open_log
+from agonic.logs.remote import Remote, locate, name_locally
 from agonic.logs.rows.beside import AUXILIARY
 from agonic.logs.table import build_log
 from agonic.provenance import Input, hash_file
@@ -40,7 +41,7 @@ class Mission:
     `epoch` the UTC moment from which all times are counted, where it was given.
     """
 
-    files: tuple[Path, ...]
+    files: tuple[Path | Remote, ...]
     inputs: tuple[Input, ...]
     rows: int
     sensor: str | int | None = None
@@ -62,7 +63,7 @@ class Mission:
                 epoch = epoch or samples.epoch
                 shifted = _count_from(samples, epoch, given=self.epoch is not None)
                 if shifted.time is None:
-                    raise LogError("a mission needs times; this file has none", path=path)
+                    raise LogError("a mission needs times; this file has none", path=str(path))
                 if last is not None and shifted.time[0] <= last:
                     raise _out_of_order(path)
                 last = float(shifted.time[-1])
@@ -72,7 +73,7 @@ class Mission:
         """The first rows: name, unit, frame and epoch of all."""
         return self._head(self.files[0], self.inputs[0])
 
-    def _head(self, path: Path, source: Input) -> Samples:
+    def _head(self, path: Path | Remote, source: Input) -> Samples:
         return next(replace(self, piece=_HEAD)._of_file(path, source, AUXILIARY))
 
     def sensors(self) -> tuple[str, ...]:
@@ -84,7 +85,11 @@ class Mission:
         if "sensor" in identify_columns(table):
             return ()
         log = build_log(
-            table, path=path, source=self.inputs[0], format="Parquet table", unit=self.unit
+            table,
+            path=name_locally(path),
+            source=self.inputs[0],
+            format="Parquet table",
+            unit=self.unit,
         )
         return tuple(samples.name for samples in log.sensors)
 
@@ -106,14 +111,14 @@ class Mission:
                 if shifted.time[0] <= last:
                     raise _out_of_order(path)
             elif len(self.files) > 1:
-                raise LogError("several files need times to follow each other", path=path)
+                raise LogError("several files need times to follow each other", path=str(path))
             for strip in self._strips_of_file(path, source, head, shift, timed):
                 if strip.time is not None and len(strip):
                     last = float(strip.time[-1])
                 yield strip
 
     def _strips_of_file(
-        self, path: Path, source: Input, head: Samples, shift: float, timed: bool
+        self, path: Path | Remote, source: Input, head: Samples, shift: float, timed: bool
     ) -> Iterator[Strip]:
         of = None
         if _is_parquet(path):
@@ -130,7 +135,9 @@ class Mission:
                 last = float(strip.time[-1])
             yield strip
 
-    def _of_file(self, path: Path, source: Input, without: tuple[str, ...]) -> Iterator[Samples]:
+    def _of_file(
+        self, path: Path | Remote, source: Input, without: tuple[str, ...]
+    ) -> Iterator[Samples]:
         chosen = 0 if self.sensor is None else self.sensor
         if not _is_parquet(path):
             whole = open_log(path, unit=self.unit).sensor(chosen)
@@ -139,12 +146,18 @@ class Mission:
                 yield whole.select(rows[start : start + self.piece])
             return
         for table in parquet.read_batches(path, self.piece, without):
-            log = build_log(table, path=path, source=source, format="Parquet table", unit=self.unit)
+            log = build_log(
+                table,
+                path=name_locally(path),
+                source=source,
+                format="Parquet table",
+                unit=self.unit,
+            )
             yield log.sensor(chosen)
 
 
 def open_mission(
-    paths: Iterable[Path | str],
+    paths: Iterable[Path | Remote | str],
     *,
     sensor: str | int | None = None,
     unit: str | None = None,
@@ -155,7 +168,7 @@ def open_mission(
 
     Parameters
     ----------
-    paths : the files, in order of time.
+    paths : the files, in order of time; URLs of object storage are read where they lie.
     sensor, unit : as for `ag.read`.
     date : of time zero (UTC), for files that count their times from no known moment.
     piece : rows read at a time.
@@ -175,15 +188,19 @@ def open_mission(
     ...     [len(samples) for samples in open_mission([path], piece=1).pieces()]
     [1, 1]
     """
-    files = tuple(Path(path) for path in paths)
+    files = tuple(map(locate, paths))
     if not files:
         raise LogError("no files were named")
     missing = [file for file in files if not file.is_file()]
     if missing:
-        raise LogError("there is no such file", path=missing[0])
+        raise LogError("there is no such file", path=str(missing[0]))
     counts = [_rows(file) for file in files]
     inputs = tuple(
-        Input(name=file.name, sha256=hash_file(file), count=count)
+        Input(
+            name=file.name,
+            sha256=file.hash() if isinstance(file, Remote) else hash_file(file),
+            count=count,
+        )
         for file, count in zip(files, counts, strict=True)
     )
     epoch = None if date is None else parse_date(date)
@@ -198,27 +215,27 @@ def open_mission(
     )
 
 
-def _out_of_order(path: Path) -> LogError:
+def _out_of_order(path: Path | Remote) -> LogError:
     return LogError(
         "its readings do not come after those before; name the files in order of time, each once",
-        path=path,
+        path=str(path),
     )
 
 
-def is_long(paths: Sequence[Path], rows: int | None = None) -> bool:
+def is_long(paths: Sequence[Path | Remote], rows: int | None = None) -> bool:
     """Whether files are several, or a Parquet table of more rows than these, or `IN_MEMORY`."""
     most = IN_MEMORY if rows is None else rows
     if len(paths) != 1:
         return True
-    path = paths[0]
+    path = locate(paths[0])
     return path.is_file() and _is_parquet(path) and parquet.count_rows(path) > most
 
 
-def _rows(path: Path) -> int:
+def _rows(path: Path | Remote) -> int:
     return parquet.count_rows(path) if _is_parquet(path) else len(open_log(path).sensors[0])
 
 
-def _is_parquet(path: Path) -> bool:
+def _is_parquet(path: Path | Remote) -> bool:
     with path.open("rb") as stream:
         return PARQUET.accepts(stream.read(4))
 
