@@ -9,10 +9,10 @@ UV     := $(shell command -v uv 2>/dev/null)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format docs bench fuzz lock clean
+.PHONY: help demo test check format docs bench bench-quick fuzz lock clean
 
 help:  ## show this list
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 13
 
 demo: $(VENV)/.core  ## set up and run the main job on a simulated log
 	$(BIN)/agonic demo -o demo
@@ -33,8 +33,11 @@ format: $(VENV)/.dev  ## format the code
 docs: $(VENV)/.dev  ## build the documentation into docs/_build
 	$(BIN)/sphinx-build -W -q docs docs/_build
 
-bench: .venv-bench/.bench  ## regenerate the tables of benchmarks/results
-	.venv-bench/bin/python -m benchmarks.run
+bench: .venv-bench/.bench .venv-peers/.peers  ## regenerate benchmarks/results; FULL=1 the larger studies, PARTS="speed field" some
+	.venv-bench/bin/python -m benchmarks.run $(PARTS) $(if $(FULL),--full)
+
+bench-quick: $(VENV)/.dev  ## name what became slower than the kept ratios, in two minutes
+	$(BIN)/python -m benchmarks.ratios --compare
 
 MINUTES ?= 2
 fuzz: $(VENV)/.dev  ## damage and extreme values against readers and commands, MINUTES=2
@@ -42,13 +45,13 @@ fuzz: $(VENV)/.dev  ## damage and extreme values against readers and commands, M
 
 lock: $(VENV)/.dev  ## write the hashed lock files anew
 	$(BIN)/python -m pip install -q uv
-	for part in core:"" dev:"--extra dev" bench:"--extra bench"; do \
+	for part in core:"" dev:"--extra dev" bench:"--extra bench" peers:"--extra peers"; do \
 	  $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes \
 	    --no-emit-index-url --no-header $${part#*:} pyproject.toml lock/build.in \
 	    -o lock/$${part%%:*}.txt; done
 
 clean:  ## remove what make made
-	rm -rf .venv .venv-bench docs/_build demo
+	rm -rf .venv .venv-bench .venv-peers docs/_build demo
 
 # $(call install,folder of the environment,lock file)
 ifdef UV
@@ -71,4 +74,8 @@ $(VENV)/.dev: lock/dev.txt pyproject.toml
 
 .venv-bench/.bench: lock/bench.txt pyproject.toml
 	$(call install,.venv-bench,lock/bench.txt)
+	@touch $@
+
+.venv-peers/.peers: lock/peers.txt pyproject.toml
+	$(call install,.venv-peers,lock/peers.txt)
 	@touch $@

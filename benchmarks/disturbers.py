@@ -186,7 +186,7 @@ def _heading(samples: ag.Samples, fit: ag.Fit) -> np.ndarray:
 
 def main() -> None:
     """The tables."""
-    asked = tables.arguments(__doc__, 40)
+    asked = tables.arguments(__doc__, 20)
     draws = 3 if asked.quick else asked.draws
     print(
         f"""Simulated, 100 nT of noise, {draws} draws: how often just the true disturbers were

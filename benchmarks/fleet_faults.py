@@ -198,7 +198,7 @@ def summary(sums: Mapping[str, Named]) -> str:
 
 
 def main() -> None:
-    asked = pages.arguments("planted faults of a fleet", draws=2000)
+    asked = pages.arguments("planted faults of a fleet", draws=1000)
     sensors = min(asked.draws, 400) if asked.quick else asked.draws
     fleet = simulate_fleet(sensors, **SHARES, seed=1)
     parts = []

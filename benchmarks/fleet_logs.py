@@ -26,7 +26,7 @@ from agonic.simulation import simulate
 from benchmarks import tables
 
 ROWS = 300
-LOGS, QUICK = 10_000, 200
+LOGS, QUICK = 2000, 200
 WORKERS = 2
 BARE = dict.fromkeys(
     ("roll_deg", "pitch_deg", "heading_deg", "rotation_rate")

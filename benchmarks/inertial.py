@@ -1,4 +1,4 @@
-"""What accelerometer and gyro add: python -m benchmarks.inertial [--draws 8] [--quick]."""
+"""What accelerometer and gyro add: python -m benchmarks.inertial [--draws 2] [--quick]."""
 
 from __future__ import annotations
 
@@ -118,11 +118,11 @@ def simulated(draws: int, quick: bool) -> str:
 
 def main() -> None:
     """The tables of simulated vehicles, and of shots."""
-    asked = tables.arguments("calibrations beside accelerometer and gyro", draws=4)
+    asked = tables.arguments("calibrations beside accelerometer and gyro", draws=2)
     draws = min(asked.draws, 2) if asked.quick else asked.draws
     print(INTRODUCTION.format(draws=draws) + "\n\n" + simulated(draws, asked.quick))
-    print("\n" + shots.describe(4 if asked.quick else 20))
-    print("\n" + inertial_published.describe(2 if asked.quick else 100))
+    print("\n" + shots.describe(4 if asked.quick else 5 * draws))
+    print("\n" + inertial_published.describe(2 if asked.quick else 20 * draws))
     if inertial_recordings.FOLDER.exists() and not asked.quick:
         print("\n" + inertial_recordings.describe())
 

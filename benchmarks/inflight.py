@@ -1,6 +1,6 @@
 """Calibration in flight: the precise case against its bound, and a mission out of core.
 
-python -m benchmarks.inflight [--draws 10] [--quick]
+python -m benchmarks.inflight [--draws 4] [--quick]
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.fitting.orbits import ARCSEC, SENSOR, coefficients, efficient, precise, rescaled
+from tests.inflight.orbits import ARCSEC, SENSOR, coefficients, efficient, precise, rescaled
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
@@ -190,7 +190,7 @@ def _peak_MB() -> float:
 
 def main() -> None:
     """Run both and print the tables."""
-    asked = tables.arguments("calibration in flight", draws=10)
+    asked = tables.arguments("calibration in flight", draws=4)
     files = 1 if asked.quick else 6
     mission, facts = out_of_core(files)
     n, draws = (20_000, 2) if asked.quick else (86_400, asked.draws)

@@ -1,4 +1,4 @@
-"""A year in orbit with and without retraining: python -m benchmarks.retraining [--draws 2].
+"""A year in orbit with and without retraining: python -m benchmarks.retraining [--draws 1].
 
 A network is trained on the ground. In flight the bias drifts, jumps twice, and the current of the
 solar arrays, which no sensor tells, adds to it in sunlight. How far is the field off, and how often
@@ -131,7 +131,7 @@ def count_false(year: Year) -> tuple[int, int]:
 
 def main() -> None:
     """Fly the years and print the tables."""
-    asked = tables.arguments("a year of retraining in orbit", draws=2)
+    asked = tables.arguments("a year of retraining in orbit", draws=1)
     days = 60.0 if asked.quick else 365.0
     flown: dict[str, list[Year]] = {}
     for seed in range(asked.draws):

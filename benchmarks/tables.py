@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.facts import NOT_INSTALLED as NOT_INSTALLED
+
 Array = NDArray[np.float64]
 
 RESULTS = Path(__file__).parent / "results"
-NOT_INSTALLED = "not installed"
 
 
-def arguments(description: str, draws: int) -> argparse.Namespace:
-    """--draws, --quick and --full, as every script here takes them."""
+def arguments(description: str, draws: int, *, compare: bool = False) -> argparse.Namespace:
+    """--draws, --quick and --full, as every script here takes them; --compare where it is asked."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument(
         "--draws", type=int, default=draws, help="repetitions (default: %(default)s)"
     )
     parser.add_argument("--quick", action="store_true", help="few cases and draws; keeps nothing")
     parser.add_argument("--full", action="store_true", help="every case, up to 300 000 readings")
+    if compare:
+        parser.add_argument("--compare", action="store_true", help="with the kept table")
     return parser.parse_args()
 
 
@@ -36,25 +37,12 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def publish(name: str, parts: Sequence[str], *, keep: bool) -> None:
-    """Print a page, and keep it as results/<name>.md, with the versions that made it."""
-    text = "\n\n".join([*parts, versions()]) + "\n"
+    """Print a page, and keep it as results/<name>.md."""
+    text = "\n\n".join(parts) + "\n"
     print(text, flush=True)
     if keep:
         RESULTS.mkdir(exist_ok=True)
         (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
-
-
-def versions() -> str:
-    """What ran, in one line."""
-    packages = ("agonic", "numpy", "scipy", "magyc", "magcal", "pymavlink")
-    return f"Python {platform.python_version()}, " + ", ".join(map(_version, packages)) + "."
-
-
-def _version(package: str) -> str:
-    try:
-        return f"{package} {version(package)}"
-    except PackageNotFoundError:
-        return f"{package} {NOT_INSTALLED}"
 
 
 def progress(text: str) -> None:

@@ -1,6 +1,6 @@
 """Temperature calibration in a chamber: accuracy, honesty, improvement and time.
 
-python -m benchmarks.thermal [--draws 20] [--quick]
+python -m benchmarks.thermal [--draws 8] [--quick]
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.fitting.chambers import FIELD, KNOWN, campaign, efficient, nine
+from tests.thermal.chambers import FIELD, KNOWN, campaign, efficient, nine
 
 from agonic import Reference
 from agonic.thermal.fit.fit import fit_binned, fit_thermal
@@ -200,7 +200,7 @@ def big(stations: int = 12, n: int = 143_333) -> str:
 
 def main() -> None:
     """Print the table and the times."""
-    asked = tables.arguments("temperature calibration in a chamber", draws=20)
+    asked = tables.arguments("temperature calibration in a chamber", draws=8)
     draws, n = (3, 1000) if asked.quick else (asked.draws, 5400)
     header = ("taught by", "noise, nT", "error", "bound", "error / bound", "error / sd", "s")
     rows = [row(kind, noise, draws, n) for noise in (100.0, 400.0) for kind in KINDS]

@@ -1,6 +1,6 @@
 """Recordings that break assumptions, through `calibrate`: verdict, error, stated error, cause.
 
-python -m benchmarks.torture [--draws 20] [--quick] [--kind TEXT]
+python -m benchmarks.torture [--draws 3] [--quick] [--kind TEXT]
 
 A run is *confidently wrong* where the verdict is good, the heading is off by more than three stated
 standard errors and by more than 0.2°. The heading's error is that of a level sensor, rms over all
@@ -111,11 +111,11 @@ def row(kind: Kind, runs: list[Run]) -> list[str]:
 def main() -> int:
     """Print the table; status 1 where a run was confidently wrong or crashed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--draws", type=int, default=20)
-    parser.add_argument("--quick", action="store_true", help="three draws")
+    parser.add_argument("--draws", type=int, default=3)
+    parser.add_argument("--quick", action="store_true", help="one draw")
     parser.add_argument("--kind", default="", help="only kinds whose name holds this text")
     asked = parser.parse_args()
-    draws = 3 if asked.quick else asked.draws
+    draws = 1 if asked.quick else asked.draws
     chosen = [k for k, kind in enumerate(KINDS) if asked.kind in kind.name]
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(of_kind, [(k, draws) for k in chosen]))

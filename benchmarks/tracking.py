@@ -1,4 +1,4 @@
-"""How many readings a second a tracker follows: python -m benchmarks.tracking [--draws 5]."""
+"""How many readings a second a tracker follows: python -m benchmarks.tracking [--draws 3]."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ def measure(
 
 def main() -> None:
     """Time everything and print the table."""
-    asked = tables.arguments("readings a second", draws=5)
-    n = 100_000 if asked.quick else 1_000_000
+    asked = tables.arguments("readings a second", draws=3)
+    n = 100_000 if asked.quick else 300_000
     time, raw, magnitude = orbit(n + WARM)
     rows = []
     for name, settings in MODELS.items():
