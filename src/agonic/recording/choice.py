@@ -15,7 +15,7 @@ from agonic.attitude.disturbers import (
     describe_gain,
     list_moving,
 )
-from agonic.attitude.interference import fit_interference
+from agonic.attitude.interference import fit_interference, fit_interference_alone
 from agonic.attitude.known_heading import is_known
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
@@ -205,8 +205,10 @@ def _fit_with_attitude(
         "sources": list_sources(fit),
     }
 
+    alone = fit_interference_alone if method == "interference" else run
+
     def again(samples: Samples, reference: Reference) -> Calibration:
-        return run(samples, reference, **same).calibration
+        return alone(samples, reference, **same).calibration
 
     return Choice(samples, reference, fit, method, reason, again, latency, tried)
 
