@@ -20,10 +20,10 @@ def skew(vector: Array) -> Array:
 
 
 def find_best_rotation(start: Array, end: Array, weights: Array | None = None) -> Array:
-    """The rotation R (3, 3), active, with R start ≈ end in the least-squares sense.
+    """The rotation R (…, 3, 3), active, with R start ≈ end in the least-squares sense.
 
-    Wahba's problem, solved by singular values (the Kabsch algorithm). Parameters: start, end (n, 3)
-    vectors before and after; weights (n,) of the pairs, 1 without.
+    Wahba's problem, solved by singular values (the Kabsch algorithm). Parameters: start, end
+    (…, n, 3) vectors before and after; weights (n,) of the pairs, 1 without.
 
     Source: Kabsch, Acta Crystallographica A32, 1976; Markley, Journal of the Astronautical
     Sciences 36, 1988.
@@ -32,9 +32,9 @@ def find_best_rotation(start: Array, end: Array, weights: Array | None = None) -
     [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
     weighted = end if weights is None else end * weights[:, None]
-    u, _, vt = np.linalg.svd(weighted.T @ start)
-    proper = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u) * np.linalg.det(vt)))])
-    return np.asarray(u @ proper @ vt)
+    u, _, vt = np.linalg.svd(np.swapaxes(weighted, -1, -2) @ start)
+    u[..., 2] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[..., None]
+    return np.asarray(u @ vt)
 
 
 def find_smallest_rotation(start: Array, end: Array) -> Array:

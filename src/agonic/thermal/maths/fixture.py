@@ -31,23 +31,26 @@ def find_mounting(directions: Array, rot_nb: Array) -> Mounting:
     M and f in turn, each by least squares (M: Kabsch 1976), from all 24 ways to mount a sensor
     along the axes of the box.
     """
-    tried = [_settle(directions, rot_nb, axes) for axes in MOUNTINGS]
-    return min(tried, key=lambda found: found.rms)
+    return _settle(directions, rot_nb, np.asarray(MOUNTINGS))
 
 
-def _settle(directions: Array, rot_nb: Array, mount: Array) -> Mounting:
-    before = np.inf
-    field = np.zeros(3)
+def _settle(directions: Array, rot_nb: Array, mounts: Array) -> Mounting:
+    """The best of what mountings (s, 3, 3) to start from settle to."""
+    mounts, fields = mounts.copy(), np.zeros((len(mounts), 3))
+    left, moving = np.full(len(mounts), np.inf), np.arange(len(mounts))
     for _ in range(_ROUNDS):
-        field = np.einsum("kij,jl,kl->i", rot_nb, mount, directions)
-        field /= max(float(np.linalg.norm(field)), 1e-12)
-        in_box = np.swapaxes(rot_nb, 1, 2) @ field
+        field = np.einsum("kij,sjl,kl->si", rot_nb, mounts[moving], directions)
+        field /= np.maximum(np.linalg.norm(field, axis=1), 1e-12)[:, None]
+        in_box = np.einsum("kij,si->skj", rot_nb, field)
         mount = find_best_rotation(directions, in_box)
-        left = float(np.sum((directions @ mount.T - in_box) ** 2))
-        if before - left < 1e-12 * max(left, 1e-12):
+        now = np.sum((directions @ np.swapaxes(mount, 1, 2) - in_box) ** 2, axis=(1, 2))
+        goes_on = left[moving] - now >= 1e-12 * np.maximum(now, 1e-12)
+        mounts[moving], fields[moving], left[moving] = mount, field, now
+        moving = moving[goes_on]
+        if not len(moving):
             break
-        before = left
-    return Mounting(mount, field, float(np.sqrt(left / len(directions))))
+    best = int(np.argmin(left))
+    return Mounting(mounts[best], fields[best], float(np.sqrt(left[best] / len(directions))))
 
 
 def find_exchanged_directions(directions: Array, rot_nb: Array) -> Exchange:
@@ -56,7 +59,7 @@ def find_exchanged_directions(directions: Array, rot_nb: Array) -> Exchange:
     The others outvote them, so the mounting found with them as described is a start near enough.
     """
     start = find_mounting(directions, rot_nb).mount
-    return find_exchange(rot_nb, lambda order: _settle(directions, order, start).rms)
+    return find_exchange(rot_nb, lambda order: _settle(directions, order, start[None]).rms)
 
 
 def find_tangents(unit: Array) -> Array:
