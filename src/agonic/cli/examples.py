@@ -165,6 +165,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic plan swing --headings 16 -o swing.html",
         "agonic plan swing --noise-deg 0.5 --rounds 2",
     ),
+    "agonic plan placement": (
+        "agonic plan placement strapped.csv",
+        "agonic plan placement places.csv --noise 100",
+    ),
     "agonic plan thermal": (
         "agonic plan thermal --sensors 2xMMC5883MA,3xMPU-9255 --range -10,50 -o plan.html",
         "agonic plan thermal --sensors 4xRM3100 --degree 2 --folder chamber",
