@@ -128,7 +128,7 @@ def main() -> None:
 
 def live_pictures() -> None:
     """The live page and its question before it writes, as its tests in a browser see them."""
-    tests = Path(__file__).parents[1] / "tests" / "web"
+    tests = Path(__file__).parents[1] / "tests" / "live"
     command = [sys.executable, "-m", "pytest", "-q", "-k", "first_reading or vehicle_is_written"]
     subprocess.run(
         [*command, str(tests / "test_live_page.py"), str(tests / "test_live_device.py")],

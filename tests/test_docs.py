@@ -255,6 +255,12 @@ def test_every_formula_of_the_api_is_markup_that_closes(monkeypatch: pytest.Monk
     assert shown > 12
 
 
+@pytest.mark.parametrize("page", sorted((DOCS / "jobs").glob("*.md")), ids=lambda p: p.stem)
+def test_every_job_has_commands_or_code_that_runs(page: Path) -> None:
+    """What stands in `{terminal}` is run from an empty folder when the pages are built."""
+    assert "```{terminal}" in text_of(page) or FENCE.search(text_of(page))
+
+
 def test_pages_hold_what_is_generated(site: Path) -> None:
     commands = (site / "commands.html").read_text(encoding="utf-8")
     assert all(f"Usage: agonic {command}" in commands for command in COMMANDS)
