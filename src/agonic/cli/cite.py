@@ -17,6 +17,7 @@ def cite(cal: CalibrationPath, as_json: Json = False) -> int:
     from agonic.citations import find_citation
     from agonic.console.output import print_json, say
     from agonic.files.calibration import load
+    from agonic.report.digits import count
 
     provenance = load(cal).provenance
     sources = {key: find_citation(key) for key in provenance.method}
@@ -38,5 +39,5 @@ def cite(cal: CalibrationPath, as_json: Json = False) -> int:
     for text in sources.values():
         say(f"\n{text}")
     for given in provenance.inputs:
-        say(f"\n{given.name} ({given.count} readings), SHA-256 {given.sha256}")
+        say(f"\n{given.name} ({count(given.count, 'reading')}), SHA-256 {given.sha256}")
     return 0

@@ -42,8 +42,40 @@ def say_made(n: int, what: str, out: object, *lines: str, next_step: str = "") -
         say("\n" + wrap_command(next_step, width=find_width(), label="Next      "))
 
 
+def fit_lines(text: str, width: int) -> str:
+    """Text whose lines are no longer than `width`, but for words that are.
+
+    What goes on stands under where it began, after a label and two spaces.
+
+    >>> print(fit_lines("Warning   the mounting of the sensor is not known", 34))
+    Warning   the mounting of the
+              sensor is not known
+    """
+    import re
+    import textwrap
+
+    def fit(line: str) -> str:
+        if len(line) <= width or line.rstrip().endswith("\\"):
+            return line
+        found = re.match(r"\s*(?:\S+ )*?\S+ {2,}(?=\S)|\s*", line)
+        label = found[0] if found and len(found[0]) < width / 2 else ""
+        return textwrap.fill(
+            line[len(label) :],
+            width,
+            initial_indent=label,
+            subsequent_indent=" " * len(label),
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+
+    return "\n".join(map(fit, text.split("\n")))
+
+
 def say(text: str) -> None:
-    """A line or more for people, its verdicts coloured on a terminal."""
+    """A line or more for people, as wide as the terminal, its verdicts coloured there."""
+    from agonic.console.width import find_width
+
+    text = fit_lines(text, find_width())
     if not sys.stdout.isatty():
         print(text)
         return

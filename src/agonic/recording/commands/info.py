@@ -22,13 +22,14 @@ def info(log: LogPath, unit: Unit = None, as_json: Json = False) -> int:
     """List the magnetometers of a log, their rates, units and oddities, and what else is there."""
     from agonic.console.output import print_json, say
     from agonic.logs.read import open_log
+    from agonic.report.digits import typeset
 
     recording = open_log(log, unit=unit)
     found = _described(recording)
     if as_json:
         print_json("agonic/info@1", found)
     else:
-        say(_text(recording, found))
+        say(typeset(_text(recording, found)))
     return 0
 
 
