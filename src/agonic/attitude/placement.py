@@ -6,7 +6,7 @@ import csv
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from io import StringIO
-from itertools import permutations
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -181,9 +181,10 @@ def rank_places(places: dict[str, Array], noise: float) -> list[Mix]:
         )
         for name, added in places.items()
     ]
-    for first, second in permutations(places, 2):
+    quiet_first = sorted(places, key=lambda name: float(np.square(places[name]).sum()))
+    for first, second in combinations(quiet_first, 2):
         one, two = places[first], places[second]
-        mix = find_mix(first, second, (one.T @ one, one.T @ two, two.T @ two), (noise, noise))
-        if np.trace(one.T @ one) <= np.trace(two.T @ two):  # a pair once, from its quieter place
-            made.append(mix)
+        made.append(
+            find_mix(first, second, (one.T @ one, one.T @ two, two.T @ two), (noise, noise))
+        )
     return sorted(made, key=lambda mix: mix.total)
