@@ -1,7 +1,7 @@
 """Training of networks beside SciPy and PyTorch: python -m benchmarks.network [--draws 3].
 
 All train the same network on the same scaled inputs and targets from the same random start, and are
-judged on other readings of the same sensor. Time is that of the wall, on one core.
+judged on other readings of the same sensor. Time is that of the processor, on one core.
 """
 
 from __future__ import annotations
@@ -172,9 +172,9 @@ def compared(draws: int, quick: bool) -> list[tuple[str, ...]]:
                 if train is None:
                     found[task.name, name] = []
                     continue
-                began = time.perf_counter()
+                began = time.process_time()
                 weights = train(task.problem, start)
-                took = time.perf_counter() - began
+                took = time.process_time() - began
                 off = task.half * residuals(task.unseen, weights)
                 found.setdefault((task.name, name), []).append(
                     (float(np.sqrt(np.mean(off**2))), took)
@@ -203,9 +203,9 @@ def whole(quick: bool) -> list[tuple[str, str]]:
         for words, judged in (("training", False), ("training and comparison", True)):
             times = []
             for _ in range(3):
-                began = time.perf_counter()
+                began = time.process_time()
                 fit_network(made.samples, made.reference, compared=judged, **settings)
-                times.append(time.perf_counter() - began)
+                times.append(time.process_time() - began)
             said.append((f"{name}: {words}", f"{min(times):.2g}"))
     return said
 

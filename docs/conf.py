@@ -28,6 +28,7 @@ extensions = [
     "house",
     "documents",
     "scoreboard",
+    "results",
     "terminal",
     "notebooks",
 ]

@@ -183,6 +183,51 @@ def test_figures_of_the_readme_are_those_of_the_benchmark() -> None:
                 assert given == expected, name
 
 
+def test_what_the_readme_says_of_simulations_is_in_their_tables() -> None:
+    """What the sentences below its table claim."""
+    readme = " ".join(text_of(ROOT / "README.md").split())
+    results = ROOT / "benchmarks/results"
+    torture = " ".join(text_of(results / "torture.md").split())
+    (wrong, runs, alarmed) = re.findall(
+        r"wrong: (\d+) of (\d+) runs;.*?not called good: (\d+)", torture
+    )[0]
+    (kinds,) = re.findall(r"(\d+) kinds of recordings", torture)
+    none = "none" if alarmed == "0" else alarmed
+    assert f"of {runs} runs with {kinds} kinds of faults and motions, {wrong} were called" in readme
+    assert f"wrong, and {none} of the good ones was alarmed" in readme
+    columns = "in 95 %", "in 95 %, with prior"
+    rows = [line.strip("| ").split(" | ") for line in text_of(results / "honesty.md").splitlines()]
+    head = next(row for row in rows if row[0] == "model")
+    held = [
+        float(row[head.index(column)].split()[0])
+        for row in rows
+        if len(row) == len(head) and row[0] in ("sphere", "diagonal", "full")
+        for column in columns
+    ]
+    assert f"truth in {min(held):.0f} to {max(held):.0f} % of draws" in readme
+    clean = (
+        text_of(results / "estimators.md").split("## Calibrated vector, clean")[1].split("##")[0]
+    )
+    ours = [float(x) for x in re.findall(r"\| \d+ \| \d+ \| ([\d.]+) ±", clean)]
+    assert np.median(ours) == pytest.approx(1.0, abs=0.02)
+
+
+def test_every_quoted_table_is_there() -> None:
+    """Tables of results are read when a page is built, so no page has an old one."""
+    results = runpy.run_path(str(DOCS / "_ext" / "results.py"))
+    quoted = [
+        (name, int(number or 1))
+        for page in PAGES
+        for name, number in re.findall(r"^```\{result\} (\w+) ?(\d*)$", text_of(page), re.MULTILINE)
+    ]
+    assert len(quoted) >= 6
+    for name, number in quoted:
+        assert results["find_table"](name, number).startswith("| ")
+        assert results["find_maker"](name).startswith("Made by `python -m benchmarks.")
+    with pytest.raises(LookupError, match="and not 9"):
+        results["find_table"]("heading", 9)
+
+
 def test_every_item_of_the_four_documents_has_a_page_that_is_there() -> None:
     """The numbers themselves are made and held to their limits when the page is built."""
     documents = tomllib.loads(text_of(DOCS / "documents.toml"))["document"]
