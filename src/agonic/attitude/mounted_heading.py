@@ -77,8 +77,8 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
             "turned sensor",
             "check",
             f"the sensor is misaligned by {figure(mounted.turn_deg)}° in the vehicle, or its "
-            "attitude is off by as much: a heading of the sensor's own axes is known to "
-            f"{own}°, the vehicle's to {vehicle}°",
+            f"attitude is off by as much: standard error of the heading {own}° in the sensor's "
+            f"own axes, {vehicle}° in the vehicle's",
             "look how the sensor sits, and set the zero of roll and pitch with the vehicle level",
         )
     if mounted.vertical_sd_deg < UNSEEN_DEG or mounted.vehicle_sd_deg < 1.5 * mounted.own_sd_deg:
@@ -86,8 +86,8 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
     return Finding(
         "mounting about the vertical",
         "note",
-        f"the verdict is on the heading of the sensor's own axes, known to {own}°; how far the "
-        f"sensor is turned about the vertical is known to {figure(mounted.vertical_sd_deg)}° "
-        f"only, and so is the vehicle's heading, to {vehicle}°",
+        f"the verdict is on the heading of the sensor's own axes (standard error {own}°); how the "
+        f"sensor is turned about the vertical has one of {figure(mounted.vertical_sd_deg)}°, and "
+        f"the vehicle's heading one of {vehicle}°",
         "bank and pitch more while turning, or compare with one known heading",
     )

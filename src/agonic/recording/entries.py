@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from agonic.attitude.source_names import name_sources
 from agonic.calibration.affine import Affine
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.recording.calibrated import Calibrated
@@ -24,6 +25,9 @@ from agonic.report.labels import unit_label
 SHORT = {"Scale factor": "Scale", "Non-orthogonality": "Angles", "Turn about": "Turn"}
 """Names of groups as labels of a line."""
 LABELS = {"current_A": "Current", "throttle": "Throttle"}
+LONGEST_LABEL = 14
+FAMILIES = {"duty": "Duty", "_Am2": "Torquers", "_A": "Currents"}
+"""What sources with long names are called, by a part of them."""
 
 
 def describe_heading(result: Calibrated) -> tuple[str, str]:
@@ -66,10 +70,24 @@ def list_entries(result: Calibrated) -> dict[str, str]:
         entries["Latency"] = describe_latency(result.latency)
     for group in others:
         if group.name.startswith(ADDED):
-            name = group.name.removeprefix(ADDED)
-            known = f" ({name})" if name in LABELS else ""
-            entries[LABELS.get(name, name)] = f"{_join_numbers(group)}{known}"
+            label, known = _label_source(group.name.removeprefix(ADDED))
+            more = sum(own.startswith(label) for own in entries)
+            entries[f"{label} {more + 1}" if more else label] = f"{_join_numbers(group)}{known}"
     return entries
+
+
+def _label_source(name: str) -> tuple[str, str]:
+    """A label for the line of a source, and its name after the numbers where that is longer.
+
+    >>> _label_source("throttle^1.5"), _label_source("output1_duty+output2_duty")
+    (('throttle^1.5', ''), ('Duty', ' (the sum of output1…2_duty)'))
+    """
+    if name in LABELS:
+        return LABELS[name], f" ({name})"
+    if len(name) <= LONGEST_LABEL:
+        return name, ""
+    label = next((word for end, word in FAMILIES.items() if end in name), "Source")
+    return label, f" ({name_sources((name,))})"
 
 
 def list_details(result: Calibrated) -> dict[str, str]:
