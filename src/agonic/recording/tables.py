@@ -67,7 +67,7 @@ def _draw_groups(groups: Sequence[Group], compared: bool) -> Markup:
         )
         for group in groups
     )
-    return grouped_table(head, rows, class_="numbers")
+    return element("div", grouped_table(head, rows, class_="numbers"), class_="scroll")
 
 
 def _list_cells(q: Quantity, compared: bool) -> list[str]:
