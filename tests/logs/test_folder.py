@@ -128,3 +128,30 @@ def test_json_without_readings_is_refused_in_one_sentence(tmp_path, text) -> Non
     path.write_text(text)
     with pytest.raises(ag.LogError):
         ag.read(path)
+
+
+def test_an_accelerometer_alone_is_told_as_that(tmp_path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,acc_x_g,acc_y_g,acc_z_g\n0,0,0,1\n1,0,0,1\n")
+    with pytest.raises(ag.LogError, match=r"of an accelerometer only.*name the folder"):
+        ag.read(path)
+
+
+def test_a_sheet_of_absolute_measurements_is_told_where_to_go(tmp_path) -> None:
+    path = tmp_path / "sheet.txt"
+    path.write_text("# MagPy Absolutes\n# Abs-Observer: x\nMiren:\n86.95 286.95 86.95 286.95\n")
+    with pytest.raises(ag.LogError, match="agonic fit north"):
+        ag.read(path)
+
+
+@pytest.mark.parametrize("at", [0.3, 0.6, 0.9])
+def test_a_damaged_archive_is_one_sentence(phone, tmp_path, at) -> None:
+    path = tmp_path / "phone.zip"
+    with ZipFile(path, "w", compression=8) as archive:
+        for file in phone.iterdir():
+            archive.write(file, file.name)
+    data = bytearray(path.read_bytes())
+    path.write_bytes(data[: int(at * len(data))] + b"x" * 40 + data[int(at * len(data)) + 40 :])
+    with pytest.raises(ag.LogError) as caught:
+        ag.read(path)
+    assert "\n" not in str(caught.value)

@@ -1,5 +1,7 @@
 """What sketches print and terminals save: labels, units behind, stamps before, several lines."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -85,3 +87,13 @@ def test_what_shimmer_and_its_units_write(tmp_path) -> None:
     np.testing.assert_allclose(samples.rotation_rate, np.radians(GYRO))
     np.testing.assert_allclose(samples.acceleration, ACC_MG * 9.80665e-3)
     assert samples.epoch.year == 2026
+
+
+def test_a_line_of_digits_costs_no_time(tmp_path) -> None:
+    lines = [f"mx={x} my={y} mz={z} uT" for x, y, z in MAG]
+    lines[50] = "mx=" + "9" * 20_000 + "x"
+    lines[60] = "mx: " + "9." * 20_000
+    began = time.process_time()
+    samples = read(tmp_path, lines)
+    assert time.process_time() - began < 2.0
+    assert len(samples) >= N - 4

@@ -40,6 +40,7 @@ from agonic.provenance import Input
 _HEAD = 100_000
 _LABELS = ("date", "sensor", "frame")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
+_ABSOLUTES = "# MagPy Absolutes"
 _MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
 _MOTIONCAL_COLUMNS = {
     **{f"acc_{axis}_g": 1 / 8192 for axis in "xyz"},
@@ -48,7 +49,7 @@ _MOTIONCAL_COLUMNS = {
 }
 """One count of each column of a MotionCal line (PaulStoffregen/MotionCal: imuread.h, where a
 magnetic count is 0.1 µT)."""
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
 _THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
 
 
@@ -56,6 +57,11 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
     data, notes = load(path, _count_understood)
     head = _split_head(data)
+    if head[0].startswith(_ABSOLUTES):
+        raise LogError(
+            "a sheet of absolute measurements with a theodolite, no log of a magnetometer; agonic "
+            "fit north reads it"
+        )
     sample = sample_lines(head)
     rows = [head[i] for i in sample]
     if _most(rows, lambda line: "$" in line[:40] and "," in line):

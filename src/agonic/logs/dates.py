@@ -22,6 +22,7 @@ _DOTS = re.compile(r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})")
 _SLASHES = re.compile(r"(?P<first>\d{1,2})[-/](?P<other>\d{1,2})[-/](?P<year>\d{4})")
 _DATE = re.compile(r"(?P<date>[^:]*?)[T ,_]*(?P<clock>\d{1,2}:\d\d.*)", re.IGNORECASE)
 _DURATION = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(s|secs?|seconds?|ms|min)", re.IGNORECASE)
+_LONGEST = 80
 _SECONDS = {"ms": 1e-3, "min": 60.0}
 
 DAY_FIRST, MONTH_FIRST = "day first", "month first"
@@ -60,7 +61,7 @@ def write_iso(text: str, order: str | None) -> str | None:
     >>> write_iso("3.5.2026 08:15:30,250", None), write_iso("05/03/2026 1:02:03.5 PM", MONTH_FIRST)
     ('2026-05-03T08:15:30.250000', '2026-05-03T13:02:03.500000')
     """
-    plain = text.strip().strip("\"'")
+    plain = text[:_LONGEST].strip().strip("\"'")
     split = _DATE.fullmatch(plain)
     clock = _CLOCK.fullmatch(split["clock"].strip()) if split else None
     if split is None or clock is None:
@@ -105,7 +106,7 @@ def read_duration_s(text: str) -> float | None:
     >>> read_duration_s("0.020 sec"), read_duration_s("20 ms"), read_duration_s("8:15")
     (0.02, 0.02, None)
     """
-    match = _DURATION.fullmatch(text.strip())
+    match = _DURATION.fullmatch(text[:_LONGEST].strip())
     if match is None:
         return None
     try:

@@ -6,6 +6,7 @@ told by the name of their file: `Gyroscope.csv`, `mpu6050_accelerometer.mat`.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -147,7 +148,7 @@ def _unpack(path: Path, folder: Path) -> None:
                 name = Path(member.filename).name
                 if name and not name.startswith(".") and "__MACOSX" not in member.filename:
                     _write(archive, member, folder / name[-100:])
-    except (BadZipFile, NotImplementedError, RuntimeError) as error:
+    except (BadZipFile, EOFError, OSError, NotImplementedError, RuntimeError, zlib.error) as error:
         raise LogError(
             f"the archive cannot be unpacked ({error}); unpack it and name a file"
         ) from None

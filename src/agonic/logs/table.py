@@ -26,6 +26,7 @@ from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 _MOST_SENSORS = 64
+_INERTIAL = {"acceleration": "an accelerometer", "rotation_rate": "a gyroscope"}
 TWO_AXES = "a two-axis compass, x and y alone, is calibrated with agonic calibrate"
 
 
@@ -178,7 +179,10 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     parts = [c.header for axes in found.get("field", {}).values() for c in axes.values()]
     have = ", ".join(repr(h[:30]) for h in every[:10]) + (", …" if len(every) > 10 else "")
     part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
-    said = f"{part} found among {have}; say which they are: {suggest_names(every)}"
+    other = next((named for name, named in _INERTIAL.items() if name in found), "")
+    beside = f" (of {other} only; if the magnetometer is in a file beside it, name the folder)"
+    said = f"{part} found among {have}{beside if other and not parts else ''}; say which they are: "
+    said += suggest_names(every)
     if any(set(axes) == set("xy") for axes in found.get("field", {}).values()):
         raise TwoAxisError(f"{said}; {TWO_AXES}")
     raise LogError(said)

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.text.layout import SAMPLE
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
 _LABELLED = re.compile(
     rf"(?<![\w.])[\"']?([^\W\d][\w.\[\]/ ]{{0,40}}?)[\"']?\s*[:=]\s*({_NUMBER})(?![\w:])"
 )
 _QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
 _UNIT = re.compile(rf"{_NUMBER}\s*([^\W\d_][\w/^²]*)[\s,;.]*$")
+_TAIL = 80
 _STAMP = re.compile(r"\s*\[?(\d\d:\d\d:\d\d[.,]\d+)\]?\s*(?:->|:|,|\s)")
 
 Record = dict[str, str]
@@ -79,7 +80,7 @@ def _find_units(rows: Sequence[str]) -> dict[str, str]:
     """The unit that ends the lines of each name, where it is one of what the name stands for."""
     found: dict[str, Counter[str]] = {}
     for row in rows:
-        unit = _UNIT.search(row)
+        unit = _UNIT.search(row[-_TAIL:])
         for name, _ in _LABELLED.findall(row):
             found.setdefault(name.strip(), Counter())[unit[1] if unit else ""] += 1
     units = {}
