@@ -44,6 +44,20 @@ def draw_residuals(
     return caption("Residuals along the magnetometer’s axes", drawn, keys)
 
 
+def draw_settings(values: Array, unit: str) -> Markup:
+    """What is left of each setting (k,), a bar each, numbered from one.
+
+    >>> draw_settings(np.array([1.0, -2.0]), "nT").count('class="bar-x"')
+    1
+    """
+    limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
+    numbers = np.arange(1.0, len(values) + 1)
+    x = Axis("setting", 0.5, max(len(values), LEAST_BARS) + 0.5)
+    y = Axis(f"residual, {unit}", -limit, limit)
+    bars = _bars(x, y, numbers, 0.3, np.zeros(len(values)), values, "bar-x")
+    return caption("Residuals", plot(x, y, [bars, level(y, 0.0, "zero")], "Residuals"))
+
+
 def _bars(
     x: Axis, y: Axis, middle: Array, half: float, start: Array, end: Array, name: str
 ) -> Markup:

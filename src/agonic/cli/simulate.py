@@ -30,5 +30,5 @@ def add_to(app: typer.Typer) -> None:
         app,
         "simulate",
         kinds,
-        "Write readings of a simulated sensor or vehicle, and beside them what would undo it.",
+        "Write readings of a simulated sensor or vehicle, and the truth beside them.",
     )

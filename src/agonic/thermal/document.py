@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.health import sort_findings
-from agonic.report.digits import count, quantity, with_sd, write_minus
+from agonic.report.digits import count, quantity, significant, with_sd, write_minus
 from agonic.report.document import Block, Document, Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import element
@@ -286,7 +286,8 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
         entries[write_minus(f"{label} at {middle:.1f} °C")] = f"{numbers} {group[0].unit}".strip()
     if fit.spread is not None:
         ratios = zip(figures.COMPONENTS, fit.spread.improvement, strict=True)
-        entries["Spread before / after"] = "   ".join(f"{name} {r:.2f}" for name, r in ratios)
+        times = "   ".join(f"{name} {significant(float(r), 2)}" for name, r in ratios)
+        entries["Spread smaller by"] = f"{times} times"
     entries["File"] = ", ".join(files)
     return entries
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_series
+from agonic.alignment.figures import draw_settings
 from agonic.alignment.north.di_flux_result import DiFluxFit
 from agonic.alignment.north.document import format_angle
 from agonic.report.digits import group_digits, significant, with_sd
@@ -30,9 +30,9 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
     """
     sheet = fit.sheet
     about = ", ".join(text for text in (sheet.pillar, sheet.theodolite, sheet.sensor) if text)
-    left = -np.asarray(fit.estimate.residuals)[:, None]
+    left = -np.asarray(fit.estimate.residuals)
     unit = "units of the fluxgate" if fit.scaled else "its own units"
-    drawn = partial(draw_series, left, None, ["of each setting in its turn"], unit)
+    drawn = partial(draw_settings, left, unit)
     rows = Table(SETTING_HEAD, _setting_rows(fit), "numbers small")
     return Document(
         schema="agonic/fit-di-flux@1",

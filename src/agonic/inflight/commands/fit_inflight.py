@@ -15,6 +15,7 @@ from agonic.console.options import (
     Elements,
     Json,
     Out,
+    Report,
     Robust,
     Scalar,
     Sensor,
@@ -100,6 +101,7 @@ def inflight(
     ] = 0.01,
     robust: Robust = True,
     between: Between = None,
+    report: Report = None,
     as_json: Json = False,
 ) -> int:
     """Bias, gains or all nine numbers from the field that is known on the way."""
@@ -146,6 +148,8 @@ def inflight(
         reference = _reference(samples, at, date, scalar, model)
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
+    if report is not None:
+        return finish(document, out=out, report=report, as_json=as_json)
     page = None if out is None else out.with_suffix(".html")
     return finish(document, out=out, report=page, option="-o", as_json=as_json)
 
