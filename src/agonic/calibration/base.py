@@ -88,7 +88,7 @@ class Correction(Valued):
         bias, matrix = (np.asarray(getattr(self, name, 0.0)) for name in ("bias", "matrix"))
         if bias.ndim == 1 and matrix.ndim == 2:
             sd = getattr(self, "sd", None)
-            known = "" if sd is None else f" ± {_write_row(sd[:3])}"
+            known = "" if sd is None else f" ± {_write_row(sd[:3], 2)}"
             lines += [f"bias    {_write_row(bias)}{known} {calibration.unit_in}"]
             lines += [
                 f"{'' if k else 'matrix':<8}{'  '.join(f'{value:9.6f}' for value in row)}"
@@ -97,8 +97,14 @@ class Correction(Valued):
         return lines
 
 
-def _write_row(numbers: Any) -> str:
-    return f"[{', '.join(f'{value:.6g}' for value in np.asarray(numbers))}]"
+def _write_row(numbers: Any, digits: int = 6) -> str:
+    """Numbers to some significant digits.
+
+    >>> _write_row([1234.5678, 8.0616], 2)
+    '[1200, 8.1]'
+    """
+    rounded = (float(f"{value:.{digits}g}") for value in np.asarray(numbers))
+    return f"[{', '.join(f'{value:.{max(digits, 6)}g}' for value in rounded)}]"
 
 
 def as_readings(raw: ArrayLike) -> Array:
