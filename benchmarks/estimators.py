@@ -129,7 +129,7 @@ def table(grid: Sequence[Case], scores: Sequence[dict[str, Array]], which: int) 
 
 def main() -> None:
     """Run all cases, print the tables."""
-    asked = tables.arguments("accuracy over the Cramér–Rao bound", draws=60)
+    asked = tables.arguments("accuracy over the Cramér–Rao bound", draws=40)
     run(asked.draws if not asked.quick else min(asked.draws, 10), asked.quick, asked.full)
 
 

@@ -22,7 +22,7 @@ from benchmarks import problems, tables
 from benchmarks.growth_picture import Curve, draw
 
 PICTURE = Path(__file__).parent.parent / "docs" / "_static" / "growth.svg"
-LIMIT_S = 4.0
+LIMIT_S = 3.0
 """Ten times more rows are asked for where they would take less than this, or as the third size."""
 INTRODUCTION = """Processor time and memory of one call, ten times more at a time, as long as the
 next call should take less than {limit:g} s, three times at least. Each call is the second in a

@@ -77,7 +77,7 @@ def fly(seed: int, *, days: float, spans: tuple[float, float] = LONG, steady: bo
     still = made.samples.field + added
     samples = made.samples.with_columns(field=still + NOISE * rng.standard_normal((n, 3)))
     ground = train_on_ground(made, NOISE, seed)
-    began = time.perf_counter()
+    began = time.process_time()
     follower = ag.network.Retrainer(
         ground, ag.network.RetrainerParams(window_s=spans[0], every_s=spans[1], window_n=4000)
     )
@@ -94,7 +94,7 @@ def fly(seed: int, *, days: float, spans: tuple[float, float] = LONG, steady: bo
             field = running.evaluated(still[rows], needed)[0]
             found.append(((field - truth) ** 2).mean(axis=1))
         follower.update(samples.select(rows), known.select(rows))
-    took = time.perf_counter() - began
+    took = time.process_time() - began
     month = np.minimum((share * MONTHS).astype(int), MONTHS - 1)
     return Year(
         *(
