@@ -47,6 +47,7 @@ _SPELLINGS = {
     "mgauss": "mG",
     "milligauss": "mG",
     "mga": "mG",
+    "mgs": "mG",
     "raw": RAW,
     "counts": RAW,
     "count": RAW,

@@ -27,6 +27,10 @@ NAMES = {
     "MagX_uT": ("field", "x", "", "uT"),
     "mag_x_mT": ("field", "x", "", "mT"),
     "mag_x_mG": ("field", "x", "", "mG"),
+    "mag_x_mGs": ("field", "x", "", "mG"),
+    "mag_x_0.1uT": ("field", "x", "", None),
+    "mag_x (0.1 uT)": ("field", "x", "", None),
+    "mag_x_10nT": ("field", "x", "", None),
     "mag_x_raw": ("field", "x", "", "raw"),
     "field.magnetic_field.x": ("field", "x", "", None),
     "magnetometer_ga[2]": ("field", "z", "", "G"),
@@ -131,3 +135,8 @@ def test_a_canonical_name_goes_before_an_alias_and_bare_axes_come_last():
 def test_a_column_that_is_there_twice_is_refused():
     with pytest.raises(LogError, match=r"'mx' is there 2 times"):
         find_columns(["t", "mx", "my", "mz", "mx"])
+
+
+@pytest.mark.parametrize("header", ["mag_x_pT", "temp_0.1C", "current_10mA", "mag_x_uG"])
+def test_a_unit_that_is_not_known_is_not_read_in_part(header):
+    assert identify_column(header) is None

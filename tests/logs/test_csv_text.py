@@ -398,3 +398,9 @@ def test_recorded_space_station(recordings):
     assert samples.latitude_deg[73] == pytest.approx(-(21 / 60 + 57.8 / 3600))
     # the inclination of the orbit, 51.6°, bounds the latitude
     assert np.abs(samples.latitude_deg).max() == pytest.approx(51.6, abs=0.3)
+
+
+def test_commas_between_thousands(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text('time_s,mag_x_nT,mag_y_nT,mag_z_nT\n0,"20,100.5","-3,000",43\n1,1,2,"1,043"\n')
+    assert read(path).field.tolist() == [[20100.5, -3000.0, 43.0], [1.0, 2.0, 1043.0]]

@@ -1,5 +1,7 @@
 """Rows that are not in the order of their times, and clocks that wrap or begin anew."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,20 @@ def test_a_table_newest_first_is_turned_round(tmp_path) -> None:
     np.testing.assert_allclose(samples.time, TIME)
     np.testing.assert_allclose(samples.field, FIELD)
     assert "newest first" in " ".join(samples.notes)
+
+
+@pytest.mark.parametrize("form", ["unix", "text"])
+def test_moments_newest_first_count_from_the_first(tmp_path, form) -> None:
+    unix = 1_777_796_130 + TIME[::-1]
+    path = tmp_path / "log.csv"
+    moments = [datetime.fromtimestamp(t, UTC).isoformat() if form == "text" else t for t in unix]
+    rows = zip(moments, FIELD[::-1].tolist(), strict=True)
+    lines = ["time,mag_x_nT,mag_y_nT,mag_z_nT"]
+    lines += [f"{moment},{x},{y},{z}" for moment, (x, y, z) in rows]
+    path.write_text("\n".join(lines) + "\n")
+    samples = ag.read(path)
+    assert samples.epoch.timestamp() == 1_777_796_130
+    np.testing.assert_allclose(samples.time, TIME, atol=1e-6)
 
 
 def test_rows_a_few_places_out_of_order_are_sorted_with_what_stands_beside_them(tmp_path) -> None:

@@ -79,7 +79,7 @@ def _since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
     finite = unix[np.isfinite(unix)]
     if not len(finite):
         return None, None, (_NONE_READ,)
-    start = float(np.floor(finite[0]))
+    start = float(np.floor(min(finite[0], finite[-1])))  # of a table newest first, the last
     return unix - start, UNIX + timedelta(seconds=start), notes
 
 
@@ -87,7 +87,7 @@ def _of_moments(values: NDArray[Any]) -> Clock:
     known = values[~np.isnat(values)]
     if not len(known):
         return None, None, (_NONE_READ,)
-    first = known[0].astype("datetime64[s]")
+    first = min(known[0], known[-1]).astype("datetime64[s]")
     epoch = UNIX + timedelta(seconds=int(first.astype(np.int64)))
     return (values - first) / np.timedelta64(1, "s"), epoch, ()
 
@@ -107,7 +107,7 @@ def _of_texts(texts: list[str]) -> Clock:
         example = next((text for text in texts if text.strip()), "")
         note = f"times left out: {example[:40]!r} is not a time such as 2026-03-01T12:00:00.5Z"
         return None, None, (note,)
-    first = known[0]
+    first = min(known[0], known[-1]) if known[0].year > 1 else known[0]
     epoch = first.replace(microsecond=0)
     seconds = np.array(
         [np.nan if moment is None else (moment - epoch).total_seconds() for moment in moments]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from agonic.errors import UnitError
@@ -85,6 +85,11 @@ _BARE = re.compile(
 _TIME_OR_TEMPERATURE = re.compile(r"T|[tT]\d+")
 _TEMPERATURE = re.compile(r"t(?P<after>\d*)(?P<unit>c|degc|celsius|k|degf|f|deg)", re.IGNORECASE)
 """A letter that stands for time, temperature and tesla: the unit says which."""
+_SCALED = re.compile(
+    r"(?<![A-Za-z])(?:\d+\.\d+|(?<!\d)1(?:0{1,6}|[eE][-+]?\d+))\s?"
+    r"(?=(?:[nuµμm]?T|m?G|m?A|C|g)[)\]}\s]*$)"
+)
+"""A factor before a unit, 0.1uT: the numbers are in no unit that is known."""
 _BRACKET = re.compile(r"(?P<name>[^(\[{]*[^\s(\[{])\s*[(\[{](?P<unit>[^)\]}]*)[)\]}]\s*")
 _COMMA = re.compile(r"(?P<name>[^,;]*\w)\s*[,;]\s*(?P<unit>[^,;]+)")
 _OVER = re.compile(r"(?P<name>.*\w)\s+/\s+(?P<unit>\S+)\s*")
@@ -131,6 +136,10 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     """
     if len(header) > _LONGEST or _TIME_OR_TEMPERATURE.fullmatch(header.strip()):
         return None
+    if scaled := _SCALED.search(header):
+        column = identify_column(header[: scaled.start()].rstrip("_ ([{"), sensors)
+        known = column is not None and column.quantity.column == "field" and column.unit is None
+        return replace(column, header=header) if column is not None and known else None
     text = _UNCORRECTED.sub(r"un\1", spell_out(_SHIMMER.sub(r"\1\2", header.strip())))
     text = _INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)
     text = _ORDERED.sub(lambda index: f"_{index[1][int(index[2])]}", text)
@@ -203,6 +212,8 @@ def _identify_with_sensor(
         return _of_a_clock(header, tokens, unit)
     for at in range(1, len(tokens)):
         before, rest = tokens[:at], "".join(tokens[at:])
+        if _TIME_OR_TEMPERATURE.fullmatch(rest):
+            return None
         if _NO_READING.intersection(word.lower() for word in before):
             return None
         column = _identify(header, rest, unit)

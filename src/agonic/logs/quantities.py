@@ -47,7 +47,7 @@ _HEIGHT: dict[str, Linear] = {"m": (1, 0), "mm": (1e-3, 0), "km": (1e3, 0), "ft"
 _CURRENT: dict[str, Linear] = {"a": (1, 0), "ma": (1e-3, 0), "amps": (1, 0)}
 FIELD_UNITS = (
     "nt", "nanotesla", "gamma", "ut", "microtesla", "mt", "millitesla", "t", "tesla", "g", "gs",
-    "gauss", "ga", "microt", "utesla", "au", "mg", "mgauss", "milligauss", "mga",
+    "gauss", "ga", "microt", "utesla", "au", "mg", "mgauss", "milligauss", "mga", "mgs",
     "raw", "counts", "count", "lsb",
 )
 # fmt: on

@@ -20,7 +20,6 @@ from agonic.logs.resample import compute_rate_Hz
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
 from agonic.logs.rows.units import find_field_unit
-from agonic.logs.two_axes import are_two_axes_allowed
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
@@ -52,8 +51,11 @@ def build_log(
     others = tuple(others)
     found = identify_columns(table)
     fields = [n for n, axes in found.get("field", {}).items() if len(axes) == 3]
-    if not fields and are_two_axes_allowed():
-        fields = [n for n, axes in found.get("field", {}).items() if set(axes) == set("xy")]
+    if not fields:
+        from agonic.logs.two_axes import are_two_axes_allowed
+
+        two = are_two_axes_allowed()
+        fields = [n for n, axes in found.get("field", {}).items() if two and set(axes) == set("xy")]
     if not fields:
         refuse_no_magnetometer(table, others)
     found, documented = apply_conventions(found, [*table, *others], path.stem)

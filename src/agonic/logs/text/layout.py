@@ -135,7 +135,7 @@ def _find_rate(lines: Sequence[str]) -> float | None:
 def _is_row_of_units(line: str, separator: str | None, header: Sequence[str]) -> bool:
     """Whether a line below the header holds units that make sense behind the names."""
     units = split_cells(line, separator)
-    if len(units) != len(header) or not is_header([unit.replace(",", ".") for unit in units]):
+    if len(units) != len(header) or not is_header([unit.replace(",", "") for unit in units]):
         return False
     known = [identify_column(_with_unit(h, u)) for h, u in zip(header, units, strict=True) if u]
     return sum(column is not None and column.unit is not None for column in known) >= 2

@@ -8,6 +8,7 @@ make a long file slow; a cell that is no number becomes NaN.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -18,6 +19,7 @@ from agonic.logs.contents import to_number
 from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import Layout, holds_values, split_cells
 
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
 _BLOCK = 2_000_000
 """Bytes parsed at once."""
 _LONG = 3_000_000
@@ -114,5 +116,13 @@ def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array
 
 def _read_one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
     cells = (split_cells(row, separator) for row in rows)
-    values = (to_number(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
+    values = (_read_cell(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
     return np.fromiter(values, np.float64).reshape(len(rows), len(columns)).T
+
+
+def _read_cell(cell: str) -> float:
+    """The number in a cell, which may have commas between its thousands."""
+    number = to_number(cell)
+    if math.isnan(number) and _THOUSANDS.fullmatch(cell):
+        return float(cell.replace(",", ""))
+    return number
