@@ -128,7 +128,7 @@ def test_headings_that_do_not_determine_it_are_refused_with_those_to_add(heading
     assert names(fit) == {"headings": "refuse"}
     assert not fit.ok
     assert all(heading in fit.status for heading in add)
-    assert "known to" not in fit.status
+    assert "tandard error of a level heading" not in fit.status
 
 
 def test_as_many_terms_as_headings_need_a_known_noise() -> None:
