@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.base import Calibration, apply
+from agonic.calibration.base import Calibration, correct_field
 from agonic.maths.equation.coverage import find_cells, weigh_crowded
 from agonic.maths.estimation.leastsq import MAD_TO_SD, robust_scale
 from agonic.maths.estimation.robust_spread import weighted_median
@@ -106,7 +106,7 @@ def verify(
     >>> verify(Affine(bias=[1, 0, 0], matrix=np.eye(3)), turned).spread_after
     0.0
     """
-    field = apply(calibration, samples).field if corrected is None else np.asarray(corrected)
+    field = correct_field(calibration, samples) if corrected is None else np.asarray(corrected)
     rows = np.ones(len(samples), dtype=bool) if held_out is None else held_out
     before, after = (np.sqrt((f**2).sum(axis=1)) for f in (samples.field, field))
     wanted: Array | float = (

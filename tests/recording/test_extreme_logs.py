@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
+from agonic.recording.held_out import compare_folds, fit_folds
 
 N = 500
 TIME = 0.1 * np.arange(N)
@@ -133,3 +135,14 @@ def test_a_log_whose_name_is_not_utf_8_is_calibrated():
 def test_a_magnitude_that_is_no_field_is_told(capsys, field):
     assert run(["calibrate", write("log.csv", field_uT()), "--field", field]) == 2
     assert "no magnetic field" in capsys.readouterr().err
+
+
+def test_a_half_of_a_log_whose_fit_runs_away_disagrees_with_the_other() -> None:
+    """A half at rest may fit a field beyond what any sensor gives; no row of it is lost."""
+    samples = ag.Samples(field=1000 * field_uT(), time=TIME, unit="nT")
+    whole = ag.fit_ellipsoid(samples, 50_000.0).calibration
+    away = replace(whole, bias=whole.bias + 60_000.0, matrix=1e12 * whole.matrix)
+    fits = iter([whole, away, *[whole] * 8])
+    folds = fit_folds(samples, None, whole, lambda *_: next(fits))
+    assert folds is not None
+    assert not compare_folds(folds).passed

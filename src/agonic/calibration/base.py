@@ -218,6 +218,24 @@ def apply(calibration: Calibration, samples: Samples) -> Samples:
             "ag.read(path) or ag.Samples(field=array, unit=...), for an array there is "
             "calibration.correct(array)"
         )
+    return samples.with_columns(
+        field=correct_field(calibration, samples),
+        unit=calibration.unit_out,
+        frame=calibration.frame_out,
+        logged=None,
+    )
+
+
+def correct_field(calibration: Calibration, samples: Samples) -> Array:
+    """The corrected field (n, 3) of every row, as the calibration makes it, whatever comes out.
+
+    `apply` leaves rows out whose field is beyond what any sensor gives. Raises as `apply` does.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> far = Affine(bias=[1, 0, 0], matrix=1e30 * np.eye(3))
+    >>> correct_field(far, Samples(field=[[3.0, 0, 4]])).tolist()
+    [[2e+30, 0.0, 4e+30]]
+    """
     if samples.unit != calibration.unit_in:
         raise UnitError(
             f"the calibration corrects readings in {calibration.unit_in} and these are in "
@@ -230,9 +248,4 @@ def apply(calibration: Calibration, samples: Samples) -> Samples:
             right=calibration.frame_in,
         )
     check_axes(calibration, samples)
-    return samples.with_columns(
-        field=calibration.correct(samples.field, **select_columns(calibration, samples)),
-        unit=calibration.unit_out,
-        frame=calibration.frame_out,
-        logged=None,
-    )
+    return calibration.correct(samples.field, **select_columns(calibration, samples))

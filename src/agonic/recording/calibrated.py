@@ -15,7 +15,7 @@ from agonic.arrays import Array
 from agonic.attitude.disturbers import SourceChoice
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration, apply, select_columns
+from agonic.calibration.base import Calibration, correct_field, select_columns
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
 from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recording_and_rows
@@ -93,7 +93,7 @@ class Calibrated(Readable):
     @property
     def corrected(self) -> Array:
         """The field (n, 3) by the calibration."""
-        return apply(self.fit.calibration, self.samples).field
+        return correct_field(self.fit.calibration, self.samples)
 
 
 def calibrate(

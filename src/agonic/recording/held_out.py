@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration, apply
+from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
 from agonic.maths.equation.coverage import (
     count_orientations,
@@ -59,7 +59,7 @@ def fit_folds(
     """
     block, weights = cut_blocks(samples)
     half = predict(samples, reference, again, block % 2, weights)
-    field = apply(calibration, samples).field
+    field = correct_field(calibration, samples)
     reach = 0.03 * float(np.median(np.linalg.norm(field, axis=1)))
     several = all(count_orientations(field[block % 2 == k], reach, 12) == 12 for k in (0, 1))
     if half is not None and several and half.turn_deg < AGREEMENT_LIMIT_DEG / 2:
@@ -91,7 +91,7 @@ def predict(
         out = fold == k
         try:
             part = again(samples.select(~out), reference.select(~out) if reference else None)
-            field = apply(part, samples).field
+            field = correct_field(part, samples)
         except AgonicError:
             return None
         unseen[out], seen[~out] = field[out], field[~out]

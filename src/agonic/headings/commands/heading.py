@@ -42,7 +42,7 @@ def heading(
     """
     from contextlib import nullcontext
 
-    from agonic.calibration.base import apply, has_two_axes
+    from agonic.calibration.base import correct_field, has_two_axes
     from agonic.console.finish import finish, require_table
     from agonic.console.sensors import add_second
     from agonic.files.setup import load_setup
@@ -65,7 +65,7 @@ def heading(
     found = compute(samples, chosen)
     assumed = _assumed(chosen, recording, samples, at, date)
     files = [write_headings(found, out)]
-    field = apply(chosen.compasses[0].calibration, samples[0]).field if report else None
+    field = correct_field(chosen.compasses[0].calibration, samples[0]) if report else None
     inputs = [
         *(one.source for one in samples),
         *(i for compass in chosen.compasses for i in compass.calibration.provenance.inputs),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Index
-from agonic.calibration.base import apply
+from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
 from agonic.logs.natural import Given, as_samples
 from agonic.recording.calibrated import Calibrated, calibrate
@@ -127,7 +127,7 @@ def predict_by_choice(
         part = None if reference is None else reference.select(fitted)
         made = calibrate(samples.select(fitted), part, kind=kind, **settings)
         judged = samples.select(unseen)
-        field = apply(made.fit.calibration, judged).field
+        field = correct_field(made.fit.calibration, judged)
         stated = state_errors(made, judged, field, known.select(unseen))
         return Prediction(field, stated, made.verdict == "refused")
 
