@@ -13,6 +13,7 @@ from agonic.errors import AgonicError, UnitError
 from agonic.readable import Readable
 from agonic.units import nanotesla_per
 
+_ONE_PLACE_DEG = 5.0
 _LARGEST_NT = 1e15
 
 Kind = Literal["constant", "magnitude", "horizontal-vertical", "vector"]
@@ -175,6 +176,21 @@ class Reference(Readable):
             f"the reference is a {self.kind} and the horizontal and vertical intensities are "
             "needed: give the place (--at LAT,LON) or Reference.horizontal_vertical(H, Z)"
         )
+
+    @property
+    def inclination_deg(self) -> float | None:
+        """The dip of the place, where the reference tells it and it is one place.
+
+        >>> Reference.horizontal_vertical(20_000, 20_000).inclination_deg
+        45.0
+        >>> Reference.constant(50_000).inclination_deg is None
+        True
+        """
+        if self.kind not in ("horizontal-vertical", "vector") or self.frame not in (None, "n"):
+            return None
+        horizontal, vertical = self.horizontal_and_vertical(len(self.values)).T
+        dips = np.degrees(np.arctan2(vertical, horizontal))
+        return float(dips.mean()) if np.ptp(dips) < _ONE_PLACE_DEG else None
 
     def select(self, rows: ArrayLike) -> Reference:
         """The reference of the rows that `rows`, a boolean mask (n,) or indices (k,), names."""

@@ -5,6 +5,7 @@ import pytest
 
 import agonic as ag
 from agonic.calibration.interference import Interference
+from agonic.maths.rotations.attitude import down_b
 from agonic.recording.calibrated import judge
 from agonic.simulation import simulate
 
@@ -98,3 +99,43 @@ def test_a_calibration_with_a_current_can_be_judged_again(tmp_path) -> None:
     assert np.allclose(again.corrected, made.corrected)
     foreign = judge(ag.load(path), other, field_n)
     assert foreign.verdict != "good"
+
+
+def in_a_room(seed: int, dip_off_deg: float) -> tuple[ag.Samples, np.ndarray]:
+    """A tumble in a field whose dip swings to and fro on the way; its magnitude does not."""
+    made = simulate("tumble", n=3000, noise=150.0, seed=seed)
+    samples, field = made.samples, made.field_b
+    down = down_b(samples.roll_deg, samples.pitch_deg)
+    below = np.einsum("ni,ni->n", field, down)
+    level = field - below[:, None] * down
+    strength, flat = np.linalg.norm(field, axis=1), np.linalg.norm(level, axis=1)
+    swing = np.radians(dip_off_deg) * np.sin(6 * np.pi * samples.time / samples.time[-1])
+    dip = np.arctan2(below, flat) + swing
+    bent = np.cos(dip)[:, None] * level / flat[:, None] + np.sin(dip)[:, None] * down
+    moved = (strength[:, None] * bent - field) @ np.linalg.inv(made.truth.matrix).T
+    return samples.with_columns(field=samples.field + moved, heading_deg=None), made.truth.bias
+
+
+def test_where_the_dip_is_not_that_of_the_place_the_magnitude_alone_counts() -> None:
+    samples, bias = in_a_room(0, dip_off_deg=20.0)
+    result = ag.calibrate(samples, PLACE)
+    assert (result.method, result.verdict) == ("ellipsoid", "check")
+    assert "a levelled fit was refused" in result.reason
+    assert "attitude" in {finding.name for finding in result.fit.findings}
+    assert np.all(np.abs(result.fit.calibration.bias - bias) < 4 * result.fit.sd[:3])
+
+
+def test_the_dip_at_which_the_heading_is_stated_is_that_of_the_place() -> None:
+    samples = simulate("tumble").samples
+    at = {
+        reference: ag.fit_ellipsoid(samples, reference).coverage.inclination_deg
+        for reference in (PLACE, ag.Reference.constant(50_000.0))
+    }
+    assert list(at.values()) == [pytest.approx(60.0, abs=1e-6), 60.0]
+    steep = ag.Reference.horizontal_vertical(10_000.0, 48_989.794855663560)
+    fit = ag.fit_ellipsoid(samples, steep)
+    assert fit.coverage.inclination_deg == pytest.approx(78.463, abs=0.001)
+    flat = ag.fit_ellipsoid(samples, steep, inclination_deg=60.0)
+    ratio = np.cos(np.radians(60)) / np.cos(np.radians(78.463))
+    told = fit.coverage.heading_sd_deg / flat.coverage.heading_sd_deg
+    assert told == pytest.approx(ratio, rel=0.35)  # soft iron's part grows otherwise

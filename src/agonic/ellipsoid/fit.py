@@ -13,7 +13,15 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.ellipsoid.calibration import Scale, make_calibration
 from agonic.ellipsoid.evidence import assess, name_uncertainty, rows_of, wanted_magnitude
-from agonic.ellipsoid.settings import CITATIONS, Fixed, Gauge, Method, Model, Settings
+from agonic.ellipsoid.settings import (
+    CITATIONS,
+    STATED_DIP_DEG,
+    Fixed,
+    Gauge,
+    Method,
+    Model,
+    Settings,
+)
 from agonic.ellipsoid.solve import (
     Found,
     choose_model,
@@ -52,7 +60,7 @@ def fit_ellipsoid(
     robust: bool = True,
     soft_iron_sd: float | None = 0.1,
     gauge: Gauge = "symmetric",
-    inclination_deg: float = 60.0,
+    inclination_deg: float | None = None,
     seed: int = 0,
 ) -> Fit:
     """Bias and matrix that put every calibrated reading at the field's magnitude.
@@ -75,8 +83,8 @@ def fit_ellipsoid(
     robust : down-weight outliers by Tukey's loss when a reading stands out.
     soft_iron_sd : standard deviation of the Gaussian prior on W/gain − identity; None for none.
     gauge : "symmetric", or "triangular" which keeps the z axis.
-    inclination_deg : dip at which the heading's standard error is stated, degrees. seed : of the
-        random starts.
+    inclination_deg : dip at which the heading's standard error is stated, degrees; default: that
+        of the reference's place, or 60. seed : of the random starts.
 
     Returns a `Fit`; `fit.ok` and `fit.status` say whether to use it. Raises `CoverageError` where
     nothing can be fitted at all.
@@ -101,15 +109,21 @@ def fit_ellipsoid(
         robust=robust,
         soft_iron_sd=soft_iron_sd,
         gauge=gauge,
-        inclination_deg=inclination_deg,
+        inclination_deg=_find_inclination_deg(inclination_deg, reference),
         seed=seed,
     )
     found, affine, usable, tests = _solve(samples, reference, settings)
     errors = _find_model_errors(found, affine, samples, reference, usable, settings)
     wider = widen(affine, errors, found.plain)
-    fit = assess(found, wider, samples, reference, usable, tests, inclination_deg)
+    fit = assess(found, wider, samples, reference, usable, tests, settings.inclination_deg)
     fit = fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
     return name_uncertainty(fit, found.plain)
+
+
+def _find_inclination_deg(given: float | None, reference: Reference | None) -> float:
+    """The dip at which the heading's standard error is stated."""
+    of_place = None if reference is None else reference.inclination_deg
+    return next(dip for dip in (given, of_place, STATED_DIP_DEG) if dip is not None)
 
 
 def fit_ellipsoid_alone(

@@ -14,6 +14,9 @@ Fixed = Literal["sphere", "diagonal", "full"]
 Method = Literal["likelihood", "adjusted", "li-griffiths", "linear"]
 Gauge = Literal["symmetric", "triangular"]
 
+STATED_DIP_DEG = 60.0
+"""At which the heading's standard error is stated where no place is known."""
+
 CITATIONS = {
     "likelihood": ("huber-1981", "beaton-tukey-1974"),
     "adjusted": ("markovsky-kukush-vanhuffel-2004", "kukush-markovsky-vanhuffel-2004"),
@@ -31,7 +34,7 @@ class Settings:
     robust: bool = True
     soft_iron_sd: float | None = 0.1
     gauge: Gauge = "symmetric"
-    inclination_deg: float = 60.0
+    inclination_deg: float = STATED_DIP_DEG
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.logs.natural import Given, as_samples
 from agonic.readable import Readable
 from agonic.recording.advice import suit_advice
-from agonic.recording.choice import Choice, Kind, choose, describe_latency
+from agonic.recording.choice import Choice, Kind, choose, describe_latency, fall_back
 from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
 from agonic.recording.ladder import Rung, climb
 from agonic.reference import Reference
@@ -127,8 +127,17 @@ def calibrate(
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    meant = as_samples(samples, unit)
-    return _verify(_keep_latency(choose(meant, Reference.of(reference), kind, settings)))
+    meant, reference = as_samples(samples, unit), Reference.of(reference)
+    choice = choose(meant, reference, kind, settings)
+    made = _verify(_keep_latency(choice))
+    if kind != "auto" or made.verdict != "refused" or choice.method == "ellipsoid":
+        return made
+    assert reference is not None
+    other = fall_back(replace(choice, fit=made.fit), meant, reference, settings)
+    if other.method == choice.method:
+        return made
+    by_less = _verify(_keep_latency(other))
+    return made if by_less.verdict == "refused" else by_less
 
 
 def calibrate_recording(

@@ -102,9 +102,11 @@ def choose(
     if method == "vector" and (doubt := check_heading_source(samples, reference)) is not None:
         return _without_heading(samples, reference, kind, settings, doubt)
     aided = _fit_with_attitude(samples, reference, method, reason, settings)
-    if kind != "auto" or aided.fit.verdict != "refused":
+    if kind != "auto":
         return aided
-    return _fall_back(aided, samples, reference, settings)
+    if aided.fit.verdict == "refused":
+        return fall_back(aided, samples, reference, settings)
+    return _leave_attitude(aided, samples, reference, settings)
 
 
 def _without_heading(
@@ -247,14 +249,44 @@ def _is_sure(alone: Fit) -> bool:
 
 def _is_surer(aided: Fit, alone: Fit) -> bool:
     """Whether a fit beside the attitude is clearly better than that by the magnitude alone."""
-    ranks = [("good", "check", "refused").index(fit.verdict) for fit in (aided, alone)]
-    if ranks[0] != ranks[1]:
-        return ranks[0] < ranks[1]
-    own = compute_mounted_heading(aided.calibration, aided.coverage).own_sd_deg
-    return own < SURER * alone.coverage.heading_sd_deg
+    if _rank(aided) != _rank(alone):
+        return _rank(aided) < _rank(alone)
+    return _own_heading_deg(aided) < SURER * alone.coverage.heading_sd_deg
 
 
-def _fall_back(
+def _rank(fit: Fit) -> int:
+    return ("good", "check", "refused").index(fit.verdict)
+
+
+def _own_heading_deg(fit: Fit) -> float:
+    """The standard error of the heading of the sensor's own axes, degrees."""
+    return compute_mounted_heading(fit.calibration, fit.coverage).own_sd_deg
+
+
+def _leave_attitude(
+    aided: Choice, samples: Samples, reference: Reference, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit to the magnitude alone where it is clearly surer than beside roll and pitch.
+
+    In a room the dip is not that of the place, and an attitude may be wrong for seconds: errors
+    which the magnitude does not have.
+    """
+    if list_sources(aided.fit) or _own_heading_deg(aided.fit) < SURE_DEG:
+        return aided
+    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
+    try:
+        alone = _fit_magnitude(samples, reference, "", own)
+    except CoverageError:
+        return aided
+    alone = replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
+    surer = alone.fit.coverage.heading_sd_deg < SURER * _own_heading_deg(aided.fit)
+    if not surer or _rank(alone.fit) > _rank(aided.fit):
+        return aided
+    why = "the magnitude alone tells the calibration more surely than with the attitude"
+    return replace(alone, reason=why)
+
+
+def fall_back(
     aided: Choice, samples: Samples, reference: Reference, settings: Mapping[str, Any]
 ) -> Choice:
     """A fit without what was recorded wrongly: without the heading, then without roll and pitch.
