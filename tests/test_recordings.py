@@ -76,7 +76,7 @@ def test_undisturbed_rotations_in_a_room_are_not_refused(calibrated, number: str
 
 def test_a_translation_is_refused(calibrated) -> None:
     found = names(calibrated["vehicle/broad/12_undisturbed_slow_translation_C.mat"])
-    assert found["few orientations"] == "refuse"
+    assert found["coverage"] == "refuse"
     assert "field changed" not in found
 
 
