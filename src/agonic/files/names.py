@@ -7,6 +7,8 @@ from hashlib import sha256
 
 _INSTANCE = re.compile(r"(sensor_mag|vehicle_magnetometer)\[(\d+)\]")
 _LIKE_MADE = re.compile(r"(sensor_mag|vehicle_magnetometer)_\d+|.*-[0-9a-f]{8}", re.DOTALL)
+_RESERVED = re.compile(r"con|prn|aux|nul|com\d|lpt\d", re.IGNORECASE)
+"""Names that Windows keeps for devices, whatever their ending."""
 _LONGEST = 80
 
 
@@ -16,6 +18,8 @@ def file_stem(sensor: str) -> str:
     Letters, digits, "-" and "_" stay. Where others had to be replaced, a digest of the name
     follows, but for the numbered topics of PX4.
 
+    >>> file_stem("COM1")
+    'COM1-6eac394b'
     >>> file_stem("MAG2"), file_stem("sensor_mag[0]"), file_stem("left.mag")
     ('MAG2', 'sensor_mag_0', 'left_mag-25793d4c')
     """
@@ -23,7 +27,7 @@ def file_stem(sensor: str) -> str:
         return f"{topic[1]}_{topic[2]}"
     kept = re.sub(r"[^A-Za-z0-9_-]", "_", sensor)
     plain = kept.strip("_") == sensor != "" and len(kept) <= _LONGEST
-    if plain and not _LIKE_MADE.fullmatch(kept):
+    if plain and not _LIKE_MADE.fullmatch(kept) and not _RESERVED.fullmatch(kept):
         return kept
     digest = sha256(sensor.encode("utf-8", "surrogatepass")).hexdigest()[:8]
     return f"{kept[:_LONGEST].strip('_') or 'sensor'}-{digest}"
