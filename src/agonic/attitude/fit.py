@@ -19,6 +19,7 @@ from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
 from agonic.maths.equation.priors import compute_turn
+from agonic.maths.equation.row_scatter import compute_row_covariance
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -100,6 +101,9 @@ def make_fit(
     tests: tuple[ModelTest, ...] = ()
     if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
+    if part.shared is None:  # beside an inertial unit batches have told it
+        covariance = compute_row_covariance(part, found)
+        found = found._replace(solution=found.solution._replace(covariance=covariance))
     turn = None if part.shared is not None else find_turn_move(found, part)
     found = add_shared_errors(found, part, scale, turn)
     errors: tuple[ModelError, ...] = ()

@@ -150,24 +150,28 @@ def attitudes(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 @given(SEEDS)
 @settings(max_examples=20)
+@pytest.mark.parametrize("share", [affine.NO_SHARE, affine.AttitudeShare(0.6, 0.3, 1.1)])
 @pytest.mark.parametrize("kind", ["dip", "azimuth"])
-def test_jacobians_of_dip_and_azimuth_are_the_derivatives(kind: str, seed: int) -> None:
+def test_jacobians_of_dip_and_azimuth_are_the_derivatives(
+    kind: str, share: affine.AttitudeShare, seed: int
+) -> None:
     raw, bias, matrix = scene(seed)
     down, across = attitudes(seed, len(raw))
+    dip = down, 25_000.0, -43_000.0
+
+    def compute(bias: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if kind == "azimuth":
+            return affine.azimuth_residual(raw, bias, matrix, across, dip, share)
+        return affine.dip_residual(raw, bias, matrix, *dip, share=share)
 
     def residual(local: np.ndarray) -> np.ndarray:
-        if kind == "azimuth":
-            return affine.azimuth_residual(raw, *affine.split(local), across)[0]
-        return affine.dip_residual(raw, *affine.split(local), down, 25_000.0, -43_000.0)[0]
+        return compute(*affine.split(local))[0]
 
     local = affine.join(bias, matrix)
     numeric = np.stack(
         [(residual(local + step) - residual(local - step)) / 2 for step in np.diag(SIZES)], axis=1
     )
-    if kind == "azimuth":
-        jacobian = affine.azimuth_residual(raw, bias, matrix, across)[1]
-    else:
-        jacobian = affine.dip_residual(raw, bias, matrix, down, 25_000.0, -43_000.0)[1]
+    jacobian = compute(bias, matrix)[1]
     # where the field happens to be vertical the dip has a kink
     assert np.median(np.abs(numeric - jacobian * SIZES), axis=0).max() < 1e-3 * SIZES[0]
 
@@ -217,3 +221,32 @@ def test_noise_alone_does_not_lean_the_dip() -> None:
         product = r * (jacobian[:, 0] * 0.8 + jacobian[:, 1] * 0.6)
         error = product.mean() / (product.std() / np.sqrt(n))
         assert (abs(error) > 10) == biased
+
+
+@pytest.mark.parametrize("kind", ["dip", "azimuth"])
+def test_errors_of_the_attitude_do_not_lean_dip_and_azimuth(kind: str) -> None:
+    """Tilt and heading with errors of their own: the gradient of the cost has mean zero."""
+    rng = np.random.default_rng(0)
+    n, tilt, heading = 400_000, 0.02, 0.05
+    field = np.array([0.5, 0.0, np.sqrt(0.75)])
+    # errors about north, east and down, of the attitude in which the field is where it should be
+    about = rng.normal(size=(n, 3)) * [tilt, tilt, heading]
+    down = np.array([0.0, 0.0, 1.0]) + np.cross(about, [0.0, 0.0, 1.0])
+    across = np.array([0.0, 1.0, 0.0]) + np.cross(about, [0.0, 1.0, 0.0])
+    down, across = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (down, across))
+    raw, dip = np.broadcast_to(field, (n, 3)), (down, 0.5, np.sqrt(0.75))
+    whole = tilt**2 / (0.75 * tilt**2 + 0.25 * heading**2)
+    right = {
+        "dip": affine.AttitudeShare(1.0, 0.0, 1.0),
+        "azimuth": affine.AttitudeShare(whole, 1.0 - whole, 1.0),
+    }[kind]
+    pulls = []
+    for share in (affine.NO_SHARE, right):
+        if kind == "dip":
+            r, jacobian = affine.dip_residual(raw, np.zeros(3), np.eye(3), *dip, share=share)
+        else:
+            r, jacobian = affine.azimuth_residual(raw, np.zeros(3), np.eye(3), across, dip, share)
+        pulls.append(r * (jacobian[:, :3] @ field))
+    chance = pulls[0].std() / np.sqrt(n)
+    assert abs(pulls[0].mean()) > 100 * chance
+    assert abs(pulls[1].mean()) < 4 * chance

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,21 @@ ELLIPSE = "ellipse"
 
 _UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx yy zz xy xz yz
 _LOWER = ((1, 0), (2, 0), (2, 1))  # yx zx zy
+
+
+class AttitudeShare(NamedTuple):
+    """Which part of a residual's variance errors of the attitude make.
+
+    `whole`: of errors that turn the field alike about any axis; `level`: of further ones about the
+    vertical. `gain` is that of the matrix, near enough.
+    """
+
+    whole: float = 0.0
+    level: float = 0.0
+    gain: float = 1.0
+
+
+NO_SHARE = AttitudeShare()
 
 
 def correct(raw: Array, bias: Array, matrix: Array) -> Array:
@@ -109,6 +124,7 @@ def dip_residual(
     horizontal: Array | float,
     vertical: Array | float,
     noise_sd: float = 0.0,
+    share: AttitudeShare = NO_SHARE,
 ) -> tuple[Array, Array]:
     """How far the field of each reading is from the dip it should have, and the Jacobian.
 
@@ -119,6 +135,11 @@ def dip_residual(
 
     a distance in raw space as in `magnitude_residual`, across it. The two together hold what the
     pair z − Z and h − H holds, but an error of roll or pitch enters this one only.
+
+    Such an error stands in d, so in r and in its Jacobian alike, and the mean of Σ J r is not zero:
+    a sensor that lay still for nine tenths of a log was off by five standard errors. The part of r
+    that it makes is taken as an angle, r (|s| F/(gain |u|))^share with s = Wᵀe, whose derivative
+    turns with the reading and not with d.
 
     Parameters: as in `magnitude_residual`, and down (n, 3) unit vectors, horizontal and vertical
     (n,) or scalar. Returns r (n,) in raw units and its Jacobian (n, 12).
@@ -140,19 +161,65 @@ def dip_residual(
         free = np.sum(matrix**2) - _square(matrix.T @ below) - _square(matrix.T @ level)
         return np.asarray(free * bend)
 
-    return _distance(d, matrix, (horizontal * z - vertical * h) / f, e, bent, trace, noise_sd)
+    g = (horizontal * z - vertical * h) / f
+    angle = _make_angle(u, f, share)
+    return _distance(d, matrix, g, e, bent, trace, noise_sd, angle)
 
 
-def azimuth_residual(raw: Array, bias: Array, matrix: Array, across: Array) -> tuple[Array, Array]:
+def azimuth_residual(
+    raw: Array,
+    bias: Array,
+    matrix: Array,
+    across: Array,
+    dip: tuple[Array, Array | float, Array | float] | None = None,
+    share: AttitudeShare = NO_SHARE,
+) -> tuple[Array, Array]:
     """How far the field of each reading is from the azimuth it should have, and the Jacobian.
 
     With u = W (raw − bias) and `across` (n, 3) the horizontal unit vector square to the direction
     of the field: r = u·across/|Wᵀ across|, a distance in raw space as in `magnitude_residual`. It
-    is the only one of the three that an error of the known heading enters.
+    is the only one of the three that an error of the known heading enters. With `dip` (down,
+    horizontal and vertical intensity) a `share` is taken as an angle, as in `dip_residual`: of the
+    whole field, and of its horizontal part.
     """
     d, u = _corrected(raw, bias, matrix)
-    e = across.T
-    return _distance(d, matrix, _dot(u, e), e, np.zeros_like, lambda: np.zeros(len(raw)), 0.0)
+    e, none = across.T, np.zeros(len(raw))
+    angle = None
+    if dip is not None:
+        down, horizontal, vertical = dip
+        level = u - down.T * _dot(down.T, u)
+        angle = _make_angle(u, np.hypot(horizontal, vertical), share, level, horizontal)
+    return _distance(d, matrix, _dot(u, e), e, np.zeros_like, lambda: none, 0.0, angle)
+
+
+class _Angle(NamedTuple):
+    """What makes part of a distance an angle: the power of |s|, the rest of the factor (n,), and
+    the gradient of its logarithm along u (3, n)."""
+
+    power: float
+    factor: Array
+    gradient: Array
+
+
+def _make_angle(
+    u: Array,
+    magnitude: Array | float,
+    share: AttitudeShare,
+    level: Array | None = None,
+    horizontal: Array | float = 1.0,
+) -> _Angle | None:
+    """(|s| F/(gain |u|))^whole (|s| H/(gain |h|))^level, of which |s| is left to `_distance`."""
+    power = share.whole + share.level
+    if not power:
+        return None
+    square = np.maximum(_square(u), np.finfo(float).tiny)
+    factor = (magnitude / (share.gain * np.sqrt(square))) ** share.whole
+    gradient = -share.whole * u / square
+    if level is not None and share.level:
+        square = np.maximum(_square(level), np.finfo(float).tiny)
+        factor = factor * (horizontal / (share.gain * np.sqrt(square))) ** share.level
+        gradient -= share.level * level / square
+    return _Angle(power, factor, gradient)
 
 
 def _corrected(raw: Array, bias: Array, matrix: Array) -> tuple[Array, Array]:
@@ -169,6 +236,7 @@ def _distance(
     bent: Callable[[Array], Array],
     trace: Callable[[], Array],
     noise_sd: float,
+    angle: _Angle | None = None,
 ) -> tuple[Array, Array]:
     """A condition g(u) = 0 on the field as a distance in raw space, and its Jacobian (n, 12).
 
@@ -182,11 +250,16 @@ def _distance(
     normal = s / gradient
     turned = matrix @ normal
     across = bent(turned)
-    r = g / gradient
-    a = (e - across * r) / gradient
+    r, scale, power = g / gradient, 1.0 / gradient, 1.0
+    if angle is not None:
+        r, scale = (x * angle.factor * gradient**angle.power for x in (r, scale))
+        power = 1.0 - angle.power
+    a = e * scale - across * (power * r / gradient)
+    if angle is not None:
+        a += angle.gradient * r
     jacobian = np.empty((12, d.shape[1]))
     np.matmul(-matrix.T, a, out=jacobian[:3])
-    tilt = e * (r / gradient)
+    tilt = e * (power * r / gradient)
     entries = jacobian[3:].reshape(3, 3, -1)
     np.multiply(a[:, None], d[None], out=entries)
     entries -= tilt[:, None] * normal[None]

@@ -18,7 +18,9 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.equation.affine import (
+    NO_SHARE,
     SYMMETRIC,
+    AttitudeShare,
     azimuth_residual,
     dip_residual,
     expand_covariates,
@@ -131,8 +133,14 @@ class Problem(NamedTuple):
         return self.terms is None and len(self.channels) == 1
 
 
-def pieces(problem: Problem, channel: str, noise_sd: float = 0.0) -> leastsq.Pieces:
-    """The residuals of one channel, block by block, for the solver."""
+def pieces(
+    problem: Problem, channel: str, noise_sd: float = 0.0, share: AttitudeShare = NO_SHARE
+) -> leastsq.Pieces:
+    """The residuals of one channel, block by block, for the solver.
+
+    Parameters: what a reading scatters by on an axis, and which share of the channel's variance
+    errors of the attitude make, for both stand in residuals and Jacobian alike.
+    """
     basis, n = problem.basis, len(problem.points)
     m = basis.shape[1]
 
@@ -144,7 +152,7 @@ def pieces(problem: Problem, channel: str, noise_sd: float = 0.0) -> leastsq.Pie
         for start in range(0, n, rows):
             part = problem if n <= rows else problem.subset(slice(start, start + rows))
             raw = part.points - field_of_terms(part, params)
-            r, jacobian = _residual(part, channel, raw, bias, matrix, noise_sd, unknowns)
+            r, jacobian = _residual(part, channel, raw, bias, matrix, unknowns, (noise_sd, share))
             reduced = jacobian[:, :12] @ basis
             if part.terms is not None:
                 by_terms = expand_covariates(jacobian[:, :3], part.terms)
@@ -193,22 +201,25 @@ def _residual(
     raw: Array,
     bias: Array,
     matrix: Array,
-    noise_sd: float,
     unknowns: Array,
+    noise: tuple[float, AttitudeShare],
 ) -> tuple[Array, Array]:
+    noise_sd, share = noise
     if channel == "magnitude":
         return magnitude_residual(raw, bias, matrix, part.magnitude, noise_sd)
     assert part.dip is not None
     down, shared = part.dip.down, part.shared
     if channel == "dip":
         if shared is None:
-            return dip_residual(raw, bias, matrix, *part.dip, noise_sd)
+            return dip_residual(raw, bias, matrix, *part.dip, noise_sd, share)
         level = (part.dip.horizontal, part.dip.vertical)
-        return shared_dip_residual(raw, bias, matrix, down, level, shared, unknowns, noise_sd)
+        return shared_dip_residual(
+            raw, bias, matrix, down, level, shared, unknowns, noise_sd, share
+        )
     if part.relative is not None:
         assert shared is not None
         return relative_azimuth_residual(raw, bias, matrix, down, part.relative, shared, unknowns)
     assert part.across is not None
-    r, jacobian = azimuth_residual(raw, bias, matrix, part.across)
+    r, jacobian = azimuth_residual(raw, bias, matrix, part.across, part.dip, share)
     weight = part.across_weight
     return (r, jacobian) if weight is None else (weight * r, weight[:, None] * jacobian)

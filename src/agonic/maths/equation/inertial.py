@@ -17,7 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.equation.affine import azimuth_residual, correct, dip_residual
+from agonic.maths.equation.affine import (
+    NO_SHARE,
+    AttitudeShare,
+    azimuth_residual,
+    correct,
+    dip_residual,
+)
 from agonic.maths.estimation import leastsq
 
 _ROUNDS = 4  # of reweighting a stretch's azimuth
@@ -67,6 +73,7 @@ def shared_dip_residual(
     shared: Shared,
     unknowns: Array,
     noise_sd: float = 0.0,
+    share: AttitudeShare = NO_SHARE,
 ) -> tuple[Array, Array]:
     """`affine.dip_residual` with the shared errors, and its Jacobian (n, 12 + q).
 
@@ -78,14 +85,15 @@ def shared_dip_residual(
     horizontal = level * np.cos(dip) - below * np.sin(dip)
     vertical = below * np.cos(dip) + level * np.sin(dip)
     true = compute_down(down, shared, unknowns)
-    r, jacobian = dip_residual(raw, bias, matrix, true, horizontal, vertical, noise_sd)
+    r, jacobian = dip_residual(raw, bias, matrix, true, horizontal, vertical, noise_sd, share)
     u = correct(raw, bias, matrix)
     z = (u * true).sum(axis=1)
     across = u - true * z[:, None]
     h = np.maximum(np.sqrt((across**2).sum(axis=1)), np.finfo(float).tiny)
     f = np.hypot(horizontal, vertical)
     e = true * (horizontal / f)[:, None] - across * (vertical / f / h)[:, None]
-    size = f * np.sqrt(((e @ matrix) ** 2).sum(axis=1))
+    size = np.sqrt(((e @ matrix) ** 2).sum(axis=1))
+    size = f * size * (share.gain * np.hypot(h, z) / (f * size)) ** share.whole
     along = ((horizontal + vertical * z / h) / size)[:, None] * across
     by_shared = np.einsum("nb,nbq->nq", along, shared.down_by)
     by_shared -= ((horizontal * h + vertical * z) / size)[:, None] * shared.dip_by

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.maths.equation.affine import split
+from agonic.maths.equation.affine import NO_SHARE, AttitudeShare, split
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.equation.coverage import find_cells, find_spread_rows, weigh_crowded
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
@@ -22,6 +22,7 @@ from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussia
 _LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
+_MOST = 0.5  # of the readings: fewer than that are no measure of the others
 _ALONE = 0.5  # leverage by which a reading decides more than all others together
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 _FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
@@ -101,11 +102,11 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
-        sd = noise["magnitude"].sd
+        sd, shares = noise["magnitude"].sd, find_attitude_shares(part, noise, params)
         solution = leastsq.solve_together(
             [
-                leastsq.Channel(pieces(part, channel, sd), of.sd, of.loss, of.correlation)
-                for channel, of in noise.items()
+                leastsq.Channel(pieces(part, c, sd, shares[c]), of.sd, of.loss, of.correlation)
+                for c, of in noise.items()
             ],
             params,
             prior=prior,
@@ -123,15 +124,62 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
             residuals = {c: compute_residuals(problem, c, params) for c in channels}
         weights = _weigh(residuals, assumed)
         used = counted
+        settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
         if problem.magnitude_only:
             fewer = counted & find_corroborated(
                 problem, solution, weights, sd * np.sqrt(assumed["magnitude"].correlation)
             )
             counted = fewer if fewer.any() else counted
-        settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
+        elif settled:
+            fewer = counted & ~find_bad_readings(residuals, assumed)
+            counted = fewer if fewer.mean() > _MOST else counted
         if settled and np.array_equal(used, counted):
             break
     return Estimate(solution, noise, residuals, weights * used)
+
+
+def find_bad_readings(residuals: dict[str, Array], noise: dict[str, Noise]) -> Mask:
+    """Which readings (n,) are no measurement of the field at all: they count in no channel.
+
+    An outlier by its magnitude may have the right dip by chance, and pull there. One by its dip
+    alone is a wrong attitude, or a reading with the right magnitude by chance; the latter are few
+    beside those that their magnitude gives away.
+    """
+    out = {c: _weigh({c: residuals[c]}, noise) == 0.0 for c in residuals}
+    bad = out["magnitude"]
+    if "dip" in out and np.count_nonzero(out["dip"] & ~bad) <= np.count_nonzero(bad):
+        bad = bad | out["dip"]
+    return np.asarray(bad)
+
+
+def find_attitude_shares(
+    problem: Problem, noise: dict[str, Noise], params: Array
+) -> dict[str, AttitudeShare]:
+    """Which part of each channel's variance errors of the attitude make.
+
+    Readings scatter all channels alike, σ². With errors of roll and pitch σ_t and of the heading
+    σ_ψ, the dip scatters by F² σ_t² more, the azimuth by Z² σ_t² + H² σ_ψ²; of the latter the part
+    F² σ_t² turns the whole field, and H² (σ_ψ² − σ_t²) its horizontal part.
+    """
+    shares = dict.fromkeys(noise, NO_SHARE)
+    if problem.dip is None:
+        return shares
+    gain = float(np.trace(split(problem.basis @ params[: problem.basis.shape[1]])[1])) / 3
+    if not gain > 0.0:
+        return shares
+
+    def exceed(channel: str) -> float:
+        return 1.0 - min(noise["magnitude"].sd / noise[channel].sd, 1.0) ** 2
+
+    tilt = exceed("dip")
+    shares["dip"] = AttitudeShare(tilt, 0.0, gain)
+    if problem.across is not None:
+        both = exceed("azimuth")
+        below = float(np.mean(problem.dip.vertical**2)) / float(np.mean(problem.magnitude**2))
+        ratio = min(noise["dip"].sd / noise["azimuth"].sd, 1.0 / _LITTLE) ** 2
+        whole = min(tilt * ratio, both / max(below, _LITTLE))
+        shares["azimuth"] = AttitudeShare(whole, both - whole, gain)
+    return shares
 
 
 def _correlate(part: Problem, noise: dict[str, Noise], params: Array) -> dict[str, Noise]:

@@ -73,10 +73,12 @@ class Stretches(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """How slow errors scatter the gradient (m, m), and what is left of white noise's variance."""
+    """How slow errors scatter the gradient (m, m), what is left of white noise's variance, and the
+    variance of the slow errors of each geometry."""
 
     scatter: Array
     white: float
+    slow: tuple[float, ...]
 
 
 def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...]) -> Memory | None:
@@ -117,12 +119,13 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
     if float(np.sum((seen - constant * max(first, 0.0)) ** 2)) - left**2 < _CHANCE:
         return None
     amplitude = amplitude / size
-    scatter = np.zeros_like(response)
+    scatter, variances = np.zeros_like(response), [0.0] * len(geometries)
     for (tau, at), (_, added), a in zip(slow, found, amplitude[1:], strict=True):
         if a > 0:
+            variances[geometries.index(at)] += float(a)
             freedom = max((at.stop - at.start) * k / (2 * tau), _LEAST_FREEDOM)
             scatter += a * compute_widening(freedom) ** 2 * added
-    return Memory(scatter, float(amplitude[0]))
+    return Memory(scatter, float(amplitude[0]), tuple(variances))
 
 
 class _Lags:
