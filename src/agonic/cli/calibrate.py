@@ -52,6 +52,14 @@ def calibrate(
         bool,
         typer.Option("--course", help="The course over ground is the heading: cars, rovers only."),
     ] = False,
+    mounting: Annotated[
+        str | None,
+        typer.Option(
+            metavar='"x up, y forward"',
+            help="Where the sensor's axes point in the vehicle: the calibration turns readings "
+            "into body axes.",
+        ),
+    ] = None,
     store: Annotated[
         Path | None,
         typer.Option("--store", metavar="STORE", help="Keep the result in this history as well."),
@@ -99,6 +107,7 @@ def calibrate(
             field=field,
             course=course,
             second=second,
+            mounting=mounting,
         )
     except TwoAxisError:
         return calibrate_two_axes(
@@ -114,6 +123,7 @@ def calibrate(
                 f"--method {method}": method != "auto",
                 "--course": course,
                 "--second": second,
+                "--mounting": mounting,
                 "--store": store,
                 "--as": name,
             },

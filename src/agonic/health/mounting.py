@@ -45,7 +45,9 @@ def check_mounting(readings: Array, down: Array) -> Finding | None:
         "refuse",
         "the readings do not follow roll and pitch along the axes they are named for; they would "
         f"with the sensor mounted so that {describe_mounting(turns[best])}",
-        "turn the readings into body axes, or correct the orientation set for this sensor",
+        "say so where it sits like that (agonic calibrate --mounting "
+        f'"{describe_mounting(turns[best]).replace(" points ", " ")}"), or correct the orientation '
+        "set for this sensor",
     )
 
 

@@ -14,9 +14,10 @@ from agonic.attitude.course import with_course
 from agonic.console.place import find_reference
 from agonic.console.progress import progress, waiting
 from agonic.console.sensors import open_sensors
-from agonic.errors import CoverageError
+from agonic.errors import AgonicError, CoverageError
 from agonic.logs.log import Log
 from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.mounting import parse_mounting, turn_back, turn_readings
 from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
 from agonic.recording.pair import require_reference, take_mixes, tell_pairs
 from agonic.samples import Samples
@@ -37,18 +38,23 @@ def calibrate_each(
     field: float | None,
     course: bool = False,
     second: str | None = None,
+    mounting: str | None = None,
 ) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
     """The log, the sensors that could be fitted, and the names of others with the reason.
 
     With `course` the course over ground is taken for the heading. `second`: "auto" mixes in another
-    sensor where that is better; a name, that one.
+    sensor where that is better; a name, that one. `mounting`: where the axes of the sensor point.
     """
+    turn = None if mounting is None else parse_mounting(mounting)
+    if turn is not None and second is not None:
+        raise AgonicError("--mounting turns one sensor; mix in a second one (--second) without it")
     aided = f"--method {method}" if method in ("levelled", "inertial", "vector") else None
     course_asked = "--course" if course else None
     told: dict[str, object] = {
         "--between": between,
         f"--method {method}": aided,
         "--course": course_asked,
+        "--mounting": mounting,
     }
     long = open_missions(log, sensor, unit, told)
     if long:
@@ -62,7 +68,10 @@ def calibrate_each(
             samples = with_course(samples)
         reference, settings = find_reference(samples, at, date, field)
         kind: Any = method
-        return calibrate(samples, reference, kind=kind, **settings)
+        if turn is None:
+            return calibrate(samples, reference, kind=kind, **settings)
+        turned = turn_readings(samples, turn)
+        return turn_back(calibrate(turned, reference, kind=kind, **settings), turn)
 
     def mix(samples: Samples) -> Calibrated:
         reference, settings = find_reference(samples, at, date, field)

@@ -1,0 +1,99 @@
+"""`calibrate --mounting`: a sensor by right angles in its vehicle; its file takes raw readings."""
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.exports.csv import write_csv
+from agonic.recording.mounting import parse_mounting, turn_back, turn_calibration, turn_readings
+from agonic.simulation import simulate
+from tests.command_line import answer
+
+MOUNTED = "x up, y forward"
+
+
+def flown(seed: int = 3, **place):
+    """A flight whose sensor sits with x up and y forward, and the field in the body."""
+    made = simulate(
+        "flight", n=3000, rate_Hz=25.0, noise=50.0, stray_nT_A=(0.0,) * 3, seed=seed, **place
+    )
+    bare = dict.fromkeys(("heading_deg", "current_A", "throttle", "acceleration", "rotation_rate"))
+    turn = parse_mounting(MOUNTED)
+    samples = made.samples.with_columns(field=made.samples.field @ turn, **bare)
+    return samples, made.field_b, ag.Reference.vector(made.field_n, frame="n"), turn
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("x up, y forward", [[0, 0, -1], [1, 0, 0], [0, -1, 0]]),
+        ("x points up, y forward, z left", [[0, 0, -1], [1, 0, 0], [0, -1, 0]]),
+        ("Z up, X forward", [[1, 0, 0], [0, -1, 0], [0, 0, -1]]),
+    ],
+)
+def test_words_say_where_axes_point(text: str, columns: list[list[int]]) -> None:
+    assert parse_mounting(text).T.tolist() == columns
+
+
+@pytest.mark.parametrize("text", ["", "x up", "x up, x down", "x up, y upwards", "x up; y left"])
+def test_words_that_are_not_understood(text: str) -> None:
+    with pytest.raises(ag.AgonicError, match="is not understood"):
+        parse_mounting(text)
+
+
+@pytest.mark.parametrize("text", ["x up, y down", "x forward, y right, z up"])
+def test_mountings_that_cannot_be(text: str) -> None:
+    with pytest.raises(ag.AgonicError, match="is no mounting"):
+        parse_mounting(text)
+
+
+def test_the_calibration_takes_readings_as_they_are_logged() -> None:
+    samples, field_b, place, turn = flown()
+    assert ag.calibrate(samples, place).method == "ellipsoid"  # in axes of its own
+    result = turn_back(ag.calibrate(turn_readings(samples, turn), place), turn)
+    assert (result.method, result.verdict) == ("levelled", "good")
+    assert "x points up, y forward, z left" in result.reason
+    found = result.calibration
+    np.testing.assert_allclose(result.samples.field, samples.field, atol=1e-6)
+    assert (found.frame_in, found.frame_out) == ("m", "b")
+    off = (found.correct(samples.field) - field_b).mean(axis=0)
+    assert np.abs(off).max() < 60.0
+
+
+def test_its_uncertainty_is_that_of_the_turned_readings() -> None:
+    samples, _, place, turn = flown()
+    samples = samples.with_columns(current_A=np.random.default_rng(0).uniform(0, 9, len(samples)))
+    turned = turn_readings(samples, turn)
+    fit = ag.fit_interference(turned, place)
+    back = turn_calibration(fit.calibration, turn)
+    some, current = slice(0, 50), samples.current_A[:50]
+    np.testing.assert_allclose(
+        back.correct(samples.field[some], current_A=current),
+        fit.calibration.correct(turned.field[some], current_A=current),
+    )
+    np.testing.assert_allclose(
+        back.uncertainty(samples.field[some], current_A=current),
+        fit.calibration.uncertainty(turned.field[some], current_A=current),
+    )
+
+
+def test_readings_in_body_axes_need_another_orientation_instead() -> None:
+    samples, _, _, turn = flown()
+    with pytest.raises(ag.AgonicError, match="body axes"):
+        turn_readings(samples.with_columns(frame="b"), turn)
+
+
+def test_from_the_command_line(tmp_path, capsys) -> None:
+    field = np.ravel(ag.igrf().at(47.0, 8.0, 500.0, "2026-05-01").field_n)
+    size, level = np.linalg.norm(field), np.hypot(*field[:2])
+    dip = np.degrees(np.arctan2(field[2], level))
+    samples, field_b, _, _ = flown(magnitude=size, inclination_deg=dip)
+    log, folder = str(write_csv(samples, tmp_path / "flown.csv")), tmp_path / "out"
+    asked = ("calibrate", log, "--date", "2026-05-01", "-o", str(folder))
+    status, said = answer(capsys, *asked, "--mounting", MOUNTED)
+    assert (status, said["sensors"][0]["method"]) == (0, "levelled")
+    found = ag.load(folder / "mag.json")
+    assert (found.frame_in, found.frame_out) == ("m", "b")
+    along = found.correct(samples.field)
+    cosine = (along * field_b).sum(axis=1) / np.linalg.norm(along, axis=1) / size
+    assert np.degrees(np.arccos(np.minimum(cosine, 1.0))).mean() < 0.5
