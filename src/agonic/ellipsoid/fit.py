@@ -127,19 +127,28 @@ def _find_inclination_deg(given: float | None, reference: Reference | None) -> f
 
 
 def fit_ellipsoid_alone(
-    samples: Samples, reference: Reference | None = None, **settings: Any
+    samples: Samples,
+    reference: Reference | None = None,
+    *,
+    near: Affine | None = None,
+    **settings: Any,
 ) -> Affine:
     """The calibration of `fit_ellipsoid` without its evidence, of which parts of a log make no use.
+
+    The minimum is sought from `near` only, where that is given.
 
     >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(20, 3)))
     >>> fit_ellipsoid_alone(turned, model="sphere").model
     'sphere'
     """
-    return _solve(samples, reference, Settings(**settings))[1]
+    return _solve(samples, reference, Settings(**settings), near)[1]
 
 
 def _solve(
-    samples: Samples, reference: Reference | None, settings: Settings
+    samples: Samples,
+    reference: Reference | None,
+    settings: Settings,
+    near: Affine | None = None,
 ) -> tuple[Found, Affine, Mask, tuple[ModelTest, ...]]:
     """What was found, its noise in the unit of the readings, as a calibration too; the rows that
     could be used; the tests of models."""
@@ -148,13 +157,14 @@ def _solve(
     scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
     rounding = find_rounding(samples.field) / scale.size
+    start = None if near is None else _normalise_start(near, scale)
 
     def attempt(model: Fixed) -> Found:
         if method != "likelihood":
             return solve_algebraic(moments.accumulate(points, np.zeros(3), 1.0), model, method)
         problem = Problem(points, magnitude, model, settings.soft_iron_sd, rounding=rounding)
         enough = len(points) >= 2 * FEWEST  # to tell an outlier from the rest
-        return solve_likelihood(problem, model, settings.robust and enough, settings.seed)
+        return solve_likelihood(problem, model, settings.robust and enough, settings.seed, start)
 
     try:
         found, tests = choose_model(attempt, settings.model, len(points), method)
@@ -179,6 +189,12 @@ def _solve(
         alone = found._replace(covariance=plain)
         plain = make_calibration(alone, scale, samples.unit, settings.gauge).covariance
     return found._replace(noise=affine.noise, plain=plain), affine, usable, tests
+
+
+def _normalise_start(near: Affine, scale: Scale) -> tuple[Array, Array]:
+    """Bias and matrix of a calibration for readings of size one about their centre."""
+    assert near.magnitude is not None
+    return (near.bias - scale.centre) / scale.size, near.matrix * (scale.size / near.magnitude)
 
 
 def _find_model_errors(

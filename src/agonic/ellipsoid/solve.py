@@ -17,7 +17,8 @@ from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.covariance import add_up, compute_covariance, predict_unseen
-from agonic.maths.equation.maximum_likelihood import estimate
+from agonic.maths.equation.maximum_likelihood import estimate, refine
+from agonic.maths.equation.starting_values import nearest_parameters
 
 SIGNIFICANT = 0.01
 """A larger model is kept when the smaller one would be this improbable."""
@@ -60,9 +61,19 @@ class Found(NamedTuple):
     unseen: Array | None = None
 
 
-def solve_likelihood(problem: Problem, model: Fixed, robust: bool, seed: int) -> Found:
-    """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model."""
-    found = estimate(problem, robust=robust, seed=seed)
+def solve_likelihood(
+    problem: Problem,
+    model: Fixed,
+    robust: bool,
+    seed: int,
+    start: tuple[Array, Array] | None = None,
+) -> Found:
+    """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model; the minimum
+    near the bias and matrix of `start`, where given."""
+    if start is None:
+        found = estimate(problem, robust=robust, seed=seed)
+    else:
+        found = refine(problem, nearest_parameters(*start, problem.basis), robust)
     solution, noise = found.solution, found.noise["magnitude"]
     bias, matrix = split(model_basis(model) @ solution.params)
     sums = add_up(problem, found)

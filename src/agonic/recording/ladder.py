@@ -93,7 +93,8 @@ def climb(
             found = again(*most)
         except AgonicError:
             continue
-        folds = predict(some, known, again, fold, weights)
+        near = partial(again, near=found) if name in NAMES.values() else again
+        folds = predict(some, known, near, fold, weights)
         if folds is None:
             held_out = (np.nan, np.nan)
         else:
